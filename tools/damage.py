@@ -40,6 +40,7 @@ from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.rotation import Split, SplitWriter
 from neurosnap.recording.write.salvage import salvage
 from neurosnap.recording.write.writer import Writer
+from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from neurosnap.sources.open import open_source
 
@@ -117,7 +118,7 @@ def true_run(folder: Path) -> Truth:
         watch=True,
     )
     log = folder / "true.mcap"
-    asyncio.run(run(options, log, asyncio.Event()))
+    asyncio.run(run(RunRequest(options, log), asyncio.Event()))
     recording = Recording.open(log)
     messages = list(recording.messages())
     files = {state: _written(folder / state, recording, state) for state in STATES}

@@ -30,7 +30,9 @@ from neurosnap.recording.read.recording import part_paths
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.registry import parts_of
+from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
+from neurosnap.runtime.watcher import Watcher
 from neurosnap.sources.open import open_source
 from tools.arguments import in_bytes
 
@@ -165,7 +167,7 @@ async def long_run(
     )
     began = time.perf_counter()
     try:
-        outcome = await run(options, log, stop, gauge.follow)
+        outcome = await run(RunRequest(options, log), stop, Watcher(gauge.follow))
     finally:
         watching.cancel()
         ending.cancel()

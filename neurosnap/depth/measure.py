@@ -21,7 +21,9 @@ from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.protocol.partition import shares
 from neurosnap.protocol.run_options import HostKind, WiringKind
 from neurosnap.recording.read.recording import Recording
-from neurosnap.runtime.launch import Plan, run_processes
+from neurosnap.runtime.launch import Jobs, host_jobs, launch
+from neurosnap.runtime.request import Site
+from neurosnap.runtime.watcher import Watcher
 from neurosnap.system.durable import replace_file, replacing
 from neurosnap.system.palette import MANY, MARKERS
 from neurosnap.system.picture import KINDS, canvas_type, encoded
@@ -99,12 +101,9 @@ async def measure(
             edges=edges,
             seed=seed,
         )
-        plan = Plan(
-            cells=count,
-            workers=probe.workers,
-            coordinator=partial(ProbeJob, probe),
-        )
-        ending = await run_processes(plan, stop, _from_there(on_progress, len(rows)))
+        jobs = Jobs(partial(ProbeJob, probe), host_jobs(count, probe.workers))
+        watcher = Watcher(_from_there(on_progress, len(rows)))
+        ending = await launch(jobs, Site(), stop, watcher)
         rows += msgspec.json.decode(ending.result, type=list[Measured])
     return rows
 

@@ -78,6 +78,8 @@ class MemoryHub:
     def __init__(self, seed: int | None = None, faults: Faults | None = None) -> None:
         self.lost: Counter[tuple[str, str]] = Counter()
         """Deliveries that faults and cuts took, by sender and receiver."""
+        self.description: bytes | None = None
+        """What the coordinator describes the run as."""
         self._random = None if seed is None else random.Random(seed)
         self._faults = faults or Faults()
         self._links: dict[tuple[str, str], deque[wire.Delivery]] = {}
@@ -109,6 +111,11 @@ class MemoryHub:
     def heal(self, a: str, b: str) -> None:
         """Let messages between `a` and `b` pass again; what was lost stays lost."""
         self._cut.discard(frozenset((a, b)))
+
+    @property
+    def present(self) -> set[str]:
+        """The names of the parts that are there."""
+        return set(self._alive)
 
     @property
     def pending(self) -> int:
@@ -323,6 +330,18 @@ class MemoryFabric:
 
     async def confirm(self) -> None:
         """Do nothing: what is declared is in force at once."""
+
+    async def present(self) -> set[str]:
+        """Return the names of the parts that are there now."""
+        return self._hub.present
+
+    async def describe_run(self, content: bytes) -> None:
+        """Answer every part that asks what the run is with `content`."""
+        self._hub.description = content
+
+    async def ask(self) -> bytes | None:
+        """Return what the coordinator describes the run as; None if it does not."""
+        return self._hub.description
 
     async def watch(self, handler: PresenceHandler) -> None:
         """Call ``handler(who, alive)`` for every part that is there, comes or goes."""

@@ -82,6 +82,18 @@ class Fabric(Protocol):
         """
         ...
 
+    async def present(self) -> set[str]:
+        """Return the names of the parts that are there now."""
+        ...
+
+    async def describe_run(self, content: bytes) -> None:
+        """Answer every part that asks what the run is with `content`."""
+        ...
+
+    async def ask(self) -> bytes | None:
+        """Return what the coordinator describes the run as; None if it is gone."""
+        ...
+
     async def watch(self, handler: PresenceHandler) -> None:
         """Call ``handler(who, alive)`` for every part that is there, comes or goes."""
         ...

@@ -10,6 +10,7 @@ import contextlib
 import logging
 import tempfile
 from collections.abc import Awaitable, Callable
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -22,7 +23,7 @@ from neurosnap.recording.read.recording import first_path
 from neurosnap.runtime.parts.intake_process import INTAKE, IntakeJob, Taken
 from neurosnap.runtime.parts.job import PartConnection
 from neurosnap.runtime.parts.world_process import WayIn
-from neurosnap.runtime.run import Outcome
+from neurosnap.runtime.request import Outcome, RunRequest
 from neurosnap.runtime.supervisor import Supervisor
 from neurosnap.sources.live.journal import Journal, journal_of, read_journal, remove
 from neurosnap.sources.open import ZENOH, is_live
@@ -32,43 +33,42 @@ _AGAIN = 0.1  # seconds before it is started again
 
 _logger = logging.getLogger(__name__)
 
-Work = Callable[[WayIn | None], Awaitable[Outcome]]
-"""Runs the swarm, whose readings come by a way in; None: from where they always do."""
+Work = Callable[[RunRequest], Awaitable[Outcome]]
+"""Runs the swarm; the request says how outside readings get to its world."""
 
 
-async def run_journaled(
-    options: RunOptions, log: Path | None, work: Work, past: ResumePoint | None = None
-) -> Outcome:
+async def run_journaled(request: RunRequest, work: Work) -> Outcome:
     """Run `work`, and keep what comes from outside until it is recorded.
 
     Args:
-        options: What to run.
-        log: Where it is recorded; None: nothing is kept.
+        request: What to run. Where it is not recorded, nothing is kept. Where it goes
+            on from an earlier run, what is in the journal beside that recording comes
+            first; that journal stays as it is.
         work: The run.
-        past: Where it goes on from, for a run that is resumed. What is in the journal
-            beside that recording comes first; that journal stays as it is.
 
     Returns:
         The outcome, and what was lost of what came in.
 
     Raises:
-        InvalidValueError: A journal of an earlier run is beside `log`.
+        InvalidValueError: A journal of an earlier run is beside the recording.
         NeurosnapError: The journal cannot be written; and as from `work`.
     """
+    options, log = request.options, request.log
     if log is None or not is_live(options.source):
-        return await work(None)
+        return await work(request)
     folder = journal_of(log)
     if folder.exists():
         rule = "must be taken away first: it holds what came in for an earlier run"
         raise InvalidValueError("journal", rule, str(folder))
-    if past is not None:
-        await asyncio.to_thread(_take_over, folder, options, past)
+    if request.past is not None:
+        await asyncio.to_thread(_take_over, folder, options, request.past)
     inside = options.source == ZENOH or options.cells == "inline"
     try:
         if inside:
-            outcome = await work(WayIn(journal=str(folder)))
+            way_in = WayIn(journal=str(folder))
+            outcome = await work(replace(request, way_in=way_in))
         else:
-            outcome = await _with_intake(options, folder, work)
+            outcome = await _with_intake(request, folder, work)
     except BaseException:
         _tell(folder)
         raise
@@ -103,20 +103,22 @@ def _tell(folder: Path) -> None:
             remove(folder)
 
 
-async def _with_intake(options: RunOptions, folder: Path, work: Work) -> Outcome:
+async def _with_intake(request: RunRequest, folder: Path, work: Work) -> Outcome:
     """Run `work` with a process that takes readings in."""
     with tempfile.TemporaryDirectory(prefix="neurosnap-") as socket:
         address = f"{socket}/{INTAKE}"
         ready, ending = asyncio.Event(), asyncio.Event()
         keeping = asyncio.create_task(
-            _keep_up(options, folder, address, ready, ending), name="kept/intake"
+            _keep_up(request.options, folder, address, ready, ending),
+            name="kept/intake",
         )
         waiting = asyncio.create_task(ready.wait(), name="kept/ready")
         try:
             await asyncio.wait((waiting, keeping), return_when=asyncio.FIRST_COMPLETED)
             if keeping.done():
                 keeping.result()  # why it cannot be
-            outcome = await work(WayIn(journal=str(folder), address=address))
+            way_in = WayIn(journal=str(folder), address=address)
+            outcome = await work(replace(request, way_in=way_in))
         finally:
             waiting.cancel()
             ending.set()

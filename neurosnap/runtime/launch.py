@@ -9,34 +9,31 @@ import asyncio
 import secrets
 import tempfile
 import time
-from collections.abc import Callable, Mapping
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Collection, Mapping
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import msgspec
 
-from neurosnap.agent.growth.changed import Changed
 from neurosnap.errors import NothingBegunError, SwarmError
 from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.zenoh.discovery import incarnation
 from neurosnap.health.news import Standing
-from neurosnap.protocol.partition import hosts
 from neurosnap.protocol.resume_point import ResumePoint, first_number
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.runtime.connections import Connections
-from neurosnap.runtime.network import PRIVATE, Network
 from neurosnap.runtime.parts.cell_process import CellJob
 from neurosnap.runtime.parts.hub_process import HubJob
 from neurosnap.runtime.parts.job import Job, PartConnection
-from neurosnap.runtime.parts.recorder_process import RecorderJob
 from neurosnap.runtime.parts.status_publisher import STATUS_PUBLISHER
 from neurosnap.runtime.parts.worker_process import WorkerJob
 from neurosnap.runtime.registry import noted
-from neurosnap.runtime.starting.child_processes import ChildProcesses
+from neurosnap.runtime.request import Site
 from neurosnap.runtime.starting.starter import Starter
 from neurosnap.runtime.supervisor import RunningPart, Supervisor
+from neurosnap.runtime.watcher import SILENT, Watcher
 
 _SERVICES = 5  # hub, recorder, coordinator, world, status publisher
 _GRACE = 10.0  # seconds a part may take to end
@@ -46,41 +43,45 @@ _COMING_UP = 60.0
 
 
 @dataclass(frozen=True)
-class Plan:
-    """Which parts a swarm has."""
+class Jobs:
+    """The jobs of a swarm's parts, and what the launcher must know of its run."""
 
-    cells: int
-    """How many cells."""
     coordinator: Callable[[tuple[str, ...]], Job]
     """Makes the coordinator's job, given the parts that it has to wait for. On a shared
     hub the coordinator is ready once it knows that no other swarm has its id."""
-    workers: int = 0
-    """How many processes share the cells; 0: every cell is one."""
-    learning: RunOptions | None = None
-    """The run whose learning they share, too; None: they do not."""
+    hosts: Mapping[str, Job]
+    """The jobs of the cells, or of the workers that host them, by name."""
     world: Job | None = None
-    """The world's job, where there is one."""
+    """The world's job; None if it has none."""
     status: Job | None = None
-    """The job that says how the run goes, where there is one."""
-    log: Path | None = None
-    """Where to record; None: not at all."""
-    metadata: Mapping[str, str] = field(default_factory=dict)
-    """Metadata of the recording; the swarm's id is added to it."""
+    """The job of the status publisher; None if it has none."""
+    recorder: Callable[[str, tuple[str, ...]], Job] | None = None
+    """Makes the recorder's job, given the swarm's id and the parts whose last words it
+    waits for; None if nothing is recorded."""
     past: ResumePoint | None = None
     """Where to go on from, for a run that is resumed."""
     patience: float = 30.0
     """Seconds the coordinator may take to end once asked."""
-    network: Network = PRIVATE
-    """Where its hub listens, and who may connect."""
-    swarm: str = ""
-    """Its id; empty: a random one."""
-    incarnation: int = 0
-    """How many earlier swarms of this id it continues."""
-    elsewhere: frozenset[str] = frozenset()
-    """The names of the parts that are started elsewhere. If the recorder is one, the
-    coordinator waits for it, too."""
-    starter: Callable[[], Starter] = ChildProcesses
-    """Makes what starts all other parts."""
+    source: str = ""
+    """What runs through it, for those who look for it on this machine."""
+    log: Path | None = None
+    """Where it is recorded, likewise; None: not at all."""
+
+
+def host_jobs(
+    cells: int, workers: int, learning: RunOptions | None = None
+) -> dict[str, Job]:
+    """Return the jobs of all cells, or of the workers that host them.
+
+    Args:
+        cells: How many cells.
+        workers: How many processes share them; 0: every cell is one.
+        learning: The run whose learning they share, too; None: they do not.
+    """
+    if not workers:
+        return {f"cell/{n}": CellJob(n) for n in range(cells)}
+    jobs = (WorkerJob(n, cells, workers, learning) for n in range(workers))
+    return {f"worker/{job.worker}": job for job in jobs}
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,7 @@ class Ending:
     lost: int = 0
     """Outside readings that the world lost."""
     health: Standing | None = None
-    """How the sensors of the home were; None: nobody judged them."""
+    """Final health of the sensors of the home; None if they were not monitored."""
 
 
 def new_swarm_id() -> str:
@@ -106,23 +107,21 @@ def new_swarm_id() -> str:
     return secrets.token_hex(4)
 
 
-async def run_processes(
-    plan: Plan,
+async def launch(
+    jobs: Jobs,
+    site: Site,
     stop: asyncio.Event,
-    on_progress: Callable[[int], None] = lambda _: None,
-    on_change: Callable[[Changed], None] = lambda _: None,
-    on_health: Callable[[Standing], None] = lambda _: None,
+    watcher: Watcher = SILENT,
+    starter: Starter | None = None,
 ) -> Ending:
-    """Run a swarm to its end, or until `stop` is set. No process outlives the call.
+    """Run a swarm to its end, or until `stop` is set. No part outlives the call.
 
     Args:
-        plan: Who takes part.
+        jobs: What its parts do.
+        site: Where they are.
         stop: Ends the run in order.
-        on_progress: Called with the tick once the swarm is up, at most twenty times per
-            second; four times per second while no tick comes and no deadline has
-            passed. An exception that it raises ends the run and is raised here.
-        on_change: Called with each sensor that is grown or retired; likewise.
-        on_health: Called with how the sensors are, when that is new; likewise.
+        watcher: What is reported meanwhile.
+        starter: What starts them; None: that of the site.
 
     Raises:
         NothingBegunError: `stop` was set before the external hub could be reached.
@@ -130,60 +129,66 @@ async def run_processes(
         SwarmError: A part failed; the text names it and says why. Whatever was
             recorded until then is readable.
     """
-    with tempfile.TemporaryDirectory(prefix="neurosnap-") as folder:
+    with (
+        tempfile.TemporaryDirectory(prefix="neurosnap-") as folder,
+        ExitStack() as stack,
+    ):
         # A socket in a folder of one's own: nobody else can connect, and no port is
         # taken.
-        endpoint = f"unixsock-stream/{folder}/hub"
-        plan.network.check(*_parts_here(plan))
-        starter = plan.starter()
-        async with Supervisor(starter) as supervisor:
-            located = starter.located or bool(plan.elsewhere)
-            connections = Connections(plan.network, endpoint, located=located)
-            launch = _Launch(plan, supervisor, connections, folder)
-            heard = _Heard(supervisor, on_progress, on_change, on_health)
-            reporting = asyncio.create_task(heard.pass_on(), name="launch/progress")
-            source = plan.metadata.get("source", "")
-            try:
-                shown = plan.network.endpoint("hub", endpoint)
-                with noted(launch.swarm, source, shown, plan.log):
-                    ending = await launch.run(stop)
-                heard.tell()
-                return replace(ending, health=heard.health)
-            finally:
-                reporting.cancel()
+        own = f"unixsock-stream/{folder}/hub"
+        starter = site.starter() if starter is None else starter
+        has_hub = starter.has_hub and not site.network.connect
+        here = _parts_here(jobs, site, has_hub=has_hub)
+        site.network.check(*here)
+        async with Supervisor(starter, watcher) as supervisor:
+            located = starter.located or bool(site.elsewhere)
+            connections = Connections(site.network, own, located=located)
+            running = _Launch(jobs, site, supervisor, connections, folder)
+            if starter.has_hub:
+                shown = site.network.endpoint("hub", own)
+                stack.enter_context(noted(running.swarm, jobs.source, shown, jobs.log))
+            ending = await running.run(here, stop)
+            return replace(ending, health=supervisor.health)
 
 
 class _Launch:
-    """One run of a plan."""
+    """One launch of a swarm."""
 
     def __init__(
         self,
-        plan: Plan,
+        jobs: Jobs,
+        site: Site,
         supervisor: Supervisor,
         connections: Connections,
         folder: str,
     ) -> None:
-        self._plan = plan
+        self._jobs = jobs
+        self._site = site
         self._supervisor = supervisor
         self._connections = connections
         self._folder = folder
         self._recorder: RunningPart | None = None
-        self.swarm = plan.swarm or new_swarm_id()
-        self._hosts = hosts(plan.cells, plan.workers)
+        self.swarm = site.swarm or new_swarm_id()
 
     def _connection(self, who: str) -> PartConnection:
-        first = first_number(self._plan.past, who)
-        swarm = incarnation(self.swarm, self._plan.incarnation)
+        first = first_number(self._jobs.past, who)
+        swarm = incarnation(self.swarm, self._site.incarnation)
         return self._connections.to(who, swarm, first)
 
-    async def run(self, stop: asyncio.Event) -> Ending:
-        """Start everything, wait for the end, end everything."""
+    async def run(self, here: Collection[str], stop: asyncio.Event) -> Ending:
+        """Start everything, wait for the end, end everything.
+
+        Args:
+            here: The parts that are started here, by name.
+            stop: Ends it.
+        """
         began = time.perf_counter()
-        if self._plan.network.connect and not await self._connections.await_hub(stop):
+        if self._site.network.connect and not await self._connections.await_hub(stop):
             raise NothingBegunError("swarm: must reach its hub, got a stop request")
         try:
-            await self._supervisor.make_room(_parts_here(self._plan), stop)
-            await self._start_hub(stop)
+            await self._supervisor.make_room(here, stop)
+            if "hub" in here:
+                await self._start_hub(stop)
             coordinator, world, recorder = await self._start_parts(stop)
             ends = (
                 [coordinator.ended]
@@ -208,11 +213,9 @@ class _Launch:
         return Ending(_result(coordinator), completeness, ended - began, stopped, lost)
 
     async def _start_hub(self, stop: asyncio.Event) -> None:
-        if self._plan.network.connect:
-            return
-        sessions = len(self._hosts) + _SERVICES
+        sessions = len(self._jobs.hosts) + _SERVICES
         hub = await self._supervisor.start(
-            HubJob(sessions, self._folder, self._plan.network.audit),
+            HubJob(sessions, self._folder, self._site.network.audit),
             self._connection("hub"),
         )
         await self._supervisor.wait(stop, hub.ready)
@@ -225,51 +228,36 @@ class _Launch:
         The cells are started to the last even if `stop` is set meanwhile: a recording
         is whole once every part has said its last word.
         """
-        start, plan = self._supervisor.start, self._plan
-        heard = self._hosts if plan.world is None else ["world", *self._hosts]
-        awaited = ["recorder", *heard] if "recorder" in plan.elsewhere else heard
-        recorder = world = None
-        if plan.log is not None:
-            recorder = await start(
-                RecorderJob(
-                    str(plan.log),
-                    {**plan.metadata, "swarm": self.swarm},
-                    plan.past,
-                    ("coordinator", *heard),
-                ),
-                self._connection("recorder"),
-            )
-            self._recorder = recorder
-            awaited = ["recorder", *heard]
+        start, jobs, site = self._supervisor.start, self._jobs, self._site
+        heard = [*jobs.hosts] if jobs.world is None else ["world", *jobs.hosts]
+        recorded = jobs.recorder is not None or "recorder" in site.elsewhere
+        awaited = ["recorder", *heard] if recorded else heard
+        world = None
+        if jobs.recorder is not None:
+            job = jobs.recorder(self.swarm, ("coordinator", *heard))
+            self._recorder = await start(job, self._connection("recorder"))
         coordinator = await start(
-            plan.coordinator(tuple(awaited)), self._connection("coordinator")
+            jobs.coordinator(tuple(awaited)), self._connection("coordinator")
         )
-        if plan.network.connect:
+        if site.network.connect:
             # A swarm on a shared hub may have this id: it must not get our messages.
             await self._supervisor.wait(stop, coordinator.ready, coordinator.ended)
             if not coordinator.ready.is_set():
-                return coordinator, None, recorder
-        if plan.status is not None:
+                return coordinator, None, self._recorder
+        if jobs.status is not None:
             # Before the first tick: what it misses, it never publishes.
-            status = await start(plan.status, self._connection(STATUS_PUBLISHER))
+            status = await start(jobs.status, self._connection(STATUS_PUBLISHER))
             await self._supervisor.wait(stop, status.ready, status.ended)
-        if plan.world is not None and "world" not in plan.elsewhere:
-            world = await start(plan.world, self._connection("world"))
+        if jobs.world is not None and "world" not in site.elsewhere:
+            world = await start(jobs.world, self._connection("world"))
         await self._supervisor.start_many(
             [
-                (self._host_job(number), self._connection(who))
-                for number, who in enumerate(self._hosts)
-                if who not in plan.elsewhere
+                (job, self._connection(who))
+                for who, job in jobs.hosts.items()
+                if who not in site.elsewhere
             ]
         )
-        return coordinator, world, recorder
-
-    def _host_job(self, number: int) -> Job:
-        """Return the job of a cell, or of a worker where they share the cells."""
-        plan = self._plan
-        if not plan.workers:
-            return CellJob(number)
-        return WorkerJob(number, plan.cells, plan.workers, plan.learning)
+        return coordinator, world, self._recorder
 
     async def _end(self) -> list[str]:
         """End everything in order; return who had to be killed.
@@ -280,7 +268,7 @@ class _Launch:
         """
         end = self._supervisor.end
         if self._supervisor.error is not None:
-            await self._supervisor.kill(["coordinator", "world", *self._hosts])
+            await self._supervisor.kill(["coordinator", "world", *self._jobs.hosts])
             if self._supervisor.has_ended("hub"):
                 await end(["recorder"], _LAST_WRITE)
         more = 0.0 if self._supervisor.has_begun else _COMING_UP
@@ -290,25 +278,25 @@ class _Launch:
             with suppress(TimeoutError):
                 async with asyncio.timeout(more):
                     await wait_any(self._supervisor.failed, ready, ended)
-        late = await end(["coordinator"], self._plan.patience + more)
-        grace = _GRACE + 0.02 * len(self._hosts) + more
-        late += await end(["world", *self._hosts], grace)
+        late = await end(["coordinator"], self._jobs.patience + more)
+        grace = _GRACE + 0.02 * len(self._jobs.hosts) + more
+        late += await end(["world", *self._jobs.hosts], grace)
         late += await end(["recorder", STATUS_PUBLISHER], 2 * _GRACE)
         late += await end(["hub"], _GRACE)
         return late
 
 
-def _parts_here(plan: Plan) -> set[str]:
+def _parts_here(jobs: Jobs, site: Site, *, has_hub: bool = True) -> set[str]:
     """Return the parts that are started here, by name."""
     there = {
-        "hub": not plan.network.connect,
-        "recorder": plan.log is not None,
+        "hub": has_hub,
+        "recorder": jobs.recorder is not None,
         "coordinator": True,
-        STATUS_PUBLISHER: plan.status is not None,
-        "world": plan.world is not None,
+        STATUS_PUBLISHER: jobs.status is not None,
+        "world": jobs.world is not None,
     }
     services = {who for who, is_there in there.items() if is_there}
-    return services.union(hosts(plan.cells, plan.workers)) - plan.elsewhere
+    return services.union(jobs.hosts) - site.elsewhere
 
 
 def _result(part: RunningPart) -> bytes:
@@ -316,44 +304,3 @@ def _result(part: RunningPart) -> bytes:
     if part.result is None:
         raise SwarmError(f"{part.who}: must report a result, got none")
     return part.result
-
-
-class _Heard:
-    """Passes on what the parts say of the run."""
-
-    def __init__(
-        self,
-        supervisor: Supervisor,
-        on_progress: Callable[[int], None],
-        on_change: Callable[[Changed], None],
-        on_health: Callable[[Standing], None],
-    ) -> None:
-        self._supervisor = supervisor
-        self._on_progress = on_progress
-        self._on_change = on_change
-        self._on_health = on_health
-        self.health: Standing | None = None
-        """What was told last."""
-
-    async def pass_on(self) -> None:
-        """Pass on what they say of their progress, and nothing else."""
-        supervisor = self._supervisor
-        try:
-            while True:
-                await supervisor.progressed.wait()
-                supervisor.progressed.clear()
-                self.tell()
-                self._on_progress(supervisor.tick)
-        except Exception as error:  # noqa: BLE001 - ends the run, and comes out of it
-            supervisor.blame(error)
-
-    def tell(self) -> None:
-        """Tell what is new."""
-        supervisor = self._supervisor
-        changes, supervisor.changes = supervisor.changes, []
-        for change in changes:
-            self._on_change(change)
-        standings, supervisor.standings = supervisor.standings, []
-        for standing in standings:
-            self.health = msgspec.json.decode(standing, type=Standing)
-            self._on_health(self.health)

@@ -14,167 +14,159 @@ recording says so, and is not complete.
 """
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from pathlib import Path
+from dataclasses import replace
 
 import msgspec
 
 from neurosnap.agent.growth.changed import Changed
 from neurosnap.errors import NothingBegunError, SwarmError
 from neurosnap.fabric.events import wait_at_most
-from neurosnap.health.news import Standing
 from neurosnap.protocol.resume_point import ResumePoint
-from neurosnap.protocol.run_options import RunOptions
+from neurosnap.runtime.incarnation import run_incarnation
 from neurosnap.runtime.launch import new_swarm_id
-from neurosnap.runtime.network import PRIVATE, Network
-from neurosnap.runtime.parts.world_process import WayIn
-from neurosnap.runtime.placement import HERE, Placement
+from neurosnap.runtime.request import Outcome, RunRequest
 from neurosnap.runtime.restart_files import RestartFiles
-from neurosnap.runtime.restart_policy import Restarts, Supervision
-from neurosnap.runtime.run import Outcome, run
+from neurosnap.runtime.restart_policy import Restarts
+from neurosnap.runtime.watcher import SILENT, Restart, Watcher
 from neurosnap.sources.open import is_live
 
 
-class Restart(msgspec.Struct, frozen=True):
-    """One time that a run went on."""
-
-    why: str
-    """Who died, and how."""
-    tick: int
-    """The last whole tick, which it went on from."""
-    lost: int
-    """Ticks that had been whole and are not in what it goes on from."""
-    outside: bool = False
-    """The lost ticks were read from a live source, so they cannot be repeated."""
-    kept: tuple[str, ...] = ()
-    """Files that it could not go on from, which are kept beside the recording."""
-
-
 async def run_with_restarts(
-    options: RunOptions,
-    log: Path,
-    stop: asyncio.Event,
-    supervision: Supervision,
-    *,
-    on_progress: Callable[[int], None] = lambda _: None,
-    on_restart: Callable[[Restart], None] = lambda _: None,
-    past: ResumePoint | None = None,
-    network: Network = PRIVATE,
-    swarm: str = "",
-    elsewhere: frozenset[str] = frozenset(),
-    way_in: WayIn | None = None,
-    placement: Placement = HERE,
-    on_change: Callable[[Changed], None] = lambda _: None,
-    on_health: Callable[[Standing], None] = lambda _: None,
+    request: RunRequest, stop: asyncio.Event, watcher: Watcher = SILENT
 ) -> Outcome:
     """Run a swarm of processes to its end; restart it when a part dies.
 
     Args:
-        options: What to run.
-        log: Where to record. However the call ends, `log` is the recording with the
-            latest tick, and only damaged files stay beside it; see
-            `neurosnap.runtime.restart_files`.
+        request: Recorded and supervised. However the call ends, its `log` is the
+            recording with the latest tick, and only damaged files stay beside it; see
+            `neurosnap.runtime.restart_files`. Each time the run goes on, it does so as
+            the next incarnation of its swarm's id.
         stop: Ends the run in order.
-        supervision: How often it goes on.
-        on_progress: Told the tick as it grows.
-        on_restart: Told of every restart.
-        past: Where to go on from, for a run that is resumed.
-        network: As in `run`.
-        swarm: As in `run`; each time the run goes on, it does so as the next
-            incarnation of this id.
-        elsewhere: As in `run`; these parts must be started anew for every incarnation.
-        way_in: As in `run`.
-        placement: As in `run`.
-        on_change: As in `run`; of ticks that are done again it is not told again.
-        on_health: As in `run`; a swarm that goes on says first how they were before.
+        watcher: Changes in ticks that are done again are not reported again. A swarm
+            that goes on first reports the health before.
 
     Raises:
-        InvalidValueError: Something of an earlier run is beside `log`.
+        InvalidValueError: Something of an earlier run is beside the recording.
         OSError: A file of the run cannot be moved or deleted.
         PartDiedError: A part died more often than allowed. What was recorded by then
             is readable.
-        NeurosnapError: As from `run`.
+        NeurosnapError: As from `run_incarnation`.
     """
-    files = RestartFiles(log)
-    files.check_free()
-    swarm = swarm or new_swarm_id()
-    allowed = Restarts(supervision)
-    restarts = reached = changed = 0
-    vanished: list[str] = []
-    cannot_repeat = way_in is None and is_live(options.source)
-    redone = asyncio.Event()  # set once this incarnation is past its resume point
-
-    def follow(tick: int) -> None:
-        nonlocal reached
-        reached = max(reached, tick)
-        if tick > (0 if past is None else past.tick):
-            redone.set()
-        on_progress(tick)
-
-    def tell(change: Changed) -> None:
-        nonlocal changed
-        if change.tick > changed:
-            changed = change.tick
-            on_change(change)
-
+    lives = _Lives(request, watcher)
     try:
+        return await lives.run(stop)
+    finally:
+        lives.files.keep_furthest()
+
+
+class _Lives:
+    """The incarnations of one run, one after the other."""
+
+    def __init__(self, request: RunRequest, watcher: Watcher) -> None:
+        if request.log is None or request.supervision is None:
+            raise ValueError("request: must be recorded and supervised")
+        site = request.site
+        self._log = request.log
+        self._next = replace(
+            request, site=replace(site, swarm=site.swarm or new_swarm_id())
+        )
+        self.files = RestartFiles(request.log)
+        self.files.check_free()
+        self._allowed = Restarts(request.supervision)
+        self._watcher = watcher
+        self._follower = replace(
+            watcher, on_tick=self._follow, on_change=self._report_change
+        )
+        self._restarts = self._reached = self._changed = 0
+        self._vanished: list[str] = []
+        self._cannot_repeat = request.way_in is None and is_live(request.options.source)
+        self._redone = asyncio.Event()
+        """Set once this incarnation is past its resume point."""
+
+    @property
+    def _begun(self) -> int:
+        """The tick that the next incarnation goes on from."""
+        return 0 if self._next.past is None else self._next.past.tick
+
+    def _follow(self, tick: int) -> None:
+        self._reached = max(self._reached, tick)
+        if tick > self._begun:
+            self._redone.set()
+        self._watcher.on_tick(tick)
+
+    def _report_change(self, change: Changed) -> None:
+        if change.tick > self._changed:
+            self._changed = change.tick
+            self._watcher.on_change(change)
+
+    async def run(self, stop: asyncio.Event) -> Outcome:
+        """Run one incarnation after the other, until one ends in order."""
         while True:
             was_stopped = stop.is_set()  # before this incarnation began
             try:
-                async with _stop_once_redone(stop, redone, files, past) as heeded:
-                    outcome = await run(
-                        options,
-                        log,
-                        heeded if restarts and not cannot_repeat else stop,
-                        follow,
-                        past,
-                        network,
-                        swarm=swarm,
-                        incarnation=restarts,
-                        elsewhere=elsewhere,
-                        way_in=way_in,
-                        placement=placement,
-                        on_change=tell,
-                        on_health=on_health,
-                    )
+                outcome = await self._run_once(stop)
             except NothingBegunError as error:
-                if not restarts:
+                if not self._restarts:
                     raise
                 raise SwarmError(str(error)) from error
             except SwarmError as error:
                 # If `stop` is set while a part dies, another incarnation runs and ends
                 # in order: this recording may lack last messages of other parts.
-                if was_stopped or not allowed.allow(error):
+                if was_stopped or not self._allowed.allow(error):
                     raise
-                found = await asyncio.to_thread(files.furthest, options)
-                kept = len(files.kept)
-                if reached > (0 if past is None else past.tick) and not files.recorded:
-                    vanished.append(str(log))
-                # Not on a thread, which would go on beside `keep_furthest` once this
-                # is cancelled.
-                gained, past = files.go_on(found, past)
-                restarts += 1
-                tick = 0 if past is None else past.tick
-                on_restart(
-                    Restart(
-                        why=str(error),
-                        tick=tick,
-                        lost=max(0, reached - tick),
-                        outside=cannot_repeat,
-                        kept=tuple(map(str, files.kept[kept:])),
-                    )
-                )
-                reached = tick
-                redone.clear()
-                await wait_at_most(stop, allowed.delay(gained=gained))
+                gained = await self._go_on(error)
+                await wait_at_most(stop, self._allowed.delay(gained=gained))
             else:
-                files.settle()
-                return _in_all(
-                    outcome, restarts, [*files.unread, *files.kept], vanished
-                )
-    finally:
-        files.keep_furthest()
+                return self._in_all(outcome)
+
+    async def _run_once(self, stop: asyncio.Event) -> Outcome:
+        request = self._next
+        async with _stop_once_redone(
+            stop, self._redone, self.files, request.past
+        ) as heeded:
+            ends = heeded if self._restarts and not self._cannot_repeat else stop
+            return await run_incarnation(request, ends, self._follower)
+
+    async def _go_on(self, error: SwarmError) -> bool:
+        """Make the next incarnation ready; tell whether the run got further."""
+        options, files = self._next.options, self.files
+        found = await asyncio.to_thread(files.furthest, options)
+        kept = len(files.kept)
+        if self._reached > self._begun and not files.recorded:
+            self._vanished.append(str(self._log))
+        # Not on a thread, which would go on beside `keep_furthest` once this
+        # is cancelled.
+        gained, past = files.go_on(found, self._next.past)
+        self._restarts += 1
+        site = replace(self._next.site, incarnation=self._restarts)
+        self._next = replace(self._next, past=past, site=site)
+        event = Restart(
+            why=str(error),
+            tick=self._begun,
+            lost=max(0, self._reached - self._begun),
+            outside=self._cannot_repeat,
+            kept=tuple(map(str, files.kept[kept:])),
+        )
+        self._reached = self._begun
+        self._redone.clear()
+        self._watcher.on_restart(event)
+        return gained
+
+    def _in_all(self, outcome: Outcome) -> Outcome:
+        """Return the outcome of the whole run, given that of its last incarnation."""
+        self.files.settle()
+        balance = outcome.completeness
+        if balance is not None:
+            every = tuple(dict.fromkeys((*balance.vanished, *self._vanished)))
+            balance = msgspec.structs.replace(balance, vanished=every)
+        return msgspec.structs.replace(
+            outcome,
+            restarts=self._restarts,
+            completeness=balance,
+            kept=tuple(map(str, [*self.files.unread, *self.files.kept])),
+        )
 
 
 @asynccontextmanager
@@ -204,19 +196,3 @@ async def _stop_once_redone(
         yield heeded
     finally:
         following.cancel()
-
-
-def _in_all(
-    outcome: Outcome, restarts: int, kept: Sequence[Path], vanished: Sequence[str]
-) -> Outcome:
-    """Return the outcome of a whole run, given that of its last incarnation."""
-    balance = outcome.completeness
-    if balance is not None:
-        every = tuple(dict.fromkeys((*balance.vanished, *vanished)))
-        balance = msgspec.structs.replace(balance, vanished=every)
-    return msgspec.structs.replace(
-        outcome,
-        restarts=restarts,
-        completeness=balance,
-        kept=tuple(map(str, kept)),
-    )

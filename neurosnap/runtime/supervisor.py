@@ -6,12 +6,15 @@ ended in order. Whether the parts are processes or something else, their starter
 
 import asyncio
 import time
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import Self, TypeVar
+
+import msgspec
 
 from neurosnap.errors import PartDiedError, SwarmError
 from neurosnap.fabric.events import wait_any
+from neurosnap.health.news import Standing
 from neurosnap.runtime.parts.job import Job, PartConnection
 from neurosnap.runtime.parts.reports import (
     Done,
@@ -24,9 +27,9 @@ from neurosnap.runtime.parts.reports import (
 )
 from neurosnap.runtime.starting.child_processes import ChildProcesses
 from neurosnap.runtime.starting.starter import Handle, Starter
+from neurosnap.runtime.watcher import SILENT, Watcher
 
-if TYPE_CHECKING:
-    from neurosnap.agent.growth.changed import Changed
+T = TypeVar("T")
 
 
 class RunningPart:
@@ -51,20 +54,20 @@ class Supervisor:
 
     Args:
         starter: How the parts are started; None: as child processes.
+        watcher: Called with what parts report of the run.
     """
 
-    def __init__(self, starter: Starter | None = None) -> None:
+    def __init__(
+        self, starter: Starter | None = None, watcher: Watcher = SILENT
+    ) -> None:
         self.failed = asyncio.Event()
         self.error: Exception | None = None
-        self.progressed = asyncio.Event()
-        """Set whenever a part says how far it is: `tick`."""
-        self.tick = 0
-        self.changes: list[Changed] = []
-        """What was grown or retired since somebody looked."""
-        self.standings: list[bytes] = []
-        """How the sensors of the home were since somebody looked, as JSON."""
+        self.health: Standing | None = None
+        """The last health of a home's sensors; None if none was reported."""
         self.has_begun = False
         """The coordinator has said that every part is there."""
+        self._watcher = watcher
+        self._refused = False  # by the watcher, which is called no more
         self._starter = ChildProcesses() if starter is None else starter
         self._parts: dict[str, RunningPart] = {}
         self._early: dict[str, list[Report]] = {}  # of parts not in `_parts` yet
@@ -117,20 +120,30 @@ class Supervisor:
             case Ready():
                 part.ready.set()
             case Progress(tick=tick):
-                self.tick = tick
                 self.has_begun = True
-                self.progressed.set()
+                self._pass_on(self._watcher.on_tick, tick)
             case Grown(changes=changes):
-                self.changes += changes
-                self.progressed.set()
+                for change in changes:
+                    self._pass_on(self._watcher.on_change, change)
             case Health(standing=standing):
-                self.standings.append(bytes(standing))  # told with the next progress
+                self.health = msgspec.json.decode(standing, type=Standing)
+                self._pass_on(self._watcher.on_health, self.health)
             case Done(result=result):
                 self._expected.add(report.who)
                 part.result = bytes(result)
                 part.done_at = time.perf_counter()
             case Failed():
                 self._reasons[report.who] = report
+
+    def _pass_on(self, call: Callable[[T], None], what: T) -> None:
+        """Call a function of the watcher; what it raises ends the run."""
+        if self._refused:
+            return
+        try:
+            call(what)
+        except Exception as error:  # noqa: BLE001 - comes out of the run, whole
+            self._refused = True
+            self.blame(error)
 
     def ended(self, who: str, how: str, *, in_order: bool) -> None:
         """Take in that a part is no more."""

@@ -14,11 +14,13 @@ from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body
 from neurosnap.agent.policy import AgentKind
 from neurosnap.errors import InvalidValueError
+from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import CellKind, RunOptions, SnapshotKind
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.fit_agent import body_of, drawn_to
+from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from neurosnap.sensorium import pack
 from neurosnap.sources.gymnasium_source import import_worlds
@@ -61,8 +63,8 @@ def options_for(
     )
 
 
-def swarm_run(options: RunOptions, log: Path, **more: Any) -> None:
-    asyncio.run(run(options, log, asyncio.Event(), **more))
+def swarm_run(options: RunOptions, log: Path, past: ResumePoint | None = None) -> None:
+    asyncio.run(run(RunRequest(options, log, past), asyncio.Event()))
 
 
 def of_recording(log: Path) -> tuple[list[bytes], list[wire.Decision]]:
@@ -175,7 +177,7 @@ def test_what_is_not_read_is_missing_alike_in_process_and_in_a_swarm(
 ) -> None:
     options = options_for(agent, snapshot=snapshot)
     monkeypatch.setattr(
-        "neurosnap.runtime.inline.open_source",
+        "neurosnap.runtime.parts.world_process.open_source",
         lambda *given: Foggy(open_source(*given)),
     )
     swarm_run(options, tmp_path / "log")

@@ -9,7 +9,7 @@ from neurosnap.runtime.hosts import remote_parts
 from neurosnap.runtime.hosts.numbers import Numbers
 from neurosnap.runtime.hosts.service import Served, serve
 from neurosnap.runtime.network import Network
-from neurosnap.runtime.run import Outcome
+from neurosnap.runtime.request import Outcome, Site
 from tests.support.disturbed_runs import (
     ENDLESS,
     Disturbed,
@@ -57,9 +57,11 @@ def test_a_run_with_cells_elsewhere_comes_to_the_same(tmp_path: Path) -> None:
             )
             return await disturbed.running(
                 *((20, victims) for victims in VICTIMS),
-                network=Network(listen=where),
-                swarm=SWARM,
-                elsewhere=frozenset(f"cell/{cell}" for cell in ELSEWHERE),
+                site=Site(
+                    Network(listen=where),
+                    swarm=SWARM,
+                    elsewhere=frozenset(f"cell/{cell}" for cell in ELSEWHERE),
+                ),
             )
 
     outcome = asyncio.run(both())

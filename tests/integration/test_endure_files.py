@@ -3,6 +3,7 @@
 import asyncio
 import signal
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 import pytest
@@ -11,16 +12,20 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.run_options import SMALLEST
 from neurosnap.recording.read.recording import part_paths
 from neurosnap.recording.replay.verify import verify
-from neurosnap.runtime.restart import Restart, run_with_restarts
+from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.restart_policy import Supervision
 from neurosnap.runtime.run import run
+from neurosnap.runtime.watcher import Watcher
 from tests.support.disturbed_runs import (
     ENDLESS,
     Disturbed,
     options_for,
     parts,
 )
+
+if TYPE_CHECKING:
+    from neurosnap.runtime.watcher import Restart
 
 pytestmark = [
     pytest.mark.zenoh,
@@ -52,13 +57,10 @@ def test_files_that_cannot_be_gone_on_from_are_kept(tmp_path: Path) -> None:
             stop.set()
 
     outcome = asyncio.run(
-        run_with_restarts(
-            options,
-            log,
+        run(
+            RunRequest(options, log, supervision=Supervision()),
             stop,
-            Supervision(),
-            on_progress=damage,
-            on_restart=restarts.append,
+            Watcher(damage, on_restart=restarts.append),
         )
     )
     assert not outcome.complete
@@ -70,7 +72,7 @@ NO_RECORDING = b"no recording" * 9  # shorter, it could hold no tick
 
 def recorded(path: Path, ticks: int) -> Path:
     options = msgspec.structs.replace(options_for(ticks), cells="inline")
-    asyncio.run(run(options, path, asyncio.Event()))
+    asyncio.run(run(RunRequest(options, path), asyncio.Event()))
     return path
 
 
@@ -100,10 +102,10 @@ def test_a_run_that_dies_past_its_last_tick_does_that_again_and_ends(
 ) -> None:
     options = msgspec.structs.replace(options_for(ticks), cells="inline")
     log, again = tmp_path / "a.mcap", tmp_path / "b.mcap"
-    asyncio.run(run(options, log, asyncio.Event()))
+    asyncio.run(run(RunRequest(options, log), asyncio.Event()))
     past = RestartFiles(log).furthest(options)
     assert (0 if past is None else past.tick) == ticks - 1
-    outcome = asyncio.run(run(options, again, asyncio.Event(), past=past))
+    outcome = asyncio.run(run(RunRequest(options, again, past), asyncio.Event()))
     assert outcome.totals.ticks == ticks
     verdict = verify(again)
     assert (verdict.same, verdict.ticks) == (True, ticks)

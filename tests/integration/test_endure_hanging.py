@@ -16,8 +16,10 @@ from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.hosts import remote_parts
 from neurosnap.runtime.hosts.service import serve
 from neurosnap.runtime.network import Network
-from neurosnap.runtime.restart import Restart, run_with_restarts
+from neurosnap.runtime.request import RunRequest, Site
 from neurosnap.runtime.restart_policy import Supervision
+from neurosnap.runtime.run import run
+from neurosnap.runtime.watcher import Watcher
 from tests.support.disturbed_runs import (
     ENDLESS,
     Disturbed,
@@ -29,6 +31,8 @@ from tests.support.ports import free_port
 
 if TYPE_CHECKING:
     import psutil
+
+    from neurosnap.runtime.watcher import Restart
 
 pytestmark = [
     pytest.mark.zenoh,
@@ -77,14 +81,8 @@ def test_a_run_whose_world_is_held_goes_on_with_another(tmp_path: Path) -> None:
             stop.set()
 
     log = tmp_path / "log"
-    running = run_with_restarts(
-        options,
-        log,
-        stop,
-        Supervision(),
-        on_progress=hold,
-        on_restart=restarts.append,
-    )
+    request = RunRequest(options, log, supervision=Supervision())
+    running = run(request, stop, Watcher(hold, on_restart=restarts.append))
     outcome = asyncio.run(running)
     said = r"^coordinator: world: must answer the decision of tick \d+ within 3 s"
     assert re.search(said, restarts[0].why)
@@ -109,9 +107,11 @@ def test_a_world_elsewhere_that_hangs_is_named(
             group.create_task(elsewhere())
             try:
                 await Disturbed(hanging, tmp_path / "log", restart="never").running(
-                    network=Network(listen=where),
-                    swarm=SWARM,
-                    elsewhere=frozenset({"world"}),
+                    site=Site(
+                        Network(listen=where),
+                        swarm=SWARM,
+                        elsewhere=frozenset({"world"}),
+                    ),
                 )
             finally:
                 stop.set()

@@ -12,6 +12,7 @@ from neurosnap.agent.memory import body_in
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
+from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from neurosnap.sources.open import open_source
 from tests.support import run_options
@@ -104,7 +105,7 @@ def test_a_swarm_looks_a_step_back_as_one_agent_does(tmp_path: Path) -> None:
         keyframe_every=50,
     )
     log = tmp_path / "log"
-    asyncio.run(run(options, log, asyncio.Event()))
+    asyncio.run(run(RunRequest(options, log), asyncio.Event()))
     verdict = verify(log)
     assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, 200)
     swarm = [

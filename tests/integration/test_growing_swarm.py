@@ -22,7 +22,9 @@ from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.anomaly_feed import recorded
-from neurosnap.runtime.run import Outcome, run
+from neurosnap.runtime.request import Outcome, RunRequest
+from neurosnap.runtime.run import run
+from neurosnap.runtime.watcher import Watcher
 from neurosnap.sources.open import open_source
 from tests.support.course import course
 from tests.support.disturbed_runs import ENDLESS, Disturbed
@@ -40,7 +42,7 @@ GROWN = "press&a&b"
 
 
 def made(options: RunOptions, log: Path) -> Outcome:
-    return asyncio.run(run(options, log, asyncio.Event()))
+    return asyncio.run(run(RunRequest(options, log), asyncio.Event()))
 
 
 def by_one_agent(options: RunOptions) -> list[wire.Decision]:
@@ -155,7 +157,7 @@ def test_what_was_grown_is_called_by_its_formula_and_learned_as_in_the_run(
 def test_a_birth_is_told_when_it_happens(cells: CellKind) -> None:
     heard: list[Changed] = []
     options = lamp_options(ticks=TICKS, cells=cells)
-    going = run(options, None, asyncio.Event(), on_change=heard.append)
+    going = run(RunRequest(options), asyncio.Event(), Watcher(on_change=heard.append))
     outcome = asyncio.run(going)
     assert heard == [Changed(BIRTH, 24, GROWN)]
     assert (outcome.totals.grown, outcome.totals.retired) == (1, 0)
@@ -215,7 +217,7 @@ def test_it_goes_on_as_if_nothing_had_been(
     made(lamp_options(ticks=stop, cells="inline"), begun)
     _, past = find_resume_point(begun)
     whole = lamp_options(ticks=TICKS, cells="inline")
-    asyncio.run(run(whole, log, asyncio.Event(), past=past))
+    asyncio.run(run(RunRequest(whole, log, past), asyncio.Event()))
     assert course(log) == course(inline)
     assert verify(log).same
     before = decisions(inline)
@@ -230,12 +232,12 @@ def test_it_goes_on_twice_from_the_tick_in_which_a_sensor_was_grown(
     made(options, first)
     _, past = find_resume_point(first)
     more = msgspec.structs.replace(options, ticks=BIRTH + 3)
-    asyncio.run(run(more, second, asyncio.Event(), past=past))
+    asyncio.run(run(RunRequest(more, second, past), asyncio.Event()))
     # Of this one, the first key-frame is that of the tick of the birth.
     _, past = find_resume_point(second, BIRTH + 2)
     assert past.tick == BIRTH + 2
     whole = msgspec.structs.replace(options, ticks=TICKS)
-    asyncio.run(run(whole, log, asyncio.Event(), past=past))
+    asyncio.run(run(RunRequest(whole, log, past), asyncio.Event()))
     assert course(log) == course(inline)
     assert verify(log).same
 
@@ -266,7 +268,7 @@ def test_cut_in_the_middle_of_a_question_it_goes_on_the_same(
     assert verify(cut).same
     options, past = find_resume_point(cut)
     assert past.tick == BIRTH - 1
-    asyncio.run(run(options, log, asyncio.Event(), past=past))
+    asyncio.run(run(RunRequest(options, log, past), asyncio.Event()))
     assert course(log) == course(inline)
     verdict = verify(log)
     assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, TICKS)

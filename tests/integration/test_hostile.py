@@ -23,8 +23,10 @@ from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.read.recording import Recording
-from neurosnap.runtime import inline, launch
+from neurosnap.runtime import launch
+from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
+from neurosnap.runtime.starting import inline_tasks
 from neurosnap.sensorium import pack
 from tests.support.patience import PATIENCE
 
@@ -222,7 +224,7 @@ async def check(
     options = options_for(tmp_path, cells, 50_000)
     async with asyncio.timeout(PATIENCE):
         attack = disturb(stranger, options, log, stop)
-        outcome = await run(options, log, stop)
+        outcome = await run(RunRequest(options, log), stop)
         await attack
     disturbed = Recording.open(log)
     states, decisions, wirings = outcomes(disturbed)
@@ -241,7 +243,7 @@ async def check(
 
     clean_log = tmp_path / "undisturbed.mcap"
     calm = options_for(tmp_path, "inline", len(states))
-    await run(calm, clean_log, asyncio.Event())
+    await run(RunRequest(calm, clean_log), asyncio.Event())
     assert outcomes(Recording.open(clean_log)) == (states, decisions, wirings)
     assert len(states) > BEGIN
 
@@ -256,7 +258,7 @@ async def test_in_one_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
             hubs.append(self)
             made.set()
 
-    monkeypatch.setattr(inline, "MemoryHub", Tapped)
+    monkeypatch.setattr(inline_tasks, "MemoryHub", Tapped)
 
     def disturb(
         stranger: Stranger, options: RunOptions, log: Path, stop: asyncio.Event
@@ -279,7 +281,8 @@ async def test_in_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     class Tapped(launch._Launch):
         def __init__(self, *arguments: object) -> None:
             super().__init__(*arguments)  # type: ignore[arg-type]
-            found.set_result((self.swarm, self._connections._own))
+            if not found.done():
+                found.set_result((self.swarm, self._connections._own))
 
     monkeypatch.setattr(launch, "_Launch", Tapped)
 

@@ -12,7 +12,9 @@ from neurosnap.apps.config.load import load
 from neurosnap.apps.config.prepare import prepare
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
+from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
+from neurosnap.runtime.watcher import Watcher
 from neurosnap.sensorium import unpack
 from tests.support.mosquitto import (
     HOST,
@@ -101,7 +103,9 @@ async def test_a_password_changed_under_way_is_named_and_waited_for(
     logger = logging.getLogger("neurosnap.sources.mqtt.connection")
     logger.addHandler(watch)
     async with asyncio.TaskGroup() as group:
-        running = group.create_task(run(options, log, stop, watch.reached))
+        running = group.create_task(
+            run(RunRequest(options, log), stop, Watcher(watch.reached))
+        )
         try:
             async with peer(
                 broker, "memory/#", username="other", password=OTHER

@@ -10,6 +10,7 @@ from neurosnap.agent.agent import Agent
 from neurosnap.agent.default_threshold import EXACT
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.replay.verify import verify
+from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from tests.integration.test_growing_swarm import by_one_agent, decisions
 from tests.support.command_line import call
@@ -56,7 +57,7 @@ def test_a_run_decides_as_an_agent_that_learns(
 
     log = tmp_path / "log"
     options = planned(cells=cells, ticks=STEPS + 1)
-    asyncio.run(run(options, log, asyncio.Event()))
+    asyncio.run(run(RunRequest(options, log), asyncio.Event()))
     assert verify(log).same
     swarm = decisions(log)
     assert [swarm[tick] for tick in range(1, STEPS + 1)] == taken[:-1]

@@ -21,6 +21,7 @@ from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.recording.replay.playback import Played, play, play_on
 from neurosnap.recording.write.writer import Writer
+from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from neurosnap.sources.open import open_source
 from tests.support.patience import PATIENCE
@@ -44,7 +45,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
         keyframe_every=5,
     )
     log = tmp_path_factory.mktemp("run") / "log.mcap"
-    asyncio.run(run(options, log, asyncio.Event()))
+    asyncio.run(run(RunRequest(options, log), asyncio.Event()))
     return Recording.open(log)
 
 

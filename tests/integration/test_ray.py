@@ -23,9 +23,11 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.network import PRIVATE
 from neurosnap.runtime.placement import Placement
+from neurosnap.runtime.request import RunRequest, Site
 from neurosnap.runtime.run import run
 from neurosnap.runtime.starting.ray_actors import RayActors
 from neurosnap.runtime.supervisor import Supervisor
+from neurosnap.runtime.watcher import Watcher
 from tests.support.command_line import flat, last_json
 from tests.support.course import course
 from tests.support.disturbed_commands import (
@@ -83,7 +85,11 @@ async def test_workers_are_spread_and_the_run_is_the_same(
                 found = group["bundles_to_node_id"]
                 places.add(tuple(found[number] for number in sorted(found)))
 
-    outcome = await run(options, log, asyncio.Event(), look, placement=on(nodes))
+    outcome = await run(
+        RunRequest(options, log, site=Site(placement=on(nodes))),
+        asyncio.Event(),
+        Watcher(look),
+    )
     (place,) = places
     assert place[0] == nodes.id(0)
     assert set(place) == {nodes.id(number) for number in range(3)}
@@ -91,7 +97,7 @@ async def test_workers_are_spread_and_the_run_is_the_same(
     verdict = verify(log)
     assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, 60)
     inline = msgspec.structs.replace(options, cells="inline")
-    undisturbed = await run(inline, calm, asyncio.Event())
+    undisturbed = await run(RunRequest(inline, calm), asyncio.Event())
     assert outcome.implications == undisturbed.implications
     assert course(log) == course(calm)
 
@@ -115,7 +121,9 @@ def test_nodes_that_die_are_parts_that_died(tmp_path: Path) -> None:
         unplugged = Unplugged(options, log)
         unplugged.nodes = doomed
         outcome = asyncio.run(
-            unplugged.running((20, ("1",)), (20, ("2",)), placement=on(doomed))
+            unplugged.running(
+                (20, ("1",)), (20, ("2",)), site=Site(placement=on(doomed))
+            )
         )
         ids = [doomed.id(number)[:8] for number in (1, 2)]
     for event, node in zip(unplugged.restarts, ids, strict=True):
@@ -135,7 +143,10 @@ async def test_a_part_that_fails_is_named_in_its_own_words(
     with pytest.raises(
         SwarmError, match=r"(?s)^world: .*the sensors are off"
     ) as raised:
-        await run(options, tmp_path / "log", asyncio.Event(), placement=on(nodes))
+        await run(
+            RunRequest(options, tmp_path / "log", site=Site(placement=on(nodes))),
+            asyncio.Event(),
+        )
     assert not isinstance(raised.value, PartDiedError)
     assert verify(tmp_path / "log").ticks == 6
 
@@ -204,7 +215,10 @@ async def test_a_cluster_that_is_too_small_says_what_it_lacks(
 ) -> None:
     options = msgspec.structs.replace(options_for(60), cells="worker", workers=4)
     with ray_nodes(2, 1) as small, pytest.raises(InvalidValueError) as raised:
-        await run(options, tmp_path / "log", asyncio.Event(), placement=on(small))
+        await run(
+            RunRequest(options, tmp_path / "log", site=Site(placement=on(small))),
+            asyncio.Event(),
+        )
     assert str(raised.value) == (
         "workers: must fit the cluster: it must have 5 CPUs, 1 for each of 4 workers"
         " and 1 for all other parts, has 3 on 2 nodes (add nodes with `ray start`, or"

@@ -83,6 +83,15 @@ class Meddled:
     async def confirm(self) -> None:
         await self._inner.confirm()
 
+    async def present(self) -> set[str]:
+        return await self._inner.present()
+
+    async def describe_run(self, content: bytes) -> None:
+        await self._inner.describe_run(content)
+
+    async def ask(self) -> bytes | None:
+        return await self._inner.ask()
+
     async def watch(self, handler: PresenceHandler) -> None:
         await self._inner.watch(handler)
 

@@ -12,10 +12,12 @@ import psutil
 import pytest
 
 from neurosnap import wire
-from neurosnap.errors import NeurosnapError, RecordingError, SwarmError
+from neurosnap.errors import NeurosnapError, SwarmError
 from neurosnap.protocol.run_options import CellKind
 from neurosnap.recording.read.recording import Recording
+from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
+from neurosnap.runtime.watcher import Watcher
 from tests.support.played_runs import TICKS, Played, options_for, play, write_readings
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("no_process_is_left")]
@@ -100,10 +102,9 @@ async def test_a_cell_that_dies_ends_the_run_and_is_named(
     log = tmp_path / "log.mcap"
     with pytest.raises(SwarmError, match=r"^(coordinator: )?cell/2: must "):
         await run(
-            options,
-            log,
+            RunRequest(options, log),
             asyncio.Event(),
-            at(3, lambda: child("cell/2").send_signal(signal.SIGKILL)),
+            Watcher(at(3, lambda: child("cell/2").send_signal(signal.SIGKILL))),
         )
     played = Played(log)
     assert [tick for tick, _, _ in played.states[:3]] == [1, 2, 3]
@@ -119,13 +120,14 @@ async def test_whoever_dies_ends_the_run_and_is_named(
     log = tmp_path / "log.mcap"
     with pytest.raises(SwarmError, match=rf"\b{who}: must "):
         await run(
-            options,
-            log,
+            RunRequest(options, log),
             asyncio.Event(),
-            at(
-                3,
-                lambda: child(who).send_signal(signal.SIGKILL),
-                lambda: holds_states(log),
+            Watcher(
+                at(
+                    3,
+                    lambda: child(who).send_signal(signal.SIGKILL),
+                    lambda: holds_states(log),
+                )
             ),
         )
     assert len(Played(log).states) >= 1
@@ -188,7 +190,7 @@ async def test_a_world_that_fails_on_the_way_is_named(
     options = options_for(f"broken_world:Broken-{how}-v0", cells=cells)
     log = tmp_path / "log.mcap"
     with pytest.raises(NeurosnapError, match=expected):
-        await run(options, log, asyncio.Event())
+        await run(RunRequest(options, log), asyncio.Event())
     played = Played(log)
     assert [tick for tick, _, _ in played.states] == [1, 2, 3, 4, 5]
     (fault,) = played.of(wire.Fault)
@@ -214,14 +216,11 @@ async def test_a_full_disk_ends_the_run_and_the_log_is_named(
 ) -> None:
     log = tmp_path / "log.mcap"
     options = options_for(endless, ticks=100_000)
-    with (
-        pytest.raises(
-            RecordingError,
-            match=rf"^log: must take what is recorded, got File too large for '{log}'$",
-        ),
-        files_no_larger_than(LIMIT),
-    ):
-        await run(options, log, asyncio.Event())
+    rule = (
+        rf"^recorder: log: must take what is recorded, got File too large for '{log}'$"
+    )
+    with pytest.raises(SwarmError, match=rule), files_no_larger_than(LIMIT):
+        await run(RunRequest(options, log), asyncio.Event())
     played = Played(log)
     assert played.recording.cut is not None
     assert played.states[0][0] == 1
@@ -242,5 +241,9 @@ async def test_a_full_disk_under_the_recorders_process_is_named_as_well(
         rf"^recorder: log: must take what is recorded, got File too large for '{log}'$"
     )
     with pytest.raises(SwarmError, match=expected):
-        await run(options, log, asyncio.Event(), at(5, fill, lambda: holds_states(log)))
+        await run(
+            RunRequest(options, log),
+            asyncio.Event(),
+            Watcher(at(5, fill, lambda: holds_states(log))),
+        )
     assert len(Played(log).states) >= 1

@@ -12,6 +12,7 @@ from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.learning import learned_at
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
+from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from tests.integration.test_growing_swarm import by_one_agent, decisions
 from tests.support.course import course
@@ -30,7 +31,7 @@ def scripted(**more: object) -> RunOptions:
 
 
 def record(options: RunOptions, log: Path) -> Path:
-    asyncio.run(run(options, log, asyncio.Event()))
+    asyncio.run(run(RunRequest(options, log), asyncio.Event()))
     return log
 
 
@@ -86,6 +87,6 @@ def test_it_goes_on_as_if_nothing_had_been(
     first = record(scripted(ticks=stop, cells="inline"), tmp_path / "first")
     _, past = find_resume_point(first)
     log = tmp_path / "log"
-    asyncio.run(run(scripted(cells="inline"), log, asyncio.Event(), past=past))
+    asyncio.run(run(RunRequest(scripted(cells="inline"), log, past), asyncio.Event()))
     assert course(log) == course(inline)
     assert verify(log).same

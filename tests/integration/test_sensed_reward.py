@@ -14,6 +14,7 @@ from neurosnap.agent.environment import Continuing
 from neurosnap.agent.sensor import Sensor, Trajectory, one_hot, rewarded
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.recording.replay.verify import verify
+from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from tests.integration.test_growing_swarm import by_one_agent, decisions
 from tests.support.run_options import options_for
@@ -99,7 +100,7 @@ def test_a_run_has_it_for_a_target(tmp_path: Path) -> None:
         ticks=40,
     )
     log = tmp_path / "log"
-    asyncio.run(run(options, log, asyncio.Event()))
+    asyncio.run(run(RunRequest(options, log), asyncio.Event()))
     assert verify(log).same
     swarm = decisions(log)
     alone = by_one_agent(options)

@@ -17,7 +17,9 @@ from neurosnap.agent.body import Body
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
-from neurosnap.runtime.run import Outcome, run
+from neurosnap.runtime.request import Outcome, RunRequest
+from neurosnap.runtime.run import run
+from neurosnap.runtime.watcher import Watcher
 from tests.support.course import course
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
@@ -117,7 +119,7 @@ def check_whole(log: Path, outcome: Outcome) -> None:
     assert recording.cut is None
     ticks, calm = outcome.totals.ticks, log.with_name("calm")
     inline = msgspec.structs.replace(OPTIONS, cells="inline", ticks=ticks)
-    asyncio.run(run(inline, calm, asyncio.Event()))
+    asyncio.run(run(RunRequest(inline, calm), asyncio.Event()))
     assert course(log, ticks) == course(calm)
     verdict = verify(log)
     assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, ticks)
@@ -126,7 +128,9 @@ def check_whole(log: Path, outcome: Outcome) -> None:
 def test_a_recorder_that_stands_still_holds_the_run_up(tmp_path: Path) -> None:
     log = tmp_path / "log"
     standstill = Standstill(log)
-    outcome = asyncio.run(run(OPTIONS, log, standstill.over, standstill.follow))
+    outcome = asyncio.run(
+        run(RunRequest(OPTIONS, log), standstill.over, Watcher(standstill.follow))
+    )
     assert 20 <= standstill.stopped_at <= standstill.held_at < outcome.totals.ticks
     assert standstill.grown == 0
     check_whole(log, outcome)
@@ -135,6 +139,8 @@ def test_a_recorder_that_stands_still_holds_the_run_up(tmp_path: Path) -> None:
 @pytest.mark.exhaustive
 def test_a_recorder_that_is_slow_loses_nothing(tmp_path: Path) -> None:
     log, throttle = tmp_path / "log", Throttle()
-    outcome = asyncio.run(run(OPTIONS, log, throttle.over, throttle.follow))
+    outcome = asyncio.run(
+        run(RunRequest(OPTIONS, log), throttle.over, Watcher(throttle.follow))
+    )
     assert throttle.stops == STOPS
     check_whole(log, outcome)

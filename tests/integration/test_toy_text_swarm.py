@@ -13,6 +13,7 @@ from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.fit_agent import body_of
+from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from neurosnap.sensorium import unpack
 from neurosnap.sources.open import open_source
@@ -32,7 +33,7 @@ def lake_run(log: Path) -> RunOptions:
         seed=0,
         cells="inline",
     )
-    asyncio.run(run(options, log, asyncio.Event()))
+    asyncio.run(run(RunRequest(options, log), asyncio.Event()))
     return options
 
 

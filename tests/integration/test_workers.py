@@ -24,10 +24,12 @@ from neurosnap.recording.replay.replay import Replay
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.writer import Writer
-from neurosnap.runtime.inline import run_inline
-from neurosnap.runtime.run import describe, run
+from neurosnap.runtime.request import RunRequest
+from neurosnap.runtime.run import run
+from neurosnap.runtime.watcher import Watcher
 from neurosnap.sensorium import unpack
 from tests.support import run_options
+from tests.support.inline_site import InlineSite
 
 pytestmark = [pytest.mark.slow]
 
@@ -87,7 +89,11 @@ def inline(
             if tick >= stop_at:
                 stop.set()
 
-        await run_inline(options, log, describe(options), past, stop, on_progress)
+        await run(
+            RunRequest(options, log, past, site=InlineSite()),
+            stop,
+            Watcher(on_progress),
+        )
 
     asyncio.run(work())
 
@@ -161,7 +167,7 @@ async def test_any_number_of_workers_comes_to_what_processes_come_to(
     for cells, workers in WAYS:
         options = options_for(source, agent, cells, workers)
         log = tmp_path / f"{cells}-{workers}.mcap"
-        outcome = await run(options, log, asyncio.Event())
+        outcome = await run(RunRequest(options, log), asyncio.Event())
         assert outcome.completeness is not None
         assert outcome.completeness.whole
         one = played(log)
@@ -338,7 +344,11 @@ async def test_a_worker_that_dies_ends_the_run_and_is_named(tmp_path: Path) -> N
                     child.kill()
 
     with pytest.raises(SwarmError, match=r"^(coordinator: )?worker/1: must "):
-        await run(options, tmp_path / "log.mcap", asyncio.Event(), on_progress)
+        await run(
+            RunRequest(options, tmp_path / "log.mcap"),
+            asyncio.Event(),
+            Watcher(on_progress),
+        )
     recording = Recording.open(tmp_path / "log.mcap")
     assert recording.cut is None
     assert "worker/1" in recording.completeness().missing

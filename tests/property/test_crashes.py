@@ -22,6 +22,7 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
+from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.run import run
 from tests.support.hypothesis_settings import cases
@@ -215,7 +216,7 @@ def test_the_last_tick_done_again_ends_the_run(whole: Path, tmp_path: Path) -> N
     options, past = find_resume_point(whole, Recording.open(whole).options.ticks - 1)
     log = tmp_path / "again.mcap"
     inline = msgspec.structs.replace(options, cells="inline")
-    outcome = asyncio.run(run(inline, log, asyncio.Event(), past=past))
+    outcome = asyncio.run(run(RunRequest(inline, log, past), asyncio.Event()))
     assert outcome.totals.ticks == options.ticks
     verdict = verify(log)
     assert (verdict.same, verdict.complete) == (True, True)

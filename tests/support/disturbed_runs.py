@@ -4,7 +4,7 @@ import asyncio
 import contextlib
 import signal
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import msgspec
 import psutil
@@ -14,14 +14,19 @@ from neurosnap.errors import RecordingError
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.verify import verify
-from neurosnap.runtime.restart import Restart, run_with_restarts
+from neurosnap.runtime.request import Outcome, RunRequest, Site
 from neurosnap.runtime.restart_policy import Supervision
-from neurosnap.runtime.run import Outcome, run
+from neurosnap.runtime.run import run
+from neurosnap.runtime.watcher import Watcher
 from tests.support import run_options
 from tests.support.course import course
 
+if TYPE_CHECKING:
+    from neurosnap.runtime.watcher import Restart
+
 PATH = "neurosnap/Path-v0"
 SENSORS = 4
+HERE = Site()
 ENDLESS = 1_000_000  # ticks; whoever runs so many is ended by an event
 
 
@@ -92,9 +97,9 @@ class Disturbed:
         return asyncio.run(self.running(*killings))
 
     async def running(
-        self, *killings: tuple[int, tuple[str, ...]], **where: Any
+        self, *killings: tuple[int, tuple[str, ...]], site: Site = HERE
     ) -> Outcome:
-        """Make the run; `where` as `run_with_restarts` takes it."""
+        """Make the run, its parts at `site`."""
         stop = asyncio.Event()
 
         def on_progress(tick: int) -> None:
@@ -115,15 +120,11 @@ class Disturbed:
             elif killings and life == len(killings) and tick > begun:
                 stop.set()
 
-        return await run_with_restarts(
-            self._options,
-            self._log,
-            stop,
-            self._supervision,
-            on_progress=on_progress,
-            on_restart=self.restarts.append,
-            **where,
+        request = RunRequest(
+            self._options, self._log, site=site, supervision=self._supervision
         )
+        watcher = Watcher(on_progress, on_restart=self.restarts.append)
+        return await run(request, stop, watcher)
 
     def strike(self, victims: tuple[str, ...]) -> bool:
         """Kill these parts at once; tell whether all of them were there."""
@@ -150,7 +151,7 @@ def check_same(
     """Check that a run came to what an undisturbed one of as many ticks comes to."""
     ticks = outcome.totals.ticks
     inline = msgspec.structs.replace(options, ticks=ticks, cells="inline", split=0)
-    undisturbed = asyncio.run(run(inline, calm, asyncio.Event()))
+    undisturbed = asyncio.run(run(RunRequest(inline, calm), asyncio.Event()))
     assert undisturbed.totals.ticks == ticks
     assert outcome.implications == undisturbed.implications
     assert course(log, ticks) == course(calm)

@@ -15,7 +15,9 @@ from neurosnap.protocol.run_options import (
     WiringKind,
 )
 from neurosnap.recording.read.recording import Recording
-from neurosnap.runtime.run import Outcome, run
+from neurosnap.runtime.request import Outcome, RunRequest
+from neurosnap.runtime.run import run
+from neurosnap.runtime.watcher import Watcher
 from neurosnap.sources.open import open_source
 
 SENSORS = 8
@@ -98,5 +100,7 @@ async def play(
     on_progress: Callable[[int], None] = lambda _: None,
 ) -> Played:
     """Run a swarm and read what was recorded."""
-    outcome = await run(options, log, stop or asyncio.Event(), on_progress)
+    outcome = await run(
+        RunRequest(options, log), stop or asyncio.Event(), Watcher(on_progress)
+    )
     return Played(log, outcome)

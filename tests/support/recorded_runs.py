@@ -17,6 +17,7 @@ from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.replay import Replay
 from neurosnap.recording.write.writer import Writer
+from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from neurosnap.sources.protocol import Argument
 from tests.support.run_options import options_for
@@ -122,7 +123,10 @@ def scripted_run(
         cells="inline",
     )
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("neurosnap.runtime.inline.open_source", lambda *_: Scripted(rows))
+        patch.setattr(
+            "neurosnap.runtime.parts.world_process.open_source",
+            lambda *_: Scripted(rows),
+        )
         return recorded(options, log)
 
 
@@ -136,7 +140,7 @@ def _options(
 
 
 def recorded(options: RunOptions, log: Path) -> Path:
-    asyncio.run(run(options, log, asyncio.Event()))
+    asyncio.run(run(RunRequest(options, log), asyncio.Event()))
     return log
 
 

@@ -13,7 +13,9 @@ from neurosnap.agent.body import Body
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions, SnapshotKind, WiringKind
 from neurosnap.recording.replay.resume import find_resume_point
-from neurosnap.runtime.run import Outcome, run
+from neurosnap.runtime.request import Outcome, RunRequest
+from neurosnap.runtime.run import run
+from neurosnap.runtime.watcher import Watcher
 from neurosnap.sources.open import open_source
 
 PATH = "neurosnap/Path-v0"
@@ -88,7 +90,7 @@ def recorded_run(
             if stop_at is not None and tick >= stop_at:
                 stop.set()
 
-        return await run(options, log, stop, on_progress, past)
+        return await run(RunRequest(options, log, past), stop, Watcher(on_progress))
 
     return asyncio.run(work())
 

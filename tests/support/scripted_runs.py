@@ -8,8 +8,10 @@ import pytest
 from neurosnap.agent.body import Body
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.runtime.inline import run_inline
-from neurosnap.runtime.run import describe
+from neurosnap.runtime.incarnation import describe
+from neurosnap.runtime.request import RunRequest
+from neurosnap.runtime.run import run
+from tests.support.inline_site import InlineSite
 from tests.support.scripted_sources import Scripted
 
 ACTIONS = ("go", "stay")
@@ -31,7 +33,9 @@ def record_scripted(
 ) -> Path:
     """Record what comes of a source."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("neurosnap.runtime.inline.open_source", lambda *_: source)
-        facts, stop = describe(options), asyncio.Event()
-        asyncio.run(run_inline(options, log, facts, past, stop, lambda _: None))
+        patch.setattr(
+            "neurosnap.runtime.parts.world_process.open_source", lambda *_: source
+        )
+        _facts, stop = describe(options), asyncio.Event()
+        asyncio.run(run(RunRequest(options, log, past, site=InlineSite()), stop))
     return log

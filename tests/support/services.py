@@ -16,6 +16,7 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.fit_agent import body_of
+from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from neurosnap.sources.open import open_source
 from tests.support.commands import Command
@@ -116,7 +117,7 @@ def in_one_piece(ticks: int, log: Path) -> Path:
         seed=3,
         cells="inline",
     )
-    asyncio.run(run(options, log, asyncio.Event()))
+    asyncio.run(run(RunRequest(options, log), asyncio.Event()))
     return log
 
 

@@ -8,8 +8,10 @@ import msgspec
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.replay.resume import find_resume_point
-from neurosnap.runtime.inline import run_inline
-from neurosnap.runtime.run import describe
+from neurosnap.runtime.incarnation import describe
+from neurosnap.runtime.request import RunRequest
+from neurosnap.runtime.run import run
+from tests.support.inline_site import InlineSite
 
 
 def spread(options: RunOptions, workers: int = 2) -> RunOptions:
@@ -24,8 +26,8 @@ def worker_run(
     """Record a run of any kind of cells, with all of them in this process."""
 
     async def work() -> None:
-        facts, stop = describe(options), asyncio.Event()
-        await run_inline(options, log, facts, past, stop, lambda _: None)
+        _facts, stop = describe(options), asyncio.Event()
+        await run(RunRequest(options, log, past, site=InlineSite()), stop)
 
     asyncio.run(work())
     return options

@@ -22,6 +22,7 @@ from neurosnap.agent.growth.birth import Birth
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime.fit_agent import body_of
+from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from neurosnap.sources.open import open_source
 from tools.bench.report import Line, Sizes
@@ -94,7 +95,7 @@ class _Spans:
 
 
 def _spans(options: RunOptions, log: Path) -> _Spans:
-    asyncio.run(run(options, log, asyncio.Event()))
+    asyncio.run(run(RunRequest(options, log), asyncio.Event()))
     return _Spans(log)
 
 

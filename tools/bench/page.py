@@ -14,6 +14,7 @@ from neurosnap.agent.body import Body
 from neurosnap.apps.viewer.server import serving
 from neurosnap.apps.viewer.session import ViewSession
 from neurosnap.protocol.run_options import RunOptions
+from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from tools.bench.report import Line, Sizes
 from tools.browser import NO_BROWSER, browsing, chromium, wait_shown
@@ -115,7 +116,7 @@ async def walks(folder: Path, sensors: int, ticks: int) -> Path:
         source=str(readings), body=Body(own=tuple(names)), ticks=ticks, cells="inline"
     )
     log = folder / f"{sensors}.mcap"
-    await run(options, log, asyncio.Event())
+    await run(RunRequest(options, log), asyncio.Event())
     return log
 
 

@@ -7,7 +7,9 @@ from functools import partial
 import msgspec
 
 from neurosnap.depth.probe import Measured, ProbeJob, ProbePlan
-from neurosnap.runtime.launch import Ending, Plan, run_processes
+from neurosnap.runtime.launch import Ending, Jobs, host_jobs, launch
+from neurosnap.runtime.request import Site
+from neurosnap.runtime.watcher import Watcher
 from tools.bench.spent import Spent
 
 _ENDLESS = 10**9
@@ -18,7 +20,7 @@ def probe(plan: ProbePlan) -> Ending:
     """Return how a swarm ended that passed all waves of a plan."""
 
     async def run() -> Ending:
-        return await run_processes(_swarm(plan), asyncio.Event())
+        return await launch(_swarm(plan), Site(), asyncio.Event())
 
     return asyncio.run(run())
 
@@ -40,7 +42,7 @@ def spent_a_wave(plan: ProbePlan) -> dict[str, float]:
             if wave > plan.warmup + 2 * plan.waves:
                 stop.set()
 
-        await run_processes(_swarm(endless), stop, look)
+        await launch(_swarm(endless), Site(), stop, Watcher(look))
 
     asyncio.run(run())
     return spent.a_tick(plan.waves)
@@ -81,17 +83,12 @@ async def _while_up(plan: ProbePlan, weigh: Callable[[], float]) -> tuple[float,
     async with asyncio.TaskGroup() as group:
         measuring = group.create_task(measure(), name="bench/memory")
         try:
-            await run_processes(
-                _swarm(endless), stop, lambda tick: up.set() if tick else None
-            )
+            watcher = Watcher(lambda tick: up.set() if tick else None)
+            await launch(_swarm(endless), Site(), stop, watcher)
         finally:
             measuring.cancel()
     return seconds, found
 
 
-def _swarm(plan: ProbePlan) -> Plan:
-    return Plan(
-        cells=plan.sensors,
-        workers=plan.workers,
-        coordinator=partial(ProbeJob, plan),
-    )
+def _swarm(plan: ProbePlan) -> Jobs:
+    return Jobs(partial(ProbeJob, plan), host_jobs(plan.sensors, plan.workers))

@@ -7,7 +7,8 @@ from pathlib import Path
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.replay.verify import verify as replay
 from neurosnap.runtime.fit_agent import body_of
-from neurosnap.runtime.run import Outcome, run
+from neurosnap.runtime.request import Outcome, RunRequest
+from neurosnap.runtime.run import run
 from neurosnap.sources.open import open_source
 from tools.bench.report import Line, Sizes, ratio_of_pairs
 
@@ -90,6 +91,6 @@ def run_once(options: RunOptions, log: Path | None = None) -> Outcome:
     """Make a run; None: not recorded."""
 
     async def once() -> Outcome:
-        return await run(options, log, asyncio.Event())
+        return await run(RunRequest(options, log), asyncio.Event())
 
     return asyncio.run(once())

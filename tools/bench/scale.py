@@ -18,7 +18,9 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from neurosnap.protocol.run_options import LearningKind
+from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
+from neurosnap.runtime.watcher import Watcher
 from tools.bench.kinds import line_options
 from tools.bench.report import Line, Sizes
 from tools.bench.spent import Spent
@@ -62,7 +64,9 @@ def _spent(count: int, learning: LearningKind, folder: Path) -> dict[str, float]
         keyframe_every=1 << 20,
     )
     spent = Spent(_BEGIN)
-    asyncio.run(run(options, at / "run.mcap", asyncio.Event(), spent.look))
+    asyncio.run(
+        run(RunRequest(options, at / "run.mcap"), asyncio.Event(), Watcher(spent.look))
+    )
     shutil.rmtree(at)
     found = spent.a_tick(ticks // 2)
     return found | {"worker": found["worker"] / _WORKERS}

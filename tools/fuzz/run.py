@@ -16,8 +16,10 @@ from neurosnap.fabric.in_memory import matches
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
-from neurosnap.runtime.inline import run_inline
-from neurosnap.runtime.run import describe
+from neurosnap.runtime.incarnation import describe
+from neurosnap.runtime.request import RunRequest
+from neurosnap.runtime.run import run
+from tests.support.inline_site import InlineSite
 
 SENSORS = 4
 """Sensors of the run, and so its cells."""
@@ -69,8 +71,8 @@ def honest_run(folder: Path, workers: int = 0) -> Honest:
     )
 
     async def once() -> None:
-        facts = describe(options)
-        await run_inline(options, log, facts, None, asyncio.Event(), lambda _: None)
+        describe(options)
+        await run(RunRequest(options, log, site=InlineSite()), asyncio.Event())
 
     asyncio.run(once())
     deliveries = [recorded.delivery for recorded in Recording.open(log).messages()]

@@ -21,8 +21,8 @@ from neurosnap.errors import SwarmError
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.write.rotation import Split
+from neurosnap.runtime.incarnation import describe
 from neurosnap.runtime.restart_files import RestartFiles
-from neurosnap.runtime.run import describe
 from neurosnap.sources.open import open_source
 from tools.simulate.check import WrongError, check
 from tools.simulate.disk import Disk

@@ -42,9 +42,10 @@ from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.parts.intake_process import INTAKE
-from neurosnap.runtime.restart import Restart, run_with_restarts
+from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.restart_policy import Supervision
 from neurosnap.runtime.run import run
+from neurosnap.runtime.watcher import Restart, Watcher
 from neurosnap.sources.open import open_source
 from tools.arguments import in_bytes
 from tools.soak.killer import Killer, Killing, summary
@@ -126,20 +127,20 @@ async def soak(
 
     hunting = asyncio.create_task(hunt(), name="soak/killer")
     try:
-        outcome = await run_with_restarts(
+        request = RunRequest(
             msgspec.structs.replace(options, ticks=_ENDLESS),
             log,
-            stop,
-            Supervision(max_restarts=_restarts(kills), backoff=0.0),
-            on_progress=killer.follow,
-            on_restart=on_restart,
+            supervision=Supervision(max_restarts=_restarts(kills), backoff=0.0),
+        )
+        outcome = await run(
+            request, stop, Watcher(killer.follow, on_restart=on_restart)
         )
     finally:
         hunting.cancel()
     ticks = outcome.totals.ticks
     alone = {"cells": "inline", "learning": "coordinator", "split": 0}
     inline = msgspec.structs.replace(options, ticks=ticks, **alone)
-    await run(inline, calm, asyncio.Event())
+    await run(RunRequest(inline, calm), asyncio.Event())
     found = _look(log, killer, time.perf_counter() - began)
     found.equal = _course(calm, ticks) == _course(log, ticks)
     found.left.remove(calm.name)

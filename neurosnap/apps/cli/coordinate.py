@@ -78,6 +78,7 @@ def coordinate(
     """
     from neurosnap.apps.cli import output
     from neurosnap.recording.replay.resume import past_of
+    from neurosnap.runtime.request import RunRequest, Site
     from neurosnap.runtime.run import run as run_swarm
 
     with errors():
@@ -95,21 +96,11 @@ def coordinate(
             *options.host_names(),
             *(["recorder"] if prepared.log else []),
         ]
-        with output.progress(screen, "ticks", options.ticks) as on_progress:
-            outcome = run_async(
-                lambda stop: run_swarm(
-                    options,
-                    None,
-                    stop,
-                    on_progress,
-                    past,
-                    network=network,
-                    swarm=swarm,
-                    elsewhere=frozenset(parts),
-                    patience=patience,
-                    on_change=lambda change: output.changed(screen, change),
-                )
-            )
+        site = Site(network, swarm=swarm, elsewhere=frozenset(parts), patience=patience)
+        request = RunRequest(options, None, past, site)
+        with output.progress(screen, "ticks", options.ticks) as on_tick:
+            watcher = output.watcher(screen, on_tick)
+            outcome = run_async(lambda stop: run_swarm(request, stop, watcher))
         output.outcome(say(as_json), options, outcome, None)
         if as_json:
             facts = output.outcome_facts(options, outcome, None)

@@ -21,6 +21,7 @@ from rich.table import Table
 from neurosnap.apps.growth_text import changed_line, grown_text
 from neurosnap.health.news import Newsreader
 from neurosnap.protocol.anomaly_messages import few
+from neurosnap.runtime.watcher import Restart, Watcher
 from neurosnap.sensorium import visible
 from neurosnap.system.picture import KINDS
 
@@ -39,8 +40,7 @@ if TYPE_CHECKING:
     from neurosnap.protocol.totals import Totals
     from neurosnap.recording.replay.verify import Verdict
     from neurosnap.runtime.registry import Note, Part
-    from neurosnap.runtime.restart import Restart
-    from neurosnap.runtime.run import Outcome
+    from neurosnap.runtime.request import Outcome
 
 _MOST = 24  # implications shown; all of them are in `neurosnap graph`
 
@@ -103,20 +103,21 @@ def health_facts(standing: Standing) -> dict[str, object]:
     return {"progress": msgspec.structs.asdict(standing.progress), "alarms": alarms}
 
 
-def changed(console: Console, change: Changed) -> None:
-    """Say that a sensor was grown, or retired."""
-    _plain(console, changed_line(change))
-
-
-def health_news(console: Console) -> Callable[[Standing], None]:
-    """Return what says of each standing of a home's sensors what is new in it."""
+def watcher(console: Console, on_tick: Callable[[int], None]) -> Watcher:
+    """Return what prints a run's restarts, changes and news of health."""
     reader = Newsreader()
+
+    def on_change(change: Changed) -> None:
+        _plain(console, changed_line(change))
 
     def on_health(standing: Standing) -> None:
         for line in reader.lines(standing):
             _plain(console, visible(line))
 
-    return on_health
+    def on_restart(event: Restart) -> None:
+        restart(console, event)
+
+    return Watcher(on_tick, on_change, on_health, on_restart)
 
 
 def _plain(console: Console, line: str) -> None:

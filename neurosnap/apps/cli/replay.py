@@ -155,9 +155,7 @@ def _resume(log: Path, ticks: int | None, out: Path | None, as_json: bool) -> No
     from neurosnap.apps.cli import output
     from neurosnap.recording.read.recording import part_path
     from neurosnap.recording.replay.resume import find_resume_point
-    from neurosnap.runtime.journaled_run import run_journaled
-    from neurosnap.runtime.parts.world_process import WayIn
-    from neurosnap.runtime.run import Outcome
+    from neurosnap.runtime.request import RunRequest
     from neurosnap.runtime.run import run as run_swarm
     from neurosnap.sources.open import open_source
 
@@ -172,25 +170,10 @@ def _resume(log: Path, ticks: int | None, out: Path | None, as_json: bool) -> No
         raise InvalidValueError("ticks", rule, most)
     options = msgspec.structs.replace(options, ticks=most)
     new = new_log(options.source, out)
-    on_health = output.health_news(screen)
-    with output.progress(screen, "ticks", options.ticks) as on_progress:
-
-        async def work(stop: asyncio.Event) -> Outcome:
-            async def swarm_of(way_in: WayIn | None) -> Outcome:
-                return await run_swarm(
-                    options,
-                    new,
-                    stop,
-                    on_progress,
-                    past,
-                    way_in=way_in,
-                    on_change=lambda change: output.changed(screen, change),
-                    on_health=on_health,
-                )
-
-            return await run_journaled(options, new, swarm_of, past)
-
-        outcome = run_async(work)
+    request = RunRequest(options, new, past)
+    with output.progress(screen, "ticks", options.ticks) as on_tick:
+        watcher = output.watcher(screen, on_tick)
+        outcome = run_async(lambda stop: run_swarm(request, stop, watcher))
     written = part_path(new, past.part)
     output.outcome(say(as_json), options, outcome, written)
     if as_json:

@@ -5,7 +5,6 @@ from typing import Annotated
 
 import typer
 
-from neurosnap.agent.growth.changed import Changed
 from neurosnap.apps.cli.broker import brokered
 from neurosnap.apps.cli.config import described
 from neurosnap.apps.cli.options import (
@@ -82,11 +81,8 @@ def run(
 ) -> None:
     """Learn from a world, a file or live sensors, and record everything."""
     from neurosnap.apps.cli import output
-    from neurosnap.runtime.journaled_run import run_journaled
-    from neurosnap.runtime.parts.world_process import WayIn
     from neurosnap.runtime.preflight import check_cells
-    from neurosnap.runtime.restart import run_with_restarts
-    from neurosnap.runtime.run import Outcome
+    from neurosnap.runtime.request import Outcome, RunRequest, Site
     from neurosnap.runtime.run import run as run_swarm
 
     with errors():
@@ -108,54 +104,25 @@ def run(
             screen.print(prepared.chosen, markup=False, soft_wrap=True)
         if log is not None:
             log.parent.mkdir(exist_ok=True)
-        on_health = output.health_news(screen)
+        request = RunRequest(
+            options,
+            log,
+            site=Site(network, prepared.placement, swarm, away),
+            supervision=prepared.supervision,
+        )
         with output.progress(screen, "ticks", options.ticks) as show_tick:
 
-            def on_progress(tick: int) -> None:
+            def on_tick(tick: int) -> None:
                 show_tick(tick)
                 service.progress(tick)
-
-            def on_change(change: Changed) -> None:
-                output.changed(screen, change)
 
             def tell(outcome: Outcome) -> None:
                 output.outcome(say(as_json), options, outcome, log)
 
-            async def work(stop: asyncio.Event) -> Outcome:
-                return await run_journaled(
-                    options, log, lambda way_in: swarm_of(stop, way_in)
-                )
+            watcher = output.watcher(screen, on_tick)
 
-            async def swarm_of(stop: asyncio.Event, way_in: WayIn | None) -> Outcome:
-                if log is None or options.cells == "inline":
-                    return await run_swarm(
-                        options,
-                        log,
-                        stop,
-                        on_progress,
-                        network=network,
-                        swarm=swarm,
-                        elsewhere=away,
-                        way_in=way_in,
-                        placement=prepared.placement,
-                        on_change=on_change,
-                        on_health=on_health,
-                    )
-                return await run_with_restarts(
-                    options,
-                    log,
-                    stop,
-                    prepared.supervision,
-                    on_progress=on_progress,
-                    on_restart=lambda event: output.restart(screen, event),
-                    network=network,
-                    swarm=swarm,
-                    elsewhere=away,
-                    way_in=way_in,
-                    placement=prepared.placement,
-                    on_change=on_change,
-                    on_health=on_health,
-                )
+            async def work(stop: asyncio.Event) -> Outcome:
+                return await run_swarm(request, stop, watcher)
 
             if view and log is not None:
                 outcome = run_async(lambda stop: viewed(log, stop, work, tell))

@@ -15,13 +15,12 @@ from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.recording.replay.resume import past_at
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.hosts.numbers import Numbers
+from neurosnap.runtime.incarnation import recorder_job
 from neurosnap.runtime.parts.cell_process import CellJob
 from neurosnap.runtime.parts.job import Job
-from neurosnap.runtime.parts.recorder_process import RecorderJob
 from neurosnap.runtime.parts.run_description import RunDescription
 from neurosnap.runtime.parts.worker_process import WorkerJob
 from neurosnap.runtime.parts.world_process import WorldJob
-from neurosnap.runtime.run import describe
 from neurosnap.sources.camera import try_camera
 from neurosnap.sources.open import open_source
 
@@ -118,8 +117,7 @@ def recorder(
         options = description.options
         if sync is not None:
             options = msgspec.structs.replace(options, sync=sync)
-        metadata = {**describe(options), "swarm": swarm}
-        job = RecorderJob(str(new_log()), metadata, past, heard)
+        job = recorder_job(options, new_log(), past, swarm, heard)
         return [RemotePart("recorder", job, lingers=True)]
 
     return choose

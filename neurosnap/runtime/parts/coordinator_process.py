@@ -8,7 +8,7 @@ import msgspec
 
 from neurosnap.errors import SwarmError
 from neurosnap.fabric.events import wait_at_most
-from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.fabric.protocol import Fabric
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
@@ -51,9 +51,12 @@ def coordinator_for(options: RunOptions, past: ResumePoint | None) -> Coordinato
 def answer_within(options: RunOptions) -> float | None:
     """Return how many seconds the world may take to answer; None: as long as it takes.
 
-    What is outside says something when something happens there, and not before.
+    What is outside says something when something happens there, and not before. In an
+    inline run nothing else goes on while the world works.
     """
-    return None if is_live(options.source) else _TRIES * options.deadline
+    if options.cells == "inline" or is_live(options.source):
+        return None
+    return _TRIES * options.deadline
 
 
 class CoordinatorJob(msgspec.Struct, frozen=True):
@@ -102,7 +105,7 @@ class CoordinatorJob(msgspec.Struct, frozen=True):
 
 
 async def _wait_alone(
-    fabric: ZenohFabric, swarm: str, vacant: Collection[str], stop: asyncio.Event
+    fabric: Fabric, swarm: str, vacant: Collection[str], stop: asyncio.Event
 ) -> None:
     """Wait until nobody is left of an earlier swarm of the same name, or `stop`.
 

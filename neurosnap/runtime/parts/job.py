@@ -3,14 +3,18 @@
 import asyncio
 import traceback
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 
 from neurosnap.errors import NeurosnapError, PartDiedError
+from neurosnap.fabric.protocol import Fabric
 from neurosnap.fabric.security.credentials import Credentials
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.runtime.parts.reports import Reporter
+
+if TYPE_CHECKING:
+    from neurosnap.fabric.in_memory import MemoryHub
 
 
 class PartConnection(msgspec.Struct, frozen=True):
@@ -30,9 +34,13 @@ class PartConnection(msgspec.Struct, frozen=True):
     """It may go over a network without proof."""
     located: bool = False
     """It says where it is, for the swarm is on several machines."""
+    local: "MemoryHub | None" = None
+    """The network in memory, where all parts are tasks of one loop."""
 
-    def fabric(self, *, swift: bool = False) -> ZenohFabric:
+    def fabric(self, *, swift: bool = False) -> Fabric:
         """Return the part's end of the network, to be entered; see `ZenohFabric`."""
+        if self.local is not None:
+            return self.local.fabric(self.who, first=self.first)
         return ZenohFabric(
             self.who,
             self.swarm,

@@ -90,11 +90,20 @@ class Line(Protocol):
 
 
 class Reporter:
-    """A part's line to whoever started it; any thread may report."""
+    """A part's line to what started it; any thread may report.
 
-    def __init__(self, who: str, line: Line) -> None:
+    Args:
+        who: The part's name.
+        line: Where reports go.
+        every_tick: Report every tick; otherwise at most twenty a second, since a pipe
+            is not read faster.
+    """
+
+    def __init__(self, who: str, line: Line, *, every_tick: bool = False) -> None:
         self._who = who
         self._line = line
+        self._every_tick = every_tick
+        self._tick = -1
         self._lock = threading.Lock()  # a long report is several writes
         self._next_progress = 0.0
 
@@ -103,11 +112,12 @@ class Reporter:
         self._send(Ready(self._who))
 
     def progress(self, tick: int) -> None:
-        """Say how far it has come; some of it, for nobody reads faster than that."""
+        """Report the tick it has come to, unless one was reported a moment ago."""
         now = time.monotonic()
-        if now < self._next_progress:
+        is_next = self._every_tick and tick != self._tick
+        if now < self._next_progress and not is_next:
             return
-        self._next_progress = now + _PROGRESS
+        self._tick, self._next_progress = tick, now + _PROGRESS
         self._send(Progress(self._who, tick))
 
     def changed(self, changes: list[Changed]) -> None:

@@ -33,6 +33,7 @@ class ChildProcesses:
     """Starts every part as a process of this machine."""
 
     located = False
+    has_hub = True
 
     def __init__(self) -> None:
         self._context = multiprocessing.get_context("forkserver")

@@ -64,6 +64,7 @@ class RayActors:
     """
 
     located = True
+    has_hub = True
 
     def __init__(
         self,

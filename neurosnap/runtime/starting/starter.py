@@ -49,6 +49,8 @@ class Starter(Protocol):
 
     located: bool
     """The parts may be on several machines."""
+    has_hub: bool
+    """The parts reach each other through a hub, which is one of them."""
 
     async def open(self, listener: Listener) -> None:
         """Get ready. If that fails, nothing is left to be closed."""

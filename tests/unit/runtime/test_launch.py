@@ -1,7 +1,6 @@
 """What a launcher tells of a run, and which parts are its own."""
 
 import asyncio
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -10,10 +9,13 @@ import pytest
 from neurosnap.agent.growth.changed import Changed
 from neurosnap.health.alarm import Progress
 from neurosnap.health.news import Standing
-from neurosnap.runtime.launch import Plan, _Heard, _parts_here
-from neurosnap.runtime.network import Network
+from neurosnap.runtime.launch import Jobs, _parts_here, host_jobs
+from neurosnap.runtime.parts import reports
 from neurosnap.runtime.parts.job import PartContext
+from neurosnap.runtime.parts.reports import Grown, Health, Report
+from neurosnap.runtime.request import Site
 from neurosnap.runtime.supervisor import Supervisor
+from neurosnap.runtime.watcher import Watcher
 
 
 class NoJob:
@@ -23,43 +25,48 @@ class NoJob:
         raise NotImplementedError
 
 
-async def test_progress_is_passed_on_when_it_is_said_and_not_again() -> None:
-    supervisor, heard, heard_of = Supervisor(), list[int](), list[Changed]()
-    standings = list[Standing]()
-    passes = _Heard(supervisor, heard.append, heard_of.append, standings.append)
-    reporting = asyncio.create_task(passes.pass_on())
-    for tick in (3, 4, 4):
-        supervisor.tick = tick
-        supervisor.progressed.set()
-        for _ in range(5):
-            await asyncio.sleep(0)
-    assert heard == [3, 4, 4]
-    assert heard_of == []
-    assert standings == []
+class NoHandle:
+    """A part that was never started."""
+
+    def ask(self) -> None:
+        raise NotImplementedError
+
+    def kill(self) -> None:
+        raise NotImplementedError
+
+
+def reported(supervisor: Supervisor, *reports: Report) -> None:
+    supervisor.began("coordinator", NoHandle())
+    for report in reports:
+        supervisor.take(report)
+
+
+def test_what_parts_report_is_passed_on_in_order() -> None:
+    ticks, changes, standings = list[int](), list[Changed](), list[Standing]()
+    watcher = Watcher(ticks.append, changes.append, standings.append)
+    supervisor, who = Supervisor(watcher=watcher), "coordinator"
+    grown = Changed(4, 24, "press&a&b")
     now = [Standing(step, Progress(9, 40, 0, 2)) for step in (7, 8)]
-    supervisor.standings += map(msgspec.json.encode, now)
-    supervisor.changes.append(grown := Changed(4, 24, "press&a&b"))
-    supervisor.progressed.set()
-    for _ in range(5):
-        await asyncio.sleep(0)
-    assert heard_of == [grown]
-    assert not supervisor.changes
-    assert not supervisor.standings
-    assert standings == now
-    assert passes.health == now[-1]
-    reporting.cancel()
-    await asyncio.wait({reporting})
+    health = [Health(who, msgspec.Raw(msgspec.json.encode(each))) for each in now]
+    come = [reports.Progress(who, tick) for tick in (3, 4, 4)]
+    reported(supervisor, *come, Grown(who, [grown]), *health)
+    assert (ticks, changes, standings) == ([3, 4, 4], [grown], now)
+    assert supervisor.health == now[-1]
 
 
-async def test_an_error_of_who_is_told_ends_the_run() -> None:
-    def refuse(_: int) -> None:
+async def test_an_error_of_the_watcher_ends_the_run_and_it_is_called_no_more() -> None:
+    called: list[int] = []
+
+    def refuse(tick: int) -> None:
+        called.append(tick)
         raise LookupError("no such part")
 
-    supervisor = Supervisor()
-    supervisor.progressed.set()
-    await _Heard(supervisor, refuse, lambda _: None, lambda _: None).pass_on()
+    supervisor = Supervisor(watcher=Watcher(refuse))
+    come = [reports.Progress("coordinator", tick) for tick in (1, 2)]
+    reported(supervisor, *come)
     with pytest.raises(LookupError, match="no such part"):
         await supervisor.wait(asyncio.Event())
+    assert called == [1]
 
 
 OWN = frozenset({"hub", "coordinator", "cell/0", "cell/1"})
@@ -67,23 +74,27 @@ ELSEWHERE = frozenset({"world", "cell/1"})
 
 
 @pytest.mark.parametrize(
-    ("given", "parts"),
+    ("given", "workers", "site", "parts"),
     [
-        ({}, OWN),
-        ({"world": NoJob(), "status": NoJob()}, OWN | {"world", "watcher/outlet"}),
+        ({}, 0, Site(), OWN),
         (
-            {"log": Path("log"), "workers": 1},
+            {"world": NoJob(), "status": NoJob()},
+            0,
+            Site(),
+            OWN | {"world", "watcher/outlet"},
+        ),
+        (
+            {"recorder": lambda *_: NoJob()},
+            1,
+            Site(),
             {"hub", "coordinator", "recorder", "worker/0"},
         ),
-        (
-            {"network": Network(connect="tcp/127.0.0.1:7"), "elsewhere": ELSEWHERE},
-            {"coordinator", "cell/0"},
-        ),
-        ({"world": NoJob(), "elsewhere": ELSEWHERE}, OWN - {"cell/1"}),
+        ({"world": NoJob()}, 0, Site(elsewhere=ELSEWHERE), OWN - {"cell/1"}),
     ],
 )
-def test_the_parts_here_are_those_that_nobody_else_starts(
-    given: dict[str, Any], parts: set[str]
+def test_the_parts_here_are_those_that_are_not_started_elsewhere(
+    given: dict[str, Any], workers: int, site: Site, parts: set[str]
 ) -> None:
-    plan = Plan(cells=2, coordinator=lambda _: NoJob(), **given)
-    assert _parts_here(plan) == parts
+    jobs = Jobs(lambda _: NoJob(), host_jobs(2, workers), **given)
+    assert _parts_here(jobs, site) == parts
+    assert _parts_here(jobs, site, has_hub=False) == parts - {"hub"}

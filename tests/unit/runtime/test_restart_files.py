@@ -10,6 +10,7 @@ from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import SMALLEST, RunOptions
 from neurosnap.recording.read.recording import Recording, part_paths
+from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.run import run
 from tests.support.restart_runs import names, options_of
@@ -23,7 +24,9 @@ def recordings(
     folder, found = tmp_path_factory.mktemp("runs"), {}
     for ticks, seed in ((5, 3), (30, 3), (60, 3), (30, 4)):
         path = folder / f"{ticks}-{seed}"
-        asyncio.run(run(options_of(ticks, seed=seed), path, asyncio.Event()))
+        asyncio.run(
+            run(RunRequest(options_of(ticks, seed=seed), path), asyncio.Event())
+        )
         found[ticks, seed] = path.read_bytes()
     return found
 
@@ -158,7 +161,7 @@ def test_an_empty_file_is_nothing_to_keep(log: Path) -> None:
 
 def test_a_file_behind_a_damaged_one_is_gone_on_from(log: Path) -> None:
     options = options_of(900, split=SMALLEST)
-    asyncio.run(run(options, log, asyncio.Event()))
+    asyncio.run(run(RunRequest(options, log), asyncio.Event()))
     last = max(part_paths(log))
     assert last >= 2
     middle = part_paths(log)[last - 1]
@@ -252,7 +255,7 @@ def test_a_newest_file_that_a_power_cut_left_blank_is_passed_over(
     content: bytes, log: Path
 ) -> None:
     options = options_of(500, split=SMALLEST)
-    asyncio.run(run(options, log, asyncio.Event()))
+    asyncio.run(run(RunRequest(options, log), asyncio.Event()))
     last = max(part_paths(log))
     assert last >= 1
     before = RestartFiles(log).furthest(options)

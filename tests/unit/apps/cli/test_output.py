@@ -14,7 +14,7 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.protocol.totals import Totals
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.replay.verify import Verdict
-from neurosnap.runtime.run import Outcome
+from neurosnap.runtime.request import Outcome
 
 OPTIONS = RunOptions(source="a.csv", body=Body(own=("a", "b")), cells="inline")
 OUTCOME = Outcome(

@@ -15,7 +15,7 @@ from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import MAGIC
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
-from neurosnap.runtime.run import describe as facts_of
+from neurosnap.runtime.incarnation import describe as facts_of
 from tests.support.recordings import EACH, NOW, delivered, record, traffic
 from tools.fuzz import altered_bytes
 

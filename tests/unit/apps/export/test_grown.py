@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from neurosnap.apps.cli import app
 from neurosnap.apps.export.write import Form, export
+from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from tests.support.lamp import BIRTH, GROWN, lamp_options
 
@@ -22,7 +23,7 @@ TICKS, SENSORS = 40, 24
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("lamp") / "lamp.mcap"
     options = lamp_options(ticks=TICKS, cells="inline")
-    asyncio.run(run(options, path, asyncio.Event()))
+    asyncio.run(run(RunRequest(options, path), asyncio.Event()))
     return path
 
 

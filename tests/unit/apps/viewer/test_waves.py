@@ -17,6 +17,7 @@ from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.history import RunHistory
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.waves import first_shown, plan_at
+from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from tests.support.aliased_worlds import NAME as MAZE
 from tests.support.lamp import BIRTH, GROWN, Lamp, lamp_options
@@ -32,7 +33,7 @@ ACTIONS = ("down", "right", "in 3", "up")
 def view(tmp_path_factory: pytest.TempPathFactory) -> RunView:
     path = tmp_path_factory.mktemp("lamp") / "lamp.mcap"
     options = lamp_options(ticks=TICKS, cells="inline")
-    asyncio.run(run(options, path, asyncio.Event()))
+    asyncio.run(run(RunRequest(options, path), asyncio.Event()))
     return RunView(path)
 
 
@@ -99,7 +100,7 @@ def test_the_planner_finds_its_way_among_the_waves(world: str, tmp_path: Path) -
     options = options_for(
         world, 3, agent="planner", target=(), ticks=150, cells="inline", **more
     )
-    asyncio.run(run(options, log, asyncio.Event()))
+    asyncio.run(run(RunRequest(options, log), asyncio.Event()))
     view = RunView(log)
     for frame in view.frames(1, 150):
         waves = [each for each in frame.waves if each.kind == "signal" and each.settled]

@@ -23,6 +23,7 @@ from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.rotation import Split, SplitWriter
 from neurosnap.recording.write.salvage import salvage
 from neurosnap.recording.write.writer import Writer
+from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from tests.support.recorded_runs import csv_run, in_chunks, path_run, recorded
 
@@ -212,7 +213,7 @@ def test_a_run_that_needs_no_actions_goes_on_from_behind_the_damage(
     past = past_of(log, options)
     assert past.tick == 36
     new = tmp_path / "new.mcap"
-    outcome = asyncio.run(run(options, new, asyncio.Event(), past=past))
+    outcome = asyncio.run(run(RunRequest(options, new, past), asyncio.Event()))
     assert outcome.completeness is not None
     assert not outcome.completeness.whole
     verdict = verify(new)

@@ -15,6 +15,7 @@ from neurosnap.errors import RecordingError
 from neurosnap.protocol.run_options import SMALLEST
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.births import Birth, Births, births_of
+from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from tests.support.lamp import BIRTH, GROWN, lamp_options
 from tests.support.rewritten_recordings import changing, rewritten
@@ -93,7 +94,7 @@ def test_behind_a_gap_it_goes_on_from_the_next_key_frame() -> None:
 
 def made(log: Path, **more: object) -> None:
     options = lamp_options(cells="inline", **{"ticks": 40, **more})
-    asyncio.run(run(options, log, asyncio.Event()))
+    asyncio.run(run(RunRequest(options, log), asyncio.Event()))
 
 
 @pytest.fixture(scope="module")

@@ -23,7 +23,7 @@ from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write import rotation
 from neurosnap.recording.write.rotation import Split, SplitWriter, split_of
 from neurosnap.recording.write.writer import Writer
-from neurosnap.runtime.run import describe as facts_of
+from neurosnap.runtime.incarnation import describe as facts_of
 from tests.support.split_runs import EVERY, TICKS, content, options, overtaking, write
 
 # Each by itself, and all together -----------------------------------------------------

@@ -16,10 +16,12 @@ from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.protocol.world import World
 from neurosnap.recording.replay.verify import verify
-from neurosnap.runtime.inline import run_inline
 from neurosnap.runtime.parts.world_process import run_world
-from neurosnap.runtime.run import describe
+from neurosnap.runtime.request import RunRequest
+from neurosnap.runtime.run import run
+from neurosnap.runtime.watcher import Watcher
 from neurosnap.sensorium import pack
+from tests.support.inline_site import InlineSite
 from tests.support.patience import PATIENCE
 from tests.support.scripted_sources import Live, Scripted
 
@@ -302,7 +304,9 @@ async def test_a_swarm_in_one_process_ends_while_a_live_source_is_waited_for(
 ) -> None:
     source, log = Live(ROWS), tmp_path / "log.mcap"
     source.let_go(3)
-    monkeypatch.setattr("neurosnap.runtime.inline.open_source", lambda *_: source)
+    monkeypatch.setattr(
+        "neurosnap.runtime.parts.world_process.open_source", lambda *_: source
+    )
     options = RunOptions(
         source="scripted",
         body=PLAIN,
@@ -316,11 +320,11 @@ async def test_a_swarm_in_one_process_ends_while_a_live_source_is_waited_for(
             stop.set()
 
     async with asyncio.timeout(PATIENCE):
-        ending = await run_inline(
-            options, log, describe(options), None, stop, on_progress
+        ending = await run(
+            RunRequest(options, log, site=InlineSite()), stop, Watcher(on_progress)
         )
     assert ending.stopped
-    assert ending.result.totals.ticks == 3
+    assert ending.totals.ticks == 3
     assert source.closed
     verdict = verify(log)
     assert (verdict.difference, verdict.complete, verdict.ticks) == (None, True, 3)
