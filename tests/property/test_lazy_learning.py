@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.poc.learning.update_kernels_lazy import CALM, DENSE, FREE
 from tests.support.eager_learning import EagerCounts
-from tests.support.hypothesis_settings import examples
 
 Bits = NDArray[np.uint8]
 
@@ -121,7 +120,6 @@ def test_it_can_be_read_saved_and_interrupted_at_any_time(
     eager.assert_same(lazy)
 
 
-@examples(25)
 @given(sources(), st.booleans(), st.integers(0, 150))
 def test_an_unknown_reading_finds_all_counted(
     rows: Bits, auto: bool, more: int
@@ -133,12 +131,7 @@ def test_an_unknown_reading_finds_all_counted(
         lazy.learn(bits)
         eager.learn(bits)
     lazy.learn(rows[-1], known=np.zeros(count, np.bool_))
-    i, j = np.tril_indices(count, -1)
-    first, second, ticks = eager.marginals[i], eager.marginals[j], eager.clock
-    alone, other = first - eager.joints, second - eager.joints
-    neither = ticks - first - other
-    expected = np.stack([eager.joints, alone, other, neither])
-    np.testing.assert_array_equal(lazy.arrays()["squares"], expected)
+    np.testing.assert_array_equal(lazy.arrays()["squares"], eager.squares())
     # And from there on as it is in one that was saved before: nothing is put off.
     again = EmpiricalSnapshot.from_bytes(lazy.to_bytes())
     for bits in rows[:more]:
@@ -199,7 +192,6 @@ def test_counts_may_be_as_large_as_they_get() -> None:
     plain.clock = clock
     plain.marginals[:], plain.joints[:] = marginals, joints
     plain.codes[:] = lazy.codes
-    plain.rows[:] = lazy._rows
     rng = np.random.default_rng(3)
     rows = rows_of("rates", sensors, 290, rng)
     for bits in rows:

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.learning import update_kernels as kernels
 from neurosnap.poc.learning.archive import Arrays, entry
 from neurosnap.poc.learning.columns import Columns
 from neurosnap.poc.learning.pair_counts import OnProgress, count_pairs, last_changes
@@ -181,27 +180,9 @@ class EmpiricalSnapshot(Snapshot):
     def _update(self) -> bool:
         if self._persistence is not None:
             self._persistence.note(self._bits, self._known)
-        weights, clock = self._weights, self._clock + 1
-        if weights.squares is not None:
-            return self._count(clock)
-        if self._lag is None:
+        if self._lag is None and self._weights.squares is None:
             self._lag = Lag.starting(len(self.sensorium), self._codes.size, self._clock)
-        return bool(
-            learn_lazily(
-                self._bits,
-                weights.joints,
-                weights.marginals,
-                clock,
-                clock + self._skipped,
-                self._by_pair,
-                self._codes,
-                self._rows,
-                self._since,
-                self._latest,
-                self._lag,
-                *self._choosing(),
-            )
-        )
+        return self._count(self._clock + 1, self._lag)
 
     def _settle(self) -> None:
         if self._lag is not None:
@@ -217,8 +198,14 @@ class EmpiricalSnapshot(Snapshot):
         kept, first = self._persistence, self._share.start
         return (None, None, first) if kept is None else (kept.spells, kept.turns, first)
 
-    def _count(self, clock: int) -> bool:
-        """Count what is known of the bits at hand and derive the graph for `clock`."""
+    def _count(self, clock: int, lag: Lag | None = None) -> bool:
+        """Count what is known of the bits at hand and derive the graph for `clock`.
+
+        Args:
+            clock: The number of observations, this one included.
+            lag: What is put off where all readings are known; None: every pair is
+                judged.
+        """
         weights, tick = self._weights, clock + self._skipped
         if weights.squares is not None:
             return bool(
@@ -237,15 +224,21 @@ class EmpiricalSnapshot(Snapshot):
                     *self._choosing(),
                 )
             )
+        if lag is None:
+            lag = Lag.starting(len(self.sensorium), self._codes.size, clock)
         return bool(
-            kernels.learn_counts(
+            learn_lazily(
                 self._bits,
                 weights.joints,
                 weights.marginals,
                 clock,
+                tick,
                 self._by_pair,
                 self._codes,
                 self._rows,
+                self._since,
+                self._latest,
+                lag,
                 *self._choosing(),
             )
         )

@@ -1,10 +1,19 @@
-"""The discounted weights of one pair of sensors, in plain Python.
+"""What the weights of one pair of sensors say of it, and its discounted weights.
 
-A cell works with them, and its process loads neither numpy nor numba: so here is, for
-one pair, what `neurosnap.poc.learning.update_kernels_partial` compiles for many. Each
-operation on floats is done in the same order there, so that the results are the same
-bits.
+`code_of` is the one derivation of a code: all kernels of learning compile it into their
+loops. A cell, whose process loads neither numpy nor numba, runs it as plain Python:
+each operation on floats is done in the same order in both, so that the results are the
+same bits.
+
+**The codes are frozen.** They are sent to the workers and the recorder, stand in
+key-frames and are compared bit for bit by a replay.
 """
+
+from typing import Any, TypeAlias
+
+Weight: TypeAlias = Any
+"""A float or a whole number of 32 bits. The type of the latter is numpy's, which is not
+imported here."""
 
 SLACK = 1e-12
 """By how much a discounted weight must be smaller to count as smaller."""
@@ -13,6 +22,54 @@ TINY = 1e-300
 slower; what is as small as this is 0 to every comparison already."""
 LENGTH = 8192
 """Ticks that a history keeps unless told otherwise: 2 kB a sensor."""
+
+
+def code_of(
+    w11: Weight,
+    w10: Weight,
+    w01: Weight,
+    w00: Weight,
+    limit: Weight,
+    slack: float | None,
+) -> tuple[int, bool, bool]:
+    """Return the code of a pair ([GK] eqn:virtual implication).
+
+    ``a -> b`` iff ``w_ab* < min(limit, w_ab, w_a*b, w_a*b*)``, and ``a <-> b`` iff
+    ``w_ab* = w_a*b = 0``. It has no branch, so that a loop over pairs becomes vector
+    instructions.
+
+    Args:
+        w11: The weight of both on: ``w_ij``; whole numbers of 32 bits, or floats.
+        w10: ``w_ij*``.
+        w01: ``w_i*j``.
+        w00: ``w_i*j*``.
+        limit: What the weight against an implication must be less than.
+        slack: By how much a float must be smaller to count as smaller, and above what
+            it is not 0; None for whole numbers, which are compared exactly.
+
+    Returns:
+        The code, see `neurosnap.poc.learning.pair_codes`; whether it is an implication
+        (and no equivalence) with the lesser of ``w_ij*`` and ``w_i*j`` against it; and
+        whether one with the lesser of ``w_ij`` and ``w_i*j*`` against it.
+    """
+    mixed, like = min(w10, w01), min(w11, w00)
+    more, most = max(w10, w01), max(w11, w00)
+    if slack is None:
+        equal, opposite = more == 0, most == 0
+        up = (mixed < min(more, like)) & (mixed < limit)
+        down = (like < min(most, mixed)) & (like < limit)
+    else:
+        # Rounding may take a weight below 0; an equivalence excludes the rest all the
+        # same.
+        equal, opposite = more <= slack, most <= slack
+        loose = not (equal | opposite)
+        up = loose & (mixed < min(min(more, like), limit) - slack)
+        down = loose & (like < min(min(most, mixed), limit) - slack)
+    code = 0
+    code = (1 if w10 < w01 else 2) if up else code
+    code = (4 if w11 < w00 else 8) if down else code
+    code = 3 if equal else code
+    return (12 if opposite else code), up, down
 
 
 def weighed(
@@ -56,17 +113,8 @@ def weighed(
         w10 = _faded(w10, decay, gain if bit and not other else 0.0)
         w01 = _faded(w01, decay, gain if not bit and other else 0.0)
         w00 = _faded(w00, decay, gain if not bit and not other else 0.0)
-        mixed, like = min(w10, w01), min(w11, w00)
-        more, most = max(w10, w01), max(w11, w00)
-        equal, opposite = more <= SLACK, most <= SLACK
-        loose = not (equal or opposite)
-        up = loose and mixed < min(min(more, like), share) - SLACK
-        down = loose and like < min(min(most, mixed), share) - SLACK
-        code = (1 if w10 < w01 else 2) if up else 0
-        code = (4 if w11 < w00 else 8) if down else code
-        code = 3 if equal else code
-        code = 12 if opposite else code
-        shift = mixed if up else (-like if down else 0.0)
+        code, up, down = code_of(w11, w10, w01, w00, share, SLACK)
+        shift = min(w10, w01) if up else (-min(w11, w00) if down else 0.0)
         w11, w00 = w11 + shift, w00 + shift
         w10, w01 = w10 - shift, w01 - shift
     return (w11, w10, w01, w00), code

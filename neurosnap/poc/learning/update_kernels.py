@@ -9,89 +9,18 @@ of 32-bit arithmetic back (numba widens it): so the compiler makes vector instru
 of them.
 """
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.poc.learning.one_pair import SLACK
-from neurosnap.poc.learning.update_kernels_auto import MARK, START, withstand
+from neurosnap.poc.learning.one_pair import SLACK, code_of
+from neurosnap.poc.learning.update_kernels_auto import MARK
 from neurosnap.poc.order.kernels import spread
 from neurosnap.poc.order.literals import Words
 from neurosnap.system.compiled import njit
 
 _ONE = np.uint64(1)
-
-
-@njit()
-def learn_counts(
-    bits: NDArray[np.uint8],
-    joints: NDArray[np.uint32],
-    marginals: NDArray[np.uint32],
-    clock: int,
-    threshold: NDArray[np.float64],
-    codes: NDArray[np.uint8],
-    rows: Words,
-    spells: NDArray[np.uint32] | None = None,
-    turns: NDArray[np.uint8] | None = None,
-    first: int = 0,
-) -> bool:
-    """Count one observation and derive the graph anew ([GK] defn:empirical snapshot).
-
-    ``n_i += x_i``, ``n_ij += x_i x_j``, then ``a -> b`` iff
-    ``w_ab* < min(tau clock, w_ab, w_a*b, w_a*b*)``, and ``a <-> b`` iff
-    ``w_ab* = w_a*b = 0``. With no bit on it only derives.
-
-    Args:
-        bits: ``(N,)``, 0 or 1.
-        joints: ``(N (N - 1) / 2,)``, updated; or as many as some rows have.
-        marginals: ``(N,)``, updated.
-        clock: The number of observations, this one included; at least 1.
-        threshold: ``(1,)`` for all pairs, or one a pair.
-        codes: One a pair, updated.
-        rows: ``(2N, w)``, the derived graph, updated where codes change; ``(0, 0)``:
-            nobody keeps it.
-        spells: ``(2, 2N)``, where thresholds choose themselves: as
-            `neurosnap.poc.learning.update_kernels_auto` has it, whose `SHARE` the
-            threshold then is.
-        turns: ``(N,)``, which sensors' pairs are tested now; goes with `spells`.
-        first: The first of the rows that there are numbers of.
-
-    Returns:
-        Whether any code changed. O(N²/2) time.
-    """
-    count = bits.shape[0]
-    ticks = np.uint32(clock)
-    bound = threshold[0] * clock
-    if spells is not None:
-        bound = max(bound - START, 1.0)
-    # For a whole w, w < x iff w < ceil(x): the product is rounded once, as a double,
-    # and the comparison is then exact.
-    limit = np.full(count, np.uint32(math.ceil(bound)))
-    fresh = np.empty(count, np.uint8)
-    squares = np.empty((4, 0 if spells is None else count), np.uint32)
-    for j in range(count):
-        marginals[j] = np.uint32(marginals[j] + np.uint32(bits[j]))
-    changed = False
-    for i in range(first, end_of(first, codes.shape[0])):
-        start = place_of(i, first)
-        joint, now = joints[start : start + i], codes[start : start + i]
-        if bits[i]:
-            for j in range(i):
-                joint[j] = np.uint32(joint[j] + np.uint32(bits[j]))
-        if threshold.shape[0] > 1:
-            for j in range(i):
-                limit[j] = np.uint32(math.ceil(threshold[start + j] * clock))
-        mine = marginals[i]
-        judge(joint, marginals, mine, ticks, limit, spells, fresh)
-        differ = difference(fresh, now)
-        if spells is not None and turns is not None and differ & MARK:
-            if turns[i]:
-                fill(joint, marginals, mine, ticks, squares)
-            withstand(i, turns[i], squares, spells, now, fresh)
-        if differ:
-            changed |= rewire(i, fresh, now, rows, None, None, 0)
-    return changed
+pair_code = njit()(code_of)
+"""`code_of`, compiled."""
 
 
 @njit()
@@ -136,18 +65,13 @@ def judge(
         w10 = np.uint32(mine - w11)
         w01 = np.uint32(marginals[j] - w11)
         w00 = np.uint32(rest - w01)
-        mixed, like = min(w10, w01), min(w11, w00)
-        up = mixed < min(min(max(w10, w01), like), limit[j])
-        down = like < min(min(max(w11, w00), mixed), limit[j])
-        code = np.uint8(0)
-        code = (np.uint8(1) if w10 < w01 else np.uint8(2)) if up else code
-        code = (np.uint8(4) if w11 < w00 else np.uint8(8)) if down else code
+        of_pair, up, down = pair_code(w11, w10, w01, w00, limit[j], None)
+        code = np.uint8(of_pair)
         if spells is not None:
             # What is smallest is against what is implied.
-            broken = (up | down) & (min(mixed, like) > 0)
+            broken = (up | down) & (min(min(w10, w01), min(w11, w00)) > 0)
             code = np.uint8(code | MARK) if broken else code
-        code = np.uint8(3) if (w10 | w01) == 0 else code
-        fresh[j] = np.uint8(12) if (w11 | w00) == 0 else code
+        fresh[j] = code
 
 
 @njit()
@@ -182,10 +106,10 @@ def learn_discounted(
 ) -> bool:
     """Weigh in one observation, derive, truncate ([GK] defn:discounted update).
 
-    ``n <- q n + (1 - q) x`` for marginals and joints; codes as in `learn_counts` for
-    clock 1, where ``<`` is smaller by more than `SLACK` and ``= 0`` at most `SLACK`;
-    then every square with an implication loses the weight against it ([GK] snapshot
-    truncation). Marginals keep.
+    ``n <- q n + (1 - q) x`` for marginals and joints; codes as
+    `neurosnap.poc.learning.one_pair.code_of` has them, where ``<`` is smaller by more
+    than `SLACK` and ``= 0`` at most `SLACK`; then every square with an implication
+    loses the weight against it ([GK] snapshot truncation). Marginals keep.
 
     Args:
         bits: ``(N,)``, 0 or 1.
@@ -194,11 +118,12 @@ def learn_discounted(
         decay: ``q`` in [0, 1).
         threshold: ``(1,)`` for all pairs, or one a pair.
         codes: One a pair, updated.
-        rows: As of `learn_counts`.
+        rows: ``(2N, w)``, the derived graph, updated where codes change; ``(0, 0)`` if
+            it is not kept here.
         since: One a pair, updated; None: nobody asks.
         latest: As of `rewire`.
         tick: As of `rewire`.
-        first: As of `learn_counts`.
+        first: The first row that there are numbers of.
 
     Returns:
         Whether any code changed. O(N²/2) time.
@@ -228,19 +153,8 @@ def learn_discounted(
             w10 = mine - w11
             w01 = yours - w11
             w00 = rest - w01
-            mixed, like = min(w10, w01), min(w11, w00)
-            more, most = max(w10, w01), max(w11, w00)
-            # Rounding may take a weight below 0; an equivalence excludes the rest
-            # all the same.
-            equal, opposite = more <= SLACK, most <= SLACK
-            loose = not (equal | opposite)
-            up = loose & (mixed < min(min(more, like), limit[j]) - SLACK)
-            down = loose & (like < min(min(most, mixed), limit[j]) - SLACK)
-            code = np.uint8(0)
-            code = (np.uint8(1) if w10 < w01 else np.uint8(2)) if up else code
-            code = (np.uint8(4) if w11 < w00 else np.uint8(8)) if down else code
-            code = np.uint8(3) if equal else code
-            fresh[j] = np.uint8(12) if opposite else code
+            code, up, down = pair_code(w11, w10, w01, w00, limit[j], SLACK)
+            fresh[j] = np.uint8(code)
             # Taking all weight from w_ij* or w_i*j, whichever is smaller, is the
             # largest joint that the marginals allow; from w_ij or w_i*j*, the least.
             w11 = min(mine, yours) if up else w11
@@ -323,7 +237,7 @@ def draw(codes: NDArray[np.uint8], rows: Words, first: int) -> None:
     Args:
         codes: Of these pairs.
         rows: ``(2N, w)``, updated.
-        first: As of `learn_counts`.
+        first: The first row that there are numbers of.
     """
     for i in range(first, end_of(first, codes.shape[0])):
         start = place_of(i, first)
@@ -342,7 +256,7 @@ def count_changes(
         since: As `rewire` has it, of all rows.
         latest: Likewise.
         tick: When.
-        first: As of `learn_counts`.
+        first: The first row that there are numbers of.
     """
     counts = np.zeros(latest.shape[0], np.int64)
     for i in range(first, end_of(first, since.shape[0])):
@@ -370,7 +284,7 @@ def pick_changes(
         since: As `rewire` has it, of all rows.
         codes: Likewise.
         tick: When.
-        first: As of `learn_counts`.
+        first: The first row that there are numbers of.
         latter: ``(C,)``, overwritten.
         former: ``(C,)``, overwritten.
         picked: ``(C,)``, overwritten.
@@ -394,7 +308,7 @@ def pack_rows(
     Args:
         rows: The rows.
         codes: Of all pairs.
-        first: As of `learn_counts`.
+        first: The first row that there are numbers of.
     """
     size = 0
     for i in rows:

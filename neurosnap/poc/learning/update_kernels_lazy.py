@@ -1,8 +1,7 @@
 """Compiled loops of learning that judge a pair only where its code might change.
 
-`neurosnap.poc.learning.update_kernels.learn_counts` judges every pair at every
-observation. Most pairs cannot change their code for many observations to come. Here
-these are left alone, and codes, dates and graph are the same after every observation.
+Most pairs cannot change their code for many observations to come. These are left alone,
+and codes, dates and graph are after every observation as if all had been judged.
 
 **State.** Of every sensor the last 64 readings are kept, as the bits of one word. The
 counts of row `i`, of the pairs of sensor `i` with those before it, are as they were at
@@ -57,6 +56,7 @@ from neurosnap.poc.learning.update_kernels import (
     fill,
     flip,
     judge,
+    pair_code,
     place_of,
     rewire,
 )
@@ -125,7 +125,11 @@ def learn_lazily(
     turns: NDArray[np.uint8] | None = None,
     first: int = 0,
 ) -> bool:
-    """Count one observation and derive the graph anew, where it may change.
+    """Count one observation and derive the graph anew ([GK] defn:empirical snapshot).
+
+    ``n_i += x_i``, ``n_ij += x_i x_j``, then ``a -> b`` iff
+    ``w_ab* < min(tau clock, w_ab, w_a*b, w_a*b*)``, and ``a <-> b`` iff
+    ``w_ab* = w_a*b = 0``. With no bit on and all rows dense it only derives.
 
     Args:
         bits: ``(N,)``, 0 or 1.
@@ -140,9 +144,11 @@ def learn_lazily(
         since: One a pair, the tick at which its code last changed; updated.
         latest: As of `neurosnap.poc.learning.update_kernels.rewire`.
         lag: Updated.
-        spells: As of `neurosnap.poc.learning.update_kernels.learn_counts`.
-        turns: As there.
-        first: As there.
+        spells: ``(2, 2N)``, where thresholds choose themselves: as
+            `neurosnap.poc.learning.update_kernels_auto` has it, whose `SHARE` the
+            threshold then is.
+        turns: ``(N,)``, which sensors' pairs are tested now; goes with `spells`.
+        first: The first row that there are numbers of.
 
     Returns:
         Whether any code changed.
@@ -308,7 +314,8 @@ def _judge_listed(
         w11 = np.uint32(joints[pair] + np.uint32(both))
         w10, w01 = np.uint32(mine - w11), np.uint32(yours - w11)
         w00 = np.uint32(np.uint32(np.uint32(clock) - mine) - w01)
-        code, was = _code_of(w11, w10, w01, w00, low), codes[pair]
+        code = np.uint8(pair_code(w11, w10, w01, w00, low, None)[0])
+        was = codes[pair]
         if auto and code != was and min(min(w11, w10), min(w01, w00)) > 0:
             code = np.uint8(0)
         if code != was:
@@ -324,23 +331,6 @@ def _judge_listed(
             kept += 1
     lag.length[0] = kept
     return changed
-
-
-@njit()
-def _code_of(
-    w11: np.uint32, w10: np.uint32, w01: np.uint32, w00: np.uint32, limit: np.uint32
-) -> np.uint8:
-    """Return what `neurosnap.poc.learning.update_kernels.judge` writes of one pair."""
-    if (w11 | w00) == 0:
-        return np.uint8(12)
-    if (w10 | w01) == 0:
-        return np.uint8(3)
-    mixed, like = min(w10, w01), min(w11, w00)
-    if like < min(min(max(w11, w00), mixed), limit):
-        return np.uint8(4) if w11 < w00 else np.uint8(8)
-    if mixed < min(min(max(w10, w01), like), limit):
-        return np.uint8(1) if w10 < w01 else np.uint8(2)
-    return np.uint8(0)
 
 
 @njit()

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.poc.learning.one_pair import SLACK, TINY
-from neurosnap.poc.learning.update_kernels import end_of, place_of, rewire
+from neurosnap.poc.learning.update_kernels import end_of, pair_code, place_of, rewire
 from neurosnap.poc.learning.update_kernels_auto import MARK, START, withstand
 from neurosnap.poc.order.literals import Words
 from neurosnap.system.compiled import njit
@@ -127,8 +127,6 @@ def _judge(
     """
     for j in range(both.shape[0]):
         w11, w10, w01, w00 = both[j], only_i[j], only_j[j], neither[j]
-        mixed, like = min(w10, w01), min(w11, w00)
-        more, most = max(w10, w01), max(w11, w00)
         total = np.uint32(np.uint32(w11 + w10) + np.uint32(w01 + w00))
         # The product is rounded once; a whole number is compared exactly with it.
         whole = float(total)
@@ -136,17 +134,12 @@ def _judge(
         if spells is not None:
             limit -= START
         bound = limit if spells is None else max(limit, 1.0)
-        up = (mixed < min(more, like)) & (float(mixed) < bound)
-        down = (like < min(most, mixed)) & (float(like) < bound)
-        code = np.uint8(0)
-        code = (np.uint8(1) if w10 < w01 else np.uint8(2)) if up else code
-        code = (np.uint8(4) if w11 < w00 else np.uint8(8)) if down else code
+        of_pair, up, down = pair_code(w11, w10, w01, w00, bound, None)
+        code = np.uint8(of_pair)
         if spells is not None:
             # What is smallest is against what is implied.
-            broken = (up | down) & (min(mixed, like) > 0)
+            broken = (up | down) & (min(min(w10, w01), min(w11, w00)) > 0)
             code = np.uint8(code | MARK) if broken else code
-        code = np.uint8(3) if more == 0 else code
-        code = np.uint8(12) if most == 0 else code
         judged = (2.0 * whole >= age) | (limit >= 1.0)
         fresh[j] = code if judged & (total > 0) else np.uint8(0)
 
@@ -273,21 +266,12 @@ def _discount(
     _fade(neither, keep, nothing if bit else off)
     for j in range(both.shape[0]):
         w11, w10, w01, w00 = both[j], only_i[j], only_j[j], neither[j]
-        mixed, like = min(w10, w01), min(w11, w00)
-        more, most = max(w10, w01), max(w11, w00)
-        equal, opposite = more <= SLACK, most <= SLACK
-        loose = (known[j] > 0) & (not (equal | opposite))
-        up = loose & (mixed < min(min(more, like), limit[j]) - SLACK)
-        down = loose & (like < min(min(most, mixed), limit[j]) - SLACK)
-        code = np.uint8(0)
-        code = (np.uint8(1) if w10 < w01 else np.uint8(2)) if up else code
-        code = (np.uint8(4) if w11 < w00 else np.uint8(8)) if down else code
-        code = np.uint8(3) if equal else code
-        code = np.uint8(12) if opposite else code
-        fresh[j] = code if known[j] else now[j]
+        code, up, down = pair_code(w11, w10, w01, w00, limit[j], SLACK)
+        fresh[j] = np.uint8(code) if known[j] else now[j]
         # The weight against an implication is added to both of its sort's others
         # and taken from both of its own: of which itself becomes 0, exactly.
-        shift[j] = mixed if up else (-like if down else 0.0)
+        up, down = up & (known[j] > 0), down & (known[j] > 0)
+        shift[j] = min(w10, w01) if up else (-min(w11, w00) if down else 0.0)
     for j in range(both.shape[0]):
         both[j] += shift[j]
         neither[j] += shift[j]
