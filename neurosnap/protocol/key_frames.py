@@ -13,7 +13,7 @@ from neurosnap.poc.learning.bands import (
     stretches_of,
 )
 from neurosnap.poc.learning.kinds import Snapshot
-from neurosnap.poc.learning.weight_store import pairs_of
+from neurosnap.poc.learning.pairs import pairs_of
 
 
 def with_snapshot(

@@ -12,7 +12,7 @@ from neurosnap import wire
 from neurosnap.errors import InvalidValueError, MessageError, ShapeError
 from neurosnap.poc.learning.bands import Stretch, joined, lacking
 from neurosnap.poc.learning.kinds import Snapshot
-from neurosnap.poc.learning.weight_store import pairs_of
+from neurosnap.poc.learning.pairs import pairs_of
 from neurosnap.protocol.key_frames import bands_of
 from neurosnap.protocol.learned_changes import pieces_of
 from neurosnap.protocol.message_checks import check_readings

@@ -9,10 +9,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.poc.learning.history import History
+from neurosnap.poc.learning.history import History, Newborn, conjunction
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
-from neurosnap.poc.learning.newborn import Newborn
-from neurosnap.poc.learning.rings import conjunction
 from neurosnap.poc.learning.search import answered
 from neurosnap.sensorium import Sensorium
 

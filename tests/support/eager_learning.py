@@ -3,16 +3,16 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from neurosnap.poc.learning.kinds import EmpiricalSnapshot
-from neurosnap.poc.learning.pair_codes import rows_of
-from neurosnap.poc.learning.persistence import Persistence
-from neurosnap.poc.learning.thresholds import by_pair, checked_threshold, is_auto
-from neurosnap.poc.learning.update_kernels_auto import (
+from neurosnap.poc.learning.automatic_threshold import (
     SHARE,
     START,
+    Persistence,
     is_tolerated,
     share_of_changes,
 )
+from neurosnap.poc.learning.kinds import EmpiricalSnapshot
+from neurosnap.poc.learning.pairs import rows_of
+from neurosnap.poc.learning.thresholds import by_pair, checked_threshold, is_auto
 from neurosnap.poc.order.literals import from_words
 
 _CELLS = ((0, 0, 4), (0, 1, 1), (1, 0, 2), (1, 1, 8))

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
-from neurosnap.poc.learning.pair_codes import strict
+from neurosnap.poc.learning.pairs import strict
 from tools.paper.figure import TruthKind
 from tools.paper.table import Entry
 from tools.paper.walks import Walk, thresholded, walk

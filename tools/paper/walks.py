@@ -4,7 +4,7 @@ A walk is a function of the seed, the setting and the number of the run. All lea
 are shown the same walks, so what differs between them is not luck.
 
 What is true is given as a code a pair of sensors, with the bits of
-`neurosnap.poc.learning.pair_codes`. As a truth may hold any of the four bits at once
+`neurosnap.poc.learning.pairs`. As a truth may hold any of the four bits at once
 (an empty field lies within everything), its codes are sets of implications and nothing
 more.
 """

@@ -5,7 +5,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from neurosnap.poc.learning.rings import following, preceding
+from neurosnap.poc.learning.history import following, preceding
 from neurosnap.poc.learning.search import Count, Numbers, Question, Search
 from neurosnap.poc.order.literals import Words
 

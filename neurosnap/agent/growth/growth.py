@@ -14,8 +14,7 @@ from neurosnap.agent.growth.grower import Grower
 from neurosnap.agent.growth.retirement import is_needless
 from neurosnap.agent.growth.sensor_changes import said_of
 from neurosnap.poc.learning.archive import Arrays
-from neurosnap.poc.learning.history import LENGTH, History
-from neurosnap.poc.learning.rings import conjunction
+from neurosnap.poc.learning.history import LENGTH, History, conjunction
 from neurosnap.poc.learning.search import Question, Search, nothing
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.sensorium import selection

@@ -12,8 +12,8 @@ import numpy as np
 from neurosnap.agent.body import Body
 from neurosnap.agent.growth.changed import Changed
 from neurosnap.errors import InvalidValueError, MessageError
+from neurosnap.poc.learning.history import Newborn
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot, Snapshot
-from neurosnap.poc.learning.newborn import Newborn
 from neurosnap.wire import Decision
 
 

@@ -14,8 +14,8 @@ import numpy as np
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.archive import Arrays, rows_in, unpack_arrays
 from neurosnap.poc.learning.kinds import Snapshot
+from neurosnap.poc.learning.pairs import pairs_of
 from neurosnap.poc.learning.snapshot import OF_PAIRS
-from neurosnap.poc.learning.weight_store import pairs_of
 
 
 class Stretch(NamedTuple):

@@ -8,12 +8,11 @@ from numpy.typing import ArrayLike, NDArray
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning import update_kernels as kernels
 from neurosnap.poc.learning.archive import Arrays, entry
-from neurosnap.poc.learning.pair_codes import excluded
+from neurosnap.poc.learning.pairs import Weights, excluded
 from neurosnap.poc.learning.search import Question, Search, Weighing
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.learning.thresholds import is_auto, saved_threshold
 from neurosnap.poc.learning.update_kernels_partial import discount_squares
-from neurosnap.poc.learning.weight_store import Weights
 from neurosnap.poc.order.literals import Words
 from neurosnap.sensorium import Sensorium
 

@@ -10,21 +10,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.archive import Arrays, entry
-from neurosnap.poc.learning.columns import Columns
-from neurosnap.poc.learning.pair_counts import OnProgress, count_pairs, last_changes
-from neurosnap.poc.learning.persistence import Persistence
-from neurosnap.poc.learning.search import Count, Question, Search
-from neurosnap.poc.learning.snapshot import Snapshot
-from neurosnap.poc.learning.thresholds import AUTO, is_auto, saved_threshold
-from neurosnap.poc.learning.update_kernels_auto import (
+from neurosnap.poc.learning.automatic_threshold import (
     SHARE,
     START,
+    Persistence,
     is_tolerated,
     share_of_changes,
 )
+from neurosnap.poc.learning.columns import Columns
+from neurosnap.poc.learning.pair_counts import OnProgress, count_pairs, last_changes
+from neurosnap.poc.learning.pairs import Weights
+from neurosnap.poc.learning.search import Count, Question, Search
+from neurosnap.poc.learning.snapshot import Snapshot
+from neurosnap.poc.learning.thresholds import AUTO, is_auto, saved_threshold
 from neurosnap.poc.learning.update_kernels_lazy import Lag, learn_lazily, settle_all
 from neurosnap.poc.learning.update_kernels_partial import count_newborn, count_squares
-from neurosnap.poc.learning.weight_store import Weights
 from neurosnap.poc.order.literals import Words
 from neurosnap.sensorium import Sensorium, complete
 
@@ -43,7 +43,7 @@ class EmpiricalSnapshot(Snapshot):
     times: of fewer, not one could speak against an implication without undoing it.
 
     With the threshold ``"auto"`` each pair chooses its own, from what was observed of
-    it: `neurosnap.poc.learning.update_kernels_auto` says how, and why the graph is
+    it: `neurosnap.poc.learning.automatic_threshold` says how, and why the graph is
     acyclic as with any other.
 
     Args:

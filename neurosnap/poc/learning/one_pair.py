@@ -48,7 +48,7 @@ def code_of(
             it is not 0; None for whole numbers, which are compared exactly.
 
     Returns:
-        The code, see `neurosnap.poc.learning.pair_codes`; whether it is an implication
+        The code, see `neurosnap.poc.learning.pairs`; whether it is an implication
         (and no equivalence) with the lesser of ``w_ij*`` and ``w_i*j`` against it; and
         whether one with the lesser of ``w_ij`` and ``w_i*j*`` against it.
     """
@@ -94,7 +94,7 @@ def weighed(
 
     Returns:
         The weights ``w_ij, w_ij*, w_i*j, w_i*j*``, and the code of what follows from
-        them; see `neurosnap.poc.learning.pair_codes`. O(ticks) time.
+        them; see `neurosnap.poc.learning.pairs`. O(ticks) time.
     """
     w11 = w10 = w01 = w00 = 0.25
     code, gain = 0, 1.0 - decay

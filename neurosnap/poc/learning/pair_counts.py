@@ -3,8 +3,8 @@
 An *occasion* is a maximal run of consecutive ticks at which two sensors, both known,
 have the same two readings. A door that stays open for a night is one occasion, however
 often it was read. The four joint readings of a pair are in the order of
-`neurosnap.poc.learning.weight_store`: both on, only the first, only the second,
-neither; pairs are in that of `neurosnap.poc.learning.pair_codes`.
+`neurosnap.poc.learning.pairs`: both on, only the first, only the second,
+neither; pairs are in that of `neurosnap.poc.learning.pairs`.
 """
 
 from collections.abc import Callable

@@ -64,7 +64,7 @@ class Judged(NamedTuple):
     """What the rule says of pairs."""
 
     codes: NDArray[np.uint8]
-    """``(P,)``, as in `neurosnap.poc.learning.pair_codes`; 3 and 12 for near copies and
+    """``(P,)``, as in `neurosnap.poc.learning.pairs`; 3 and 12 for near copies and
     near opposites, too."""
     near: Flags
     """``(P,)``: whether they are near copies or near opposites, and not exact ones."""

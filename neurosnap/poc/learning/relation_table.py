@@ -18,11 +18,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.poc.learning.columns import Columns
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
-from neurosnap.poc.learning.pair_codes import leads, rows_of
 from neurosnap.poc.learning.pair_counts import OnProgress, PairCounts, count_pairs
+from neurosnap.poc.learning.pairs import leads, pair_of, rows_of
 from neurosnap.poc.learning.relation_rule import judge
 from neurosnap.poc.learning.snapshot import Snapshot
-from neurosnap.poc.learning.weight_store import pair_of
 from neurosnap.poc.order.graph import PocGraph
 
 Kind: TypeAlias = Literal[

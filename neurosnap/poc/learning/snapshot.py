@@ -15,11 +15,10 @@ from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning import update_kernels as kernels
 from neurosnap.poc.learning.archive import Archived, Arrays, entry
 from neurosnap.poc.learning.evidence import Evidence
-from neurosnap.poc.learning.newborn import Newborn
-from neurosnap.poc.learning.pair_codes import leads, strict
+from neurosnap.poc.learning.history import Newborn
+from neurosnap.poc.learning.pairs import Weights, leads, pair_of, pairs_of, strict
 from neurosnap.poc.learning.search import Search
 from neurosnap.poc.learning.thresholds import by_pair, checked_threshold
-from neurosnap.poc.learning.weight_store import Weights, pair_of, pairs_of
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.literals import Words, as_literal
 from neurosnap.sensorium import Sensorium, as_known, complete, pack, unpack
@@ -145,7 +144,7 @@ class Snapshot(Archived):
 
     @property
     def codes(self) -> NDArray[np.uint8]:
-        """``(P,)``: what relates each pair, as in `poc.learning.pair_codes`; a copy."""
+        """``(P,)``: what relates each pair, as in `poc.learning.pairs`; a copy."""
         return self._codes.copy()
 
     @property

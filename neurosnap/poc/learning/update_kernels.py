@@ -1,7 +1,7 @@
 """Compiled loops of learning; each docstring gives the equivalent plain lines.
 
 Pairs of sensors, and the code of each pair, are as in
-`neurosnap.poc.learning.pair_codes`. Nothing here is compiled with fast-math: results
+`neurosnap.poc.learning.pairs`. Nothing here is compiled with fast-math: results
 are the same bits on every run.
 
 The loops over a row have no branch, store to two arrays at most and cast every result
@@ -12,8 +12,8 @@ of them.
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap.poc.learning.automatic_threshold import MARK
 from neurosnap.poc.learning.one_pair import SLACK, code_of
-from neurosnap.poc.learning.update_kernels_auto import MARK
 from neurosnap.poc.order.kernels import spread
 from neurosnap.poc.order.literals import Words
 from neurosnap.system.compiled import njit

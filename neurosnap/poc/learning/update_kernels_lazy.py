@@ -49,6 +49,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap.poc.learning.automatic_threshold import MARK, START, TURNS, withstand
 from neurosnap.poc.learning.pair_counts import population
 from neurosnap.poc.learning.update_kernels import (
     difference,
@@ -60,7 +61,6 @@ from neurosnap.poc.learning.update_kernels import (
     place_of,
     rewire,
 )
-from neurosnap.poc.learning.update_kernels_auto import MARK, START, TURNS, withstand
 from neurosnap.poc.order.literals import Words
 from neurosnap.system.compiled import njit
 
@@ -145,7 +145,7 @@ def learn_lazily(
         latest: As of `neurosnap.poc.learning.update_kernels.rewire`.
         lag: Updated.
         spells: ``(2, 2N)``, where thresholds choose themselves: as
-            `neurosnap.poc.learning.update_kernels_auto` has it, whose `SHARE` the
+            `neurosnap.poc.learning.automatic_threshold` has it, whose `SHARE` the
             threshold then is.
         turns: ``(N,)``, which sensors' pairs are tested now; goes with `spells`.
         first: The first row that there are numbers of.

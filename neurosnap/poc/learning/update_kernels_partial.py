@@ -3,7 +3,7 @@
 What `neurosnap.poc.learning.update_kernels` does with one joint weight a pair takes
 every reading at every tick. Here a reading may be unknown: the pairs it is in are not
 touched then, and so each pair has a total of its own. Pairs and codes are as in
-`neurosnap.poc.learning.pair_codes`; the squares are ``(4, N (N - 1) / 2)``: ``w_ij,
+`neurosnap.poc.learning.pairs`; the squares are ``(4, N (N - 1) / 2)``: ``w_ij,
 w_ij*, w_i*j, w_i*j*`` of each pair.
 
 The loops over a row are written for vector instructions, as those in the other file.
@@ -12,9 +12,9 @@ The loops over a row are written for vector instructions, as those in the other 
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap.poc.learning.automatic_threshold import MARK, START, withstand
 from neurosnap.poc.learning.one_pair import SLACK, TINY
 from neurosnap.poc.learning.update_kernels import end_of, pair_code, place_of, rewire
-from neurosnap.poc.learning.update_kernels_auto import MARK, START, withstand
 from neurosnap.poc.order.literals import Words
 from neurosnap.system.compiled import njit
 
@@ -62,7 +62,7 @@ def count_squares(
         latest: As of `neurosnap.poc.learning.update_kernels.rewire`.
         tick: As there.
         spells: ``(2, 2N)``, where thresholds choose themselves: as
-            `neurosnap.poc.learning.update_kernels_auto` has it, whose `SHARE` the
+            `neurosnap.poc.learning.automatic_threshold` has it, whose `SHARE` the
             threshold then is.
         turns: ``(N,)``, which sensors' pairs are tested now; goes with `spells`.
         first: The first of the rows that there are numbers of.

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from neurosnap.poc.learning.history import Newborn
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
-from neurosnap.poc.learning.newborn import Newborn
 
 A, B, C = 0, 2, 4
 """The literals that say that the sensors are on."""

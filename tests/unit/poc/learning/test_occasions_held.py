@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from neurosnap.poc.learning.columns import Columns
 from neurosnap.poc.learning.history import History
 from neurosnap.poc.learning.pair_counts import count_pairs
-from neurosnap.poc.learning.weight_store import pair_of
+from neurosnap.poc.learning.pairs import pair_of
 
 SENSORS, LENGTH = 3, 64
 TICKS = st.lists(

@@ -11,7 +11,7 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.learning.pair_codes import rows_of
+from neurosnap.poc.learning.pairs import rows_of
 from neurosnap.poc.order.literals import from_words
 from tools.paper.learning_error import LearningEntry, new_snapshot
 from tools.paper.walks import (
