@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.learning import pairs
+from neurosnap.poc.learning import pairs as pairs_module
 from neurosnap.poc.learning.bands import Stretch, head_of, joined, stretches_of
 from neurosnap.poc.learning.kinds import (
     DiscountedSnapshot,
@@ -73,7 +73,7 @@ def test_the_four_weights_of_pairs_are_the_same_in_blocks_of_any_size(
     snapshot = learned(kind, sensors, 20, unknown, seed)
     snapshot._settle()
     last = 0
-    with patch.object(pairs, "BLOCK", block):
+    with patch.object(pairs_module, "BLOCK", block):
         again = joined(head_of(snapshot), stretches_of(snapshot, 1 << 20))
         assert again.to_bytes() == snapshot.to_bytes()
         for pairs, squares in snapshot._weights.blocks(snapshot._total()):
