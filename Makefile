@@ -18,7 +18,7 @@ export PYTHONDONTWRITEBYTECODE :=
 
 run: .venv/installed
 	$(BIN)/neurosnap run neurosnap/Path-v0 --ticks 300 --seed 7 --out $(LOG)
-	$(BIN)/neurosnap replay $(LOG) --verify
+	$(BIN)/neurosnap verify $(LOG)
 
 test: .venv/compiled
 	$(PYTEST) $(WORKERS) -m "not exhaustive"

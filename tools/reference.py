@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Write the pages of docs/reference that are made from the code.
+"""Write the pages of docs that are made from the code.
 
 The commands and their options come from the command line's own parser, the keys of the
 TOML file from its JSON Schema, and the messages from the structs on the wire. A test
@@ -27,21 +27,23 @@ from neurosnap.apps.config.json_schema import schema, texts_below
 from neurosnap.apps.config.type_texts import either
 from neurosnap.recording.format import schemas
 
-PAGES = Path(__file__).resolve().parents[1] / "docs" / "reference"
+PAGES = Path(__file__).resolve().parents[1] / "docs"
 _NOTE = "<!-- Made by tools/reference.py: change the code, and run that. -->"
+_EVERY = "## Every command"
+"""Where the part begins that is made; what stands before it is written by hand."""
 _LARGEST = 2**31 - 1
 """What whole numbers on the wire go up to; it stands in the text, not in each row."""
 _WORDS: dict[object, str] = {str: "TEXT", int: "INT", float: "NUMBER", Path: "PATH"}
 
 
 def commands() -> str:
-    """Return the page of all commands."""
-    text = (
-        "This page has every command with its options, as `--help` prints them."
-        " [commands.md](../commands.md) says what to use them for."
+    """Return the page of commands: as it is written, and then all of them."""
+    written, _, _ = (
+        (PAGES / "commands.md").read_text(encoding="utf-8").partition(_EVERY)
     )
     group: Any = typer.main.get_command(app)
-    return _page("Every command", text, _verbs("neurosnap", group))
+    verbs = "\n".join(_verbs("neurosnap", group)).rstrip()
+    return f"{written.rstrip()}\n\n{_EVERY}\n\n{_NOTE}\n\n{verbs}\n"
 
 
 def _verbs(name: str, group: Any) -> Iterator[str]:  # noqa: ANN401 - typer's own
@@ -59,7 +61,7 @@ def _verb(name: str, command: Any) -> Iterator[str]:  # noqa: ANN401 - typer's o
     options = [one for one in given if one.param_type_name == "option"]
     words = [_placed(one) if one.required else f"[{_placed(one)}]" for one in arguments]
     usage = " ".join([name, *words, *(["[OPTIONS]"] if options else [])])
-    yield from (f"## {name}", "", f"`{usage}`", "")
+    yield from (f"### {name}", "", f"`{usage}`", "")
     yield from (inspect.cleandoc(command.help), "")
     if command.epilog:
         yield from (command.epilog.replace("Example: ", "Example: `") + "`", "")
@@ -119,8 +121,8 @@ def toml() -> str:
     """Return the page of all keys of the TOML file."""
     text = (
         "This page has every table and key of the TOML file that describes a run."
-        " `neurosnap config check` tells what is wrong with a file, and `neurosnap"
-        " config schema` prints the same as JSON Schema, for editors;"
+        " `neurosnap check` tells what is wrong with a file, and `neurosnap"
+        " init schema` prints the same as JSON Schema, for editors;"
         " `examples/swarm.toml` has every table. [sensors.md](../sensors.md) says how"
         " to connect sensors. A key without a default must be given, unless it may be"
         " left out."
@@ -286,7 +288,11 @@ def _code(text: str) -> str:
 
 
 MADE = types.MappingProxyType(
-    {"commands.md": commands, "toml.md": toml, "messages.md": messages}
+    {
+        "commands.md": commands,
+        "reference/toml.md": toml,
+        "reference/messages.md": messages,
+    }
 )
 
 

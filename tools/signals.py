@@ -228,7 +228,7 @@ def struck_at_random(
     length: float,
 ) -> Struck:
     """Run once, with a signal at a random moment; one in three meets a restart."""
-    more = (*CELLS[cells], "--ticks", ticks, "--backoff", 0.3)
+    more = (*CELLS[cells], "--ticks", ticks, "--set", "supervision.backoff=0.3")
     with struggling(*more) as run:
         if chance.random() < 1 / 3:
             run.wait_until(run.log.exists)

@@ -275,13 +275,13 @@ def check_keys(folder: Path) -> list[Finding]:
     """See when the first certificate of a folder expires."""
     from neurosnap.fabric.security.load_keys import expiry, near
 
-    mend = "Make keys with `neurosnap keys`, or copy the folder whole."
+    mend = "Make keys with `neurosnap init keys`, or copy the folder whole."
     try:
         until = expiry(folder)
     except NeurosnapError as error:
         return [Finding("keys", False, str(error), mend)]
     now = datetime.now(UTC)
-    advice = "Make new ones with `neurosnap keys`." if near(until, now) else ""
+    advice = "Make new ones with `neurosnap init keys`." if near(until, now) else ""
     found = f"the first expires on {until:%F %H:%M} UTC"
     return [Finding("keys", until > now, found, advice)]
 

@@ -9,7 +9,7 @@ import csv
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 import numpy as np
@@ -17,7 +17,8 @@ import numpy as np
 from neurosnap import wire
 from neurosnap.depth.given_orders import check_layers
 from neurosnap.depth.probe import Measured, ProbeJob, ProbePlan
-from neurosnap.errors import InvalidValueError, RecordingError
+from neurosnap.errors import InvalidValueError, MissingExtraError, RecordingError
+from neurosnap.protocol.option import option
 from neurosnap.protocol.partition import shares
 from neurosnap.protocol.run_options import HostKind, WiringKind
 from neurosnap.recording.read.recording import Recording
@@ -45,61 +46,102 @@ class Line(msgspec.Struct, frozen=True):
     """The share of the variance it explains, in [0, 1]."""
 
 
+class Sweep(msgspec.Struct, frozen=True, kw_only=True):
+    """Which waves to measure: one swarm for each number of sensors.
+
+    In each the order has one height after the other, and a wave starts at its bottom.
+    """
+
+    heights: tuple[int, ...]
+    """Edges on the longest chain, one after another."""
+    sensors: tuple[int, ...] = ()
+    """Cells in each swarm; empty: what the longest chain takes, and twice as many. If
+    only height counts, both take as long."""
+    wiring: Annotated[
+        WiringKind,
+        option(
+            "Which implications are connections between cells. Hasse: only those that do"
+            " not follow from others. Derived: all."
+        ),
+    ] = "hasse"
+    waves: Annotated[int, option("How many waves to start at each height.")] = 10
+    cells: Annotated[
+        HostKind,
+        option(
+            "Where the cells are. Process: each cell is a process of its own. Worker: a"
+            " few processes share them."
+        ),
+    ] = "process"
+    workers: Annotated[
+        int, option("With cells in workers: how many processes share them.", ge=1)
+    ] = 2
+    edges: Annotated[
+        int,
+        option(
+            "Measure random orders with so many implications instead of chains.",
+            default="0: chains",
+        ),
+    ] = 0
+    seed: Annotated[int, option("Seed of the random orders.")] = 0
+
+    def __post_init__(self) -> None:
+        heights = self.heights
+        if not heights or min(heights) < 0:
+            rule = "must be one or more numbers, each at least 0"
+            raise InvalidValueError("heights", rule, list(heights))
+        if min(self.sizes) <= max(heights):
+            rule = f"must be more than the largest height, {max(heights)}"
+            raise InvalidValueError("sensors", rule, list(self.sizes))
+        if self.waves < 1:
+            raise InvalidValueError("waves", "must be at least 1", self.waves)
+        if self.edges and self.wiring != "hasse":
+            rule = 'must be "hasse" for a random order'
+            raise InvalidValueError("wiring", rule, self.wiring)
+        for count in self.sizes:
+            if self.cells == "worker":
+                shares(count, self.workers)
+            for height in heights if self.edges else ():
+                check_layers(count, height, self.edges)
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """Cells in each swarm."""
+        least = max(self.heights) + 1
+        return self.sensors or (least, 2 * least)
+
+    @property
+    def total(self) -> int:
+        """How many waves are started."""
+        return len(self.sizes) * len(self.heights) * self.waves
+
+
 async def measure(
-    heights: Sequence[int],
-    wiring: WiringKind,
-    sensors: Sequence[int],
-    waves: int,
+    sweep: Sweep,
     stop: asyncio.Event,
     on_progress: Callable[[int], None] = lambda _: None,
-    *,
-    cells: HostKind = "process",
-    workers: int = 2,
-    edges: int = 0,
-    seed: int = 0,
 ) -> list[Measured]:
     """Time waves through swarms wired to orders of given heights.
 
-    One swarm for each of `sensors`; in each the order has one height after the other,
-    and the wave starts at its bottom.
-
     Args:
-        heights: Each at least 0.
-        wiring: Which edges carry the pulses.
-        sensors: Cells in each swarm; more than the largest height.
-        waves: Waves timed at each height.
+        sweep: Which.
         stop: Ends it; what was measured by then is returned.
         on_progress: Told how many waves are timed.
-        cells: Every cell is a process, or shares one with many.
-        workers: How many processes share the cells, where they do.
-        edges: 0: the order is a chain, on the first cells. Else a random one on all of
-            them, of so many covering edges, contrapositives counted.
-        seed: Draws random orders.
 
     Raises:
-        InvalidValueError: A number is out of range.
         SwarmError: A part failed.
     """
-    _check(heights, sensors, waves)
-    if edges and wiring != "hasse":
-        raise InvalidValueError("wiring", 'must be "hasse" for a random order', wiring)
-    for count in sensors:
-        if cells == "worker":
-            shares(count, workers)
-        for height in heights if edges else ():
-            check_layers(count, height, edges)
     rows: list[Measured] = []
-    for count in sensors:
+    for count in sweep.sizes:
         if stop.is_set():
             break
         probe = ProbePlan(
             count,
-            tuple(heights),
-            wiring,
-            waves,
-            workers=workers if cells == "worker" else 0,
-            edges=edges,
-            seed=seed,
+            sweep.heights,
+            sweep.wiring,
+            sweep.waves,
+            workers=sweep.workers if sweep.cells == "worker" else 0,
+            edges=sweep.edges,
+            seed=sweep.seed,
         )
         jobs = Jobs(partial(ProbeJob, probe), host_jobs(count, probe.workers))
         watcher = Watcher(_from_there(on_progress, len(rows)))
@@ -110,17 +152,6 @@ async def measure(
 
 def _from_there(on_progress: Callable[[int], None], done: int) -> Callable[[int], None]:
     return lambda waves: on_progress(done + waves)
-
-
-def _check(heights: Sequence[int], sensors: Sequence[int], waves: int) -> None:
-    if not heights or min(heights) < 0:
-        rule = "must be one or more numbers, each at least 0"
-        raise InvalidValueError("heights", rule, list(heights))
-    if not sensors or min(sensors) <= max(heights):
-        rule = f"must be more than the largest height, {max(heights)}"
-        raise InvalidValueError("sensors", rule, list(sensors))
-    if waves < 1:
-        raise InvalidValueError("waves", "must be at least 1", waves)
 
 
 def from_recording(recording: Recording) -> list[Measured]:
@@ -178,6 +209,15 @@ def fit(rows: Iterable[Measured]) -> Line | None:
     left = float(((y - slope * x - intercept) ** 2).sum())
     r2 = 1.0 - left / spread if spread > 0 else 1.0
     return Line(float(slope), float(intercept), r2)
+
+
+def write_all(rows: Sequence[Measured], folder: Path) -> tuple[list[Path], str]:
+    """Write the table and its picture; return what was written, and what is lacking."""
+    write_csv(rows, table := folder / "depth.csv")
+    try:
+        return [table, *draw(rows, folder)], ""
+    except MissingExtraError as error:
+        return [table], str(error)
 
 
 def write_csv(rows: Iterable[Measured], path: Path) -> None:

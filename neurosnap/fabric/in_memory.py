@@ -1,10 +1,7 @@
 """The in-memory fabric: swarms in one process, and simulation.
 
-Without a seed every message is delivered in the order it was published. With a seed the
-hub draws which link delivers next, so that messages of different senders overtake each
-other while each link keeps its own order, as the protocol promises; it can also repeat
-and lose messages, be slow on some links and cut others. What is lost is counted, and
-leaves the trace the protocol promises: a gap in the sender's numbers.
+Every message is delivered in the order it was published; a simulation draws another
+order, and faults, by overriding what is said to be for it.
 
 The hub is synchronous. Simulations call `step` themselves; where a loop is running, the
 hub delivers as part of it.
@@ -13,11 +10,9 @@ hub delivers as part of it.
 import asyncio
 import contextlib
 import functools
-import random
 import time
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
 
@@ -31,21 +26,6 @@ from neurosnap.fabric.protocol import (
 )
 
 _TURN = 256  # deliveries before other tasks of the loop get their turn
-_TRIES = 4  # draws after which even a slow link delivers
-
-
-@dataclass(frozen=True)
-class Faults:
-    """How badly a simulated network behaves."""
-
-    duplicate: float = 0.0
-    """The probability that a message arrives once more, later."""
-    drop: float = 0.0
-    """The probability that a message does not arrive at one of its receivers."""
-    spared: frozenset[tuple[str, str]] = frozenset()
-    """Links, sender and receiver, that `drop` leaves alone."""
-    slow: frozenset[tuple[str, str]] = frozenset()
-    """Links that mostly deliver only when no other has anything waiting."""
 
 
 @functools.lru_cache(maxsize=1 << 16)
@@ -67,21 +47,11 @@ def matches(expression: str, key: str) -> bool:
 
 
 class MemoryHub:
-    """What connects the `MemoryFabric` ends of one swarm.
+    """What connects the `MemoryFabric` ends of one swarm."""
 
-    Args:
-        seed: Draws the order of deliveries and the faults; None: first come, first
-            served, and no faults.
-        faults: What goes wrong, and how often.
-    """
-
-    def __init__(self, seed: int | None = None, faults: Faults | None = None) -> None:
-        self.lost: Counter[tuple[str, str]] = Counter()
-        """Deliveries that faults and cuts took, by sender and receiver."""
+    def __init__(self) -> None:
         self.description: bytes | None = None
         """What the coordinator describes the run as."""
-        self._random = None if seed is None else random.Random(seed)
-        self._faults = faults or Faults()
         self._links: dict[tuple[str, str], deque[wire.Delivery]] = {}
         self._queue: deque[tuple[str, str]] = deque()
         self._routes: dict[str, dict[str, list[Handler]]] = {}
@@ -89,7 +59,6 @@ class MemoryHub:
         self._subscriptions: list[tuple[str, str, Handler]] = []
         self._watchers: list[tuple[str, PresenceHandler]] = []
         self._alive: list[str] = []
-        self._cut: set[frozenset[str]] = set()
         self._ends: dict[str, MemoryFabric] = {}
         self._pumping = False
 
@@ -98,19 +67,6 @@ class MemoryHub:
         end = MemoryFabric(self, who, first)
         self._ends[who] = end
         return end
-
-    def cut(self, a: str, b: str) -> None:
-        """Lose everything between `a` and `b` until `heal`."""
-        self._cut.add(frozenset((a, b)))
-        for link in ((a, b), (b, a)):
-            waiting = self._links.pop(link, ())
-            for _ in waiting:
-                self._queue.remove(link)
-                self.lost[link] += 1
-
-    def heal(self, a: str, b: str) -> None:
-        """Let messages between `a` and `b` pass again; what was lost stays lost."""
-        self._cut.discard(frozenset((a, b)))
 
     @property
     def present(self) -> set[str]:
@@ -149,37 +105,20 @@ class MemoryHub:
         """Return the next receiver and what it gets."""
         if not self._queue:
             return None
-        if self._random is not None:
-            self._turn(self._random)
-        link = self._queue.popleft()
-        waiting = self._links[link]
-        delivery = waiting.popleft()
-        if self._random is not None and self._chance(self._faults.duplicate):
-            waiting.append(delivery)
-            self._queue.append(link)
-        return link[1], delivery
+        link = self._next_link()
+        return link[1], self._next_on(link)
 
-    def _turn(self, chance: random.Random) -> None:
-        """Bring forward the link that delivers next.
+    def _next_link(self) -> tuple[str, str]:
+        """Return the link that delivers next; a simulation may draw another."""
+        return self._queue.popleft()
 
-        Any that waits may be; which of its own messages it is does not matter, because
-        a link keeps its order.
-        """
-        for _ in range(_TRIES):
-            self._queue.rotate(chance.randrange(len(self._queue)))
-            if self._queue[0] not in self._faults.slow:
-                return
+    def _next_on(self, link: tuple[str, str]) -> wire.Delivery:
+        """Return what a link delivers next; a simulation may let it come again."""
+        return self._links[link].popleft()
 
     def _hand_over(self, receiver: str, delivery: wire.Delivery) -> None:
         for handler in self._route(delivery.key).get(receiver, ()):
             handler([delivery])
-
-    def _chance(self, probability: float) -> bool:
-        return (
-            self._random is not None
-            and probability > 0.0
-            and self._random.random() < probability
-        )
 
     def _route(self, key: str) -> dict[str, list[Handler]]:
         """Return who listens to `key`; remembered, since keys come again and again."""
@@ -214,7 +153,6 @@ class MemoryHub:
         for receiver in self._route(delivery.key):
             link = (sender, receiver)
             if self._loses(link):
-                self.lost[link] += 1
                 continue
             waiting = self._links.get(link)
             if waiting is None:
@@ -223,12 +161,9 @@ class MemoryHub:
             self._queue.append(link)
         self._pump_soon()
 
-    def _loses(self, link: tuple[str, str]) -> bool:
-        if self._cut and frozenset(link) in self._cut:
-            return True
-        if self._random is None:
-            return False
-        return link not in self._faults.spared and self._chance(self._faults.drop)
+    def _loses(self, _link: tuple[str, str]) -> bool:
+        """Tell whether a message is lost on its way; in a simulation it may be."""
+        return False
 
     def listen(self, who: str, expression: str, handler: Handler) -> None:
         """Add a subscription."""

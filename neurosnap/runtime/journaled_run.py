@@ -98,7 +98,9 @@ def _tell(folder: Path) -> None:
     """Say that a journal is left, if there is anything in it."""
     with contextlib.suppress(NeurosnapError):
         if read_journal(folder).rows:
-            _logger.warning("%s: holds what came in; --resume takes it in", folder)
+            _logger.warning(
+                "%s: holds what came in; `neurosnap resume` takes it in", folder
+            )
         else:
             remove(folder)
 

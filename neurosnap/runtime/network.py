@@ -31,14 +31,14 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
     connect: Annotated[
         str,
         option(
-            "Use the hub that listens there (`neurosnap hub`), and start none.",
+            "Use the hub that listens there (`neurosnap serve hub`), and start none.",
             unit="ENDPOINT",
         ),
     ] = ""
     tls: Annotated[
         str,
         option(
-            "Encrypt, with the keys in this folder (made by `neurosnap keys DIR`). Each"
+            "Encrypt, with the keys in this folder (made by `neurosnap init keys DIR`). Each"
             " part may then do no more than its certificate says.",
             unit="DIR",
         ),

@@ -42,13 +42,13 @@ class Placement(msgspec.Struct, frozen=True, kw_only=True):
                 a cluster.
         """
         if self.place == "here" and self.ray_address:
-            rule = "must come with --place ray"
+            rule = 'must come with place = "ray"'
             raise InvalidValueError("ray_address", rule, self.ray_address)
         if self.place == "ray" and cells != "worker":
             rule = (
-                "must be 'worker' with --place ray: an actor takes some 65 MB, 25 threads"
+                "must be 'worker' with place = \"ray\": an actor takes some 65 MB, 25 threads"
                 " and 0.6 s of a processor to start (for cells as processes on several"
-                " machines there is `neurosnap join`)"
+                " machines there is `neurosnap serve cells`)"
             )
             raise InvalidValueError("kind", rule, cells)
 

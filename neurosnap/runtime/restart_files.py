@@ -62,7 +62,7 @@ class RestartFiles:
             rule = (
                 "must be taken away first: a run left it that was cut short; go on"
                 " from it, or from its recording if that got further, with `neurosnap"
-                " replay FILE --resume --out NEW`"
+                " resume FILE --out NEW`"
             )
             raise InvalidValueError("log", rule, str(self._broken))
 

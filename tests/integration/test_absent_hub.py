@@ -38,7 +38,9 @@ def waiting(endpoint: str, folder: Path, *line: object) -> Iterator[Command]:
             said = process.stderr.readline()
             assert said, process.wait()
         where = f"a hub at {endpoint}: start one with"
-        assert said == f"waiting for {where} `neurosnap hub --listen {endpoint}`\n"
+        assert (
+            said == f"waiting for {where} `neurosnap serve hub --listen {endpoint}`\n"
+        )
         yield process
 
 
@@ -46,8 +48,8 @@ def waiting(endpoint: str, folder: Path, *line: object) -> Iterator[Command]:
     ("line", "number", "code"),
     [
         (("run", PATH, "--ticks", 3), signal.SIGINT, 130),
-        (("coordinate", PATH, "--swarm", "demo"), signal.SIGTERM, 130),
-        (("record", "demo"), signal.SIGINT, 0),
+        (("serve", "coordinator", PATH, "--swarm", "demo"), signal.SIGTERM, 130),
+        (("serve", "recorder", "demo"), signal.SIGINT, 0),
         (("watch", "demo"), signal.SIGHUP, 0),
     ],
     ids=lambda value: value[0] if isinstance(value, tuple) else str(value),

@@ -12,7 +12,7 @@ import pytest
 from tests.support.command_line import call, facts_of
 from tests.support.patience import PATIENCE
 
-INLINE = ("--cells", "inline", "--ticks", 40, "--set", "places=5", "--json")
+INLINE = ("--cells", "inline", "--ticks", 40, "--set", "places=5", "--format", "json")
 
 
 @pytest.mark.parametrize(
@@ -33,7 +33,7 @@ def test_every_agent_runs_and_its_recording_verifies(
     assert result.exit_code == 0, result.stderr
     facts = facts_of(result)
     assert (facts["ticks"], facts["cells"]) == (40, cells)
-    verdict = facts_of(call("replay", log, "--verify", "--json"))
+    verdict = facts_of(call("verify", log, "--format", "json"))
     assert (verdict["same"], verdict["complete"]) == (True, True)
 
 
@@ -56,11 +56,11 @@ def test_every_agent_runs_and_its_recording_verifies(
         (("--agent", "excited", "--target", 5), "target: must be a place in 0..4"),
         (("--target", "below_1"), "target: must go with a planner or an excited"),
         (
-            ("--agent", "excited", "--explore", 1.5),
+            ("--agent", "excited", "--set", "agent.explore=1.5"),
             "explore: must be a number in [0, 1] or 'planned', got 1.5",
         ),
         (("--set", "colour=red"), "arguments: must be ones that neurosnap/Path-v0"),
-        (("--set", "places"), "set: must be NAME=VALUE, got 'places'"),
+        (("--set", "places"), "set: must be KEY=VALUE, got 'places'"),
         (("--set", "places=1"), "places: must be a whole number of at least 2, got 1"),
     ],
 )
@@ -122,7 +122,15 @@ def test_a_wrong_figure_is_refused(
 @pytest.mark.slow
 def test_interrupted_figures_keep_what_is_done(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "neurosnap", "figures", "--only", "1"]
-    many = ["--runs", "40", "--steps", "20000", "--out", str(tmp_path), "--json"]
+    many = [
+        "--runs",
+        "40",
+        "--steps",
+        "20000",
+        "--out",
+        str(tmp_path),
+        "--json",
+    ]
     with subprocess.Popen(
         [*command, *many], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:

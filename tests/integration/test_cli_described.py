@@ -48,7 +48,7 @@ def file(tmp_path: Path) -> Path:
 def test_a_file_is_run_and_flags_go_before_it(
     file: Path, flags: tuple[object, ...], ticks: int, snapshot: str
 ) -> None:
-    result = call("run", file, *flags, "--json")
+    result = call("run", file, *flags, "--format", "json")
     assert result.exit_code == 0, result.stderr
     facts = json.loads(result.stdout)
     log = Path(facts["log"])

@@ -2,7 +2,6 @@
 
 import csv
 import itertools
-import json
 import signal
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from typer.testing import Result
 from neurosnap import wire
 from neurosnap.apps.export import table_files
 from neurosnap.recording.read.recording import Recording
-from tests.support.command_line import call
+from tests.support.command_line import call, happy
 
 pytestmark = pytest.mark.slow
 
@@ -55,20 +54,19 @@ def test_the_readings_of_a_run_give_the_same_states_again(
 
 
 @pytest.mark.parametrize(
-    ("form", "ending"),
+    ("form", "out"),
     [
-        ("csv", ".csv"),
-        ("parquet", ".parquet"),
-        ("graphml", ".graphml"),
+        ("csv", ()),
+        ("parquet", ("-o", "path.parquet")),
+        ("graphml", ("-o", "path.graphml")),
     ],
 )
-def test_it_goes_beside_the_recording_and_says_where(
-    log: Path, form: str, ending: str
+def test_a_table_goes_beside_the_recording_and_others_where_they_are_named(
+    log: Path, form: str, out: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    result = call("export", log, "--format", form, "--json")
-    assert result.exit_code == 0
-    facts = json.loads(result.stdout)
-    assert facts["path"] == str(log.with_name(f"path{ending}"))
+    monkeypatch.chdir(log.parent)
+    facts = happy("export", log.name, *out)
+    assert facts["path"] == f"path.{form}"
     assert Path(facts["path"]).is_file()
     assert (facts["format"], facts["whole"]) == (form, True)
 
@@ -89,8 +87,9 @@ def test_what_is_wrong_is_told_and_nothing_written(log: Path, tmp_path: Path) ->
     taken = tmp_path / "taken.csv"
     taken.touch()
     for given in (
-        ("--format", "xls"),
-        ("--format", "csv", "--at", 3),
+        ("-o", tmp_path / "a.xls"),
+        ("-o", tmp_path / "a.csv", "--at", 3),
+        ("-o", tmp_path / "a.mcap", "--at", 3),
         ("--out", taken),
         ("--out", tmp_path / "none" / "out.csv"),
     ):

@@ -94,7 +94,7 @@ def recorded(table: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("recorded")
     log, later = folder / "home.mcap", folder / "later.mcap"
     times = [int(row.split(",")[0]) for row in table.read_text().splitlines()[1:]]
-    more = "--ticks", len(times), "--alarms", "1/week", "--out", log
+    more = "--ticks", len(times), "--set", "health.alarms=1/week", "--out", log
     happy("run", table, "--cells", "inline", *more)
 
     return sent_at(log, later, times)
@@ -119,7 +119,7 @@ def test_a_recording_is_watched_with_its_alarms_and_their_ends(recorded: Path) -
     )
     told = [
         json.loads(line)
-        for line in call("watch", recorded, "--json").stdout.split("\n")[:-1]
+        for line in call("watch", recorded, "--format", "json").stdout.split("\n")[:-1]
     ]
     assert sum("alarm" in each for each in told) == len(alarms) + len(well)
 

@@ -134,14 +134,14 @@ def test_wrong_use_is_refused(tmp_path: Path, log: Path) -> None:
     assert "threshold: must be in" in refused("learn", READINGS, "--threshold", 2)
     assert "can be read" in refused("learn", tmp_path / "none.csv")
     assert "out: must go with the table" in refused(
-        "graph", log, "--format", "dot", "--out", tmp_path / "a.csv"
+        "learn", log, "--format", "dot", "--out", tmp_path / "a.csv"
     )
 
 
 def test_more_sensors_than_fit_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("neurosnap.system.resources.free_memory", lambda: 4000)
+    monkeypatch.setattr("neurosnap.apps.export.learned.free_memory", lambda: 4000)
     said = refused("learn", READINGS)
     assert "sensors: must be fewer here: their pairs take 0.0 GB" in said
     assert call("learn", READINGS, "--sensors", "m*").exit_code == 0
@@ -149,16 +149,16 @@ def test_more_sensors_than_fit_are_refused(
 
 def test_a_recording_has_the_same_table(log: Path, tmp_path: Path) -> None:
     out = tmp_path / "graph.json"
-    assert call("graph", log, "--out", out).exit_code == 0
+    assert call("learn", log, "--out", out).exit_code == 0
     table = json.loads(out.read_text())
     assert table["learned"] == "learned by tick 30"
     told = {(row["a"], row["b"]) for row in table["relations"]}
-    implied = happy("graph", log)["implications"]
+    implied = happy("learn", log)["order"]["implications"]
     assert len(told) == len(table["relations"]) >= len(implied)
     assert ("below_18", "below_19") in told
-    shown = call("graph", log).stdout
+    shown = call("learn", log).stdout
     assert "below_18 implies below_19" in shown
-    assert "learned by tick 12" in call("graph", log, "--at", 12).stdout
+    assert "learned by tick 12" in call("learn", log, "--at", 12).stdout
     assert "relations of 20 sensors in 30 ticks" in call("info", log).stdout
     assert happy("learn", log, "--threshold", 0.01)["ticks"] == 30
 

@@ -73,7 +73,15 @@ def test_a_run_is_told_of_in_the_letters_a_terminal_has(
 ) -> None:
     few = readings.with_name("few.csv")
     few.write_text("".join(READINGS.splitlines(keepends=True)[:-1]), encoding="utf-8")
-    ended = call("run", few, "--cells", "inline", "--no-record", encoding=encoding)
+    ended = call(
+        "run",
+        few,
+        "--cells",
+        "inline",
+        "--set",
+        "recording.record=false",
+        encoding=encoding,
+    )
     assert (ended.code, ended.err) == (0, "")
     assert names in ended.out.decode(encoding)
 
@@ -84,9 +92,9 @@ def test_an_anomaly_is_told_of_in_the_letters_a_terminal_has(log: Path) -> None:
     assert "breaks tür -> motør\\u2603" in ended.out.decode("latin-1")
 
 
-@pytest.mark.parametrize("verb", ["graph", "info", "watch"])
+@pytest.mark.parametrize("verb", ["learn", "info", "watch"])
 def test_what_programs_read_is_utf_8_on_any_terminal(verb: str, log: Path) -> None:
-    ended = call(verb, log, "--json", encoding="latin-1")
+    ended = call(verb, log, "--format", "json", encoding="latin-1")
     assert ended.code == 0
     last = ended.out.decode("utf-8").splitlines()[-1]
     assert "motør☃" in last
@@ -95,7 +103,7 @@ def test_what_programs_read_is_utf_8_on_any_terminal(verb: str, log: Path) -> No
 
 @pytest.mark.parametrize(
     "verb",
-    [("watch",), ("watch", "--json"), ("graph",), ("info",), ("replay", "--verify")],
+    [("watch",), ("watch", "--format", "json"), ("learn",), ("info",), ("verify",)],
 )
 def test_nothing_is_said_to_who_has_read_enough(
     verb: tuple[str, ...], log: Path

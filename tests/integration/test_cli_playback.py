@@ -28,34 +28,14 @@ def command(*arguments: object) -> list[str]:
     return [sys.executable, "-m", "neurosnap", *map(str, arguments)]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("--from", 3), "from: must come with --verify, got 3"),
-        (("--from", 3, "--resume"), "from: must come with --verify, got 3"),
-        (("--ticks", 40), "ticks: must come with --resume, got 40"),
-        (("--out", "x.mcap", "--verify"), "out: must come with --resume, got"),
-        (("--rate", 2, "--verify"), "rate: must come without --verify and --resume"),
-        (("--start", 2, "--resume"), "start: must come without --verify and"),
-        (("--step", "--verify"), "step: must come without --verify and --resume"),
-        (("--listen", "tcp/127.0.0.1:1", "--verify"), "listen: must come without"),
-    ],
-    ids=lambda given: given if isinstance(given, str) else " ".join(map(str, given)),
-)
-def test_a_flag_that_replay_would_not_heed_is_refused(
-    log: Path, arguments: tuple[object, ...], said: str
-) -> None:
-    assert said in refused("replay", log, *arguments)
-
-
 def test_a_recording_plays_beyond_this_machine_only_where_that_is_asked_for(
     log: Path, tmp_path: Path
 ) -> None:
-    everywhere = ("replay", log, "--listen", "tcp/0.0.0.0:0")
+    everywhere = ("play", log, "--listen", "tcp/0.0.0.0:0")
     assert "without TLS (--insecure)" in refused(*everywhere)
     none = tmp_path / "none.mcap"
-    assert "log: must exist" in refused("replay", none, *everywhere[2:], "--insecure")
-    keys = ("replay", log, "--listen", "tls/localhost:1", "--tls", tmp_path)
+    assert "log: must exist" in refused("play", none, *everywhere[2:], "--insecure")
+    keys = ("play", log, "--listen", "tls/localhost:1", "--tls", tmp_path)
     assert str(tmp_path) in refused(*keys)
 
 
@@ -67,7 +47,7 @@ def test_the_id_a_stranger_recorded_is_shown_as_it_is(
     with Writer(log) as writer:
         writer.start({"swarm": "[/red]\x1b"})
         writer.finish({}, {})
-    result = call("replay", log, "--listen", endpoint)
+    result = call("play", log, "--listen", endpoint)
     assert f"playing on {endpoint} under neurosnap/'[/red]\\x1b'/**" in flat(
         result.stderr
     )
@@ -82,16 +62,16 @@ def endpoint() -> Iterator[str]:
 @pytest.mark.zenoh
 def test_a_recording_plays(log: Path, endpoint: str) -> None:
     count = sum(1 for _ in Recording.open(log).messages())
-    facts = happy("replay", log, "--rate", 1e6, "--listen", endpoint)
+    facts = happy("play", log, "--rate", 1e6, "--listen", endpoint)
     assert (facts["ticks"], facts["messages"]) == (30, count)
-    facts = happy("replay", log, "--rate", 1e6, "--start", 20, "--listen", endpoint)
+    facts = happy("play", log, "--rate", 1e6, "--from", 20, "--listen", endpoint)
     assert facts["ticks"] == 11
 
 
 @pytest.mark.zenoh
 def test_enter_plays_a_tick(log: Path, endpoint: str) -> None:
     # Three times Enter, then the end of the input.
-    facts = happy("replay", log, "--step", "--listen", endpoint, stdin="\n\n\n")
+    facts = happy("play", log, "--step", "--listen", endpoint, stdin="\n\n\n")
     assert facts["ticks"] == 3
 
 
@@ -100,7 +80,7 @@ def test_a_cut_recording_plays_and_says_so(
     log: Path, tmp_path: Path, endpoint: str
 ) -> None:
     half = cut(log, tmp_path / "cut")
-    result = call("replay", half, "--rate", 1e6, "--listen", endpoint, "--json")
+    result = call("play", half, "--rate", 1e6, "--listen", endpoint, "--format", "json")
     assert result.exit_code == 3
     assert 0 < last_json(result.stdout)["ticks"] < 30
 
@@ -111,14 +91,14 @@ def test_a_cut_recording_plays_and_says_so(
     [
         ("--rate", 0, "rate: must be positive and finite, got 0.0"),
         ("--rate", "nan", "rate: must be positive and finite, got nan"),
-        ("--start", 0, "start: must be in [1, 30], got 0"),
-        ("--start", 31, "start: must be in [1, 30], got 31"),
+        ("--from", 0, "from: must be in [1, 30], got 0"),
+        ("--from", 31, "from: must be in [1, 30], got 31"),
     ],
 )
 def test_a_wrong_playback_is_refused(
     log: Path, endpoint: str, option: str, value: object, said: str
 ) -> None:
-    result = call("replay", log, option, value, "--listen", endpoint)
+    result = call("play", log, option, value, "--listen", endpoint)
     assert result.exit_code == 2
     assert said in flat(result.stderr)
     assert "playing" not in result.stderr
@@ -130,7 +110,7 @@ def test_a_port_in_use_is_an_error(log: Path) -> None:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         tcp = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
-        said = failed("replay", log, "--listen", tcp)
+        said = failed("play", log, "--listen", tcp)
     assert f"hub: must be able to listen on {tcp}, got" in said
     assert "Address already in use" in said
     assert ".rs:" not in said
@@ -141,7 +121,7 @@ def test_interrupting_a_step_does_not_wait_for_enter(
     log: Path, tmp_path: Path, endpoint: str
 ) -> None:
     process = subprocess.Popen(
-        command("replay", log, "--step", "--listen", endpoint),
+        command("play", log, "--step", "--listen", endpoint),
         cwd=tmp_path,
         stdin=subprocess.PIPE,  # open, and nobody types
         stdout=subprocess.PIPE,

@@ -25,10 +25,10 @@ def test_a_run_of_processes_that_goes_on(tmp_path: Path, csv: Path) -> None:
     one, other = tmp_path / "one.mcap", tmp_path / "other.mcap"
     runs = (
         (("run", csv, "--ticks", 25, "--out", one), one, 25),
-        (("replay", one, "--resume", "--out", other), other, 40),
+        (("resume", one, "--out", other), other, 40),
     )
     for arguments, log, ticks in runs:
-        with started(*arguments, "--json", folder=tmp_path) as process:
+        with started(*arguments, "--format", "json", folder=tmp_path) as process:
             code, stdout, stderr = finish(process)
         assert code == 0, stderr
         assert "Traceback" not in stderr
@@ -44,7 +44,7 @@ def test_a_run_of_processes_that_goes_on(tmp_path: Path, csv: Path) -> None:
 
 @pytest.mark.zenoh
 def test_two_runs_at_once_do_not_meet(tmp_path: Path, csv: Path) -> None:
-    arguments = ("run", csv, "--json")
+    arguments = ("run", csv, "--format", "json")
     with (
         started(*arguments, "--seed", 1, folder=tmp_path) as one,
         started(*arguments, "--seed", 2, folder=tmp_path) as other,
@@ -64,7 +64,16 @@ def test_two_runs_at_once_do_not_meet(tmp_path: Path, csv: Path) -> None:
 
 @pytest.mark.zenoh
 def test_depth_is_measured_in_swarms(tmp_path: Path) -> None:
-    arguments = ("--heights", "1,3", "--sensors", "4", "--waves", "2", "--json")
+    arguments = (
+        "--heights",
+        "1,3",
+        "--sensors",
+        "4",
+        "--waves",
+        "2",
+        "--format",
+        "json",
+    )
     with started("depth", *arguments, folder=tmp_path) as process:
         code, stdout, stderr = finish(process)
     assert code == 0, stderr

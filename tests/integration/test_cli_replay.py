@@ -37,14 +37,14 @@ def csv(tmp_path: Path) -> Path:
 
 
 def test_a_true_recording_verifies(log: Path) -> None:
-    facts = happy("replay", log, "--verify")
+    facts = happy("verify", log)
     assert (facts["same"], facts["complete"], facts["ticks"]) == (True, True, 30)
-    told = call("replay", log, "--verify").stdout
+    told = call("verify", log).stdout
     assert "every state and decision of 30 ticks came out the same" in flat(told)
 
 
 def test_a_tampered_recording_fails(log: Path, tmp_path: Path) -> None:
-    result = call("replay", changed(log, tmp_path / "lie"), "--verify", "--json")
+    result = call("verify", changed(log, tmp_path / "lie"), "--format", "json")
     assert result.exit_code == 1
     facts = last_json(result.stdout)
     assert facts["same"] is False
@@ -53,7 +53,7 @@ def test_a_tampered_recording_fails(log: Path, tmp_path: Path) -> None:
 
 
 def test_a_truncated_recording_is_lacking(log: Path, tmp_path: Path) -> None:
-    result = call("replay", cut(log, tmp_path / "cut"), "--verify", "--json")
+    result = call("verify", cut(log, tmp_path / "cut"), "--format", "json")
     assert result.exit_code == 3
     facts = last_json(result.stdout)
     assert (facts["same"], facts["complete"]) == (True, False)
@@ -63,8 +63,8 @@ def test_a_truncated_recording_is_lacking(log: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "arguments",
-    [("replay", "LOG", "--verify"), ("replay", "LOG", "--resume"), ("replay", "LOG"),
-     ("info", "LOG"), ("graph", "LOG"), ("depth", "LOG")],
+    [("verify", "LOG"), ("resume", "LOG"), ("play", "LOG"),
+     ("info", "LOG"), ("depth", "LOG")],
     ids=" ".join,
 )  # fmt: skip
 def test_what_is_no_recording_is_an_error_that_names_it(
@@ -81,18 +81,18 @@ def test_what_is_no_recording_is_an_error_that_names_it(
 
 def test_a_run_goes_on(log: Path, tmp_path: Path) -> None:
     out = tmp_path / "more.mcap"
-    facts = happy("replay", log, "--resume", "--ticks", 42, "--out", out)
+    facts = happy("resume", log, "--ticks", 42, "--out", out)
     assert facts.keys() >= RUN_KEYS | {"resumed", "resumed_at"}
     assert (facts["resumed"], facts["resumed_at"]) == (str(log), 30)
     assert (facts["log"], facts["ticks"]) == (str(out), 42)
-    assert happy("replay", out, "--verify")["ticks"] == 42
+    assert happy("verify", out)["ticks"] == 42
 
 
 def test_a_cut_run_goes_on(log: Path, tmp_path: Path) -> None:
     half, out = cut(log, tmp_path / "cut"), tmp_path / "more.mcap"
-    facts = happy("replay", half, "--resume", "--ticks", 35, "--out", out)
+    facts = happy("resume", half, "--ticks", 35, "--out", out)
     assert 0 < facts["resumed_at"] < 30
-    assert happy("replay", out, "--verify")["ticks"] == 35
+    assert happy("verify", out)["ticks"] == 35
 
 
 def test_a_run_of_a_file_goes_on_to_the_end_of_the_file(
@@ -100,11 +100,11 @@ def test_a_run_of_a_file_goes_on_to_the_end_of_the_file(
 ) -> None:
     log, out, again = (tmp_path / name for name in ("log", "out", "again"))
     happy("run", csv, "--cells", "inline", "--ticks", 10, "--out", log)
-    assert happy("replay", log, "--resume", "--out", out)["ticks"] == 40
-    text = refused("replay", out, "--resume", "--out", again)
+    assert happy("resume", log, "--out", out)["ticks"] == 40
+    text = refused("resume", out, "--out", again)
     assert "ticks: must be more than the 40 there are" in text
     csv.unlink()
-    assert "No such file" in refused("replay", log, "--resume", "--out", again)
+    assert "No such file" in refused("resume", log, "--out", again)
     assert not again.exists()
 
 
@@ -113,7 +113,7 @@ def test_a_run_does_not_go_on_to_where_it_has_been(
     log: Path, tmp_path: Path, ticks: int
 ) -> None:
     out = tmp_path / "out.mcap"
-    text = refused("replay", log, "--resume", "--ticks", ticks, "--out", out)
+    text = refused("resume", log, "--ticks", ticks, "--out", out)
     assert "ticks: must be more than the 30 there are" in text
     assert f"got {ticks}" in text
     assert not out.exists()
@@ -121,10 +121,6 @@ def test_a_run_does_not_go_on_to_where_it_has_been(
 
 def test_a_tampered_run_does_not_go_on(log: Path, tmp_path: Path) -> None:
     lie, out = changed(log, tmp_path / "lie"), tmp_path / "out.mcap"
-    text = failed("replay", lie, "--resume", "--out", out)
+    text = failed("resume", lie, "--out", out)
     assert f"{lie}: must be a true run: tick 9: /decide" in text
     assert not out.exists()
-
-
-def test_verifying_and_resuming_at_once_is_refused(log: Path) -> None:
-    assert "must verify or resume" in refused("replay", log, "--verify", "--resume")

@@ -50,7 +50,9 @@ def test_without_json_people_are_told(tmp_path: Path, csv: Path) -> None:
 def test_a_run_that_is_not_recorded_leaves_no_file(tmp_path: Path, csv: Path) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path)
-        facts = happy("run", csv, "--cells", "inline", "--no-record")
+        facts = happy(
+            "run", csv, "--cells", "inline", "--set", "recording.record=false"
+        )
     assert facts["log"] is None
     assert facts["ticks"] == 40
     assert list(tmp_path.iterdir()) == [csv]
@@ -83,7 +85,10 @@ def test_a_csv_with_times_is_taken_as_far_as_asked(
 @pytest.mark.parametrize("wiring", ["hasse", "derived"])
 @pytest.mark.parametrize(
     "snapshot",
-    [("empirical",), ("discounted", "--decay", 0.9, "--threshold", 0.15)],
+    [
+        ("empirical",),
+        ("discounted", "--set", "snapshot.decay=0.9", "--threshold", 0.15),
+    ],
     ids=["empirical", "discounted"],
 )
 def test_options_are_kept_in_the_recording(
@@ -91,7 +96,7 @@ def test_options_are_kept_in_the_recording(
 ) -> None:
     out = tmp_path / "out.mcap"
     facts = happy(
-        "run", csv, "--cells", "inline", "--out", out, "--wiring", wiring,
+        "run", csv, "--cells", "inline", "--out", out, "--set", f"cells.wiring={wiring}",
         "--seed", 7, "--snapshot", *snapshot,
     )  # fmt: skip
     metadata = Recording.open(out).metadata
@@ -133,15 +138,15 @@ WRONG_RUNS: dict[str, tuple[tuple[object, ...], str]] = {
         "threshold: must be a number for a discounted snapshot, got 'auto'",
     ),
     "decay 1": (
-        ("CSV", "--snapshot", "discounted", "--decay", 1),
-        "decay: must be in [0, 1), got 1.0",
+        ("CSV", "--snapshot", "discounted", "--set", "snapshot.decay=1"),
+        "decay: must be in [0, 1), got 1",
     ),
     "decay NaN": (
-        ("CSV", "--snapshot", "discounted", "--decay", "nan"),
+        ("CSV", "--snapshot", "discounted", "--set", "snapshot.decay=nan"),
         "decay: must be in [0, 1), got nan",
     ),
     "decay alone": (
-        ("CSV", "--decay", 0.5),
+        ("CSV", "--set", "snapshot.decay=0.5"),
         "decay: must go with a discounted snapshot only, got 0.5",
     ),
     "ticks 0": (("CSV", "--ticks", 0), "ticks: "),
@@ -152,10 +157,13 @@ WRONG_RUNS: dict[str, tuple[tuple[object, ...], str]] = {
         "seed: must be in [0, 9223372036854775807], got",
     ),
     "seed large": (("CSV", "--seed", 2**63), "seed: "),
-    "deadline 0": (("CSV", "--deadline", 0), "deadline: "),
-    "deadline NaN": (("CSV", "--deadline", "nan"), "deadline: "),
-    "deadline endless": (("CSV", "--deadline", "inf"), "deadline: "),
-    "wiring": (("CSV", "--wiring", "wired"), "'wired' is not one of 'hasse'"),
+    "deadline 0": (("CSV", "--set", "cells.deadline=0"), "deadline: "),
+    "deadline NaN": (("CSV", "--set", "cells.deadline=nan"), "deadline: "),
+    "deadline endless": (("CSV", "--set", "cells.deadline=inf"), "deadline: "),
+    "wiring": (
+        ("CSV", "--set", "cells.wiring=wired"),
+        "wiring: must be 'derived' or 'hasse'",
+    ),
     "cells": (("CSV", "--cells", "threads"), "'threads' is not one of 'auto'"),
     "snapshot": (("CSV", "--snapshot", "photo"), "'photo' is not one of 'empirical'"),
     "option": (("CSV", "--speed", 3), "No such option"),
@@ -180,7 +188,7 @@ def test_a_file_with_gaps_runs_and_verifies(tmp_path: Path) -> None:
     source.write_text("a;b\n" + "True;on\n;off\n;\nFalse;NA\n" * 3)
     facts = happy("run", source, "--cells", "inline", "--out", out)
     assert facts["ticks"] == 9  # a row without a reading is none
-    assert happy("replay", out, "--verify")["same"]
+    assert happy("verify", out)["same"]
     assert happy("learn", out)["ticks"] == 9
 
 

@@ -53,7 +53,7 @@ def test_a_run_that_is_interrupted_ends_in_order(
 @pytest.mark.zenoh
 def test_a_cell_that_is_killed_is_named(tmp_path: Path, endless: Path) -> None:
     log = tmp_path / "out.mcap"
-    with going(endless, log, "--restart", "never") as (process, family):
+    with going(endless, log, "--set", "supervision.restart=never") as (process, family):
         *_, last = parts_of(family)
         last.kill()
         code, stdout, stderr = finish(process)
@@ -95,7 +95,7 @@ def test_a_full_disk_is_named_and_what_is_there_is_readable(
     log = tmp_path / "out.mcap"
     most = 100_000
 
-    arguments = ("run", endless, "--out", log, "--json")
+    arguments = ("run", endless, "--out", log, "--format", "json")
     with started(*arguments, folder=tmp_path, largest=most) as process:
         code, stdout, stderr = finish(process)
     assert code == 1, stderr
@@ -104,5 +104,5 @@ def test_a_full_disk_is_named_and_what_is_there_is_readable(
     assert "Traceback" not in stderr
     assert log.stat().st_size <= most
     assert not sound(log).complete
-    assert call("replay", log, "--verify").exit_code == 3
+    assert call("verify", log).exit_code == 3
     assert call("info", log).exit_code == 3

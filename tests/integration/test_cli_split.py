@@ -21,7 +21,9 @@ def neurosnap(*arguments: object, code: int = 0) -> str:
 
 
 def facts(*arguments: object) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(neurosnap(*arguments, "--json").splitlines()[-1])
+    found: dict[str, Any] = json.loads(
+        neurosnap(*arguments, "--format", "json").splitlines()[-1]
+    )
     return found
 
 
@@ -30,7 +32,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("split")
     readings, log = folder / "readings.csv", folder / "log.mcap"
     write_readings(readings, 1500, 6, 2)
-    arguments = ("--cells", "inline", "--split", "64KiB", "--ticks", 1400)
+    arguments = ("--cells", "inline", "--set", "recording.split=64KiB", "--ticks", 1400)
     neurosnap("run", readings, *arguments, "--out", log)
     return log
 
@@ -38,27 +40,26 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_run_comes_in_files_that_are_verified_in_one_go_or_each(log: Path) -> None:
     files = part_paths(log)
     assert len(files) > 1
-    whole = facts("replay", log, "--verify")
+    whole = facts("verify", log)
     assert (whole["same"], whole["complete"]) == (True, True)
     assert (whole["files"], whole["ticks"]) == (len(files), 1400)
-    text = neurosnap("replay", files[1], "--verify")
+    text = neurosnap("verify", files[1])
     assert "400 ticks after tick 1000 came out the same" in " ".join(text.split())
     named = facts("info", log)["files"]
     assert named == [path.name for path in files.values()]
 
 
 def test_verifying_may_begin_further_on(log: Path) -> None:
-    found = facts("replay", log, "--verify", "--from", 1234)
+    found = facts("verify", log, "--from", 1234)
     assert (found["start"], found["ticks"], found["same"]) == (1000, 400, True)
-    neurosnap("replay", log, "--from", 1234, code=2)
 
 
 def test_a_run_in_files_goes_on_in_the_last(log: Path, tmp_path: Path) -> None:
     new = tmp_path / "new.mcap"
-    neurosnap("replay", log, "--resume", "--ticks", 1450, "--out", new)
+    neurosnap("resume", log, "--ticks", 1450, "--out", new)
     # How much goes into a file depends on when it is flushed: there may be another.
     assert min(part_paths(new)) == len(part_paths(log)) - 1
-    found = facts("replay", new, "--verify")
+    found = facts("verify", new)
     assert (found["same"], found["complete"]) == (True, True)
     assert found["start"] + found["ticks"] == 1450
 
@@ -66,10 +67,13 @@ def test_a_run_in_files_goes_on_in_the_last(log: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--split", "10MB"), "must be like 256MiB, got '10MB'"),
-        (("--split", "-1"), "must be like 256MiB, got '-1'"),
-        (("--split", "63KiB"), "must be 0, or at least 65536 bytes, got 64512"),
-        (("--keep", "2"), "keep: must come with split, got 2"),
+        (("--set", "recording.split=10MB"), "must be like 256MiB, got '10MB'"),
+        (("--set", "recording.split=-1"), "must be like 256MiB, got '-1'"),
+        (
+            ("--set", "recording.split=63KiB"),
+            "must be 0, or at least 65536 bytes, got 64512",
+        ),
+        (("--set", "recording.keep=2"), "keep: must come with split, got 2"),
     ],
 )
 def test_a_wrong_size_is_refused(

@@ -43,8 +43,8 @@ async def test_a_look_at_a_broker_gives_a_file_that_runs(
             ("zigbee2mqtt/door", '{"contact": false, "battery": 97}'),
         ]:
             await other.publish(topic, payload, qos=1, retain=True)
-        command = [sys.executable, "-m", "neurosnap", "topics"]
-        command += [f"127.0.0.1:{broker.port}", "--seconds", "3600", "--json"]
+        command = [sys.executable, "-m", "neurosnap", "init", "topics"]
+        command += [f"127.0.0.1:{broker.port}", "--seconds", "3600", "--format", "json"]
         process = subprocess.Popen(  # noqa: ASYNC220 - it returns at once
             [*command, "--out", str(out)],
             stdout=subprocess.PIPE,
@@ -68,7 +68,7 @@ async def test_a_look_at_a_broker_gives_a_file_that_runs(
         assert {each["topic"]: each["messages"] for each in facts["topics"]} == (
             dict.fromkeys(heard, 1)
         )
-        assert call("config", "check", out).exit_code == 0
+        assert call("check", out).exit_code == 0
         options = prepare(look(out)).options
         source = open_live(options.source, options.arguments)
         assert isinstance(source, LiveSource)
@@ -83,8 +83,8 @@ async def test_a_look_at_a_broker_gives_a_file_that_runs(
         (["a:b"], "broker: must be HOST or HOST:PORT, got 'a:b'"),
         (["a", "--topic", "a+"], "topic: must be a topic filter"),
         (["a", "--out", "a.txt"], "out: must end with .toml, got 'a.txt'"),
-        (["a", "--out", "away/a.toml"], "out: must be in a folder that is there"),
-        (["a", "--out", "there.toml"], "out: must not be there yet (--force replaces"),
+        (["a", "--out", "away/a.toml"], "out: must be in a folder that exists"),
+        (["a", "--out", "there.toml"], "out: must not exist yet, or come with --force"),
         (["a", "--ca-file", "a.pem"], "ca_file: must go with tls"),
         (["a", "--seconds", "0"], "--seconds"),
     ],
@@ -97,7 +97,7 @@ def test_what_is_wrong_is_said_before_anything_is_listened_to(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("there.toml").write_text("# mine\n")
-    result = call("topics", *arguments)
+    result = call("init", "topics", *arguments)
     assert result.exit_code == 2
     assert text in " ".join(result.stderr.split())
     assert Path("there.toml").read_text() == "# mine\n"

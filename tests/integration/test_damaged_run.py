@@ -56,8 +56,19 @@ class Fed:
 
 @contextmanager
 def fed(log: Path, *more: str) -> Iterator[Fed]:
-    command = ["run", "-", "--json", "--set", "sensors=a,b,c", "--out", str(log)]
-    with Command(*command, "--backoff", "0", *more, buffer=4096) as process:
+    command = [
+        "run",
+        "-",
+        "--format",
+        "json",
+        "--set",
+        "sensors=a,b,c",
+        "--out",
+        str(log),
+    ]
+    with Command(
+        *command, "--set", "supervision.backoff=0", *more, buffer=4096
+    ) as process:
         yield Fed(process, log)
 
 

@@ -59,7 +59,7 @@ MOMENTS: dict[str, Callable[[Struggle], bool]] = {
 def test_a_signal_ends_a_run_in_order_at_any_moment(
     moment: str, number: signal.Signals, group: bool
 ) -> None:
-    with struggling(*ENDLESS, "--backoff", 1) as run:
+    with struggling(*ENDLESS, "--set", "supervision.backoff=1") as run:
         run.wait_until(lambda: MOMENTS[moment](run))
         run.strike(number, group=group)
         found = run.judge()

@@ -191,7 +191,16 @@ def test_in_processes_it_is_the_same(log: Path, tmp_path: Path, cells: str) -> N
 
 def test_the_command_line_takes_it(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
-    given = ("--frames", 7, "--ticks", 15, "--cells", "inline", "--out", path)
+    given = (
+        "--set",
+        "recording.frames=7",
+        "--ticks",
+        15,
+        "--cells",
+        "inline",
+        "--out",
+        path,
+    )
     happy("run", LAKE, *given)
     assert sorted(images(path)) == [1, 8, 15]
     assert Recording.open(path).options.frames == 7
@@ -211,6 +220,6 @@ def test_a_file_takes_it(tmp_path: Path) -> None:
 @pytest.mark.parametrize("source", ["neurosnap/Path-v0", "neurosnap/Grid-v0"])
 def test_a_world_that_does_not_draw_is_refused(source: str, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
-    said = refused("run", source, "--frames", 1, "--out", path)
+    said = refused("run", source, "--set", "recording.frames=1", "--out", path)
     assert f"the render mode rgb_array, got '{source}'" in said
     assert not path.exists()

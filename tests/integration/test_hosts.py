@@ -38,7 +38,7 @@ def command(*arguments: object) -> list[str]:
 @contextmanager
 def hub_on(before: list[str], *arguments: object) -> Iterator["subprocess.Popen[str]"]:
     """A hub that listens; `before` is what its command line begins with."""
-    line = [*before, *command("hub", *arguments)]
+    line = [*before, *command("serve", "hub", *arguments)]
     with subprocess.Popen(line, stderr=subprocess.PIPE, text=True) as process:
         assert process.stderr is not None
         try:
@@ -53,7 +53,7 @@ def hub_on(before: list[str], *arguments: object) -> Iterator["subprocess.Popen[
 def make_keys(folder: Path, *hosts: str) -> None:
     named = [argument for host in hosts for argument in ("--host", host)]
     subprocess.run(
-        command("keys", folder, *named),
+        command("init", "keys", folder, *named),
         check=True,
         capture_output=True,
         timeout=PATIENCE,
@@ -66,7 +66,7 @@ def play(
     """Run a swarm of six cells, four of them on the host ``cells``."""
     network = ("--connect", endpoint, "--tls", keys)
     small = ("neurosnap/Path-v0", "--set", "places=7", "--ticks", 40, "--out", log)
-    share = [*hosts["cells"], *command("join", "demo", "--cells", "1,3-", *network)]
+    share = [*hosts["cells"], *command("serve", "cells", "demo", "1,3-", *network)]
     with subprocess.Popen(share, stderr=subprocess.PIPE, text=True) as joined:
         whole = [
             *hosts["rest"],

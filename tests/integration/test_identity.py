@@ -194,7 +194,10 @@ def test_the_command_makes_keys_a_part_and_revokes_one(tmp_path: Path) -> None:
     folder = tmp_path / "keys"
 
     def call(*more: str) -> Result:
-        return CliRunner().invoke(app, ["keys", str(folder), *more, "--json"])
+        return CliRunner().invoke(
+            app,
+            ["init", "keys", str(folder), *more, "--format", "json"],
+        )
 
     made = call("--parts", "cell/0-2,7", "--parts", "worker/0")
     assert made.exit_code == 0, made.output

@@ -114,7 +114,14 @@ def neurosnap(log: Path, *arguments: str) -> Iterator[Fed]:
 
 
 def running(log: Path, *more: str) -> AbstractContextManager[Fed]:
-    flags = ["--set", f"sensors={SENSORS}", "--ticks", "3000", "--backoff", "0"]
+    flags = [
+        "--set",
+        f"sensors={SENSORS}",
+        "--ticks",
+        "3000",
+        "--set",
+        "supervision.backoff=0",
+    ]
     return neurosnap(log, "run", "-", "--out", str(log), *flags, *more)
 
 
@@ -240,7 +247,7 @@ def test_a_run_that_is_resumed_gets_what_had_no_tick(
         assert f"{waiting} readings came in and had no tick" in said
         assert str(journal_of(log)) in said.replace("\n", "")
     total = lines + 5
-    go_on = ("replay", str(log), "--resume", "--ticks", str(total), "--out", str(new))
+    go_on = ("resume", str(log), "--ticks", str(total), "--out", str(new))
     with neurosnap(new, *go_on) as run:
         run._number = kept[-1].number
         run.feed(total - kept[-1].number)
@@ -285,7 +292,7 @@ async def test_each_change_that_a_broker_told_of_meanwhile_is_a_tick(
     with started(tmp_path, "allow_anonymous true") as broker:
         lines = "\n".join(BIT.format(place) for place in range(BITS))
         file.write_text(HOUSE.format(sensors=lines, port=broker.port))
-        swarm = ("--cells", "process", "--backoff", "3")
+        swarm = ("--cells", "process", "--set", "supervision.backoff=3")
         arguments = ("run", str(file), "--out", str(log), *swarm)
         with neurosnap(log, *arguments) as run:
             await asyncio.to_thread(until, lambda: log.exists())

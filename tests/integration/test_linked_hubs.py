@@ -60,7 +60,9 @@ def line() -> Iterator[Hubs]:
 
         def start(endpoint: str, *links: str) -> Command:
             more = [word for link in links for word in ("--link", link)]
-            hub = stack.enter_context(going("hub", "--listen", endpoint, *more))
+            hub = stack.enter_context(
+                going("serve", "hub", "--listen", endpoint, *more)
+            )
             assert "listening on" in hub.stderr.readline()
             return hub
 
@@ -77,8 +79,8 @@ def line() -> Iterator[Hubs]:
 def shares(hubs: Hubs, *more: object) -> Iterator[list[Command]]:
     """Four cells of the run, two on the second hub and two on the last."""
     with (
-        going("join", SWARM, "--connect", hubs.second, "--cells", "2,3", *more) as near,
-        going("join", SWARM, "--connect", hubs.last, "--cells", "4,5", *more) as far,
+        going("serve", "cells", SWARM, "--connect", hubs.second, "2,3", *more) as near,
+        going("serve", "cells", SWARM, "--connect", hubs.last, "4,5", *more) as far,
     ):
         yield [near, far]
 
@@ -128,7 +130,16 @@ def test_a_link_that_is_cut_and_heals_costs_nothing(tmp_path: Path) -> None:
     log = tmp_path / "log.mcap"
     with line() as hubs:
         hubs.start()
-        run = ("run", PATH, *ENDLESS, *ELSEWHERE, "--deadline", 2, "--out", log)
+        run = (
+            "run",
+            PATH,
+            *ENDLESS,
+            *ELSEWHERE,
+            "--set",
+            "cells.deadline=2",
+            "--out",
+            log,
+        )
         with shares(hubs) as joined, going(*run, "--connect", hubs.first) as most:
             begun(hubs.first, 5)
             cut_until_asked_again(hubs)
@@ -146,7 +157,16 @@ def test_parts_behind_a_lost_link_are_named_and_the_recording_reads(
     log = tmp_path / "log.mcap"
     with line() as hubs:
         hubs.start()
-        run = ("run", PATH, *ENDLESS, *ELSEWHERE, "--restart", "never", "--out", log)
+        run = (
+            "run",
+            PATH,
+            *ENDLESS,
+            *ELSEWHERE,
+            "--set",
+            "supervision.restart=never",
+            "--out",
+            log,
+        )
         with (
             shares(hubs, "--restart", "never"),
             going(*run, "--connect", hubs.first) as most,

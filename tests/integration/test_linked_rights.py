@@ -123,7 +123,7 @@ def test_a_cell_hears_nothing_of_another_hub_but_what_is_for_cells(keys: Path) -
 
 def test_a_router_that_is_no_hub_is_named(keys: Path) -> None:
     endpoint = f"tls/127.0.0.1:{free_port()}"
-    with going("hub", "--listen", endpoint, "--tls", keys) as hub:
+    with going("serve", "hub", "--listen", endpoint, "--tls", keys) as hub:
         assert "listening on" in hub.stderr.readline()
         config = configuration(
             "router",
@@ -156,7 +156,7 @@ def test_any_router_with_the_printed_configuration_holds_parts_to_their_roles(
     with hub_with(keys) as there:
         here = Hub(f"tls/127.0.0.1:{free_port()}", keys)
         more = ("--listen", here.endpoint, "--link", there.endpoint, "--tls", keys)
-        with going("hub", *more, "--print-config") as printing:
+        with going("serve", "hub", *more, "--print-config") as printing:
             printed, _ = printing.communicate(timeout=PATIENCE)
         file = tmp_path / "hub.json5"
         file.write_text(printed)

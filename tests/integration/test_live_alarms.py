@@ -74,9 +74,8 @@ async def test_a_run_that_is_resumed_tells_an_alarm_once_and_so_do_those_who_loo
 ) -> None:
     more = tmp_path / "more.mcap"
     resume = (
-        "replay",
+        "resume",
         str(recorded),
-        "--resume",
         "--ticks",
         "100000",
         "--out",

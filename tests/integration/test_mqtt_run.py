@@ -273,7 +273,9 @@ async def test_a_wrong_password_is_named_at_once(tmp_path: Path) -> None:
     set_passwords(passwords, neurosnap="another")
     lines = ("allow_anonymous false", f"password_file {passwords}")
     with started(tmp_path, *lines) as broker:
-        async with running(tmp_path, broker, "inline", "--restart", "never") as run:
+        async with running(
+            tmp_path, broker, "inline", "--set", "supervision.restart=never"
+        ) as run:
             assert await run.ended() == 2
     assert f"username: must be taken by {HOST}:{broker.port}" in run.said
     assert "got 'neurosnap'" in run.said

@@ -89,7 +89,14 @@ def test_an_agent_that_runs_by_plan_does_what_it_does_when_it_learns() -> None:
 
 def test_the_command_line_takes_the_word(tmp_path: Path) -> None:
     log = tmp_path / "a.mcap"
-    given = ["--agent", "planner", "--imagine", "50", "--explore", "planned"]
+    given = [
+        "--agent",
+        "planner",
+        "--set",
+        "agent.imagine=50",
+        "--set",
+        "agent.explore=planned",
+    ]
     result = call(
         "run", LAKE, *given, "--cells", "inline", "--ticks", "5", "--out", log
     )

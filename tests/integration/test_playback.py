@@ -269,7 +269,7 @@ async def test_a_rate_that_is_no_speed_is_refused(
 async def test_a_start_that_is_not_there_is_refused(
     recording: Recording, endpoint: str, start: int
 ) -> None:
-    rule = rf"^start: must be in \[1, {TICKS}\], got {start}$"
+    rule = rf"^from: must be in \[1, {TICKS}\], got {start}$"
     with pytest.raises(InvalidValueError, match=rule):
         await play_on(recording, endpoint, asyncio.Event(), start=start)
 

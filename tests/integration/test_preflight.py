@@ -53,7 +53,7 @@ def test_a_run_that_does_not_fit_is_refused_before_it_starts(
 
 @pytest.mark.usefixtures("without_matplotlib")
 def test_depth_without_matplotlib_writes_its_table(path_log: Path) -> None:
-    result = call("depth", path_log, "--out", "d", "--json")
+    result = call("depth", path_log, "--out", "d", "--format", "json")
     assert result.exit_code == 0, result.stderr
     assert "no picture: depth.png: must have matplotlib installed" in result.stderr
     facts = json.loads(result.stdout.splitlines()[-1])

@@ -167,8 +167,17 @@ def test_a_run_that_is_interrupted_ends_in_order(
     log = tmp_path / "out.mcap"
     address = nodes.address if place == "cluster" else "local"
     with started(
-        *("run", "neurosnap/Path-v0", "--ticks", ENDLESS, "--out", log, "--json"),
-        *("--place", "ray", "--ray-address", address),
+        *(
+            "run",
+            "neurosnap/Path-v0",
+            "--ticks",
+            ENDLESS,
+            "--out",
+            log,
+            "--format",
+            "json",
+        ),
+        *("--set", "placement.place=ray", "--set", f"placement.ray_address={address}"),
         folder=tmp_path,
     ) as process:
         wait_for_size(process, log, GROWN)

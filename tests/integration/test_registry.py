@@ -49,25 +49,27 @@ def going(log: Path) -> Iterator[Command]:
 def test_a_swarm_is_listed_shown_and_stopped(tmp_path: Path) -> None:
     first, second = tmp_path / "first.mcap", tmp_path / "second.mcap"
     with going(first) as stopped, going(second) as left:
-        listed = facts_of(call("ps", "--json"))["swarms"]
+        listed = facts_of(call("ps", "--format", "json"))["swarms"]
         assert [Path(one["log"]) for one in sorted(listed, key=_by_log)] == [
             first,
             second,
         ]
         ids = {Path(one["log"]): one["swarm"] for one in listed}
-        shown = facts_of(call("ps", ids[first], "--json"))
+        shown = facts_of(call("ps", ids[first], "--format", "json"))
         names = [part["who"] for part in shown["parts"]]
         services = ["hub", "recorder", "coordinator", "world"]
         assert names == [*services, *(f"cell/{n}" for n in range(5))]
         assert all(part["memory"] > 0 for part in shown["parts"])
-        assert facts_of(call("stop", ids[first], "--json"))["log"] == str(first)
+        assert facts_of(call("stop", ids[first], "--format", "json"))["log"] == str(
+            first
+        )
         stdout, stderr = stopped.communicate(timeout=PATIENCE)
         assert stopped.returncode == 0, stderr
         assert "as asked" in stdout
         assert left.poll() is None  # the other one goes on
-        assert [one["swarm"] for one in facts_of(call("ps", "--json"))["swarms"]] == [
-            ids[second]
-        ]
+        assert [
+            one["swarm"] for one in facts_of(call("ps", "--format", "json"))["swarms"]
+        ] == [ids[second]]
     verdict = verify(first)
     assert (verdict.same, verdict.complete) == (True, True)
 

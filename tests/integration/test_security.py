@@ -144,7 +144,17 @@ async def test_a_recording_is_not_played_to_the_network_in_the_clear(
 
 def test_the_command_makes_keys(tmp_path: Path) -> None:
     folder = tmp_path / "keys"
-    command = ["keys", str(folder), "--host", "hub.example", "--days", "2", "--json"]
+    command = [
+        "init",
+        "keys",
+        str(folder),
+        "--host",
+        "hub.example",
+        "--days",
+        "2",
+        "--format",
+        "json",
+    ]
     done = CliRunner().invoke(app, command)
     assert done.exit_code == 0, done.output
     facts = msgspec.json.decode(done.stdout.splitlines()[-1])
@@ -156,5 +166,7 @@ def test_the_command_makes_keys(tmp_path: Path) -> None:
     again = CliRunner().invoke(app, command)
     assert again.exit_code == 2
     assert "keys: must not exist yet" in again.stderr
-    wrong = CliRunner().invoke(app, ["keys", str(tmp_path / "b"), "--days", "0"])
+    wrong = CliRunner().invoke(
+        app, ["init", "keys", str(tmp_path / "b"), "--days", "0"]
+    )
     assert wrong.exit_code == 2

@@ -41,15 +41,15 @@ def endpoint() -> Iterator[str]:
 
 
 SHARES = {
-    "cells": (("--cells", "0-2,5"), ("--cells", "3,4")),
-    "workers": (("--workers", "1"), ("--workers", "0")),
+    "cells": ("0-2,5", "3,4"),
+    "workers": ("1", "0"),
 }
 HOW = {"cells": (), "workers": ("--cells", "worker", "--workers", 2)}
 ROLES: dict[object, Role] = {
-    "record": "recorder",
-    "join": "worker",
+    "recorder": "recorder",
+    "cells": "worker",
     "world": "world",
-    "coordinate": "coordinator",
+    "coordinator": "coordinator",
 }
 
 
@@ -71,15 +71,24 @@ def play(
     with ExitStack() as stack:
 
         def start(*line: object) -> Command:
-            tls = () if keys is None else ("--tls", host_with(keys, ROLES[line[0]]))
+            tls = () if keys is None else ("--tls", host_with(keys, ROLES[line[1]]))
             return stack.enter_context(going(*line, *at, *tls))
 
-        recorder = start("record", SWARM, "--out", log, "--json")
-        first = start("join", SWARM, *SHARES[kind][0])
-        world = start("world", SWARM, PATH)
-        whole = ("--swarm", SWARM, *SMALL, "--ticks", 40, "--json", *HOW[kind])
-        coordinator = start("coordinate", PATH, *whole)
-        late = start("join", SWARM, *SHARES[kind][1])
+        recorder = start("serve", "recorder", SWARM, "--out", log, "--format", "json")
+        first = start("serve", "cells", SWARM, SHARES[kind][0])
+        world = start("serve", "world", SWARM, PATH)
+        whole = (
+            "--swarm",
+            SWARM,
+            *SMALL,
+            "--ticks",
+            40,
+            "--format",
+            "json",
+            *HOW[kind],
+        )
+        coordinator = start("serve", "coordinator", PATH, *whole)
+        late = start("serve", "cells", SWARM, SHARES[kind][1])
         told = facts(ended(coordinator)), facts(ended(recorder))
         for one in (first, world, late):
             ended(one)
@@ -112,7 +121,7 @@ def test_a_run_leaves_a_worker_to_another_host(endpoint: str, tmp_path: Path) ->
     whole = ("run", PATH, *at, "--swarm", SWARM, *SMALL, "--ticks", 20, "--out", log)
     with (
         going(*whole, *HOW["workers"], "--elsewhere", "1") as most,
-        going("join", SWARM, *at, "--workers", "1") as rest,
+        going("serve", "cells", SWARM, *at, "1") as rest,
     ):
         ended(most)
         ended(rest)
@@ -133,7 +142,7 @@ def test_a_run_with_all_parts_here_says_nothing_of_places(
 
 def test_services_with_keys_do_what_their_roles_may(tmp_path: Path) -> None:
     log, keys = tmp_path / "log.mcap", tmp_path / "keys"
-    with going("keys", keys) as making:
+    with going("init", "keys", keys) as making:
         ended(making)
     where = f"tls/127.0.0.1:{free_port()}"
     with hub_at(where, "--tls", keys):
@@ -150,9 +159,9 @@ def test_services_serve_one_swarm_after_the_other(
     log = tmp_path / "log.mcap"
     at = ("--connect", endpoint)
     lines: tuple[tuple[object, ...], ...] = (
-        ("world", SWARM, PATH),
-        ("join", SWARM, "--cells", "0-5"),
-        ("record", SWARM, "--out", log, "--json"),
+        ("serve", "world", SWARM, PATH),
+        ("serve", "cells", SWARM, "0-5"),
+        ("serve", "recorder", SWARM, "--out", log, "--format", "json"),
     )
     ways: tuple[tuple[object, ...], ...] = (SMALL, ("--set", "places=7", "--seed", 4))
     with ExitStack() as stack:
@@ -161,7 +170,17 @@ def test_services_serve_one_swarm_after_the_other(
             for line in lines
         ]
         for way in ways:
-            whole = ("coordinate", PATH, *at, "--swarm", SWARM, *way, "--ticks", 10)
+            whole = (
+                "serve",
+                "coordinator",
+                PATH,
+                *at,
+                "--swarm",
+                SWARM,
+                *way,
+                "--ticks",
+                10,
+            )
             with going(*whole) as coordinator:
                 ended(coordinator)
         # The recorder ends the second recording before it ends itself.

@@ -21,33 +21,28 @@ def endpoint() -> Iterator[str]:
 
 WRONG = {
     "more cells": (
-        ("join", SWARM, "--cells", "4-9"),
+        ("serve", "cells", SWARM, "4-9"),
         2,
         "cells: must be cells of the swarm, 0 to 5, got 9",
     ),
     "an empty range": (
-        ("join", SWARM, "--cells", "6-"),
+        ("serve", "cells", SWARM, "6-"),
         2,
         "cells: must be cells of the swarm, 0 to 5, got 6",
     ),
-    "workers": (
-        ("join", SWARM, "--workers", "0"),
-        2,
-        "workers: must go with a swarm that has workers",
-    ),
     "another world": (
-        ("world", SWARM, "neurosnap/Cycle-v0"),
+        ("serve", "world", SWARM, "neurosnap/Cycle-v0"),
         2,
         "source: must be what the coordinator runs, neurosnap/Path-v0, got",
     ),
-    "a recorder": (("record", SWARM), 2, "got 'recorder'"),
+    "a recorder": (("serve", "recorder", SWARM), 2, "got 'recorder'"),
     "the same cell": (
-        ("join", SWARM, "--cells", "5"),
+        ("serve", "cells", SWARM, "5"),
         1,
         "cell/5: must be there once, is in demo already",
     ),
     "a coordinator": (
-        ("coordinate", PATH, "--swarm", SWARM),
+        ("serve", "coordinator", PATH, "--swarm", SWARM),
         1,
         "swarm demo: must have one coordinator, has one already",
     ),
@@ -58,17 +53,17 @@ def test_who_does_not_fit_is_refused_and_the_run_minds_nothing(
     endpoint: str, tmp_path: Path
 ) -> None:
     at = ("--connect", endpoint)
-    whole = ("coordinate", PATH, *at, "--swarm", SWARM, *SMALL, "--ticks", 20)
+    whole = ("serve", "coordinator", PATH, *at, "--swarm", SWARM, *SMALL, "--ticks", 20)
     with (
-        going(*whole, "--no-record") as coordinator,
-        going("join", SWARM, *at, "--cells", "0-5") as cells,
+        going(*whole, "--set", "recording.record=false") as coordinator,
+        going("serve", "cells", SWARM, *at, "0-5") as cells,
     ):
         up(endpoint, "coordinator", *(f"cell/{n}" for n in range(CELLS)))
         for name, (line, code, text) in WRONG.items():
-            more = ("--out", tmp_path / "log") if line[0] == "record" else ()
+            more = ("--out", tmp_path / "log") if line[1] == "recorder" else ()
             with going(*line, *more, *at) as wrong:
                 assert text in ended(wrong, code), name
-        with going("world", SWARM, PATH, *at) as world:
+        with going("serve", "world", SWARM, PATH, *at) as world:
             assert "20 in" in ended(coordinator)
             ended(cells)
             ended(world)
@@ -78,13 +73,21 @@ def test_who_does_not_fit_is_refused_and_the_run_minds_nothing(
 @pytest.mark.parametrize(
     ("line", "text"),
     [
-        (("join", "a/b", "--cells", "0"), "swarm: must be letters and digits"),
-        (("join", SWARM), "join: must say which --cells, or which --workers"),
-        (("join", SWARM, "--cells", "0", "--workers", "0"), "join: must say which"),
-        (("join", SWARM, "--cells", "3,3"), "cells: must name each once, got '3,3'"),
-        (("record", SWARM, "--out", "/nowhere/x"), "out: must be in a folder that"),
-        (("coordinate", PATH, "--swarm", ""), "swarm: must be letters and digits"),
-        (("world", SWARM, PATH, "--restart", "now"), "Invalid value for '--restart'"),
+        (("serve", "cells", "a/b", "0"), "swarm: must be letters and digits"),
+        (("serve", "cells", SWARM), "Missing argument 'RANGES'"),
+        (("serve", "cells", SWARM, "3,3"), "cells: must name each once, got '3,3'"),
+        (
+            ("serve", "recorder", SWARM, "--out", "/nowhere/x"),
+            "out: must be in a folder that",
+        ),
+        (
+            ("serve", "coordinator", PATH, "--swarm", ""),
+            "swarm: must be letters and digits",
+        ),
+        (
+            ("serve", "world", SWARM, PATH, "--restart", "now"),
+            "Invalid value for '--restart'",
+        ),
     ],
     ids=lambda given: " ".join(map(str, given)) if isinstance(given, tuple) else "",
 )

@@ -46,14 +46,23 @@ def test_services_go_on_with_a_run_that_was_stopped(
     tick = stopped_at(endpoint, log)
     content, at = log.read_bytes(), ("--connect", endpoint)
     lines: tuple[tuple[object, ...], ...] = (
-        ("record", SWARM, "--out", new, "--resume", log, "--json"),
-        ("join", SWARM, "--cells", "0-5"),
-        ("world", SWARM, PATH),
+        ("serve", "recorder", SWARM, "--out", new, "--resume", log, "--format", "json"),
+        ("serve", "cells", SWARM, "0-5"),
+        ("serve", "world", SWARM, PATH),
     )
-    again = ("coordinate", PATH, "--swarm", SWARM, *SMALL, "--ticks", tick + 20)
+    again = (
+        "serve",
+        "coordinator",
+        PATH,
+        "--swarm",
+        SWARM,
+        *SMALL,
+        "--ticks",
+        tick + 20,
+    )
     with ExitStack() as stack:
         others = [stack.enter_context(going(*line, *at)) for line in lines]
-        with going(*again, "--resume", log, "--json", *at) as coordinator:
+        with going(*again, "--resume", log, "--format", "json", *at) as coordinator:
             came = facts(ended(coordinator))
         recorder, *_ = [ended(one) for one in others]
     assert (came["ticks"], came["resumed_at"]) == (tick + 20, tick)
@@ -88,10 +97,19 @@ def test_a_recorder_names_the_file_in_which_a_split_run_goes_on(
     tick = stopped_at(endpoint, log, (described, "--ticks", 1_000_000), 350)
     at, again = ("--connect", endpoint), ("--resume", log)
     lines: tuple[tuple[object, ...], ...] = (
-        ("record", SWARM, "--out", new, *again, "--json"),
-        ("join", SWARM, "--cells", "0-5"),
-        ("world", SWARM, PATH),
-        ("coordinate", described, "--swarm", SWARM, "--ticks", tick + 5, *again),
+        ("serve", "recorder", SWARM, "--out", new, *again, "--format", "json"),
+        ("serve", "cells", SWARM, "0-5"),
+        ("serve", "world", SWARM, PATH),
+        (
+            "serve",
+            "coordinator",
+            described,
+            "--swarm",
+            SWARM,
+            "--ticks",
+            tick + 5,
+            *again,
+        ),
     )
     with ExitStack() as stack:
         going_on = [stack.enter_context(going(*line, *at)) for line in lines]
@@ -108,7 +126,7 @@ def test_only_the_same_run_goes_on_and_if_there_is_more_to_come(
 ) -> None:
     log = tmp_path / "log.mcap"
     tick = stopped_at(endpoint, log)
-    whole = ("coordinate", PATH, "--swarm", SWARM, "--connect", endpoint)
+    whole = ("serve", "coordinator", PATH, "--swarm", SWARM, "--connect", endpoint)
     ways: tuple[tuple[tuple[object, ...], str], ...] = (
         (("--set", "places=7", "--seed", 4), "resume: must be a recording of the run"),
         ((*SMALL, "--ticks", tick), f"ticks: must be more than the {tick} there are"),
@@ -125,12 +143,21 @@ def test_a_recorder_takes_over_nothing_but_what_the_run_goes_on_from(
     log, at = tmp_path / "log.mcap", ("--connect", endpoint)
     stopped_at(endpoint, log)
     other = in_one_piece(40, tmp_path / "other.mcap")
-    whole = ("coordinate", PATH, "--swarm", SWARM, *ENDLESS, *at)
+    whole = ("serve", "coordinator", PATH, "--swarm", SWARM, *ENDLESS, *at)
     more: tuple[object, ...] = () if new else ("--resume", log)
     rule = "go with a resumed run" if new else "be the recording that the"
     with going(*whole, *more) as coordinator:
         up(endpoint, "coordinator")
-        line = ("record", SWARM, "--out", tmp_path / "new", "--resume", other, *at)
+        line = (
+            "serve",
+            "recorder",
+            SWARM,
+            "--out",
+            tmp_path / "new",
+            "--resume",
+            other,
+            *at,
+        )
         with going(*line) as recorder:
             assert f"resume: must {rule}" in ended(recorder, 2)
         coordinator.send_signal(signal.SIGINT)

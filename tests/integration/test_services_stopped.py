@@ -24,10 +24,10 @@ def endpoint() -> Iterator[str]:
         yield where
 
 
-VERBS = ("coordinate", "world", "join", "record")
+PARTS = ("coordinator", "world", "cells", "recorder")
 
 
-@pytest.mark.parametrize("who", rows(["record"], ["coordinate", "world", "join"]))
+@pytest.mark.parametrize("who", rows(["recorder"], ["coordinator", "world", "cells"]))
 def test_each_of_them_can_be_stopped_in_the_midst(
     who: str, endpoint: str, tmp_path: Path
 ) -> None:
@@ -35,33 +35,32 @@ def test_each_of_them_can_be_stopped_in_the_midst(
     at = ("--connect", endpoint)
     stay = ("--restart", "never")
     lines: dict[str, tuple[object, ...]] = {
-        "coordinate": (PATH, "--swarm", SWARM, *ENDLESS, "--deadline", 1),
+        "coordinator": (PATH, "--swarm", SWARM, *ENDLESS, "--set", "cells.deadline=1"),
         "world": (SWARM, PATH, *stay),
-        "join": (SWARM, "--cells", "0-5", *stay),
-        "record": (SWARM, "--out", log, *stay),
+        "cells": (SWARM, "0-5", *stay),
+        "recorder": (SWARM, "--out", log, *stay),
     }
     with ExitStack() as stack:
         parts = {
-            verb: stack.enter_context(going(verb, *line, *at))
-            for verb, line in lines.items()
+            part: stack.enter_context(going("serve", part, *line, *at))
+            for part, line in lines.items()
         }
         begun(endpoint, 5)
         parts[who].send_signal(signal.SIGINT)
         # Whoever stops the coordinator or the world ends the run in order; who takes
         # cells or the recorder away makes it fail.
-        in_order = who in ("coordinate", "world")
-        said = ended(parts["coordinate"], 0 if in_order else 1)
-        codes = {verb: parts[verb] for verb in VERBS if verb != "coordinate"}
-        for verb, part in codes.items():
-            part.communicate(timeout=PATIENCE)
-            if verb != "record":
-                assert part.returncode == 0
-    if who == "record":
+        in_order = who in ("coordinator", "world")
+        said = ended(parts["coordinator"], 0 if in_order else 1)
+        for name in PARTS[1:]:
+            parts[name].communicate(timeout=PATIENCE)
+            if name != "recorder":
+                assert parts[name].returncode == 0
+    if who == "recorder":
         assert "recorder: must stay until the run ends, is gone" in said
-        assert parts["record"].returncode == 3
+        assert parts["recorder"].returncode == 3
         assert not verify(log).complete
     if in_order:
-        assert parts["record"].returncode == 0
+        assert parts["recorder"].returncode == 0
         verdict = verify(log)
         assert (verdict.same, verdict.complete) == (True, True)
     assert verify(log).ticks >= 4

@@ -22,13 +22,17 @@ def endpoint() -> Iterator[str]:
 
 @pytest.mark.parametrize(
     "line",
-    [("join", SWARM, "--cells", 0), ("record", SWARM), ("world", SWARM, PATH)],
-    ids=lambda line: line[0],
+    [
+        ("serve", "cells", SWARM, 0),
+        ("serve", "recorder", SWARM),
+        ("serve", "world", SWARM, PATH),
+    ],
+    ids=lambda line: line[1],
 )
 def test_who_waits_for_a_coordinator_says_so_in_the_end(
     line: tuple[object, ...], endpoint: str, tmp_path: Path
 ) -> None:
-    more = ("--out", tmp_path / "log") if line[0] == "record" else ()
+    more = ("--out", tmp_path / "log") if line[1] == "recorder" else ()
     with going(*line, *more, "--connect", endpoint, "--patience", 0.2) as waiting:
         said = ended(waiting, 1)
     assert "swarm demo: must have a coordinator within 0.2 s, none came" in said
@@ -37,13 +41,13 @@ def test_who_waits_for_a_coordinator_says_so_in_the_end(
 
 @pytest.mark.parametrize(
     "line",
-    [("record", SWARM)],
-    ids=lambda line: line[0],
+    [("serve", "recorder", SWARM)],
+    ids=lambda line: line[1],
 )
 def test_who_waits_ends_when_asked_to(
     line: tuple[object, ...], endpoint: str, tmp_path: Path
 ) -> None:
-    more = ("--out", tmp_path / "log") if line[0] == "record" else ()
+    more = ("--out", tmp_path / "log") if line[1] == "recorder" else ()
     with going(*line, *more, "--connect", endpoint) as waiting:
         assert "for swarm demo" in waiting.stderr.readline()
         waiting.send_signal(signal.SIGINT)
@@ -53,8 +57,18 @@ def test_who_waits_ends_when_asked_to(
 
 def test_a_coordinator_says_who_did_not_come(endpoint: str) -> None:
     at = ("--connect", endpoint)
-    run_of = ("coordinate", PATH, *at, "--swarm", SWARM, *SMALL, "--patience", 4)
-    with going(*run_of) as coordinator, going("join", SWARM, *at, "--cells", "0-4"):
+    run_of = (
+        "serve",
+        "coordinator",
+        PATH,
+        *at,
+        "--swarm",
+        SWARM,
+        *SMALL,
+        "--patience",
+        4,
+    )
+    with going(*run_of) as coordinator, going("serve", "cells", SWARM, *at, "0-4"):
         said = ended(coordinator, 1)
     rule = "swarm: every part must come up within 4 s, missing:"
     assert f"{rule} cell/5, recorder, world" in said

@@ -52,7 +52,7 @@ async def done(folder: Path, line: str) -> list[str]:
 def test_the_page_has_the_commands_that_are_run_here() -> None:
     assert len(LEARN) == 3
     verbs = [line.split()[0] for line in BROKER]
-    assert verbs == ["topics", "config", "run", "watch", "watch", "replay"]
+    assert verbs == ["init", "check", "run", "watch", "watch", "verify"]
     assert list(SHOWN) == LEARN[:1]
 
 

@@ -21,7 +21,7 @@ def tell(run: Verb, door: int, motion: int) -> None:
 
 async def listed(folder: Path) -> list[str]:
     """Return the ids of the swarms that are up."""
-    async with verb(folder, "ps", "--json") as process:
+    async with verb(folder, "ps", "--format", "json") as process:
         output, _ = await process.communicate()
     return [note["swarm"] for note in json.loads(output)["swarms"]]
 
@@ -48,7 +48,7 @@ async def test_a_running_swarm_is_looked_on_until_its_end(
             tell(run, door, motion)
         while not await listed(tmp_path):
             assert run.returncode is None
-        async with verb(tmp_path, "watch", "--json") as watch:
+        async with verb(tmp_path, "watch", "--format", "json") as watch:
             assert b"watching" in await watch.stderr.readline()
             exception = asyncio.create_task(broken(watch.stdout, "door -> motion"))
             while not exception.done():

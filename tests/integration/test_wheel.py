@@ -99,7 +99,7 @@ def test_a_run_from_it_verifies(installed: Environment) -> None:
     plain = {"NUMBA_DISABLE_JIT": "1"}  # a new installation would compile all anew
     run = ("run", "neurosnap/Path-v0", "--ticks", "20", "--cells", "inline")
     installed.run("neurosnap", *run, "--out", "a.mcap", **plain)
-    verified = installed.run("neurosnap", "replay", "a.mcap", "--verify", **plain)
+    verified = installed.run("neurosnap", "verify", "a.mcap", **plain)
     assert "20 ticks came out the same" in " ".join(verified.split())
 
 

@@ -17,7 +17,6 @@ import pytest
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import RecordingError
-from neurosnap.fabric.in_memory import Faults, MemoryHub
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.resume import find_resume_point
@@ -31,6 +30,7 @@ from tools.simulate.case import live_on, random_options
 from tools.simulate.case import simulate as schedule
 from tools.simulate.check import WrongError, check
 from tools.simulate.schedules import outcomes
+from tools.simulate.simulated_hub import Faults, SimulatedHub
 from tools.simulate.weather import Tally, Weather, random_weather
 
 BATCH = 25
@@ -226,7 +226,7 @@ def test_the_last_tick_done_again_ends_the_run(whole: Path, tmp_path: Path) -> N
 # The hub's faults ---------------------------------------------------------------------
 
 
-def listening(hub: MemoryHub, *parts: str) -> list[str]:
+def listening(hub: SimulatedHub, *parts: str) -> list[str]:
     """Let parts listen to everything; return who got something, as it comes."""
     heard: list[str] = []
 
@@ -239,7 +239,7 @@ def listening(hub: MemoryHub, *parts: str) -> list[str]:
 
 
 def test_what_is_lost_is_counted_by_link() -> None:
-    hub = MemoryHub(1, Faults(drop=1.0, spared=frozenset({("a", "c")})))
+    hub = SimulatedHub(1, Faults(drop=1.0, spared=frozenset({("a", "c")})))
     heard = listening(hub, "b", "c", "d")
     hub.fabric("a").publish(*[wire.Leave("a")] * 10)
     hub.cut("c", "a")
@@ -252,7 +252,7 @@ def test_what_is_lost_is_counted_by_link() -> None:
 
 
 def test_slow_links_mostly_come_last() -> None:
-    hub = MemoryHub(3, Faults(slow=frozenset({("a", "b")})))
+    hub = SimulatedHub(3, Faults(slow=frozenset({("a", "b")})))
     heard = listening(hub, "b", "c")
     hub.fabric("a").publish(*[wire.Leave("a")] * 100)
     hub.run()

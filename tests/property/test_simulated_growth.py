@@ -15,7 +15,6 @@ from neurosnap.agent.body import Body
 from neurosnap.agent.growth.growth import Growth
 from neurosnap.agent.memory import AgentMemory
 from neurosnap.agent.random_walk import Walker
-from neurosnap.fabric.in_memory import Faults, MemoryHub
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.world import World
@@ -24,6 +23,7 @@ from tests.support.hypothesis_settings import cases
 from tests.support.lamp import NAME, Lamp
 from tests.support.run_options import core_options
 from tests.support.simulated_swarm import Deaf, SimulatedSwarm, repeatable
+from tools.simulate.simulated_hub import Faults, SimulatedHub
 
 pytestmark = pytest.mark.slow
 
@@ -37,7 +37,7 @@ class GrowingSwarm(SimulatedSwarm):
     """A swarm whose world follows what is decided, and reads what is grown."""
 
     def __init__(
-        self, core: Coordinator, hub: MemoryHub, body: Body, workers: int, deaf: Deaf
+        self, core: Coordinator, hub: SimulatedHub, body: Body, workers: int, deaf: Deaf
     ) -> None:
         self._lamp = World(open_source(NAME, 3), body)
         super().__init__(core, [[False] * len(body.sensors)], hub, workers, deaf)
@@ -94,7 +94,7 @@ def simulate(seed: int, workers: int, drop: float = 0.0) -> GrowingSwarm:
             return False
         return isinstance(message, lossy) and chance.random() < drop
 
-    hub = MemoryHub(seed, Faults(duplicate=0.1))
+    hub = SimulatedHub(seed, Faults(duplicate=0.1))
     swarm = GrowingSwarm(core, hub, new_body(), workers, deaf)
     swarm.run()
     return swarm

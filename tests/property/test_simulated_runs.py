@@ -12,13 +12,13 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.agent.random_walk import Walker
-from neurosnap.fabric.in_memory import Faults, MemoryHub
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.poc.order.graph import WiringKind
 from neurosnap.protocol.coordinator import Coordinator
 from tests.support.hypothesis_settings import cases
 from tests.support.run_options import core_options
 from tests.support.simulated_swarm import SimulatedSwarm, repeatable
+from tools.simulate.simulated_hub import Faults, SimulatedHub
 
 pytestmark = pytest.mark.slow
 
@@ -73,7 +73,7 @@ def simulate(
         new_snapshot(random.Random(seed), len(rows[0])),
         Walker(3, seed),
     )
-    hub = MemoryHub(schedule, Faults(duplicate=0.1))
+    hub = SimulatedHub(schedule, Faults(duplicate=0.1))
     swarm = SimulatedSwarm(core, rows, hub, workers)
     swarm.run()
     return swarm, course_of(swarm)
@@ -124,7 +124,7 @@ def recovered(
         Walker(3, seed),
         repeats=1000,
     )
-    hub = MemoryHub(seed, Faults(duplicate=0.1))
+    hub = SimulatedHub(seed, Faults(duplicate=0.1))
     cut: set[str] = set()
 
     def deaf(who: str, message: wire.Message) -> bool:

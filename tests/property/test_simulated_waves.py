@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from neurosnap import wire
-from neurosnap.fabric.in_memory import Faults, MemoryHub
 from neurosnap.poc.order.graph import PocGraph, WiringKind
 from neurosnap.protocol.wave import Wave
 from tests.support.edges import edges_of
@@ -30,6 +29,7 @@ from tests.support.simulated_waves import (
     random_pairs,
     reach,
 )
+from tools.simulate.simulated_hub import Faults, SimulatedHub
 
 pytestmark = pytest.mark.slow
 
@@ -47,7 +47,7 @@ def undisturbed(seed: int, *, shared: bool = False) -> int:
     sensors = chance.randint(1, 7)
     workers = chance.randint(1, sensors) if shared else 0
     duplicate = chance.choice([0.0, 0.1, 0.3])
-    hub = MemoryHub(seed, Faults(duplicate=duplicate))
+    hub = SimulatedHub(seed, Faults(duplicate=duplicate))
     network = Network(sensors, hub, workers)
     ticks = iter(range(1, 100))
     for _ in range(2):
@@ -97,7 +97,7 @@ def disturbed(seed: int, *, shared: bool = False) -> Counter[bool]:
     faults = Faults(
         duplicate=chance.choice([0.0, 0.2]), drop=chance.choice([0.003, 0.02, 0.1])
     )
-    network = Network(sensors, MemoryHub(seed, faults), workers)
+    network = Network(sensors, SimulatedHub(seed, faults), workers)
     pairs = random_pairs(chance, sensors)
     kind: WiringKind = chance.choice(["hasse", "derived"])
     network.rewire_at_once(PocGraph.from_implications(sensors, pairs).wiring(kind))
@@ -134,7 +134,7 @@ def one_lost(
     chance = random.Random(seed)
     sensors = chance.randint(2, 7)
     pairs = random_pairs(chance, sensors)
-    network = Network(sensors, MemoryHub(seed, Faults(duplicate=0.1)))
+    network = Network(sensors, SimulatedHub(seed, Faults(duplicate=0.1)))
     edges = PocGraph.from_implications(sensors, pairs).hasse()
     network.rewire_at_once(edges)
     which, lost = chance.randrange(2 * sensors), list[Lost]()

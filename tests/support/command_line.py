@@ -41,7 +41,7 @@ def last_json(stdout: str) -> dict[str, Any]:
 
 def happy(*arguments: object, stdin: str | None = None) -> dict[str, Any]:
     """Run a command that succeeds; return the JSON object it prints last."""
-    result = call(*arguments, "--json", stdin=stdin)
+    result = call(*arguments, "--format", "json", stdin=stdin)
     assert result.exit_code == 0, result.stderr
     return last_json(result.stdout)
 

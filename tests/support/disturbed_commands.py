@@ -72,7 +72,7 @@ def going(
 
     Yields the launcher and the parts, in the order they were started.
     """
-    arguments = ("run", source, "--out", log, "--json", *options)
+    arguments = ("run", source, "--out", log, "--format", "json", *options)
     with started(*arguments, folder=log.parent) as process:
         wait_for_size(process, log, GROWN)
         family = psutil.Process(process.pid).children(recursive=True)

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from neurosnap import wire
-from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
+from neurosnap.fabric.in_memory import MemoryFabric
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.run_options import RunOptions
@@ -13,6 +13,7 @@ from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.incarnation import describe
 from neurosnap.sensorium import pack
 from tests.support.replayed_runs import readings
+from tools.simulate.simulated_hub import SimulatedHub
 
 Lost: TypeAlias = Callable[[int, wire.Message], bool]
 
@@ -41,7 +42,7 @@ class Simulation:
         self, options: RunOptions, log: Path, seed: int, lost: Lost = lambda *_: False
     ) -> None:
         self.core = Coordinator.of(options)
-        self._hub = MemoryHub(seed)
+        self._hub = SimulatedHub(seed)
         self._rows = readings()
         self._lost = lost
         self._log_time = 0

@@ -43,7 +43,7 @@ def ended(process: Command, code: int = 0) -> str:
 
 @contextmanager
 def hub_at(where: str, *more: object) -> Iterator[None]:
-    with going("hub", "--listen", where, *more) as hub:
+    with going("serve", "hub", "--listen", where, *more) as hub:
         assert "listening on" in hub.stderr.readline()
         yield
         hub.send_signal(signal.SIGINT)
@@ -100,7 +100,7 @@ def placed(log: Path) -> set[str]:
     """Return whose machine is recorded: for all of those, it is this one."""
     places = Recording.open(log).files[-1].places
     assert len({place.pid for place in places.values()}) == len(places)
-    assert {place.host for place in places.values()} == {Place.here().host}
+    assert {place.host for place in places.values()} <= {Place.here().host}
     return set(places)
 
 
@@ -127,10 +127,10 @@ def stopped_at(
     """Make a run of services, stop it after `tick`; return its last whole one."""
     at = ("--connect", endpoint)
     lines: tuple[tuple[object, ...], ...] = (
-        ("record", SWARM, "--out", log),
-        ("join", SWARM, "--cells", "0-5"),
-        ("world", SWARM, PATH),
-        ("coordinate", *what, "--swarm", SWARM),
+        ("serve", "recorder", SWARM, "--out", log),
+        ("serve", "cells", SWARM, "0-5"),
+        ("serve", "world", SWARM, PATH),
+        ("serve", "coordinator", *what, "--swarm", SWARM),
     )
     with ExitStack() as stack:
         services = [stack.enter_context(going(*line, *at)) for line in lines]

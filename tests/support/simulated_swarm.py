@@ -10,13 +10,13 @@ from typing import TypeAlias
 
 from neurosnap import wire
 from neurosnap.agent.random_walk import Walker
-from neurosnap.fabric.in_memory import Faults, MemoryHub
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.sent_wiring import WorkerWires
 from neurosnap.sensorium import unpack
 from tests.support.run_options import core_options
 from tests.support.swarm_parts import Host, Row, hosting, keys_of, observation
+from tools.simulate.simulated_hub import Faults, SimulatedHub
 
 THRESHOLD = 0.2
 Rows: TypeAlias = Sequence[Row]
@@ -49,7 +49,7 @@ class SimulatedSwarm:
         self,
         core: Coordinator,
         rows: Rows,
-        hub: MemoryHub,
+        hub: SimulatedHub,
         workers: int = 0,
         deaf: Deaf = lambda _who, _message: False,
     ) -> None:
@@ -144,5 +144,5 @@ def counting_swarm(
     if workers:
         core._control._wires = WorkerWires(sensors, workers, frame)
     return SimulatedSwarm(
-        core, rows, MemoryHub(seed, Faults(duplicate=0.1)), workers, deaf
+        core, rows, SimulatedHub(seed, Faults(duplicate=0.1)), workers, deaf
     )

@@ -10,8 +10,9 @@ from pathlib import Path
 _EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 _PATH = "neurosnap/Path-v0 --set places=9 --agent planner --target below_1 --ticks 240"
 _LAKE = (
-    "neurosnap/FrozenLake-v0 --set senses_reward=true --agent planner --imagine 2000"
-    " --grow 30 --explore planned --target rewarded --ticks 600 --frames 1"
+    "neurosnap/FrozenLake-v0 --set senses_reward=true --agent planner --target rewarded"
+    " --set agent.imagine=2000 --set agent.grow=30 --set agent.explore=planned"
+    " --ticks 600 --set recording.frames=1"
 )
 _SILENT = ("power", "green")
 """Sensors that say nothing at every other tick of the end."""
@@ -76,7 +77,7 @@ def _written(path: Path, rows: list[list[str]]) -> str:
 RECORDINGS: dict[str, Callable[[Path], str]] = {
     "path": lambda _: f"{_PATH} --seed 2",
     "path-lax": lambda _: f"{_PATH} --seed 2 --threshold 0.1",
-    "packing": lambda folder: f"{_packing(folder)} --anomalies",
+    "packing": _packing,
     "crowd": lambda folder: f"{_crowd(folder)} --threshold 0.02",
     "lake": lambda _: f"{_LAKE} --seed 1",
 }

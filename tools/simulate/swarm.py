@@ -10,6 +10,7 @@ import random
 from collections.abc import Callable, Mapping, Sequence
 from itertools import combinations, product
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from neurosnap import wire
 from neurosnap.errors import (
@@ -17,7 +18,6 @@ from neurosnap.errors import (
     MessageError,
     SwarmError,
 )
-from neurosnap.fabric.in_memory import Faults, MemoryFabric, MemoryHub
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.partition import shares
 from neurosnap.protocol.resume_point import ResumePoint
@@ -33,8 +33,12 @@ from tools.simulate.check import WrongError
 from tools.simulate.disk import Disk
 from tools.simulate.hubs import Link, between
 from tools.simulate.recorder import Recorder
+from tools.simulate.simulated_hub import Faults, SimulatedHub
 from tools.simulate.source import source_of
 from tools.simulate.weather import Tally, Weather
+
+if TYPE_CHECKING:
+    from neurosnap.fabric.in_memory import MemoryFabric
 
 Transition = Callable[[wire.Message], list[wire.Message]]
 
@@ -80,7 +84,7 @@ class Life:
         self._at = {who: chance.randrange(weather.hubs) for who in self._parts}
         self._at["recorder"] = 0
         self._links, self._hub_links = self._breakable()
-        self._hub = MemoryHub(chance.getrandbits(32), self._faults())
+        self._hub = SimulatedHub(chance.getrandbits(32), self._faults())
         self._ends: dict[str, MemoryFabric] = {}
         self._gone: set[str] = set()
         self._cut: list[Link] = []

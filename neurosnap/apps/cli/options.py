@@ -1,14 +1,17 @@
 """Command-line options of a run, made from the tables that declare them.
 
-In the help they stand in panels, which are named here.
+A verb has the few that are used often; `--set` reaches every key. In the help they
+stand in panels, which are named here.
 """
 
 import inspect
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache, wraps
-from types import NoneType, UnionType
+from pathlib import Path
+from types import MappingProxyType, NoneType, UnionType
 from typing import (
+    TYPE_CHECKING,
     Annotated,
     Any,
     NamedTuple,
@@ -18,11 +21,16 @@ from typing import (
     get_type_hints,
 )
 
+import msgspec
 import typer
 
 from neurosnap.apps.config.tables import Config
+from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.option import Shown, declared
 from neurosnap.protocol.run_options import FEW_CELLS
+
+if TYPE_CHECKING:
+    from neurosnap.apps.config.prepare import Prepared
 
 SOURCE = "Source"
 AGENT = "Agent"
@@ -50,6 +58,9 @@ _PANELS = {
 """The panel of each table of a description, in the order of the help."""
 _OPTION = re.compile(r"`([a-z_]+)`")
 """Another option in a help text, by the name of its field."""
+_PATHS = {"recording.path", "recording.folder", "network.tls"}
+_RECORDING = {"path", "folder", "frames", "split", "keep"}
+"""Keys of `recording` that are of no use where nothing is recorded."""
 
 HOSTS = (
     "Process: each cell is a process of its own. Worker: a few processes share them."
@@ -78,9 +89,9 @@ Given = Annotated[
     list[str] | None,
     typer.Option(
         "--set",
-        metavar="NAME=VALUE",
-        rich_help_panel=SOURCE,
-        help="Set an argument of the world, such as places=10. May be repeated.",
+        metavar="KEY=VALUE",
+        help="Set a key of the TOML file, such as agent.explore=0.5; a key without a dot"
+        " is an argument of the world, such as places=10. May be repeated.",
     ),
 ]
 
@@ -89,14 +100,14 @@ def in_bytes(size: str | int) -> int:
     """Return a size in bytes, given as that or in KiB, MiB or GiB.
 
     Raises:
-        typer.BadParameter: It is something else.
+        InvalidValueError: It is something else.
     """
     units = {"": 1, "KiB": 2**10, "MiB": 2**20, "GiB": 2**30}
     text = str(size)
     number = text.rstrip("KMGiB")
     unit = text[len(number) :]
     if not (number.isascii() and number.isdecimal()) or unit not in units:
-        raise typer.BadParameter(f"must be like 256MiB, got {text!r}")
+        raise InvalidValueError("size", "must be like 256MiB", text)
     return int(number) * units[unit]
 
 
@@ -126,7 +137,7 @@ class RunOption(NamedTuple):
     """The type of its values, as typer takes it."""
     default: object
     shown: Shown
-    panel: str
+    panel: str | None
 
     def parameter(self, flag: str, text: str = "") -> Any:  # noqa: ANN401 - typer's
         """Return it as the default value of a verb's parameter.
@@ -140,6 +151,7 @@ class RunOption(NamedTuple):
         return typer.Option(
             self.default,
             f"{name}/--no-{name[2:]}" if self.default is True else name,
+            *(["-o"] if flag == "out" else []),
             metavar=FLAG if is_flag else self.shown.unit or None,
             parser=_PARSERS.get(self.shown.unit),
             rich_help_panel=self.panel,
@@ -154,10 +166,25 @@ def run_options() -> dict[str, RunOption]:
     found: dict[str, RunOption] = {}
     tables = get_type_hints(Config)
     for table, panel in _PANELS.items():
-        for one in declared(tables[table]):
-            key = f"{table}.{one.field}"
-            option = RunOption(key, _simple(one.kind), one.default, one.shown, panel)
-            found[one.shown.flag or one.field] = option
+        found |= options_of(tables[table], panel, f"{table}.")
+    return found
+
+
+def options_of(
+    table: type[msgspec.Struct], panel: str | None = None, prefix: str = ""
+) -> dict[str, RunOption]:
+    """Return the options that a table declares, by their names.
+
+    Args:
+        table: A struct.
+        panel: Where they stand in the help; None if not apart from others.
+        prefix: What stands before their keys.
+    """
+    found: dict[str, RunOption] = {}
+    for one in declared(table):
+        key = f"{prefix}{one.field}"
+        option = RunOption(key, _simple(one.kind), one.default, one.shown, panel)
+        found[one.shown.flag or one.field] = option
     return found
 
 
@@ -172,42 +199,54 @@ def option(flag: str, text: str = "") -> Any:  # noqa: ANN401 - typer's
 
 
 def with_run_options(
-    *left_out: str,
+    *flags: str,
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Give a verb the options of a run, but for those that it has itself.
+    """Give a verb some options of a run.
 
     They stand behind its first two parameters, context and source. The verb itself is
     called without them: it reads them from its context, by `described`.
 
     Args:
-        left_out: Names of options that the verb has no use for.
+        flags: The names of these options.
 
     Raises:
         KeyError: There is no option of such a name.
     """
-    for flag in left_out:
-        run_options()[flag]
+    chosen = {flag: run_options()[flag] for flag in flags}
+    return with_parameters(
+        **{
+            flag: (each.kind, each.parameter(flag))
+            for flag in run_options()
+            if (each := chosen.get(flag)) is not None
+        }
+    )
+
+
+def with_parameters(
+    **parameters: tuple[Any, Any],
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a verb parameters, which it reads from its context, its first parameter.
+
+    They stand behind its first two. The verb itself is called without them.
+
+    Args:
+        parameters: The type and the default of each.
+    """
+    made = [
+        inspect.Parameter(
+            name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind
+        )
+        for name, (kind, default) in parameters.items()
+    ]
 
     def decorate(verb: Callable[..., None]) -> Callable[..., None]:
-        own = inspect.signature(verb).parameters
-        made = [
-            inspect.Parameter(
-                flag,
-                inspect.Parameter.KEYWORD_ONLY,
-                default=each.parameter(flag),
-                annotation=each.kind,
-            )
-            for flag, each in run_options().items()
-            if flag not in own and flag not in left_out
-        ]
-        names = {one.name for one in made}
-
         @wraps(verb)
         def called(**given: object) -> None:
-            verb(**{name: value for name, value in given.items() if name not in names})
+            verb(**{name: v for name, v in given.items() if name not in parameters})
 
         first, second, *rest = [
-            one.replace(kind=inspect.Parameter.KEYWORD_ONLY) for one in own.values()
+            one.replace(kind=inspect.Parameter.KEYWORD_ONLY)
+            for one in inspect.signature(verb).parameters.values()
         ]
         signature = inspect.Signature([first, second, *made, *rest])
         called.__dict__["__signature__"] = signature
@@ -217,6 +256,86 @@ def with_run_options(
         return called
 
     return decorate
+
+
+def was_given(context: typer.Context, flag: str) -> bool:
+    """Tell whether a flag stands on the command line."""
+    source = context.get_parameter_source(flag)
+    return source is not None and source.name == "COMMANDLINE"
+
+
+def described(
+    context: typer.Context, before: Mapping[str, object] = MappingProxyType({})
+) -> "Prepared":
+    """Return what a run is started with, by the arguments of a verb.
+
+    Its `source` may be a file that describes a run, with the ending ``.toml``; flags go
+    before it if they were given, and their defaults do not.
+
+    Args:
+        context: The verb's; its parameters are `source`, `given` and some
+            options of a run.
+        before: What `--broker` lets go before the file, by dotted keys.
+
+    Raises:
+        InvalidValueError: Something is wrong with it; what a file says has its line.
+    """
+    from neurosnap.apps.config.load import look
+    from neurosnap.apps.config.prepare import prepare
+
+    name = str(context.params["source"])
+    file = Path(name) if name.lower().endswith(".toml") else None
+    flags = {
+        each.key: flag
+        for flag, each in run_options().items()
+        if flag in context.params and was_given(context, flag)
+    }
+    set_ = _settings(context.params["given"] or [])
+    overrides = set_ | {key: context.params[flag] for key, flag in flags.items()}
+    names = flags | dict.fromkeys(before, "broker")
+    for key in _PATHS & overrides.keys():
+        # They are relative to where they are typed, and not to the file. Without a
+        # path there is none, whatever the file says.
+        if isinstance(path := overrides[key], str) and path and file is not None:
+            overrides[key] = str(Path(path).absolute())
+    given = set(overrides)
+    overrides |= before
+    if file is None:
+        # A file of readings, too: opening it tells them apart.
+        overrides |= {"source.kind": "world", "source.id": name}
+        names["source.id"] = "source"
+    loaded = look(file, overrides, names)
+    for key in sorted(f"recording.{each}" for each in _RECORDING):
+        recorded = loaded.config.recording.record or "recording" in loaded.wrong
+        if key in given and overrides[key] and not recorded:
+            rule = "must go with a recording, and nothing is recorded"
+            raise InvalidValueError(names.get(key, key), rule, str(overrides[key]))
+    return prepare(loaded)
+
+
+def _settings(given: list[str]) -> dict[str, object]:
+    """Return what `--set` sets, by dotted keys."""
+    units = {each.key: each.shown.unit for each in run_options().values()}
+    found: dict[str, object] = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        if not equals or not all(part.isidentifier() for part in name.split(".")):
+            raise InvalidValueError("set", "must be KEY=VALUE", text)
+        key = name if "." in name else f"source.arguments.{name}"
+        found[key] = in_bytes(value) if units.get(key) == "SIZE" else _value(value)
+    return found
+
+
+def _value(text: str) -> object:
+    """Return a value as TOML has it: a number, true, false, a list; else text."""
+    if text in ("nan", "inf", "-inf"):
+        return float(text)
+    try:
+        return msgspec.json.decode(text, type=bool | int | float | str | list[Any])
+    except msgspec.DecodeError:
+        return text
+    except UnicodeEncodeError as error:
+        raise InvalidValueError("set", "must be text in UTF-8", text) from error
 
 
 def _as_flag(name: str) -> str:

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from neurosnap.runtime.registry import Note, Part
     from neurosnap.runtime.request import Outcome
 
-_MOST = 24  # implications shown; all of them are in `neurosnap graph`
+_MOST = 24  # implications shown; all of them are in `neurosnap learn`
 
 
 @contextmanager
@@ -248,10 +248,10 @@ def _implications(
         console.print(f"  {escape(visible(shown))}")
     more = f"and {len(pairs) - _MOST} more; " if len(pairs) > _MOST else ""
     if pairs and log is not None:
-        table = f"with tests and failures: neurosnap graph {shlex.quote(str(log))}"
+        table = f"with tests and failures: neurosnap learn {shlex.quote(str(log))}"
         console.print(f"  {more}{table}", markup=False, soft_wrap=True)
     elif more:  # nobody can be asked later
-        console.print(f"  {more}all: --json")
+        console.print(f"  {more}all: --format json")
 
 
 def verdict(console: Console, found: Verdict) -> None:

@@ -8,13 +8,11 @@ import typer
 from rich.console import Console
 
 from neurosnap.apps.cli.options import FLAG
-from neurosnap.apps.cli.shared import screen
 from neurosnap.errors import InvalidValueError, NeurosnapError
 
 if TYPE_CHECKING:
     from neurosnap.apps.cli.recording_info import Info
     from neurosnap.apps.export.relations import Answered
-    from neurosnap.poc.learning.snapshot import Snapshot
     from neurosnap.recording.read.recording import Recording
 
 MOST = 40
@@ -43,37 +41,6 @@ Every = Annotated[
         help="Show the relations that follow from others, too.",
     ),
 ]
-Force = Annotated[
-    bool,
-    typer.Option("--force", metavar=FLAG, help="Replace the file that is there."),
-]
-
-
-def answered_by(
-    log: Path,
-    recording: "Recording",
-    tick: int,
-    snapshot: "Snapshot",
-    *,
-    every: bool = False,
-) -> "Answered":
-    """Return the table of what a run has learned by a tick.
-
-    Raises:
-        RecordingError: The recording is damaged.
-    """
-    from neurosnap.apps.cli import output
-    from neurosnap.apps.export.relations import Answered
-    from neurosnap.poc.learning.relation_table import tabulate
-    from neurosnap.recording.read.observations import readings_of
-    from neurosnap.recording.replay.births import births_of
-
-    read = readings_of(recording, snapshot.sensorium, tick)
-    with output.progress(screen, "pairs", None) as on_progress:
-        rows = tabulate(read.columns, snapshot, every, on_progress)
-    births = births_of(recording)
-    room = births.body.room - len(births.at(tick))
-    return Answered(str(log), read, rows, f"learned by tick {tick}", room)
 
 
 def learned_lines(log: Path, recording: "Recording", found: "Info") -> Iterator[str]:
@@ -82,21 +49,21 @@ def learned_lines(log: Path, recording: "Recording", found: "Info") -> Iterator[
     Only of what is read in a moment; and of a file that cannot be read whole nothing,
     for what it lacks is what is told.
     """
-    from neurosnap.recording.replay.learning import snapshot_at
+    from neurosnap.apps.export.learned import learned_from
 
     if "options" not in recording.metadata or not recording.whole:
         return
     if found.size > _SMALL:
-        yield f"relations: neurosnap graph {log}"
+        yield f"relations: neurosnap learn {log}"
         return
     try:
-        answered = answered_by(log, recording, *snapshot_at(recording))
+        answered = learned_from(str(log), recording).table()
     except NeurosnapError:
         return  # a part of a run whose beginning is elsewhere, for one
     yield f"relations: {answered.title}"
     yield from (f"  {line}" for line in answered.lines(_FEW))
     if len(answered.rows) > _FEW:
-        yield f"  and {len(answered.rows) - _FEW} more: neurosnap graph {log}"
+        yield f"  and {len(answered.rows) - _FEW} more: neurosnap learn {log}"
 
 
 def check_out(out: Path) -> None:

@@ -1,43 +1,58 @@
-"""``neurosnap run``: runs a source through a swarm."""
+"""``neurosnap run`` and ``resume``: run a source through a swarm, and go on."""
 
 import asyncio
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
+import msgspec
 import typer
 
+from neurosnap.apps.cli import output
 from neurosnap.apps.cli.broker import brokered
-from neurosnap.apps.cli.config import described
 from neurosnap.apps.cli.options import (
     FLAG,
     NETWORK,
     SOURCE,
     Described,
     Given,
+    described,
     with_run_options,
 )
 from neurosnap.apps.cli.page import check_page, viewed
 from neurosnap.apps.cli.shared import (
+    LEARN,
     LOST,
-    Json,
+    Format,
+    Log,
     app,
     check_swarm,
     errors,
+    new_log,
     open_ranges,
-    print_json,
+    people,
+    print_facts,
     run_async,
-    say,
     screen,
 )
 from neurosnap.errors import InvalidValueError
+from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.runtime.network import Network
 from neurosnap.runtime.systemd import ServiceManager
 
+if TYPE_CHECKING:
+    from neurosnap.apps.config.prepare import Prepared
+    from neurosnap.runtime.request import Outcome, RunRequest
+
 _EXAMPLE = "Example: neurosnap run neurosnap/Path-v0 --ticks 300 --out a.mcap"
+_MORE = 300
+"""Ticks that a run goes on for, unless told otherwise."""
 
 
-@app.command(epilog=_EXAMPLE)
-@with_run_options()
+@app.command(epilog=_EXAMPLE, rich_help_panel=LEARN)
+@with_run_options(
+    *("ticks", "seed", "agent", "target", "snapshot", "threshold"),
+    *("cells", "workers", "out", "listen", "connect", "tls"),
+)
 def run(
     context: typer.Context,
     source: Described,
@@ -57,7 +72,7 @@ def run(
             metavar="RANGES",
             rich_help_panel=NETWORK,
             help="The cells (or workers) that are started on other machines with"
-            " `neurosnap join`, such as 0-499 or 3,7.",
+            " `neurosnap serve cells`, such as 0-499 or 3,7.",
         ),
     ] = "",
     broker: Annotated[
@@ -77,69 +92,141 @@ def run(
             help="Show the run in the browser while it goes on.",
         ),
     ] = False,
-    as_json: Json = False,
+    form: Format = "text",
 ) -> None:
     """Learn from a world, a file or live sensors, and record everything."""
-    from neurosnap.apps.cli import output
-    from neurosnap.runtime.preflight import check_cells
-    from neurosnap.runtime.request import Outcome, RunRequest, Site
-    from neurosnap.runtime.run import run as run_swarm
+    from neurosnap.runtime.request import RunRequest, Site
 
     with errors():
         if view:
             check_page()
-    with errors(), brokered(broker, source) as before, ServiceManager() as service:
-        # The rest of the arguments is read from the context, which knows which of
-        # them were given and so go before a file.
-        prepared = described(context, before)
-        options, network, log = prepared.options, prepared.network, prepared.log
-        if view and log is None:
-            rule = "must go with a recording, which is what is looked at"
-            raise InvalidValueError("view", rule, "--no-record")
-        prepared.placement.check_installed()
-        away = _away(elsewhere, swarm, network, options)
-        if options.cells == "process":
-            check_cells(len(options.sensors) - len(away))
-        if prepared.chosen:
-            screen.print(prepared.chosen, markup=False, soft_wrap=True)
-        if log is not None:
-            log.parent.mkdir(exist_ok=True)
-        request = RunRequest(
-            options,
-            log,
-            site=Site(network, prepared.placement, swarm, away),
-            supervision=prepared.supervision,
-        )
-        with output.progress(screen, "ticks", options.ticks) as show_tick:
-
-            def on_tick(tick: int) -> None:
-                show_tick(tick)
-                service.progress(tick)
-
-            def tell(outcome: Outcome) -> None:
-                output.outcome(say(as_json), options, outcome, log)
-
-            watcher = output.watcher(screen, on_tick)
-
-            async def work(stop: asyncio.Event) -> Outcome:
-                return await run_swarm(request, stop, watcher)
-
-            if view and log is not None:
-                outcome = run_async(lambda stop: viewed(log, stop, work, tell))
-            else:
-                outcome = run_async(work)
-                tell(outcome)
-        if as_json:
-            print_json(output.outcome_facts(options, outcome, log))
-        whole = outcome.completeness is None or outcome.complete
-        if outcome.lost or not whole:
-            raise typer.Exit(LOST)
+        with brokered(broker, source) as before:
+            prepared = described(context, before)
+            if view and prepared.log is None:
+                rule = "must go with a recording, which is what is looked at"
+                raise InvalidValueError("view", rule, "no recording")
+            away = _away(elsewhere, swarm, prepared)
+            request = RunRequest(
+                prepared.options,
+                prepared.log,
+                site=Site(prepared.network, prepared.placement, swarm, away),
+                supervision=prepared.supervision,
+            )
+            _check_room(request)
+            if prepared.chosen:
+                screen.print(prepared.chosen, markup=False, soft_wrap=True)
+            outcome = _carry_out(request, form, view=view)
+        print_facts(form, output.outcome_facts(request.options, outcome, request.log))
+        _end_by(outcome)
 
 
-def _away(
-    elsewhere: str, swarm: str, network: Network, options: RunOptions
-) -> frozenset[str]:
-    """Return the parts that somebody else starts."""
+@app.command(rich_help_panel=LEARN)
+def resume(
+    log: Log,
+    ticks: Annotated[
+        int | None,
+        typer.Option(
+            help="How many ticks there are to be in all.",
+            show_default=f"{_MORE} more than there are",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="FILE.mcap",
+            help="Where to record; must not exist yet.",
+            show_default="logs/SOURCE-DATE.mcap",
+        ),
+    ] = None,
+    form: Format = "text",
+) -> None:
+    """Go on with a run after its last whole tick, into a new recording."""
+    from neurosnap.recording.read.recording import part_path
+    from neurosnap.recording.replay.resume import find_resume_point
+    from neurosnap.runtime.request import RunRequest
+
+    with errors():
+        options, past = find_resume_point(log)
+        options = msgspec.structs.replace(options, ticks=_more(options, past, ticks))
+        new = new_log(options.source, out)
+        request = RunRequest(options, new, past)
+        written = part_path(new, past.part)
+        outcome = _carry_out(request, form, written)
+        facts = output.outcome_facts(options, outcome, written)
+        resumed = {"resumed": str(log), "resumed_at": past.tick}
+        print_facts(form, {**facts, **resumed})
+        _end_by(outcome)
+
+
+def _carry_out(
+    request: "RunRequest", form: str, log: Path | None = None, *, view: bool = False
+) -> "Outcome":
+    """Run a swarm and say how it went, in the browser too if that was asked for."""
+    from neurosnap.runtime.run import run as run_swarm
+
+    if request.log is not None:
+        request.log.parent.mkdir(exist_ok=True)
+
+    def tell(outcome: "Outcome") -> None:
+        output.outcome(people(form), request.options, outcome, log or request.log)
+
+    ticks = request.options.ticks
+    with ServiceManager() as service, output.progress(screen, "ticks", ticks) as shown:
+
+        def on_tick(tick: int) -> None:
+            shown(tick)
+            service.progress(tick)
+
+        async def work(stop: asyncio.Event) -> "Outcome":
+            return await run_swarm(request, stop, output.watcher(screen, on_tick))
+
+        if view and (new := request.log) is not None:
+            return run_async(lambda stop: viewed(new, stop, work, tell))
+        outcome = run_async(work)
+        tell(outcome)
+        return outcome
+
+
+def _check_room(request: "RunRequest") -> None:
+    """Refuse what this machine cannot run, before anything is started."""
+    from neurosnap.runtime.preflight import check_cells
+
+    request.site.placement.check_installed()
+    if request.options.cells == "process":
+        check_cells(len(request.options.sensors) - len(request.site.elsewhere))
+
+
+def _more(options: RunOptions, past: ResumePoint, ticks: int | None) -> int:
+    """Return how many ticks there are to be when a run goes on.
+
+    Raises:
+        InvalidValueError: There are as many already, or the source has no more.
+    """
+    from neurosnap.sources.open import open_source
+
+    source = open_source(options.source, options.seed, options.arguments)
+    source.close()
+    most = past.tick + _MORE if ticks is None else ticks
+    if source.length is not None:
+        most = min(most, source.length)
+    if most <= past.tick:
+        rule = f"must be more than the {past.tick} there are, and the source have them"
+        raise InvalidValueError("ticks", rule, most)
+    return most
+
+
+def _end_by(outcome: "Outcome") -> None:
+    """End with `LOST` if something was lost."""
+    whole = outcome.completeness is None or outcome.complete
+    if outcome.lost or not whole:
+        raise typer.Exit(LOST)
+
+
+def _away(elsewhere: str, swarm: str, request: "Prepared") -> frozenset[str]:
+    """Return the parts that are started on other machines."""
+    options, network = request.options, request.network
     if swarm:
         check_swarm(swarm)
     if not elsewhere:

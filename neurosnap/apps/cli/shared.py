@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from shutil import get_terminal_size
-from typing import TYPE_CHECKING, Annotated, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Annotated, Literal, NoReturn, TypeAlias, TypeVar
 
 import msgspec
 import typer
@@ -41,6 +41,13 @@ _WIDE = 70
 _TWICE = 0.5
 """Seconds in which a second SIGINT is the first again: `timeout -s INT` sends it to the
 program and to its group."""
+
+LEARN = "Learn"
+RECORDINGS = "Recordings"
+WATCH = "Watch"
+SWARMS = "Swarms"
+SET_UP = "Set up"
+"""The panels of verbs in the help."""
 
 app = typer.Typer(
     name="neurosnap",
@@ -76,13 +83,18 @@ def _main(
 
 
 Log = Annotated[Path, typer.Argument(metavar="LOG", help="A recording (.mcap).")]
-Json = Annotated[
-    bool,
+Form: TypeAlias = Literal["text", "json"]
+Format = Annotated[
+    Form,
     typer.Option(
-        "--json",
-        metavar=FLAG,
-        help="Print the result as one JSON object, on the last line of standard output.",
+        "--format",
+        help="Print text, or the result as one JSON object on the last line of standard"
+        " output.",
     ),
+]
+Force = Annotated[
+    bool,
+    typer.Option("--force", metavar=FLAG, help="Replace the file that is there."),
 ]
 Connect = Annotated[
     str,
@@ -137,12 +149,6 @@ def end_by(recording: "Recording") -> None:
     if not recording.whole:
         screen.print("the recording is not whole: `neurosnap info` says what it lacks")
         raise typer.Exit(LOST)
-
-
-def was_given(context: typer.Context, flag: str) -> bool:
-    """Tell whether a flag stands on the command line."""
-    source = context.get_parameter_source(flag)
-    return source is not None and source.name == "COMMANDLINE"
 
 
 def ranges(name: str, text: str) -> list[int]:
@@ -206,9 +212,15 @@ def convert(kind: type[T], **given: object) -> T:
         raise InvalidValueError(name, reason, given.get(name)) from error
 
 
-def say(as_json: bool) -> Console:
-    """Return where people are told: not where the JSON goes."""
-    return screen if as_json else Console(highlight=False)
+def people(form: str) -> Console:
+    """Return where people are told: standard output, or beside it where JSON goes."""
+    return screen if form == "json" else Console(highlight=False)
+
+
+def print_facts(form: str, facts: object) -> None:
+    """Print an object for programs, if that is the form that was asked for."""
+    if form == "json":
+        print_json(msgspec.to_builtins(facts, enc_hook=str))
 
 
 def print_json(facts: object) -> None:

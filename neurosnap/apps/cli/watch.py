@@ -1,16 +1,25 @@
-"""``neurosnap watch``: prints anomalies, live or from a recording."""
+"""``neurosnap watch``, ``view``, ``ps`` and ``stop``: swarms that run."""
 
 from pathlib import Path
 from typing import Annotated
 
+import msgspec
 import typer
 
+from neurosnap.apps.cli import output
 from neurosnap.apps.cli.options import FLAG, NETWORK, option
+from neurosnap.apps.cli.page import look
 from neurosnap.apps.cli.shared import (
+    SWARMS,
+    WATCH,
+    Form,
+    Format,
     app,
     convert,
     end_by,
     errors,
+    people,
+    print_facts,
     print_json,
     run_async,
     screen,
@@ -20,7 +29,7 @@ from neurosnap.runtime.network import Network
 from neurosnap.sensorium import visible
 
 
-@app.command()
+@app.command(rich_help_panel=WATCH)
 def watch(
     what: Annotated[
         str | None,
@@ -50,12 +59,12 @@ def watch(
             show_default="as the run was told",
         ),
     ] = None,
-    as_json: Annotated[
-        bool,
+    form: Annotated[
+        Form,
         typer.Option(
-            "--json", metavar=FLAG, help="Print each as a JSON object on a line."
+            "--format", help="Print text, or each as one JSON object on a line."
         ),
-    ] = False,
+    ] = "text",
 ) -> None:
     """Show anomalies, observations that contradict what was learned, and alarms.
 
@@ -76,7 +85,7 @@ def watch(
     from neurosnap.runtime.anomaly_feed import watch as look_on
 
     def show(told: Fed) -> None:
-        if as_json:
+        if form == "json":
             print_json(told)
         elif isinstance(told, News):
             typer.echo(visible(told.line()))
@@ -92,7 +101,7 @@ def watch(
             for told in recorded(recording, support):
                 show(told)
                 found |= isinstance(told, Told)
-            if not found and not as_json:
+            if not found and form == "text":
                 typer.echo(without_anomalies(recording, support))
             end_by(recording)
             return
@@ -109,3 +118,131 @@ def watch(
         run_async(
             lambda stop: look_on(network, swarm, stop, show, support=support, log=log)
         )
+
+
+@app.command(rich_help_panel=WATCH)
+def view(
+    what: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="LOG|SWARM...",
+            help="Recordings (.mcap), one or more to compare; with --live the ids of"
+            " swarms that run here.",
+            show_default="all that run here, with --live",
+        ),
+    ] = None,
+    live: Annotated[
+        bool,
+        typer.Option(
+            "--live", metavar=FLAG, help="Follow swarms that run on this machine."
+        ),
+    ] = False,
+    port: Annotated[
+        int,
+        typer.Option(
+            help="The port of the page, on this machine only. 0: that of the page"
+            " before, or any that is free."
+        ),
+    ] = 0,
+    browser: Annotated[
+        bool, typer.Option(metavar=FLAG, help="Open the browser.")
+    ] = True,
+    form: Annotated[
+        Form,
+        typer.Option(
+            "--format",
+            help="Print the address of the page, or one JSON object with it.",
+        ),
+    ] = "text",
+) -> None:
+    """Show recordings, or swarms while they run, in the browser."""
+    with errors():
+        logs = _followed(what or []) if live else _named(what or [])
+        as_json = form == "json"
+        run_async(
+            lambda stop: look(logs, stop, port=port, browser=browser, as_json=as_json)
+        )
+
+
+def _named(given: list[str]) -> list[Path]:
+    """Return the recordings that were named.
+
+    Raises:
+        InvalidValueError: None was.
+    """
+    if not given:
+        raise InvalidValueError("log", "must be given, or --live", "nothing")
+    return [Path(each) for each in given]
+
+
+def _followed(given: list[str]) -> list[Path]:
+    """Return where swarms of this machine are recorded.
+
+    Args:
+        given: Their ids; empty: all there are.
+
+    Raises:
+        InvalidValueError: There is none, or one is not recorded.
+    """
+    from neurosnap.runtime.registry import find, swarms
+
+    notes = [find(each) for each in given] if given else swarms()
+    if not notes:
+        raise InvalidValueError("swarm", "must run on this machine", "none")
+    for note in notes:
+        if not note.log:
+            rule = "must be recorded to be looked at"
+            raise InvalidValueError("swarm", rule, note.swarm)
+    return [Path(note.log) for note in notes]
+
+
+@app.command(rich_help_panel=SWARMS)
+def ps(
+    swarm: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[SWARM]",
+            help="The id of a swarm, to list its parts.",
+        ),
+    ] = None,
+    form: Format = "text",
+) -> None:
+    """List the swarms that run on this machine, or the parts of one."""
+    from neurosnap.runtime import registry
+
+    with errors():
+        if swarm is None:
+            notes = registry.swarms()
+            output.swarms(people(form), notes)
+            print_facts(form, {"swarms": notes})
+        else:
+            note = registry.find(swarm)
+            parts = registry.parts(note)
+            output.parts(people(form), note, parts)
+            print_facts(form, {**msgspec.structs.asdict(note), "parts": parts})
+
+
+@app.command(rich_help_panel=SWARMS)
+def stop(
+    swarm: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[SWARM]",
+            help="The id of the swarm; `neurosnap ps` lists them.",
+            show_default="the swarm that runs on this machine",
+        ),
+    ] = None,
+    patience: Annotated[
+        float,
+        typer.Option(metavar="SECONDS", help="How long to wait until it has ended."),
+    ] = 30.0,
+    form: Format = "text",
+) -> None:
+    """End a swarm of this machine in order, with its recording finished."""
+    from neurosnap.runtime import registry
+
+    with errors():
+        note = registry.find(swarm) if swarm else registry.only()
+        registry.stop(note, patience)
+        people(form).print(f"stopped {note.swarm}", markup=False)
+        print_facts(form, {"stopped": note.swarm, "log": note.log})

@@ -7,7 +7,7 @@ import msgspec
 from neurosnap.sources.mqtt.options import MqttBroker, MqttSensor
 
 _BEGIN = """\
-# What `neurosnap topics` found at {address}. Delete what is of no use, name the rest as
+# What `neurosnap init topics` found at {address}. Delete what is of no use, name the rest as
 # you like, and then: neurosnap run THIS_FILE
 
 [source]

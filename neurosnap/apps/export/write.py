@@ -40,17 +40,19 @@ class Exported(msgspec.Struct, frozen=True):
     """What of it cannot be read; see `Recording.damage`."""
 
 
-def parse_form(name: str) -> Form:
-    """Return the format called `name`.
+def form_of(path: Path) -> Form | None:
+    """Return the format that a file's name asks for; None if it is a recording's own.
 
     Raises:
-        InvalidValueError: There is none of that name.
+        InvalidValueError: There is none with such an ending.
     """
-    match name:
-        case "csv" | "parquet" | "graphml":
-            return name
-        case _:
-            raise InvalidValueError("format", f"must be of {', '.join(_ENDINGS)}", name)
+    for form, ending in _ENDINGS.items():
+        if path.name.lower().endswith(ending):
+            return form
+    if path.suffix.lower() == ".mcap":
+        return None
+    known = ", ".join((*_ENDINGS.values(), ".mcap"))
+    raise InvalidValueError("out", f"must end with one of {known}", str(path))
 
 
 def export(
@@ -83,9 +85,9 @@ def export(
         OSError: It cannot be written.
     """
     if at is not None and form != "graphml":
-        raise InvalidValueError("at", "must come with --format graphml", at)
+        raise InvalidValueError("at", "must go with a file .graphml", at)
     if only_readings and form != "csv":
-        raise InvalidValueError("only-readings", "must come with --format csv", form)
+        raise InvalidValueError("only-readings", "must go with a file .csv", form)
     recording = Recording.open(log)
     path = log.with_name(f"{log.stem}{_ENDINGS[form]}") if out is None else out
     reads = (log, *part_paths(log).values())

@@ -1,7 +1,7 @@
 """A recorded run by tick: everything the page shows of it.
 
 Nothing is derived again that was recorded: the state of a tick is the one the recording
-has, which is the one that `neurosnap replay` derives. Only the learned order is worked
+has, which is the one that `neurosnap verify` derives. Only the learned order is worked
 out, by learning what was observed from the nearest key-frame on.
 """
 

@@ -106,7 +106,7 @@ def expiry(folder: Path) -> datetime:
     """
     paths = sorted(folder.glob("*.pem")) + sorted(folder.glob("*/*.pem"))
     if not paths:
-        rule = "must be a folder made by `neurosnap keys`"
+        rule = "must be a folder made by `neurosnap init keys`"
         raise InvalidValueError("tls", rule, str(folder))
     return min(_until(_certificate(path)) for path in paths)
 
@@ -118,7 +118,7 @@ def near(until: datetime, now: datetime) -> str:
         return ""
     return (
         f"expires on {until:%F %H:%M} UTC, in {max(left.days, 0)} days; make new keys"
-        " with `neurosnap keys`"
+        " with `neurosnap init keys`"
     )
 
 

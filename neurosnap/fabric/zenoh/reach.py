@@ -115,7 +115,7 @@ async def absence(endpoint: str) -> str:
         )
     return (
         f"waiting for a hub at {endpoint}: start one with"
-        f" `neurosnap hub --listen {endpoint}`"
+        f" `neurosnap serve hub --listen {endpoint}`"
     )
 
 

@@ -117,7 +117,7 @@ async def play(
         raise InvalidValueError("rate", "must be positive and finite", rate)
     last = last_tick(recording)
     if not 1 <= start <= max(last, 1):
-        raise InvalidValueError("start", f"must be in [1, {last}]", start)
+        raise InvalidValueError("from", f"must be in [1, {last}]", start)
     on_begin()
     played, began = Played(), time.perf_counter()
     if start > 1:

@@ -41,23 +41,16 @@ where the run is not one for it. May block."""
 
 
 def cells(numbers: Numbers) -> ChooseParts:
-    """Return what chooses some cells, a process each.
+    """Return what chooses some cells, a process each, or some of the run's workers.
 
-    There is one for every sensor that may still be grown, too.
+    There is a cell for every sensor that may still be grown, too.
     """
 
     def choose(_: str, description: RunDescription) -> list[RemotePart]:
-        chosen = numbers.of("cells", len(description.options.sensors))
-        return [RemotePart(f"cell/{n}", CellJob(n)) for n in chosen]
-
-    return choose
-
-
-def workers(numbers: Numbers) -> ChooseParts:
-    """Return what chooses some workers, with all the cells that are theirs."""
-
-    def choose(_: str, description: RunDescription) -> list[RemotePart]:
         options = description.options
+        if not options.sharing:
+            chosen = numbers.of("cells", len(options.sensors))
+            return [RemotePart(f"cell/{n}", CellJob(n)) for n in chosen]
         learning = options if options.learning_shares else None
         common = len(options.sensors), options.sharing, learning
         chosen = numbers.of("workers", options.sharing)
@@ -97,26 +90,19 @@ def world(source: str) -> ChooseParts:
     return choose
 
 
-def recorder(
-    new_log: Callable[[], Path],
-    resumed: Path | None = None,
-    sync: float | None = None,
-) -> ChooseParts:
+def recorder(new_log: Callable[[], Path], resumed: Path | None = None) -> ChooseParts:
     """Return what chooses a recorder.
 
     Args:
         new_log: Returns where to record a swarm; asked once for each.
         resumed: What has been recorded of a run that is resumed, on this host; the new
             recording takes it over.
-        sync: As in `RunOptions.sync`; None: as the coordinator says.
     """
 
     def choose(swarm: str, description: RunDescription) -> list[RemotePart]:
         past = _taken_over(resumed, description.past)
         heard = ("coordinator", "world", *description.options.host_names())
         options = description.options
-        if sync is not None:
-            options = msgspec.structs.replace(options, sync=sync)
         job = recorder_job(options, new_log(), past, swarm, heard)
         return [RemotePart("recorder", job, lingers=True)]
 

@@ -7,13 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap import wire
-from neurosnap.fabric.in_memory import Faults, MemoryHub, matches
+from neurosnap.fabric.in_memory import matches
 from tests.support.patience import PATIENCE
+from tools.simulate.simulated_hub import Faults, SimulatedHub
 
 Log = list[tuple[str, int]]  # who sent it, and its number
 
 
-def listener(hub: MemoryHub, who: str = "listener", *keys: str) -> Log:
+def listener(hub: SimulatedHub, who: str = "listener", *keys: str) -> Log:
     """Add a part that notes what it hears."""
     log: Log = []
 
@@ -26,7 +27,7 @@ def listener(hub: MemoryHub, who: str = "listener", *keys: str) -> Log:
     return log
 
 
-def chatter(hub: MemoryHub, senders: int, each: int) -> None:
+def chatter(hub: SimulatedHub, senders: int, each: int) -> None:
     """Let some senders publish in turns."""
     ends = [hub.fabric(f"s{number}") for number in range(senders)]
     for _ in range(each):
@@ -67,7 +68,7 @@ def test_an_expression_stands_for_its_keys(
 
 
 def test_without_a_seed_everything_comes_as_it_was_sent() -> None:
-    hub = MemoryHub()
+    hub = SimulatedHub()
     log = listener(hub)
     chatter(hub, senders=3, each=10)
     assert hub.pending == 30
@@ -80,7 +81,7 @@ def test_without_a_seed_everything_comes_as_it_was_sent() -> None:
 def test_with_a_seed_senders_overtake_each_other_and_each_keeps_its_order(
     seed: int,
 ) -> None:
-    hub = MemoryHub(seed)
+    hub = SimulatedHub(seed)
     log = listener(hub)
     chatter(hub, senders=3, each=20)
     hub.run()
@@ -89,7 +90,7 @@ def test_with_a_seed_senders_overtake_each_other_and_each_keeps_its_order(
 
 def test_with_a_seed_the_order_is_another_one() -> None:
     def heard(seed: int | None) -> Log:
-        hub = MemoryHub(seed, Faults(duplicate=0.2, drop=0.1) if seed else None)
+        hub = SimulatedHub(seed, Faults(duplicate=0.2, drop=0.1) if seed else None)
         log = listener(hub)
         chatter(hub, senders=3, each=20)
         hub.run()
@@ -100,7 +101,7 @@ def test_with_a_seed_the_order_is_another_one() -> None:
 
 
 def test_a_step_delivers_one_message() -> None:
-    hub = MemoryHub(1)
+    hub = SimulatedHub(1)
     log = listener(hub)
     chatter(hub, senders=2, each=2)
     steps = 0
@@ -111,7 +112,7 @@ def test_a_step_delivers_one_message() -> None:
 
 
 def test_a_message_goes_to_all_who_listen_to_its_key() -> None:
-    hub = MemoryHub()
+    hub = SimulatedHub()
     logs = [listener(hub, f"l{n}", key) for n, key in enumerate(("leave/**", "**"))]
     deaf = listener(hub, "deaf", "fault")
     late = hub.fabric("late")
@@ -122,7 +123,7 @@ def test_a_message_goes_to_all_who_listen_to_its_key() -> None:
 
 
 def test_who_listens_later_hears_what_comes_later() -> None:
-    hub = MemoryHub()
+    hub = SimulatedHub()
     first = listener(hub, "first")
     end = hub.fabric("sender")
     end.publish(wire.Leave("sender"))
@@ -133,7 +134,7 @@ def test_who_listens_later_hears_what_comes_later() -> None:
 
 
 def test_what_is_under_way_to_whoever_leaves_is_for_nobody_of_its_name() -> None:
-    hub = MemoryHub()
+    hub = SimulatedHub()
     stays, leaves = listener(hub, "stays"), listener(hub, "leaves")
     end = hub.fabric("sender")
     end.publish(wire.Leave("sender"))
@@ -147,7 +148,7 @@ def test_what_is_under_way_to_whoever_leaves_is_for_nobody_of_its_name() -> None
 
 
 def test_an_answer_that_never_ends_is_noticed() -> None:
-    hub = MemoryHub()
+    hub = SimulatedHub()
     end = hub.fabric("echo")
     end.listen(("leave/**",), lambda _: end.publish(wire.Leave("echo")))
     end.publish(wire.Leave("echo"))
@@ -161,7 +162,7 @@ def test_an_answer_that_never_ends_is_noticed() -> None:
 
 
 def test_a_duplicate_comes_later_and_nothing_is_missing() -> None:
-    hub = MemoryHub(5, Faults(duplicate=0.3))
+    hub = SimulatedHub(5, Faults(duplicate=0.3))
     log = listener(hub)
     chatter(hub, senders=2, each=200)
     hub.run()
@@ -172,7 +173,7 @@ def test_a_duplicate_comes_later_and_nothing_is_missing() -> None:
 
 
 def test_what_is_dropped_leaves_a_gap_in_the_numbers() -> None:
-    hub = MemoryHub(5, Faults(drop=0.3))
+    hub = SimulatedHub(5, Faults(drop=0.3))
     log = listener(hub)
     chatter(hub, senders=1, each=300)
     hub.run()
@@ -182,7 +183,7 @@ def test_what_is_dropped_leaves_a_gap_in_the_numbers() -> None:
 
 
 def test_what_is_dropped_for_one_arrives_at_the_other() -> None:
-    hub = MemoryHub(5, Faults(drop=0.5))
+    hub = SimulatedHub(5, Faults(drop=0.5))
     one, other = listener(hub, "one"), listener(hub, "other")
     chatter(hub, senders=1, each=100)
     hub.run()
@@ -191,7 +192,7 @@ def test_what_is_dropped_for_one_arrives_at_the_other() -> None:
 
 
 def test_without_a_seed_there_are_no_faults() -> None:
-    hub = MemoryHub(None, Faults(duplicate=1.0, drop=1.0))
+    hub = SimulatedHub(None, Faults(duplicate=1.0, drop=1.0))
     log = listener(hub)
     chatter(hub, senders=1, each=10)
     hub.run()
@@ -200,7 +201,7 @@ def test_without_a_seed_there_are_no_faults() -> None:
 
 @pytest.mark.parametrize("seed", [None, 3])
 def test_a_cut_link_loses_what_was_under_way_and_what_comes(seed: int | None) -> None:
-    hub = MemoryHub(seed)
+    hub = SimulatedHub(seed)
     far, near = listener(hub, "far"), listener(hub, "near")
     end = hub.fabric("sender")
 
@@ -222,7 +223,7 @@ def test_a_cut_link_loses_what_was_under_way_and_what_comes(seed: int | None) ->
 
 
 def test_a_cut_link_is_cut_both_ways() -> None:
-    hub = MemoryHub()
+    hub = SimulatedHub()
     logs = {who: listener(hub, who) for who in ("a", "b")}
     hub.cut("a", "b")
     for who in logs:
@@ -235,7 +236,7 @@ def test_a_cut_link_is_cut_both_ways() -> None:
 
 
 def test_a_part_counts_what_it_sends() -> None:
-    hub = MemoryHub()
+    hub = SimulatedHub()
     log = listener(hub)
     end = hub.fabric("world", first=12)
     end.publish(wire.Leave("world"))
@@ -246,7 +247,7 @@ def test_a_part_counts_what_it_sends() -> None:
 
 
 def test_who_has_left_gets_nothing_of_what_was_under_way() -> None:
-    hub = MemoryHub()
+    hub = SimulatedHub()
     log = listener(hub)
     chatter(hub, senders=1, each=5)
     hub.step()
@@ -256,7 +257,7 @@ def test_who_has_left_gets_nothing_of_what_was_under_way() -> None:
 
 
 def test_presence_is_told_to_those_who_watch() -> None:
-    hub = MemoryHub()
+    hub = SimulatedHub()
     early: list[tuple[str, bool]] = []
     late: list[tuple[str, bool]] = []
     hub.watch("w", lambda *change: early.append(change))
@@ -270,7 +271,7 @@ def test_presence_is_told_to_those_who_watch() -> None:
 
 
 async def test_where_a_loop_runs_the_hub_delivers_by_itself() -> None:
-    hub = MemoryHub()
+    hub = SimulatedHub()
     heard = asyncio.Event()
     log: list[int] = []
 
@@ -289,7 +290,7 @@ async def test_where_a_loop_runs_the_hub_delivers_by_itself() -> None:
 
 
 async def test_other_tasks_get_their_turn_in_a_flood() -> None:
-    hub = MemoryHub()
+    hub = SimulatedHub()
     stop = asyncio.Event()
 
     async with hub.fabric("echo") as end:
@@ -302,6 +303,6 @@ async def test_other_tasks_get_their_turn_in_a_flood() -> None:
 
 
 async def test_serving_needs_the_context() -> None:
-    end = MemoryHub().fabric("part")
+    end = SimulatedHub().fabric("part")
     with pytest.raises(RuntimeError, match=r"^serve: must be called inside"):
         await end.serve(asyncio.Event())

@@ -230,7 +230,7 @@ def test_who_is_killed_between_two_steps_leaves_every_tick(
             break
         assert len(observed(*folder.iterdir())) >= furthest
         if "run.mcap.broken" in names(folder):
-            with pytest.raises(InvalidValueError, match="replay FILE --resume"):
+            with pytest.raises(InvalidValueError, match="neurosnap resume FILE"):
                 RestartFiles(folder / "run.mcap").check_free()
     # Two lives are moved, the first and an unwanted one deleted, then the second.
     assert most == 5

@@ -56,7 +56,7 @@ def test_a_namesake_in_the_same_folder_is_warned_of(tmp_path: Path) -> None:
 def test_a_namesake_that_came_later_ends_the_command(tmp_path: Path) -> None:
     ours = installed_beside_its_namesake(tmp_path)
     (ours / "__init__.py").write_text("")  # its own is empty, and in the place of ours
-    done = run(tmp_path, "-m", "neurosnap", "doctor")
+    done = run(tmp_path, "-m", "neurosnap", "check")
     assert done.returncode == 1
     assert done.stderr.startswith("error: neurosnap: must not share ")
     assert REMEDY in done.stderr

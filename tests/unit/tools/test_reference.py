@@ -17,8 +17,8 @@ def test_a_page_is_what_the_code_says(name: str) -> None:
 def test_every_option_and_message_is_on_its_page() -> None:
     run = typer.main.get_command(app).commands["run"]  # type: ignore[attr-defined]
     text = reference.commands()
-    start = text.index("## neurosnap run")
-    section = text[start : text.index("\n## ", start)]
+    start = text.index("### neurosnap run\n")
+    section = text[start : text.index("\n### ", start)]
     for option in run.params[1:]:
         assert all(name in section for name in option.opts), option.name
     messages = reference.messages()

@@ -85,17 +85,17 @@ def test_a_name_cannot_turn_the_text_around() -> None:
 def test_a_run_names_the_command_that_shows_all_it_learned() -> None:
     pairs = [(low, "top") for low in many("s", 26)]
     shown = told(implications=pairs, log=Path("my logs/a.mcap"))
-    table = "with tests and failures: neurosnap graph 'my logs/a.mcap'"
+    table = "with tests and failures: neurosnap learn 'my logs/a.mcap'"
     assert f"  and 2 more; {table}" in shown
-    assert "  and 2 more; all: --json" in told(implications=pairs)
+    assert "  and 2 more; all: --format json" in told(implications=pairs)
 
 
 def test_a_run_that_learned_nothing_names_no_command() -> None:
     shown = told(implications=[("a", "b")], log=Path("a.mcap"))
     assert "  a → b" in shown
-    assert any("neurosnap graph a.mcap" in line for line in shown)
+    assert any("neurosnap learn a.mcap" in line for line in shown)
     nothing = told(implications=[], log=Path("a.mcap"))
-    assert not any("graph" in line for line in nothing)
+    assert not any("learn" in line for line in nothing)
 
 
 def test_messages_that_are_missing_are_counted() -> None:

@@ -29,12 +29,20 @@ def refused(*arguments: object) -> str:
     return result.stderr.removeprefix("error: ").removesuffix("\n")
 
 
-@pytest.mark.parametrize("flag", [("--out", "x.mcap"), ("--split", "1MiB")])
+@pytest.mark.parametrize(
+    "flag",
+    [
+        ("--out", "x.mcap", "out"),
+        ("--set", "recording.split=1MiB", "recording.split"),
+    ],
+)
 def test_a_flag_about_a_recording_is_refused_where_there_is_none(
-    flag: tuple[str, str],
+    flag: tuple[str, str, str],
 ) -> None:
-    said = refused("run", "neurosnap/Path-v0", "--no-record", *flag)
-    rule = f"{flag[0][2:]}: must go with a recording, and nothing is recorded, got"
+    said = refused(
+        "run", "neurosnap/Path-v0", "--set", "recording.record=false", *flag[:2]
+    )
+    rule = f"{flag[2]}: must go with a recording, and nothing is recorded, got"
     assert said.startswith(rule)
 
 
@@ -74,9 +82,9 @@ def test_a_broker_is_for_mqtt_alone(source: str, broker: str) -> None:
     "verb",
     [
         ("info",),
-        ("replay", "--verify"),
-        ("replay", "--resume"),
-        ("graph",),
+        ("verify",),
+        ("resume",),
+        ("learn",),
         ("export",),
         ("watch",),
         ("view",),

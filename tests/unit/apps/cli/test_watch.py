@@ -26,7 +26,7 @@ def test_a_run_without_any_says_in_how_many_ticks(tmp_path: Path) -> None:
     readings.write_text("a,b,c\n" + 7 * "1,0,1\n")
     log = recorded(options, tmp_path / "log.mcap")
     assert said_of(log) == "no anomalies in 7 ticks\n"
-    assert said_of(log, "--json") == ""
+    assert said_of(log, "--format", "json") == ""
 
 
 def test_what_rests_on_few_occasions_is_left_out_unless_asked_for(

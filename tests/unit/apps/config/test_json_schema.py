@@ -83,7 +83,7 @@ def test_the_schema_is_one_and_everything_in_it_is_described() -> None:
 
 
 def test_the_schema_beside_the_example_is_the_one() -> None:
-    # Made by: neurosnap config schema > examples/swarm.schema.json
+    # Made by: neurosnap init schema > examples/swarm.schema.json
     text = (EXAMPLES / "swarm.schema.json").read_text(encoding="utf-8")
     assert json.loads(text) == schema()
 

@@ -260,15 +260,15 @@ def test_a_run_needs_no_file() -> None:
 
 def test_check_says_that_nothing_is_wrong(file: Path) -> None:
     write(file, WORLD)
-    plain = call("config", "check", file)
+    plain = call("check", file)
     assert (plain.exit_code, plain.stdout) == (0, f"{file}: no faults\n")
-    told = call("config", "check", file, "--json")
+    told = call("check", file, "--format", "json")
     assert json.loads(told.stdout) == {"file": str(file), "faults": [], "more": 0}
 
 
 def test_check_says_what_is_wrong_and_where(file: Path) -> None:
     write(file, f"{WORLD}[agent]\nexplore = 2\n[[run]]\n")
-    told = call("config", "check", file, "--json")
+    told = call("check", file, "--format", "json")
     assert told.exit_code == 2
     first, second = told.stderr.splitlines()
     assert (
@@ -286,12 +286,12 @@ def test_check_says_what_is_wrong_and_where(file: Path) -> None:
 
 def test_a_static_check_opens_nothing(file: Path) -> None:
     write(file, "[source]\nkind = 'csv'\npath = 'none.csv'\n")
-    assert call("config", "check", file).exit_code == 2
-    assert call("config", "check", file, "--static").exit_code == 0
+    assert call("check", file).exit_code == 2
+    assert call("check", file, "--static").exit_code == 0
 
 
 def test_the_schema_is_printed() -> None:
-    told = call("config", "schema")
+    told = call("init", "schema")
     assert told.exit_code == 0
     assert json.loads(told.stdout) == schema()
 

@@ -21,7 +21,7 @@ AWKWARD = [
     "x:y",
     "x",
     "node",
-    "graph",
+    "learn",
     "two words",
     'a "quote"',
     "back\\slash",

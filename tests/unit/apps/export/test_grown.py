@@ -49,10 +49,12 @@ def test_a_table_has_a_column_of_what_is_grown_and_none_of_what_is_not(
 def test_the_order_has_what_was_grown_by_then(
     at: int, sensors: int, log: Path, tmp_path: Path
 ) -> None:
-    given = ["graph", str(log), "--at", str(at)]
+    given = ["learn", str(log), "--at", str(at)]
     table = CliRunner().invoke(app, given).stdout
     assert f" of {sensors} sensors in {at} ticks" in table
-    found = json.loads(CliRunner().invoke(app, [*given, "--json"]).stdout)
+    found = json.loads(CliRunner().invoke(app, [*given, "--format", "json"]).stdout)
+    assert found["sensors"] == sensors
+    found = found["order"]
     assert len(found["sensors"]) == sensors
     assert found["room"] == 3 - (sensors - SENSORS)
     born = [(each["tick"], each["name"]) for each in found["births"]]

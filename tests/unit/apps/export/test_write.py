@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from neurosnap import wire
-from neurosnap.apps.export.write import Form, export, parse_form
+from neurosnap.apps.export.write import Form, export, form_of
 from neurosnap.errors import InvalidValueError, NeurosnapError, RecordingError
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.learning import snapshot_at
@@ -306,8 +306,12 @@ def test_what_somebody_dead_left_is_in_nobodys_way(log: Path, tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("form", "given", "said"),
     [
-        ("csv", {"at": 3}, r"^at: must come with --format graphml, got 3$"),
-        ("parquet", {"only_readings": True}, r"^only-readings: must come with"),
+        ("csv", {"at": 3}, r"^at: must go with a file .graphml, got 3$"),
+        (
+            "parquet",
+            {"only_readings": True},
+            r"^only-readings: must go with a file .csv",
+        ),
         ("graphml", {"at": TICKS + 1}, rf"^tick: must be in \[0, {TICKS}\], got"),
     ],
 )
@@ -343,10 +347,13 @@ def test_there_must_be_a_folder_for_it(log: Path, tmp_path: Path) -> None:
         export(log, "csv", tmp_path / "none" / "out.csv")
 
 
-def test_formats_are_known_by_name() -> None:
-    assert [parse_form(form) for form in FORMS] == list(FORMS)
-    with pytest.raises(InvalidValueError, match=r"^format: must be of csv, .*'xls'$"):
-        parse_form("xls")
+def test_formats_are_known_by_the_ending_of_a_file() -> None:
+    assert [form_of(Path(f"a.{form}")) for form in ("csv", "parquet", "graphml")] == [
+        *("csv", "parquet", "graphml")
+    ]
+    assert form_of(Path("a.mcap")) is None
+    with pytest.raises(InvalidValueError, match=r"^out: must end with one of .csv, "):
+        form_of(Path("a.xls"))
 
 
 def test_parquet_without_pyarrow_says_what_to_install(

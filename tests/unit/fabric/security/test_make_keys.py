@@ -181,7 +181,11 @@ def test_a_part_needs_its_own_files_and_the_authoritys_certificate_alone(
         if path.name not in ("ca.pem", "cell.pem", "cell.key"):
             path.unlink()
     assert read_credentials(keys, "cell").name == "cell"
-    refused(keys, r"/hub\.pem: must be a file that can be read, got 'No such", "hub")
+    refused(
+        keys,
+        r"/hub\.pem: must be a file that can be read, got 'No such",
+        "hub",
+    )
 
 
 @pytest.mark.parametrize("name", ["ca.pem", "cell.pem", "cell.key"])

@@ -60,10 +60,8 @@ def test_only_what_is_missing_may_be_filled() -> None:
 
 
 def test_workers_learn_how_many_there_are() -> None:
-    (duty,) = remote_parts.workers(Numbers((1,)))("demo", brief("worker"))
+    (duty,) = remote_parts.cells(Numbers((1,)))("demo", brief("worker"))
     assert (duty.who, duty.job) == ("worker/1", WorkerJob(1, 3, 2))
-    with pytest.raises(InvalidValueError, match=r"^workers: must go with a swarm that"):
-        remote_parts.workers(Numbers((1,)))("demo", brief())
 
 
 def test_an_open_range_takes_the_cells_of_what_is_still_to_be_grown() -> None:

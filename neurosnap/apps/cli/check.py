@@ -1,0 +1,77 @@
+"""``neurosnap check``: what would keep a run from starting, in a file or here."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from neurosnap.apps.cli import output
+from neurosnap.apps.cli.options import FLAG, option
+from neurosnap.apps.cli.shared import (
+    SET_UP,
+    Format,
+    app,
+    errors,
+    people,
+    print_facts,
+)
+
+
+@app.command(rich_help_panel=SET_UP)
+def check(
+    file: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[FILE]",
+            help="A TOML file that describes a run.",
+            show_default="check the machine",
+        ),
+    ] = None,
+    static: Annotated[
+        bool,
+        typer.Option(
+            "--static",
+            metavar=FLAG,
+            help="Check the file alone, and open nothing that it names.",
+        ),
+    ] = False,
+    tls: str = option("tls", "Without a file: check the keys in this folder, too."),
+    form: Format = "text",
+) -> None:
+    """Find all that would keep a run from starting, and say how to mend it.
+
+    In a TOML file with line numbers; without one, on this machine.
+    """
+    with errors():
+        if file is None:
+            _check_machine(Path(tls) if tls else None, form)
+        else:
+            _check_file(file, form, static=static)
+
+
+def _check_file(file: Path, form: str, *, static: bool) -> None:
+    from neurosnap.apps.config.load import load, look
+    from neurosnap.apps.config.prepare import prepare
+    from neurosnap.apps.config.problems import ConfigError
+
+    try:
+        if static:
+            load(file)
+        else:
+            prepare(look(file))
+    except ConfigError as error:
+        faults = {"faults": error.faults, "more": error.more}
+        print_facts(form, {"file": str(file), **faults})
+        raise
+    people(form).print(f"{file}: no faults", markup=False, soft_wrap=True)
+    print_facts(form, {"file": str(file), "faults": [], "more": 0})
+
+
+def _check_machine(keys: Path | None, form: str) -> None:
+    from neurosnap.apps.doctor import examine
+
+    findings = examine(keys)
+    output.findings(people(form), findings)
+    print_facts(form, {"findings": findings})
+    if not all(finding.ok for finding in findings):
+        raise typer.Exit(1)

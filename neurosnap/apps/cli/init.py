@@ -1,0 +1,323 @@
+"""``neurosnap init``: the files that a swarm begins with: topics, keys, a schema."""
+
+import asyncio
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import msgspec
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from neurosnap.apps.cli.broker import host_and_port
+from neurosnap.apps.cli.options import FLAG, with_parameters
+from neurosnap.apps.cli.shared import (
+    SET_UP,
+    Force,
+    Format,
+    app,
+    convert,
+    errors,
+    people,
+    print_facts,
+    ranges,
+    run_async,
+    screen,
+)
+from neurosnap.errors import InvalidValueError, MissingExtraError, NeurosnapError
+from neurosnap.fabric.events import wait_any, wait_at_most
+from neurosnap.sensorium import visible
+from neurosnap.sources.mqtt.options import MqttBroker
+from neurosnap.system.distribution import must_have
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from neurosnap.sources.mqtt.options import MqttSensor
+    from neurosnap.sources.mqtt.topic_survey import Heard, Survey
+
+_SHOWN = 3  # values of a topic in a line
+_EXAMPLE = "Example: neurosnap init topics homeassistant.local --out home.toml"
+
+init = typer.Typer(
+    help="Write what a swarm begins with: a TOML file from a broker's topics, keys, or"
+    " the schema of these files.",
+    no_args_is_help=True,
+)
+app.add_typer(init, name="init", rich_help_panel=SET_UP)
+
+
+@init.command(epilog=_EXAMPLE)
+@with_parameters(
+    topic=(
+        str,
+        typer.Option(
+            "#", metavar="FILTER", help="Listen to these topics only (home/#)."
+        ),
+    ),
+    username=(str | None, typer.Option(None, help="The name to give to the broker.")),
+    password_file=(
+        Path | None,
+        typer.Option(
+            None,
+            metavar="FILE",
+            help="A file whose first line is the password to it.",
+        ),
+    ),
+    encrypt=(
+        bool,
+        typer.Option(False, "--encrypt", metavar=FLAG, help="Encrypt the connection."),
+    ),
+    ca_file=(
+        Path | None,
+        typer.Option(None, metavar="FILE", help="Trust these certificates (PEM) only."),
+    ),
+)
+def topics(
+    context: typer.Context,
+    host: Annotated[
+        str, typer.Argument(metavar="HOST[:PORT]", help="Where the broker is.")
+    ],
+    seconds: Annotated[
+        float,
+        typer.Option(min=0.1, max=86_400, help="Listen for so long; or until Ctrl-C."),
+    ] = 60.0,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="FILE",
+            help="Write a TOML file that makes sensors of what looks like them.",
+            show_default="only list the topics",
+        ),
+    ] = None,
+    force: Force = False,
+    form: Format = "text",
+) -> None:
+    """Listen at an MQTT broker, list its topics, and write a file to begin with."""
+    with errors():
+        topic, broker = context.params["topic"], _broker(host, context.params)
+        if out is not None:
+            _check_free(out, force=force)
+        survey = _listened(broker, topic, seconds)
+        _show(people(form), survey, survey.sensors())
+        if out is not None:
+            _write(out, broker, survey, force=force)
+            check = f"wrote {out} with {len(survey.sensors())} sensors; look at it, "
+            run = f"then: neurosnap run {out}"
+            people(form).print(check + run, markup=False, soft_wrap=True)
+        print_facts(form, {**_facts(survey), "out": out and str(out)})
+
+
+def _broker(host: str, given: dict[str, Any]) -> MqttBroker:
+    """Return the broker that was given."""
+    from neurosnap.sources.mqtt.options import is_filter
+
+    # A file that is run looks for its own files from its own folder.
+    files = {name: given[name] for name in ("password_file", "ca_file")}
+    found = {k: str(v.absolute()) for k, v in files.items() if v is not None}
+    login = {"username": given["username"], "tls": given["encrypt"]}
+    where = host_and_port(host, "HOST or HOST:PORT")
+    broker = convert(MqttBroker, **where, **login, **found)
+    if not is_filter(given["topic"]):
+        rule = "must be a topic filter, + or # alone in a level and # in the last"
+        raise InvalidValueError("topic", rule, given["topic"])
+    return broker
+
+
+def _write(out: Path, broker: MqttBroker, survey: "Survey", *, force: bool) -> None:
+    """Write a file that runs on the topics that look like sensors."""
+    from neurosnap.apps.config.mqtt_file import mqtt_file
+
+    if not (sensors := survey.sensors()):
+        rule = "must have a topic that looks like a sensor"
+        raise NeurosnapError(f"broker: {rule}, got none in what came")
+    by_topic = {heard.topic: heard for heard in survey.topics()}
+    said = {each.name: _said(by_topic[each.topic], each) for each in sensors}
+    text = mqtt_file(broker, sensors, said)
+    with out.open("w" if force else "x", encoding="utf-8") as file:
+        file.write(text)
+
+
+def _facts(survey: "Survey") -> dict[str, object]:
+    return {
+        "topics": [
+            {"topic": h.topic, "messages": h.messages, "kind": h.kind}
+            for h in survey.topics()
+        ],
+        "sensors": [
+            {"name": s.name, "topic": s.topic, "field": s.field}
+            for s in survey.sensors()
+        ],
+        "passed_over": survey.passed_over,
+    }
+
+
+def _check_free(out: Path, *, force: bool) -> None:
+    if out.suffix.lower() != ".toml":
+        raise InvalidValueError("out", "must end with .toml", str(out))
+    if out.exists() and not force:
+        rule = "must not exist yet, or come with --force"
+        raise InvalidValueError("out", rule, str(out))
+    if not out.absolute().parent.is_dir():
+        raise InvalidValueError("out", "must be in a folder that exists", str(out))
+
+
+def _listened(broker: MqttBroker, topic: str, seconds: float) -> "Survey":
+    """Return what came at `broker` in so many seconds, or until Ctrl-C."""
+    try:
+        from neurosnap.sources.mqtt.connection import MqttLink
+    except ImportError as error:  # an extra
+        rule = must_have(error.name or "aiomqtt", "mqtt")
+        raise MissingExtraError(f"topics: {rule}") from error
+    from neurosnap.sources.mqtt.topic_survey import Survey
+
+    survey = Survey()
+
+    def receive(name: str, data: bytes, _retained: bool) -> None:
+        if survey.take(name, data):
+            screen.print(f"heard {visible(name)}", markup=False, soft_wrap=True)
+
+    async def work(stop: asyncio.Event) -> None:
+        there = asyncio.Event()
+
+        def connected(on: bool) -> None:
+            if on and not there.is_set():
+                there.set()
+                text = f"listening at {broker.address} for {seconds:g} s (or Ctrl-C)"
+                screen.print(text, markup=False, soft_wrap=True)
+
+        link = MqttLink(
+            broker, "topics", filters=[topic], receive=receive, connected=connected
+        )
+        over = asyncio.Event()
+        serving = asyncio.create_task(link.serve(over), name="topics/serve")
+        serving.add_done_callback(lambda _: stop.set())
+        await wait_any(there, stop)
+        await wait_at_most(stop, seconds)
+        over.set()
+        await serving
+
+    run_async(work)
+    return survey
+
+
+def _show(console: "Console", survey: "Survey", sensors: "list[MqttSensor]") -> None:
+    """List the topics, and say which are sensors."""
+    names: dict[str, list[str]] = {}
+    for sensor in sensors:
+        names.setdefault(sensor.topic, []).append(sensor.name)
+    table = Table("topic", "messages", "payloads", "sensors", box=None, pad_edge=False)
+    for heard in survey.topics():
+        kinds = heard.kind
+        if heard.values.get(""):
+            kinds += f": {_examples(heard.values[''])}"
+        here = ", ".join(names.get(heard.topic, ()))
+        row = (heard.topic, str(heard.messages), kinds, here)
+        table.add_row(*(escape(visible(cell)) for cell in row))
+    if survey.topics():
+        console.print(table)
+    else:
+        console.print("no topic said anything")
+    if survey.passed_over:
+        console.print(f"messages of further topics: {survey.passed_over}")
+
+
+def _said(heard: "Heard", sensor: "MqttSensor") -> str:
+    """Return what was heard of a sensor, in a line."""
+    plural = "" if heard.messages == 1 else "s"
+    values = _examples(heard.values[sensor.field or ""])
+    return f"{heard.messages} message{plural}: {values}"
+
+
+def _examples(values: dict[str, None]) -> str:
+    shown = [str(msgspec.json.decode(value)) for value in list(values)[:_SHOWN]]
+    return ", ".join(shown) + (", ..." if len(values) > _SHOWN else "")
+
+
+@init.command()
+def keys(
+    folder: Annotated[
+        Path,
+        typer.Argument(
+            metavar="DIR",
+            help="The folder to make them in; must not exist yet, but with --revoke.",
+        ),
+    ],
+    host: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="A name or address under which other machines reach the hub. May be"
+            " repeated.",
+        ),
+    ] = None,
+    parts: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KIND/RANGES",
+            help="Make a certificate for each of these parts, which lets it speak for"
+            " itself alone: cell/0-39, worker/0-1. May be repeated.",
+        ),
+    ] = None,
+    days: Annotated[int, typer.Option(help="How many days the keys are valid.")] = 365,
+    revoke: Annotated[
+        str,
+        typer.Option(
+            metavar="WHO",
+            help="Revoke the certificate of a part (cell/3) or a role, and make another"
+            " in its place.",
+        ),
+    ] = "",
+    form: Format = "text",
+) -> None:
+    """Make the keys and certificates of a swarm on several machines, for --tls."""
+    from neurosnap.fabric.security.make_keys import make_keys
+    from neurosnap.fabric.security.make_keys import revoke as revoke_one
+
+    with errors():
+        if revoke:
+            if host or parts:
+                rule = "must come without --host and --parts"
+                raise InvalidValueError("revoke", rule, revoke)
+            until = revoke_one(folder, revoke)
+            for line in (
+                f"{revoke} has new files in {folder}, valid until {until:%F}",
+                "the old ones count for nothing once the hub has been started again"
+                " with this folder's names.json",
+            ):
+                people(form).print(line, markup=False, soft_wrap=True)
+            print_facts(form, {"revoked": revoke, "until": until})
+            return
+        made = make_keys(folder, host or (), _listed(parts or []), days=days)
+        several = f" and {len(made.parts)} parts" if made.parts else ""
+        for line in (
+            f"keys for {', '.join(made.roles)}{several} in {made.folder}",
+            f"the hub is {', '.join(made.hosts)}; valid until {made.until:%F}",
+            "another machine needs ca.pem and the .pem and .key of its parts or roles,"
+            " never ca.key",
+        ):
+            people(form).print(line, markup=False, soft_wrap=True)
+        print_facts(form, made)
+
+
+def _listed(parts: list[str]) -> list[str]:
+    """Return the parts in ``cell/0-39`` and the like, each once."""
+    found: list[str] = []
+    for text in parts:
+        kind, _, numbers = text.partition("/")
+        found += [f"{kind}/{number}" for number in ranges("parts", numbers)]
+    if len(set(found)) < len(found):
+        raise InvalidValueError("parts", "must name each once", ", ".join(parts))
+    return found
+
+
+@init.command()
+def schema() -> None:
+    """Print the JSON Schema of these TOML files, which editors use to check them."""
+    from neurosnap.apps.config.json_schema import schema as schema_of_config
+
+    with errors():
+        text = msgspec.json.format(msgspec.json.encode(schema_of_config()), indent=2)
+        typer.echo(text)

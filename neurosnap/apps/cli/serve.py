@@ -1,0 +1,396 @@
+"""``neurosnap serve``: the parts of a swarm that are started by hand, on any machine.
+
+All are told where the hub is and what the swarm is called; what the run is they are
+told by its coordinator (`neurosnap serve coordinator`, or `run --elsewhere`).
+"""
+
+import asyncio
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import msgspec
+import typer
+
+from neurosnap.apps.cli import output
+from neurosnap.apps.cli.options import (
+    AUTO_HOSTS,
+    FLAG,
+    NETWORK,
+    RECORDING,
+    Described,
+    Given,
+    Source,
+    described,
+    option,
+    with_parameters,
+    with_run_options,
+)
+from neurosnap.apps.cli.shared import (
+    LOST,
+    SWARMS,
+    Connect,
+    Format,
+    app,
+    check_swarm,
+    convert,
+    errors,
+    new_log,
+    open_ranges,
+    people,
+    print_facts,
+    run_async,
+    screen,
+)
+from neurosnap.errors import InvalidValueError
+from neurosnap.protocol.run_options import HostChoice
+from neurosnap.runtime.network import Network
+from neurosnap.runtime.restart_policy import RestartKind
+
+if TYPE_CHECKING:
+    from neurosnap.recording.format.completeness import Completeness
+    from neurosnap.runtime.hosts.remote_parts import ChooseParts
+    from neurosnap.runtime.hosts.service import Served
+
+serve = typer.Typer(
+    help="Start a part of a swarm by hand, on this machine: its hub, world, recorder,"
+    " cells or coordinator.",
+    no_args_is_help=True,
+)
+app.add_typer(serve, name="serve", rich_help_panel=SWARMS)
+
+_HERE = "tcp/127.0.0.1:7447"
+Swarm = Annotated[
+    str,
+    typer.Argument(
+        metavar="SWARM", help="Name of the swarm, as the coordinator's --swarm has it."
+    ),
+]
+Patience = Annotated[
+    float,
+    typer.Option(
+        metavar="SECONDS",
+        rich_help_panel=NETWORK,
+        help="How long to wait until the other parts have connected.",
+    ),
+]
+Resume = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="LOG",
+        rich_help_panel=RECORDING,
+        help="Go on with the run of this recording, after its last whole tick; the same"
+        " for the coordinator and the recorder.",
+    ),
+]
+_RESTART = (
+    "When the swarm has ended: leave (never); wait for the one that goes on in its place,"
+    " if a part had died (on-failure); wait for the next of this name, until Ctrl-C"
+    " (always)."
+)
+_with_place = with_parameters(
+    connect=(Connect, ...),
+    restart=(RestartKind, option("restart", _RESTART)),
+    patience=(Patience, 60.0),
+    tls=(str, option("tls")),
+    insecure=(bool, option("insecure")),
+)
+"""Gives a verb what says where the swarm is, and how long to be of it."""
+
+
+@serve.command()
+def hub(
+    listen: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ENDPOINT",
+            rich_help_panel=NETWORK,
+            help="Where the hub listens; tcp/127.0.0.1:7447 if not given. For other"
+            " machines, such as tls/0.0.0.0:7447 with --tls. Give it several times, and"
+            " a flood of connections to one endpoint leaves the others free.",
+        ),
+    ] = None,
+    link: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ENDPOINT",
+            rich_help_panel=NETWORK,
+            help="Where another hub listens, to be one network with it: parts connect to"
+            " either. May be repeated. Hubs make a tree: one link between any two.",
+        ),
+    ] = None,
+    tls: str = option("tls"),
+    insecure: bool = option("insecure"),
+    audit: bool = option("audit"),
+    sessions: Annotated[
+        int,
+        typer.Option(
+            rich_help_panel=NETWORK,
+            help="How many parts and programs may be connected at once.",
+        ),
+    ] = 10_000,
+    print_config: Annotated[
+        bool,
+        typer.Option(
+            "--print-config",
+            metavar=FLAG,
+            rich_help_panel=NETWORK,
+            help="Print the configuration with which a Zenoh router of your own is such"
+            " a hub (zenohd -c FILE), and start none.",
+        ),
+    ] = False,
+    form: Format = "text",
+) -> None:
+    """Start a hub, through which the parts of swarms reach each other, until Ctrl-C.
+
+    `neurosnap run` starts one itself, unless it is given --connect.
+    """
+    from neurosnap.fabric.zenoh.denied_log import telling_refusals
+    from neurosnap.fabric.zenoh.hub import hub_document, open_hub
+    from neurosnap.fabric.zenoh.links import follow_links
+
+    with errors():
+        endpoints, links = listen or [_HERE], link or []
+        if print_config and tls:
+            tls = str(Path(tls).absolute())  # for a router started anywhere
+        networks = [
+            convert(Network, listen=endpoint, tls=tls, insecure=insecure)
+            for endpoint in endpoints
+        ]
+        for network in networks:
+            network.check()
+        credentials = networks[0].credentials("hub")
+        document = hub_document(
+            endpoints, sessions, links=links, credentials=credentials, insecure=insecure
+        )
+        if print_config:
+            typer.echo(msgspec.json.format(msgspec.json.encode(document)))
+            return
+
+        def tell(text: str) -> None:
+            screen.print(text, markup=False, soft_wrap=True)
+
+        async def serve(stop: asyncio.Event) -> None:
+            session = await asyncio.to_thread(
+                open_hub,
+                endpoints,
+                sessions,
+                links=links,
+                credentials=credentials,
+                insecure=insecure,
+            )
+            try:
+                tell(f"listening on {', '.join(endpoints)}")
+                await follow_links(session, links, stop, tell, credentials)
+            finally:
+                await asyncio.to_thread(session.close)
+
+        with telling_refusals(audit=audit):
+            run_async(serve)
+        print_facts(form, {"listened": endpoints})
+
+
+@serve.command()
+@_with_place
+def world(
+    context: typer.Context, swarm: Swarm, source: Source, form: Format = "text"
+) -> None:
+    """Provide the observations of a swarm, from a world or a file.
+
+    SOURCE must be the coordinator's; the arguments and the seed come from there.
+    """
+    from neurosnap.runtime.hosts import remote_parts
+
+    with errors():
+        served = _serve(context, "world", swarm, remote_parts.world(source))
+        print_facts(form, {"swarm": swarm, "source": source, "served": _names(served)})
+
+
+@serve.command()
+@_with_place
+def recorder(
+    context: typer.Context,
+    swarm: Swarm,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="FILE.mcap",
+            rich_help_panel=RECORDING,
+            help="Where to record; must not exist yet. A swarm that follows is recorded"
+            " beside it, as FILE-1.mcap.",
+            show_default="logs/SWARM-DATE.mcap",
+        ),
+    ] = None,
+    resume: Resume = None,
+    form: Format = "text",
+) -> None:
+    """Record a swarm on this machine."""
+    from neurosnap.runtime.hosts import remote_parts
+
+    logs: list[Path] = []
+
+    def next_log() -> Path:
+        path = new_log(swarm, _numbered(out, len(logs)))
+        logs.append(path)
+        return path
+
+    with errors():
+        if out is not None:
+            new_log(swarm, out)  # refused now, and not once the swarm is there
+        served = _serve(
+            context, "recorder", swarm, remote_parts.recorder(next_log, resume)
+        )
+        if resume is not None:
+            logs = [_written(log) for log in logs]
+        for log in logs:
+            people(form).print(f"recording: {log}", markup=False, soft_wrap=True)
+        whole = all(balance.whole for balance in _balances(served))
+        facts = {"logs": [str(log) for log in logs], "complete": whole}
+        print_facts(form, {"swarm": swarm, **facts, "served": _names(served)})
+        if not whole:
+            raise typer.Exit(LOST)
+
+
+@serve.command()
+@_with_place
+def cells(
+    context: typer.Context,
+    swarm: Swarm,
+    ranges: Annotated[
+        str,
+        typer.Argument(
+            metavar="RANGES",
+            help="The numbers of the cells to run here, or of the workers where the run"
+            " has --cells worker: 0-499, or 3,7,9-12, or 20- for all from 20 on.",
+        ),
+    ],
+    form: Format = "text",
+) -> None:
+    """Run some of a swarm's cells, or its workers, on this machine."""
+    from neurosnap.runtime.hosts import remote_parts
+
+    with errors():
+        numbers = open_ranges("cells", ranges)
+        served = _serve(context, f"cells {ranges}", swarm, remote_parts.cells(numbers))
+        facts = {"cells": numbers.some, "from": numbers.rest, "served": _names(served)}
+        print_facts(form, {"swarm": swarm, **facts})
+
+
+@serve.command()
+@with_run_options(
+    *("ticks", "seed", "agent", "target", "snapshot", "threshold", "workers", "tls"),
+)
+def coordinator(
+    context: typer.Context,
+    source: Described,
+    connect: Connect,
+    swarm: Annotated[
+        str,
+        typer.Option(
+            metavar="ID",
+            rich_help_panel=NETWORK,
+            help="Name of the swarm, the same for all its parts: letters and digits.",
+        ),
+    ],
+    given: Given = None,
+    cells: HostChoice = option("cells", AUTO_HOSTS),
+    resume: Resume = None,
+    patience: Patience = 60.0,
+    form: Format = "text",
+) -> None:
+    """Coordinate a run whose other parts are started by hand, here or elsewhere.
+
+    Start `neurosnap serve hub` first; then this, and `serve world`, `recorder` and
+    `cells`, in any order, on any machine. SOURCE and options are those of `run`.
+    """
+    from neurosnap.recording.replay.resume import past_of
+    from neurosnap.runtime.request import RunRequest, Site
+    from neurosnap.runtime.run import run as run_swarm
+
+    with errors():
+        check_swarm(swarm)
+        prepared = described(context)
+        options = prepared.options
+        if options.cells == "inline":
+            rule = "must be 'process' or 'worker', for others to start them"
+            raise InvalidValueError("cells", rule, options.cells)
+        if prepared.chosen:
+            screen.print(prepared.chosen, markup=False, soft_wrap=True)
+        past = None if resume is None else past_of(resume, options)
+        recorder = [] if prepared.log is None else ["recorder"]
+        parts = frozenset(["world", *options.host_names(), *recorder])
+        site = Site(prepared.network, swarm=swarm, elsewhere=parts, patience=patience)
+        request = RunRequest(options, None, past, site)
+        with output.progress(screen, "ticks", options.ticks) as on_tick:
+            watcher = output.watcher(screen, on_tick)
+            outcome = run_async(lambda stop: run_swarm(request, stop, watcher))
+        output.outcome(people(form), options, outcome, None)
+        facts = output.outcome_facts(options, outcome, None)
+        # The recording, and whether it is whole, is the recorder's to say.
+        its = ("log", "complete", "kept", "journal", "waiting")
+        kept = {k: v for k, v in facts.items() if k not in its}
+        resumed = {} if past is None else {"resumed_at": past.tick}
+        print_facts(form, {"swarm": swarm, **kept, **resumed})
+
+
+def _serve(
+    context: typer.Context, what: str, swarm: str, choose: "ChooseParts"
+) -> "list[Served]":
+    """Serve until it is over; return the swarms served."""
+    from neurosnap.runtime.hosts.service import serve
+
+    given = context.params
+    keys = ("connect", "tls", "insecure")
+    network = convert(Network, **{key: given[key] for key in keys})
+    served: list[Served] = []
+
+    def report(one: "Served") -> None:
+        served.append(one)
+        if one.trouble:
+            text = f"swarm {one.swarm}: {one.trouble}"
+            screen.print(text, markup=False, soft_wrap=True)
+
+    async def work(stop: asyncio.Event) -> None:
+        screen.print(f"{what} for swarm {swarm}", markup=False)
+        await serve(
+            choose,
+            network,
+            swarm,
+            stop,
+            restart=given["restart"],
+            patience=given["patience"],
+            on_served=report,
+        )
+
+    check_swarm(swarm)
+    run_async(work)
+    return served
+
+
+def _balances(served: "list[Served]") -> "list[Completeness]":
+    from neurosnap.recording.format.completeness import Completeness
+
+    return [
+        msgspec.json.decode(one.results["recorder"], type=Completeness)
+        for one in served
+        if "recorder" in one.results
+    ]
+
+
+def _numbered(out: Path | None, before: int) -> Path | None:
+    """Return where to record one more swarm: ``a.mcap``, ``a-1.mcap``, and so on."""
+    if out is None or not before:
+        return out
+    return out.with_name(f"{out.stem}-{before}{out.suffix}")
+
+
+def _written(log: Path) -> Path:
+    """Return the file that a resumed run was recorded in: one of several, maybe."""
+    from neurosnap.recording.read.recording import part_paths
+
+    return next(iter(part_paths(log).values()), log)
+
+
+def _names(served: "list[Served]") -> list[str]:
+    return [one.swarm for one in served]
