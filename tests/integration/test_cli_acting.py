@@ -1,16 +1,10 @@
 """The command line of agents and experiments: it works, refuses, and can be stopped."""
 
-import json
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import pytest
 
 from tests.support.command_line import call, facts_of
-from tests.support.patience import PATIENCE
 
 INLINE = ("--cells", "inline", "--ticks", 40, "--set", "places=5", "--format", "json")
 
@@ -84,64 +78,3 @@ def test_a_file_moves_nobody(tmp_path: Path) -> None:
     assert result.exit_code == 2
     result = call("run", readings, "--set", "places=4")
     assert "arguments: must not be given for a file" in result.stderr
-
-
-@pytest.mark.slow
-def test_figures_say_what_they_found(tmp_path: Path) -> None:
-    small = ("--runs", 2, "--steps", 60, "--out", tmp_path)
-    result = call("figures", "--only", "agents-excited,3", *small, "--json")
-    assert result.exit_code == 0, result.stderr
-    facts = facts_of(result)
-    assert (facts["computed"], facts["reused"], facts["missing"]) == (18, 0, 0)
-    names = [figure["name"] for figure in facts["figures"]]
-    assert names == ["learning-compared", "agents-excited"]
-    for figure in facts["figures"]:
-        assert all(Path(path).stat().st_size for path in figure["files"])
-    again = call("figures", "--only", "4", *small)
-    assert again.stdout.startswith("cells: 0 computed, 10 reused\n")
-
-
-@pytest.mark.parametrize(
-    ("options", "text"),
-    [
-        (("--runs", 0), "runs: must be at least 1, got 0"),
-        (("--only", "nine"), "only: must be of learning-empirical,"),
-        (("--seed", -1), "seed: must be at least 0, got -1"),
-        (("--workers", -1), "workers: must be at least 1, got -1"),
-    ],
-)
-def test_a_wrong_figure_is_refused(
-    options: tuple[object, ...], text: str, tmp_path: Path
-) -> None:
-    result = call("figures", *options, "--out", tmp_path / "out")
-    assert result.exit_code == 2
-    assert text in result.stderr
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.slow
-def test_interrupted_figures_keep_what_is_done(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "neurosnap", "figures", "--only", "1"]
-    many = [
-        "--runs",
-        "40",
-        "--steps",
-        "20000",
-        "--out",
-        str(tmp_path),
-        "--json",
-    ]
-    with subprocess.Popen(
-        [*command, *many], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
-        while not list((tmp_path / "cells").glob("*.npz")):
-            assert process.poll() is None
-            time.sleep(0.02)  # looking costs what the cells need
-        process.send_signal(signal.SIGINT)
-        stdout, _ = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 3
-    facts = json.loads(stdout.splitlines()[-1])
-    kept = len(list((tmp_path / "cells").glob("*.npz")))
-    assert facts["computed"] == kept > 0
-    assert facts["missing"] == 40 - kept > 0
-    assert not list(tmp_path.rglob("*.part*"))

@@ -35,7 +35,9 @@ def test_graph_names_what_was_learned(log: Path) -> None:
     assert (earlier["tick"], earlier["implications"]) == (0, [])
 
 
-@pytest.mark.parametrize(("form", "start"), [("dot", "digraph"), ("graphml", "<?xml")])
+@pytest.mark.parametrize(
+    ("form", "start"), [("dot", "digraph"), ("graphml", "<graphml")]
+)
 def test_graph_speaks_other_formats(log: Path, form: str, start: str) -> None:
     result = call("learn", log, "--format", form, "--at", 12)
     assert result.exit_code == 0

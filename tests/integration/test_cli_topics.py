@@ -90,10 +90,7 @@ async def test_a_look_at_a_broker_gives_a_file_that_runs(
     ],
 )
 def test_what_is_wrong_is_said_before_anything_is_listened_to(
-    arguments: list[str],
-    text: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    arguments: list[str], text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("there.toml").write_text("# mine\n")

@@ -58,10 +58,7 @@ def test_depth_is_measured_in_workers(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        (
-            ("run", PATH, "--cells", "worker", "--workers", 0),
-            "workers: ",
-        ),
+        (("run", PATH, "--cells", "worker", "--workers", 0), "workers: "),
         (
             ("run", PATH, "--cells", "worker", "--workers", 21),
             "workers: must be at least 1 and at most the cells, 20, got 21",
@@ -70,10 +67,7 @@ def test_depth_is_measured_in_workers(tmp_path: Path) -> None:
             ("depth", "--heights", 3, "--cells", "worker", "--workers", 5),
             "workers: must be at least 1 and at most the cells, 4, got 5",
         ),
-        (
-            ("depth", "--heights", 3, "--edges", 7),
-            "edges: must be even, 6 to 6, got 7",
-        ),
+        (("depth", "--heights", 3, "--edges", 7), "edges: must be even, 6 to 6, got 7"),
         (
             ("depth", "--heights", 3, "--edges", 6, "--wiring", "derived"),
             "wiring: must be \"hasse\" for a random order, got 'derived'",

@@ -205,12 +205,7 @@ def test_a_swarm_that_does_not_end_is_left_alone() -> None:
         try:
             born = psutil.Process(process.pid).create_time()
             note = registry.Note(
-                swarm="abcd",
-                pid=process.pid,
-                born=born,
-                source="",
-                endpoint="",
-                log="",
+                swarm="abcd", pid=process.pid, born=born, source="", endpoint="", log=""
             )
             with pytest.raises(SwarmError, match=r"^swarm abcd: must end within 0.2 s"):
                 registry.stop(note, 0.2)

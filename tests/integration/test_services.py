@@ -40,10 +40,7 @@ def endpoint() -> Iterator[str]:
         yield where
 
 
-SHARES = {
-    "cells": ("0-2,5", "3,4"),
-    "workers": ("1", "0"),
-}
+SHARES = {"cells": ("0-2,5", "3,4"), "workers": ("1", "0")}
 HOW = {"cells": (), "workers": ("--cells", "worker", "--workers", 2)}
 ROLES: dict[object, Role] = {
     "recorder": "recorder",

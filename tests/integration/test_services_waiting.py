@@ -40,9 +40,7 @@ def test_who_waits_for_a_coordinator_says_so_in_the_end(
 
 
 @pytest.mark.parametrize(
-    "line",
-    [("serve", "recorder", SWARM)],
-    ids=lambda line: line[1],
+    "line", [("serve", "recorder", SWARM)], ids=lambda line: line[1]
 )
 def test_who_waits_ends_when_asked_to(
     line: tuple[object, ...], endpoint: str, tmp_path: Path
