@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from .places import World, check_at_least, frozen
+from .places import PlacesWorld, check_at_least, frozen
 
 
-class PathWorld(World):
+class PathWorld(PlacesWorld):
     """Setting (a): a walk along a path, sensed by thresholds.
 
     Description:
@@ -55,7 +55,7 @@ class PathWorld(World):
         )
 
 
-class CycleWorld(World):
+class CycleWorld(PlacesWorld):
     """Setting (b), the circular rail: a walk around a cycle, sensed by beacons.
 
     Description:
@@ -112,7 +112,7 @@ class CycleWorld(World):
         )
 
 
-class RandomFieldsWorld(World):
+class RandomFieldsWorld(PlacesWorld):
     """Setting (d): a walk along a path, sensed by random subsets of its places.
 
     Description:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .line import CycleWorld, PathWorld, RandomFieldsWorld
-from .places import World
+from .places import PlacesWorld
 from .plane import GridWorld, PuncturedGridWorld
 from .target import Target
 
@@ -21,7 +21,7 @@ Made: TypeAlias = gymnasium.Env[NDArray[np.int8], np.int64]
 
 
 def _maker(
-    kind: Callable[..., World], *, waits: bool = False, **defaults: int
+    kind: Callable[..., PlacesWorld], *, waits: bool = False, **defaults: int
 ) -> Callable[..., Made]:
     def make(
         *,

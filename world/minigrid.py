@@ -39,7 +39,7 @@ _FACING = ("east", "south", "west", "north")
 _State: TypeAlias = tuple[Any, ...]
 
 
-class Standing(NamedTuple):
+class MazeStanding(NamedTuple):
     """Where the agent is, and what it has done."""
 
     row: int
@@ -203,7 +203,7 @@ def _explored(
     actions: list[int],
 ) -> tuple[
     dict[int, dict[int, list[tuple[float, int, float, bool]]]],
-    list[Standing],
+    list[MazeStanding],
     list[_State],
 ]:
     """Try every action wherever one can get to; states are numbered as they are found.
@@ -268,13 +268,13 @@ def _key(maze: Any) -> _State:  # noqa: ANN401
     return (*_cell(maze), keys)
 
 
-def _cell(maze: Any) -> Standing:  # noqa: ANN401
+def _cell(maze: Any) -> MazeStanding:  # noqa: ANN401
     column, row = (int(x) for x in maze.agent_pos)
     under = maze.grid.get(column, row)
     door = "none"
     for one in _doors(maze):
         door = "locked" if one.is_locked else "open" if one.is_open else "closed"
-    return Standing(
+    return MazeStanding(
         row=row,
         column=column,
         facing=_FACING[int(maze.agent_dir)],
@@ -284,7 +284,7 @@ def _cell(maze: Any) -> Standing:  # noqa: ANN401
     )
 
 
-def _in_the_maze(env: Environment, observation: int, _: dict[str, Any]) -> Standing:
+def _in_the_maze(env: Environment, observation: int, _: dict[str, Any]) -> MazeStanding:
     maze: Any = env.unwrapped
-    cell: Standing = maze.cells[int(observation)]
+    cell: MazeStanding = maze.cells[int(observation)]
     return cell

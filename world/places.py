@@ -18,7 +18,7 @@ from neurosnap.errors import InvalidValueError
 from .implications import implications
 
 
-class World(gymnasium.Env[NDArray[np.int8], np.int64]):
+class PlacesWorld(gymnasium.Env[NDArray[np.int8], np.int64]):
     """A world of places; its kinds differ in what they pass here.
 
     Args:

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from neurosnap.errors import InvalidValueError
 
 from .line import thresholds
-from .places import World, check_at_least, frozen, is_whole
+from .places import PlacesWorld, check_at_least, frozen, is_whole
 
 _STEPS = {"up": (0, 1), "down": (0, -1), "left": (-1, 0), "right": (1, 0)}
 
 
-class PlaneWorld(World):
+class PlaneWorld(PlacesWorld):
     """A walk on some points of a grid, sensed by thresholds along both axes.
 
     Args:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from neurosnap.errors import InvalidValueError
 from neurosnap.sources.distances import distances_to
 
-from .places import World, frozen, is_whole
+from .places import PlacesWorld, frozen, is_whole
 
 
 class Target(
@@ -51,7 +51,7 @@ class Target(
         lead there, a float, ``inf`` where none do.
 
     Arguments:
-        env: A `World`, or one in wrappers that leave its observations and its actions
+        env: A `PlacesWorld`, or one in wrappers that leave observations and actions
             as they are.
         target: The number of a place; None: it is drawn at every reset.
 
@@ -195,7 +195,7 @@ class Target(
         return np.concatenate([observation, np.array(scent, dtype=np.int8)]), told
 
 
-def _world(env: gymnasium.Env[NDArray[np.int8], np.int64]) -> World:
+def _world(env: gymnasium.Env[NDArray[np.int8], np.int64]) -> PlacesWorld:
     """Return the world that `env` shows unaltered.
 
     Raises:
@@ -203,7 +203,7 @@ def _world(env: gymnasium.Env[NDArray[np.int8], np.int64]) -> World:
     """
     world = getattr(env, "unwrapped", None)
     if (
-        not isinstance(world, World)
+        not isinstance(world, PlacesWorld)
         or env.observation_space != world.observation_space
         or env.action_space != world.action_space
     ):

@@ -35,7 +35,7 @@ class Attribute:
         return getattr(state, self.name)
 
 
-class Place(NamedTuple):
+class TilePlace(NamedTuple):
     """Where the walker is, and on what."""
 
     row: int
@@ -246,18 +246,18 @@ def taxi(
     return BinarySensors(cab, sensors, _in_town, actions)
 
 
-def _on_the_lake(env: Environment, observation: int, _: dict[str, Any]) -> Place:
+def _on_the_lake(env: Environment, observation: int, _: dict[str, Any]) -> TilePlace:
     lake: Any = env.unwrapped
     row, column = divmod(int(observation), lake.ncol)
-    return Place(row, column, _LETTERS[bytes(lake.desc[row, column])])
+    return TilePlace(row, column, _LETTERS[bytes(lake.desc[row, column])])
 
 
-def _on_the_cliff(env: Environment, observation: int, _: dict[str, Any]) -> Place:
+def _on_the_cliff(env: Environment, observation: int, _: dict[str, Any]) -> TilePlace:
     cliff: Any = env.unwrapped
     rows, columns = cliff.shape
     row, column = divmod(int(observation), columns)
     corners = {cliff.start_state_index: "start", rows * columns - 1: "goal"}
-    return Place(row, column, corners.get(int(observation), "ground"))
+    return TilePlace(row, column, corners.get(int(observation), "ground"))
 
 
 def _in_town(env: Environment, observation: int, _: dict[str, Any]) -> Fare:

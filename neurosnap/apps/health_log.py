@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import msgspec
 
-from neurosnap.health.alarm import Alarm, Progress, told
+from neurosnap.health.alarm import Alarm, AlarmProgress, told
 from neurosnap.health.follower import Follower
 from neurosnap.recording.read.observations import OwnReadings, observations
 from neurosnap.recording.read.recording import Recording
@@ -37,7 +37,7 @@ class HealthLog(msgspec.Struct, frozen=True):
 
     alarms: list[Raised]
     sensors: list[SensorHealth]
-    progress: Progress
+    progress: AlarmProgress
     budget: str
 
     def lines(self) -> Iterator[str]:

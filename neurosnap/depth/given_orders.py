@@ -12,7 +12,7 @@ from neurosnap.protocol.partition import shares
 
 
 @dataclass(frozen=True, eq=False)
-class Order:
+class GivenOrder:
     """An order on the literals of some sensors, and a signal to send through it."""
 
     sensors: int
@@ -40,7 +40,7 @@ class Order:
             reached[further] = True
 
 
-def chain(sensors: int, height: int, wiring: WiringKind = "hasse") -> Order:
+def chain(sensors: int, height: int, wiring: WiringKind = "hasse") -> GivenOrder:
     """Return the chain ``0 < 2 < 4 < …`` on the first sensors; the signal is its least.
 
     Args:
@@ -52,10 +52,10 @@ def chain(sensors: int, height: int, wiring: WiringKind = "hasse") -> Order:
     below, above = np.triu_indices(height + 1, 1)
     if wiring == "hasse":
         below, above = np.arange(height), np.arange(1, height + 1)
-    return Order(sensors, _closed(below, above), (0,), height)
+    return GivenOrder(sensors, _closed(below, above), (0,), height)
 
 
-def layered(sensors: int, height: int, edges: int, seed: int) -> Order:
+def layered(sensors: int, height: int, edges: int, seed: int) -> GivenOrder:
     """Return a random order of `height` + 1 layers; the signal is the lowest.
 
     Every sensor that is not in the lowest layer is above one of the next lower, at
@@ -86,7 +86,7 @@ def layered(sensors: int, height: int, edges: int, seed: int) -> Order:
         ]
         found = np.union1d(found, np.concatenate(more))
     signal = tuple(np.sort(2 * layers[0]).tolist())
-    return Order(sensors, _closed(found >> 32, found & 0xFFFFFFFF), signal, height)
+    return GivenOrder(sensors, _closed(found >> 32, found & 0xFFFFFFFF), signal, height)
 
 
 def check_layers(sensors: int, height: int, edges: int) -> None:

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 COLUMNS = ("sensors", "wiring", "height", "depth", "longest", "pulses", "seconds")
 
 
-class Line(msgspec.Struct, frozen=True):
+class FittedLine(msgspec.Struct, frozen=True):
     """A fitted line: seconds of a wave over its depth."""
 
     slope: float
@@ -194,7 +194,7 @@ def from_recording(recording: Recording) -> list[Measured]:
     return rows
 
 
-def fit(rows: Iterable[Measured]) -> Line | None:
+def fit(rows: Iterable[Measured]) -> FittedLine | None:
     """Fit seconds over depth by least squares; None for fewer than two depths.
 
     State waves are left out: they fire in every cell at once, and what they take says
@@ -208,7 +208,7 @@ def fit(rows: Iterable[Measured]) -> Line | None:
     spread = float(((y - y.mean()) ** 2).sum())
     left = float(((y - slope * x - intercept) ** 2).sum())
     r2 = 1.0 - left / spread if spread > 0 else 1.0
-    return Line(float(slope), float(intercept), r2)
+    return FittedLine(float(slope), float(intercept), r2)
 
 
 def write_all(rows: Sequence[Measured], folder: Path) -> tuple[list[Path], str]:

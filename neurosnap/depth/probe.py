@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from neurosnap import wire
-from neurosnap.depth.given_orders import Order, chain, layered
+from neurosnap.depth.given_orders import GivenOrder, chain, layered
 from neurosnap.errors import MessageError, SwarmError
 from neurosnap.protocol.run_options import WiringKind
 from neurosnap.protocol.wave import Wave
@@ -63,7 +63,7 @@ class ProbePlan(msgspec.Struct, frozen=True):
     seed: int = 0
     """Draws random orders."""
 
-    def order(self, height: int) -> Order:
+    def order(self, height: int) -> GivenOrder:
         """Return the order of one height."""
         if self.edges:
             return layered(self.sensors, height, self.edges, self.seed)
@@ -87,7 +87,7 @@ class Probe:
         self._clock = clock
         self._control = WaveControl(plan.sensors, workers=plan.workers)
         self._waves = self._schedule()
-        self._order = Order(plan.sensors, np.empty(0, np.int64), (), 0)
+        self._order = GivenOrder(plan.sensors, np.empty(0, np.int64), (), 0)
         self._above = self._order.reach()
         self._timed = False
         self._began = 0.0
@@ -102,7 +102,7 @@ class Probe:
         """The numbers of the waves that have not settled."""
         return self._control.in_flight
 
-    def _schedule(self) -> Iterator[tuple[Order, bool]]:
+    def _schedule(self) -> Iterator[tuple[GivenOrder, bool]]:
         """Yield the order of each wave to send, and whether it is timed."""
         for height in self._plan.heights:
             order = self._plan.order(height)

@@ -132,7 +132,7 @@ def _times(evidence: float) -> str:
     return f"{math.exp(evidence):.0f}"
 
 
-class Progress(msgspec.Struct, frozen=True):
+class AlarmProgress(msgspec.Struct, frozen=True):
     """How much of a home is learned."""
 
     activations: int

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from neurosnap.health.alarm import Companion
 from neurosnap.health.expectation import WINDOWS, features
-from neurosnap.health.learning import Learned
+from neurosnap.health.learning import LearnedRates
 from neurosnap.health.steps import Steps
 
 _HOUR = WINDOWS[1]
@@ -18,7 +18,7 @@ HARDLY = 0.05
 
 
 def expected_since(
-    learned: Learned, history: Steps, sensor: int, since: int
+    learned: LearnedRates, history: Steps, sensor: int, since: int
 ) -> tuple[float, int]:
     """Return in how many steps a sensor was expected to come on.
 

@@ -18,7 +18,7 @@ from neurosnap.health.steps import STEP, Steps
 Flags = NDArray[np.bool_]
 
 
-class Said(NamedTuple):
+class ReportedAlarm(NamedTuple):
     """What a monitor says of some time."""
 
     begun: list[Alarm]
@@ -60,7 +60,7 @@ class Follower:
 
     def observe(
         self, on: Flags, known: Flags, at: float, *, begins: bool = False
-    ) -> Said:
+    ) -> ReportedAlarm:
         """Take in an observation.
 
         Args:
@@ -83,7 +83,7 @@ class Follower:
         self._read(on, known, max(at, self._at))
         return said
 
-    def until(self, now: float) -> Said:
+    def until(self, now: float) -> ReportedAlarm:
         """Let time pass: a silence is one although nobody says so.
 
         Args:
@@ -92,7 +92,7 @@ class Follower:
         begun: list[Alarm] = []
         ended: list[tuple[str, int]] = []
         if self._at is None:
-            return Said(begun, ended)
+            return ReportedAlarm(begun, ended)
         while (end := (self._number + 1) * float(STEP)) <= now:
             number = self._number
             alarms, well = self.monitor.take(*self._step(end))
@@ -103,7 +103,7 @@ class Follower:
             self._alarms |= {alarm.sensor: alarm for alarm in alarms}
             self._at = max(self._at, end)
         self._at = max(self._at, now)
-        return Said(begun, ended)
+        return ReportedAlarm(begun, ended)
 
     def _read(self, on: Flags, known: Flags, at: float) -> None:
         """Let the sensors read so from a time on."""

@@ -20,7 +20,7 @@ from neurosnap.health.evidence import (
     speaks,
 )
 from neurosnap.health.expectation import REACH, WINDOWS, features
-from neurosnap.health.learning import Learned, heard, per_step
+from neurosnap.health.learning import LearnedRates, heard, per_step
 from neurosnap.health.steps import DAY, STEP, WEEK
 from neurosnap.health.tail import weekly
 from neurosnap.poc.learning.archive import Arrays
@@ -44,7 +44,7 @@ _STATE = (
 )
 
 
-class Changes(NamedTuple):
+class RateChanges(NamedTuple):
     """Which sensors went into alarm in a step, and which came out of it."""
 
     begun: list[int]
@@ -113,12 +113,12 @@ class Judge:
 
     def step(
         self,
-        learned: Learned,
+        learned: LearnedRates,
         number: int,
         came_on: NDArray[np.int32],
         longest: NDArray[np.float32],
         valid: Flags,
-    ) -> Changes:
+    ) -> RateChanges:
         """Take a step.
 
         Args:
@@ -149,9 +149,9 @@ class Judge:
         self._note(trace[0], number, came_on, longest, valid)
         ended = self._end(number, came_on, longest)
         self._weigh(learned, number, expected[0])
-        return Changes(self._begin(learned, number), ended)
+        return RateChanges(self._begin(learned, number), ended)
 
-    def _rates(self, learned: Learned, number: int) -> Floats:
+    def _rates(self, learned: LearnedRates, number: int) -> Floats:
         """Return the rates of a step, ``(4, 1, sensors)``.
 
         A sensor in alarm accuses no other of silence. Where it could excuse an
@@ -204,7 +204,7 @@ class Judge:
         self.since[:, CHATTER] = number
         self.evidence = np.where(valid[:, None], trace, self.evidence)
 
-    def _weigh(self, learned: Learned, number: int, expected: Floats) -> None:
+    def _weigh(self, learned: LearnedRates, number: int, expected: Floats) -> None:
         self.raised = self.raised[self.raised > number - LOOKBACK]
         allowed = shares(self._alarms, int(learned.known.sum()), len(self.raised))
         often = weekly(learned.tails, self.evidence)
@@ -213,7 +213,7 @@ class Judge:
         judged = learned.known[:, None] & speaks(self.evidence, expected)
         self.strain = np.where(judged, np.maximum(strain, 0.0), 0.0)
 
-    def _begin(self, learned: Learned, number: int) -> list[int]:
+    def _begin(self, learned: LearnedRates, number: int) -> list[int]:
         over = self.strain.max(1) >= 1
         # One that was too loud and falls silent is another alarm.
         silent = (self.strain[:, :MORE].max(1) >= 1) & (self.kind >= MORE)

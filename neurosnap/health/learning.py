@@ -28,7 +28,7 @@ _ARRAYS = ("weights", "scales", "tails", "known")
 
 
 @dataclass(frozen=True)
-class Learned:
+class LearnedRates:
     """What was learned from a history; all of it follows from that."""
 
     weights: Floats
@@ -48,7 +48,7 @@ class Learned:
         return made | {"least": np.array(self.least)}
 
     @classmethod
-    def of(cls, arrays: Arrays) -> "Learned":
+    def of(cls, arrays: Arrays) -> "LearnedRates":
         """Return what has these arrays.
 
         Raises:
@@ -58,7 +58,7 @@ class Learned:
         return cls(**named, least=float(arrays["least"]))
 
 
-def learn(steps: Steps, valid: Flags) -> Learned:
+def learn(steps: Steps, valid: Flags) -> LearnedRates:
     """Learn from a history.
 
     Args:
@@ -102,7 +102,7 @@ def learn(steps: Steps, valid: Flags) -> Learned:
         & (learned.sum(0) >= OCCASIONS)
         & (valid.sum(0) >= LEAST_STEPS)
     )
-    return Learned(weights, scales, tails, known, least)
+    return LearnedRates(weights, scales, tails, known, least)
 
 
 def per_step(rates: Floats, alone: Floats) -> Floats:

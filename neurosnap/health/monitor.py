@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.health.alarm import Alarm, Progress
+from neurosnap.health.alarm import Alarm, AlarmProgress
 from neurosnap.health.budget import parse_budget
 from neurosnap.health.evidence import CHATTER, KINDS, LESS, SILENT, STUCK
 from neurosnap.health.explanation import companion, expected_since
 from neurosnap.health.judge import WELL, Judge
-from neurosnap.health.learning import ACTIVATIONS, LEAST_STEPS, Learned, learn
+from neurosnap.health.learning import ACTIVATIONS, LEAST_STEPS, LearnedRates, learn
 from neurosnap.health.steps import DAY, WEEK, Steps
 from neurosnap.health.tail import weekly
 from neurosnap.poc.learning.archive import Archived, Arrays
@@ -59,7 +59,7 @@ class HealthMonitor(Archived):
         self._seen = 0
         self._next = LEAST_STEPS
         self._activations = np.zeros(count, np.int64)
-        self.learned: Learned | None = None
+        self.learned: LearnedRates | None = None
         """What was learned; None: too little was seen."""
         self.judge = Judge(count, parse_budget(alarms))
         """The evidence, and who is in alarm."""
@@ -84,9 +84,9 @@ class HealthMonitor(Archived):
         return self.learned.known.copy()
 
     @property
-    def progress(self) -> Progress:
+    def progress(self) -> AlarmProgress:
         """How much is learned."""
-        return Progress(
+        return AlarmProgress(
             int(self._activations.sum()),
             int(np.maximum(self._activations, ACTIVATIONS).sum()),
             int(self.known.sum()),
@@ -241,7 +241,7 @@ class HealthMonitor(Archived):
             made._activations[:] = arrays["activations"]
             made.judge.restore(arrays)
             if "weights" in arrays:
-                made.learned = Learned.of(arrays)
+                made.learned = LearnedRates.of(arrays)
         except (KeyError, TypeError, IndexError) as error:
             raise ValueError(f"must be whole, {error!r} is missing or wrong") from error
         return made

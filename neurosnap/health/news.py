@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import msgspec
 
-from neurosnap.health.alarm import Alarm, Progress, told
+from neurosnap.health.alarm import Alarm, AlarmProgress, told
 
 
 class Standing(msgspec.Struct, frozen=True):
@@ -12,7 +12,7 @@ class Standing(msgspec.Struct, frozen=True):
 
     step: int
     """The step that is under way."""
-    progress: Progress
+    progress: AlarmProgress
     """How much is known of them."""
     alarms: tuple[Alarm, ...] = ()
     """Those in force, the oldest first."""

@@ -37,7 +37,7 @@ _FADING = 0.02
 _STILL = 0.001
 
 
-class Link(msgspec.Struct, frozen=True):
+class BrokenLink(msgspec.Struct, frozen=True):
     """A learned implication; literals by name, a star for a complement."""
 
     source: str
@@ -55,11 +55,11 @@ class Broken(msgspec.Struct, frozen=True):
 
     source: str
     target: str
-    links: tuple[Link, ...]
+    links: tuple[BrokenLink, ...]
     """What it follows from; just itself wherever all sensors had readings."""
 
 
-class Anomaly(msgspec.Struct, frozen=True):
+class FoundAnomaly(msgspec.Struct, frozen=True):
     """An observation that contradicts an order."""
 
     tick: int
@@ -131,7 +131,7 @@ class AnomalyDetector:
         known: NDArray[np.bool_] | None = None,
         snapshot: Snapshot | None = None,
         history: History | None = None,
-    ) -> Anomaly | None:
+    ) -> FoundAnomaly | None:
         """Return what is wrong with an observation, if anything is.
 
         Args:
@@ -191,7 +191,7 @@ class AnomalyDetector:
         snapshot: Snapshot | None,
         history: History | None,
         since: int,
-    ) -> Anomaly:
+    ) -> FoundAnomaly:
         """Return an anomaly in words."""
         name, names = self._sensorium.name, self._sensorium.names
         chains = found.chains
@@ -204,12 +204,12 @@ class AnomalyDetector:
             order = sorted(range(len(chains)), key=lambda k: -weakest[k])
             chains = tuple(chains[k] for k in order)
 
-        def link(a: int, b: int) -> Link:
+        def link(a: int, b: int) -> BrokenLink:
             asked = None if a >> 1 == b >> 1 else snapshot
             evidence = None if asked is None else asked.evidence(a, b)
-            return Link(name(a), name(b), evidence, held.get((a, b)))
+            return BrokenLink(name(a), name(b), evidence, held.get((a, b)))
 
-        return Anomaly(
+        return FoundAnomaly(
             tick=self._tick,
             since=since,
             broken=tuple(

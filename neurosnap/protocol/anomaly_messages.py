@@ -6,7 +6,7 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
-from neurosnap.protocol.anomaly import Anomaly
+from neurosnap.protocol.anomaly import FoundAnomaly
 from neurosnap.sensorium import Sensorium, visible
 
 _COLUMNS = (
@@ -16,7 +16,7 @@ _COLUMNS = (
 """The fields of an anomaly that have an entry a link; the last may be empty."""
 
 
-def announcement(anomaly: Anomaly, sensorium: Sensorium) -> wire.Anomaly:
+def announcement(anomaly: FoundAnomaly, sensorium: Sensorium) -> wire.Anomaly:
     """Return `anomaly` as it goes on the wire: by numbers.
 
     Args:

@@ -43,7 +43,7 @@ _HELD = 1 << 24  # pulses that may wait for what their waves take
 _BURSTS = 1 << 17  # a worker remembers of all waves together
 
 
-class _Wave:
+class _WorkerWave:
     """What a worker knows of one wave."""
 
     __slots__ = (
@@ -94,7 +94,7 @@ class Worker:
         # The literals that were on, of the cells whose reading is known.
         self._readings = RecentReadings[Ints]()
         self._history = WorkerHistory(worker, self._cells)
-        self._waves: dict[int, _Wave] = {}
+        self._waves: dict[int, _WorkerWave] = {}
         self._settled_below = 1
         self._announced = 0  # the last wave that was
         self._held = 0  # pulses that came and wait, in all waves
@@ -173,11 +173,11 @@ class Worker:
             self._held += len(pulses.hops)
             self._remembered += 1
 
-    def _wave(self, number: int) -> _Wave:
+    def _wave(self, number: int) -> _WorkerWave:
         """Return what is known of a wave, which may be nothing yet."""
         wave = self._waves.get(number)
         if wave is None:
-            wave = self._waves[number] = _Wave(number)
+            wave = self._waves[number] = _WorkerWave(number)
         return wave
 
     def _check_start(self, start: wire.WaveStart) -> None:
@@ -189,7 +189,7 @@ class Worker:
         # What it settles makes room for it.
         check_room("wave", start.wave, self._left(start))
 
-    def _left(self, start: wire.WaveStart) -> dict[int, _Wave]:
+    def _left(self, start: wire.WaveStart) -> dict[int, _WorkerWave]:
         """Return the waves known that may still come about after `start`."""
         below = max(self._settled_below, start.settled_below)
         beyond = max(self._announced, start.wave) + AHEAD
@@ -226,7 +226,7 @@ class Worker:
             if wave.reached is not None and wave.waiting:
                 self._spread(wave, wave.reached, out)
 
-    def _open(self, wave: _Wave, start: wire.WaveStart) -> None:
+    def _open(self, wave: _WorkerWave, start: wire.WaveStart) -> None:
         """Let the wave's signal fire, if all is there that it takes."""
         if start.kind == "signal":
             asked = np.array(start.signal, np.int32)
@@ -241,7 +241,9 @@ class Worker:
             credit = np.full_like(asked, start.credit)
             wave.waiting.append(Pulses(asked, asked, np.zeros_like(asked), credit))
 
-    def _spread(self, wave: _Wave, reached: Ints, out: list[wire.Message]) -> None:
+    def _spread(
+        self, wave: _WorkerWave, reached: Ints, out: list[wire.Message]
+    ) -> None:
         """Pass on what waits in a wave, and report."""
         net = self._edges.net
         _, targets, hops, credit = map(np.concatenate, zip(*wave.waiting, strict=True))

@@ -10,7 +10,7 @@ from gymnasium.spaces import Discrete, MultiBinary
 from gymnasium.utils.env_checker import check_env
 
 from tests.support.worlds import IDS, TARGETS, aimed, make, rollout
-from world.places import World
+from world.places import PlacesWorld
 from world.target import Target
 
 
@@ -51,7 +51,7 @@ def test_what_a_target_says_of_itself_is_reached_through_all_wrappers(
     env = gymnasium.make(name, **arguments)
     env.reset(seed=2)
     world = env.unwrapped
-    assert isinstance(world, World)
+    assert isinstance(world, PlacesWorld)
     count = len(world.sensors)
     assert env.observation_space == MultiBinary(count + 2)
     assert env.action_space == Discrete(len(world.actions))

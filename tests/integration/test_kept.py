@@ -17,7 +17,7 @@ from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.parts.child_process import END
 from neurosnap.sensorium import unpack
-from neurosnap.sources.live.journal import Row, journal_of, read_journal
+from neurosnap.sources.live.journal import JournalRow, journal_of, read_journal
 from tests.support.commands import Command
 from tests.support.exhaustive import rows
 from tests.support.mosquitto import Mosquitto, needs_mosquitto, peer, started
@@ -103,7 +103,7 @@ def counted(lines: int) -> list[int]:
     return [number % 2**BITS for number in range(1, lines + 1)]
 
 
-def rows_of(log: Path) -> tuple[Row, ...]:
+def rows_of(log: Path) -> tuple[JournalRow, ...]:
     return read_journal(journal_of(log)).rows
 
 

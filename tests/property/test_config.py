@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator  # type: ignore[import-untyped]
 
 from neurosnap.apps.config.json_schema import schema
-from neurosnap.apps.config.line_numbers import Keys, Lines
+from neurosnap.apps.config.line_numbers import Keys, LineNumbers
 from neurosnap.apps.config.load import load
 from neurosnap.apps.config.problems import ConfigError, dotted
 from neurosnap.apps.config.sources import CsvTable, WorldTable
@@ -52,7 +52,7 @@ def every_key(value: object, at: Keys = ()) -> Iterator[Keys]:
 @given(documents(), st.booleans())
 def test_every_key_is_found_on_its_line(document: Document, windows: bool) -> None:
     text = document.text.replace("\n", "\r\n") if windows else document.text
-    lines = Lines(text)
+    lines = LineNumbers(text)
     keys = set(every_key(tomllib.loads(text)))
     assert keys == document.lines.keys()
     assert {key: lines.line(key) for key in keys} == document.lines
@@ -60,7 +60,7 @@ def test_every_key_is_found_on_its_line(document: Document, windows: bool) -> No
 
 @given(documents(), st.sampled_from(["nowhere", 9]))
 def test_no_other_key_is_found(document: Document, other: str | int) -> None:
-    lines = Lines(document.text)
+    lines = LineNumbers(document.text)
     for keys in [(), *document.lines]:
         assert lines.line((*keys, other)) is None
 

@@ -5,7 +5,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from world.places import World
+from world.places import PlacesWorld
 from world.target import Target
 
 KINDS = ("Path", "Cycle", "Grid", "RandomFields", "PuncturedGrid", "Rail")
@@ -55,20 +55,20 @@ def aimed(name: str, **arguments: Any) -> Target:
     return env
 
 
-def make(name: str, **arguments: Any) -> World:
+def make(name: str, **arguments: Any) -> PlacesWorld:
     env = gymnasium.make(name, **arguments).unwrapped
-    assert isinstance(env, World)
+    assert isinstance(env, PlacesWorld)
     return env
 
 
-def started(name: str, seed: int = 7, **arguments: Any) -> World:
+def started(name: str, seed: int = 7, **arguments: Any) -> PlacesWorld:
     env = make(name, **arguments)
     env.reset(seed=seed)
     return env
 
 
 def rollout(
-    env: World | Target, seed: int, steps: int = 200
+    env: PlacesWorld | Target, seed: int, steps: int = 200
 ) -> tuple[np.ndarray[Any, Any], list[int]]:
     actions = np.random.default_rng(seed).integers(len(env.moves), size=steps)
     observation, info = env.reset(seed=seed)

@@ -12,7 +12,7 @@ import pytest
 from neurosnap import DiscountedSnapshot, EmpiricalSnapshot, Sensorium
 from neurosnap.apps.config.load import load
 from neurosnap.apps.config.prepare import prepare
-from neurosnap.sources.mqtt.payload import Payload, Reader
+from neurosnap.sources.mqtt.payload import Payload, PayloadReader
 from neurosnap.sources.open import mqtt_options, open_source
 from tests.support.programs import find, needs
 
@@ -85,7 +85,7 @@ def test_the_examples_of_a_broker_read_what_is_published_there(
     given = prepare(load(EXAMPLES / f"{name}.toml")).options
     sensors = mqtt_options(given.arguments).sensors
     (sensor,) = (each for each in sensors if each.topic == topic)
-    assert Reader(sensor).read(Payload(topic, payload)) is expected
+    assert PayloadReader(sensor).read(Payload(topic, payload)) is expected
 
 
 def test_a_home_need_not_know_what_is_inside() -> None:

@@ -5,7 +5,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.protocol.anomaly import Anomaly, AnomalyDetector
+from neurosnap.protocol.anomaly import AnomalyDetector, FoundAnomaly
 from neurosnap.sensorium import Sensorium, complete
 from tools.paper.learning_error import new_snapshot
 from tools.paper.sensor_faults import (
@@ -100,7 +100,7 @@ class DetectionEntry(Entry, frozen=True, kw_only=True):
                 flags[step] |= _flags(anomaly, at_fault) << 3 * judge
 
 
-def _flags(anomaly: Anomaly | None, at_fault: set[str]) -> int:
+def _flags(anomaly: FoundAnomaly | None, at_fault: set[str]) -> int:
     """Return the flags of the first judge for what it found."""
     if anomaly is None:
         return 0

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from neurosnap.sources.mqtt.options import MqttSensor
-    from neurosnap.sources.mqtt.topic_survey import Heard, Survey
+    from neurosnap.sources.mqtt.topic_survey import HeardTopic, Survey
 
 _SHOWN = 3  # values of a topic in a line
 _EXAMPLE = "Example: neurosnap init topics homeassistant.local --out home.toml"
@@ -224,7 +224,7 @@ def _show(console: "Console", survey: "Survey", sensors: "list[MqttSensor]") -> 
         console.print(f"messages of further topics: {survey.passed_over}")
 
 
-def _said(heard: "Heard", sensor: "MqttSensor") -> str:
+def _said(heard: "HeardTopic", sensor: "MqttSensor") -> str:
     """Return what was heard of a sensor, in a line."""
     plural = "" if heard.messages == 1 else "s"
     values = _examples(heard.values[sensor.field or ""])

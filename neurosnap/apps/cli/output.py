@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     from neurosnap.agent.growth.changed import Changed
     from neurosnap.apps.doctor import Finding
-    from neurosnap.depth.measure import Line
+    from neurosnap.depth.measure import FittedLine
     from neurosnap.depth.probe import Measured
     from neurosnap.health.news import Standing
     from neurosnap.protocol.run_options import RunOptions
@@ -281,7 +281,7 @@ def verdict(console: Console, found: Verdict) -> None:
 
 
 def depth_facts(
-    rows: Sequence[Measured], line: Line | None, wrote: Sequence[Path]
+    rows: Sequence[Measured], line: FittedLine | None, wrote: Sequence[Path]
 ) -> dict[str, object]:
     """Return what was measured as one JSON object, with the files by their kind."""
     files = {path.suffix: str(path) for path in wrote}
@@ -295,7 +295,10 @@ def depth_facts(
 
 
 def depths(
-    console: Console, rows: Sequence[Measured], line: Line | None, wrote: Sequence[Path]
+    console: Console,
+    rows: Sequence[Measured],
+    line: FittedLine | None,
+    wrote: Sequence[Path],
 ) -> None:
     """Print depth and time by height."""
     table = Table("sensors", "kind", "height", "waves", "depth", "pulses", "median ms")

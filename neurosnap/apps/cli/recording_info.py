@@ -19,7 +19,7 @@ from neurosnap.recording.format import schemas
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import Attached, Cut, damaged_in
 from neurosnap.recording.read.recording import Recording, first_path, part_paths
-from neurosnap.recording.replay.births import Birth, births_of
+from neurosnap.recording.replay.births import RecordedBirth, births_of
 
 _SECOND = 10**9
 _CLOCKS_BEGIN = 946_684_800 * _SECOND
@@ -76,7 +76,7 @@ class Info(msgspec.Struct, frozen=True):
     """What cannot be read; see `Recording.damage`."""
     missing_ticks: tuple[tuple[int, int], ...] = ()
     """The first and the last of ticks without a state, in a damaged recording."""
-    births: tuple[Birth, ...] = ()
+    births: tuple[RecordedBirth, ...] = ()
     """The sensors that were grown."""
     room: int = 0
     """How many more may be."""

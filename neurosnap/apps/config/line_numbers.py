@@ -33,7 +33,7 @@ class _Cut(NamedTuple):
     """What closes the brackets that are open there."""
 
 
-class Lines:
+class LineNumbers:
     """Finds the line of a key.
 
     Args:

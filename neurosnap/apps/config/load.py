@@ -9,8 +9,8 @@ from typing import Any
 
 import msgspec
 
-from neurosnap.apps.config.line_numbers import Keys, Lines
-from neurosnap.apps.config.problems import ConfigError, Fault, dotted, said_of
+from neurosnap.apps.config.line_numbers import Keys, LineNumbers
+from neurosnap.apps.config.problems import ConfigError, ConfigFault, dotted, said_of
 from neurosnap.apps.config.tables import Config
 from neurosnap.apps.config.validate import Problem, problems
 
@@ -30,7 +30,7 @@ class Origin:
 
     def __init__(self, path: Path | None, text: str, given: Mapping[Keys, str]) -> None:
         self._path = path
-        self._lines = Lines(text)
+        self._lines = LineNumbers(text)
         self._given = dict(given)
 
     @property
@@ -38,7 +38,9 @@ class Origin:
         """What paths in the file are relative to."""
         return Path() if self._path is None else self._path.parent
 
-    def fault(self, keys: Keys, rule: str, value: object = msgspec.UNSET) -> Fault:
+    def fault(
+        self, keys: Keys, rule: str, value: object = msgspec.UNSET
+    ) -> ConfigFault:
         """Return what is wrong with the value of a key, with the place it stands in.
 
         Args:
@@ -51,15 +53,15 @@ class Origin:
             if keys[:length] in self._given:
                 rest = dotted(keys[length:])
                 name = self._given[keys[:length]]
-                return Fault(key=f"{name}: {rest}" if rest else name, said=said)
+                return ConfigFault(key=f"{name}: {rest}" if rest else name, said=said)
         if self._path is None:
-            return Fault(key=dotted(keys), said=said)
+            return ConfigFault(key=dotted(keys), said=said)
         line = self._lines.line(keys)
         if line is None and any(key[: len(keys)] == keys for key in self._given):
-            return Fault(key=dotted(keys), said=said)
+            return ConfigFault(key=dotted(keys), said=said)
         for length in range(len(keys) - 1, 0, -1):
             line = self._lines.line(keys[:length]) if line is None else line
-        return Fault(file=str(self._path), line=line, key=dotted(keys), said=said)
+        return ConfigFault(file=str(self._path), line=line, key=dotted(keys), said=said)
 
     def error(self, found: Sequence[Problem]) -> ConfigError:
         """Return the error that tells of problems, in the order of their lines.
@@ -162,7 +164,7 @@ def _text(path: Path) -> str:
         rule = f"must be a file that can be read ({error.strerror})"
     except UnicodeDecodeError as error:
         rule = f"must be UTF-8 text ({error.reason} at byte {error.start})"
-    raise ConfigError([Fault(file=str(path), key="", said=rule)])
+    raise ConfigError([ConfigFault(file=str(path), key="", said=rule)])
 
 
 def _parsed(path: Path, text: str) -> dict[str, Any]:
@@ -182,7 +184,7 @@ def _parsed(path: Path, text: str) -> dict[str, Any]:
         if place and place[1]:
             line, said = int(place[1]), f"{said} ({place[2]})"
     raise ConfigError(
-        [Fault(file=str(path), line=line, key="", said=f"must be TOML: {said}")]
+        [ConfigFault(file=str(path), line=line, key="", said=f"must be TOML: {said}")]
     )
 
 

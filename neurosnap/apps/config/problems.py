@@ -11,7 +11,7 @@ from neurosnap.errors import InvalidValueError
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
-class Fault(msgspec.Struct, frozen=True, kw_only=True):
+class ConfigFault(msgspec.Struct, frozen=True, kw_only=True):
     """One thing that is wrong."""
 
     file: str | None = None
@@ -38,7 +38,7 @@ class ConfigError(InvalidValueError):
         more: How many other things are.
     """
 
-    def __init__(self, faults: Sequence[Fault], more: int = 0) -> None:
+    def __init__(self, faults: Sequence[ConfigFault], more: int = 0) -> None:
         super().__init__("config", "must be without faults", len(faults) + more)
         lines = [*map(str, faults), *([f"and {more} more"] if more else [])]
         self.args = ("\n".join(lines),)

@@ -7,7 +7,7 @@ import numpy as np
 
 from neurosnap.errors import InvalidValueError, MissingExtraError
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.recording.replay.births import Birth, Births
+from neurosnap.recording.replay.births import Births, RecordedBirth
 from neurosnap.sensorium import Sensorium
 from neurosnap.system.distribution import must_have
 
@@ -25,7 +25,7 @@ class Diagram(msgspec.Struct, frozen=True):
     """Covering pairs between classes, each once with its contrapositive."""
     equivalences: list[tuple[str, ...]]
     """Classes of equivalent literals, each once with its complement."""
-    births: tuple[Birth, ...] = ()
+    births: tuple[RecordedBirth, ...] = ()
     """Which of the sensors were grown by then, and when."""
     room: int = 0
     """How many more could be grown then."""

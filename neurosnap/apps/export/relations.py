@@ -15,7 +15,7 @@ from neurosnap.system.csv_text import as_text
 _HEADS = ("relation", "tested", "failed", "held in", "since", "last failure")
 
 
-class Answer(msgspec.Struct, frozen=True):
+class RelationsAnswer(msgspec.Struct, frozen=True):
     """What was found, with all that is needed to read it."""
 
     source: str
@@ -62,7 +62,7 @@ class Answered:
             f" ({self.learned})"
         )
 
-    def facts(self) -> Answer:
+    def facts(self) -> RelationsAnswer:
         """Return it for programs."""
         relations: list[dict[str, object]] = []
         for row in self.rows:
@@ -71,7 +71,7 @@ class Answered:
                 facts["since_time"] = self.readings.moment(row.since)
                 facts["last_failure_time"] = self.readings.moment(row.last_failure)
             relations.append(facts)
-        return Answer(
+        return RelationsAnswer(
             visible(self.source),
             self.sensors,
             self.readings.columns.ticks,

@@ -13,8 +13,8 @@ asked                                               answer
 ``/api/edge?source=&target=&tick=``                 `Edge`
 ``/api/series?from=&to=&points=``                   `Series`
 ``/api/image?tick=``                                an image
-``/api/births``                                     `Grown`
-``/api/health``                                     `Health`
+``/api/births``                                     `GrownView`
+``/api/health``                                     `HealthTable`
 ``/api/marks?from=&to=&bins=``                      `Marks`
 ``/api/beside?tick=&way=``                          `Beside`
 ``/api/raster?from=&to=&columns=&sensor=&sensors=`` `RasterPart`
@@ -35,7 +35,7 @@ from typing import Literal, TypeAlias
 import msgspec
 
 from neurosnap.agent.growth.changed import Changed
-from neurosnap.recording.replay.births import Birth
+from neurosnap.recording.replay.births import RecordedBirth
 
 Bit: TypeAlias = Literal[0, 1] | None
 """On, off, or not known."""
@@ -116,7 +116,7 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
     source: str
     sensors: tuple[str, ...]
     """Their names when the run starts, those that may be grown last; what is grown
-    gets its name in `Graph` and `Grown`."""
+    gets its name in `Graph` and `GrownView`."""
     room: int
     """How many of them may be grown."""
     actions: tuple[str, ...]
@@ -136,7 +136,7 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
     columns: tuple[Column, ...]
 
 
-class Wave(msgspec.Struct, frozen=True, kw_only=True):
+class WaveView(msgspec.Struct, frozen=True, kw_only=True):
     """One wave of a tick, by what the cells reported of it."""
 
     wave: int
@@ -158,7 +158,7 @@ class Wave(msgspec.Struct, frozen=True, kw_only=True):
     """It starts in a state that was imagined."""
 
 
-class Plan(msgspec.Struct, frozen=True, kw_only=True):
+class PlanView(msgspec.Struct, frozen=True, kw_only=True):
     """The plan that a decision follows."""
 
     steps: list[int]
@@ -171,7 +171,7 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True):
     """What it is for, where that is not the target; else empty."""
 
 
-class Broken(msgspec.Struct, frozen=True, kw_only=True):
+class BrokenView(msgspec.Struct, frozen=True, kw_only=True):
     """A learned implication that an observation breaks."""
 
     source: int
@@ -180,7 +180,7 @@ class Broken(msgspec.Struct, frozen=True, kw_only=True):
     """What speaks for it and against it, since when, in words."""
 
 
-class Anomaly(msgspec.Struct, frozen=True, kw_only=True):
+class AnomalyView(msgspec.Struct, frozen=True, kw_only=True):
     """What was observed contradicts what was learned before."""
 
     culprits: list[int]
@@ -189,7 +189,7 @@ class Anomaly(msgspec.Struct, frozen=True, kw_only=True):
     """Sensors of other such sets."""
     exact: bool
     """The search for them was complete."""
-    broken: list[Broken]
+    broken: list[BrokenView]
     more: int
     """Broken implications beyond those listed."""
     since: int
@@ -225,7 +225,7 @@ class Frame(msgspec.Struct, frozen=True, kw_only=True):
     """Where in the world this is; None if that is not known."""
     image: int | None = None
     """The tick of the last image at this one or before; None: there is none near."""
-    waves: list[Wave]
+    waves: list[WaveView]
     """Oldest first; the state's is the last of kind ``state``. Of imagined ones those
     along the plan are here, and the oldest of the others."""
     left_out: int
@@ -237,9 +237,9 @@ class Frame(msgspec.Struct, frozen=True, kw_only=True):
     """Those of them that are not read any more."""
     changed: list[Changed]
     """Which sensors the decision grew and retired."""
-    plan: Plan | None
+    plan: PlanView | None
     """None: the decision follows none."""
-    anomaly: Anomaly | None
+    anomaly: AnomalyView | None
     """None: nothing was contradicted that rests on as many occasions as the run asks
     for."""
 
@@ -250,7 +250,7 @@ class Frames(msgspec.Struct, frozen=True):
     frames: list[Frame]
 
 
-class Node(msgspec.Struct, frozen=True, kw_only=True):
+class NodeView(msgspec.Struct, frozen=True, kw_only=True):
     """One sensor in the learned order."""
 
     sensor: int
@@ -281,7 +281,7 @@ class Graph(msgspec.Struct, frozen=True, kw_only=True):
     """The same if and only if all the rest is, but for the tick."""
     tick: int
     height: int
-    nodes: list[Node]
+    nodes: list[NodeView]
     edges: list[Arrow]
     """Between those that stand for their classes; of an edge and its contrapositive the
     one with the smaller source."""
@@ -290,7 +290,7 @@ class Graph(msgspec.Struct, frozen=True, kw_only=True):
     stands for all."""
 
 
-class Weighed(msgspec.Struct, frozen=True, kw_only=True):
+class WeighedView(msgspec.Struct, frozen=True, kw_only=True):
     """What speaks for and against an implication ``a -> b`` at one tick."""
 
     tick: int
@@ -305,12 +305,12 @@ class Weighed(msgspec.Struct, frozen=True, kw_only=True):
     """The tick since when it has held, or has not; 0: from the beginning."""
 
 
-class Edge(Weighed, frozen=True, kw_only=True):
-    """`Weighed` at the tick asked for, and around it."""
+class Edge(WeighedView, frozen=True, kw_only=True):
+    """`WeighedView` at the tick asked for, and around it."""
 
     source: int
     target: int
-    over: list[Weighed]
+    over: list[WeighedView]
     """By tick: at key-frames, and closer together near the tick."""
 
 
@@ -330,10 +330,10 @@ class Series(msgspec.Struct, frozen=True, kw_only=True):
     """All that was asked for has been read; if not, ask again."""
 
 
-class Grown(msgspec.Struct, frozen=True, kw_only=True):
+class GrownView(msgspec.Struct, frozen=True, kw_only=True):
     """The sensors that a run has grown."""
 
-    births: tuple[Birth, ...]
+    births: tuple[RecordedBirth, ...]
     room: int
     """How many more may be grown."""
     read_to: int
@@ -342,7 +342,7 @@ class Grown(msgspec.Struct, frozen=True, kw_only=True):
     """All there are have been counted; if not, ask again."""
 
 
-class SensorHealth(msgspec.Struct, frozen=True, kw_only=True):
+class SensorHealthView(msgspec.Struct, frozen=True, kw_only=True):
     """How a sensor is."""
 
     sensor: str
@@ -352,14 +352,14 @@ class SensorHealth(msgspec.Struct, frozen=True, kw_only=True):
     """From 1, well, to 0, in alarm."""
 
 
-class Health(msgspec.Struct, frozen=True):
+class HealthTable(msgspec.Struct, frozen=True):
     """Which sensors seem broken; nothing in a run that judges none."""
 
     progress: str
     """How much is learned, in a line."""
     alarms: list[str]
     """Those in force, in a line each, the oldest first."""
-    sensors: list[SensorHealth]
+    sensors: list[SensorHealthView]
     """The world's own."""
     read_to: int
     """The last tick whose readings count."""

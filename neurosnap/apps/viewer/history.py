@@ -42,7 +42,7 @@ class RunHistory:
         """There is no more to read, or it cannot be read."""
 
     @property
-    def health(self) -> api.Health:
+    def health(self) -> api.HealthTable:
         """Which sensors seem broken."""
         return self._health.health
 
@@ -51,10 +51,10 @@ class RunHistory:
         curves = self._series.curves(first, last, points)
         return api.Series(columns=curves, done=self._is_done(last))
 
-    def grown(self) -> api.Grown:
+    def grown(self) -> api.GrownView:
         """Return what the run has grown."""
         births = self._series.births
-        return api.Grown(
+        return api.GrownView(
             births=births.listed,
             room=births.room,
             read_to=self.read_to,

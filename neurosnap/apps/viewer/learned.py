@@ -14,7 +14,7 @@ import numpy as np
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.apps.viewer.api import Arrow, Edge, Graph, Node, Weighed
+from neurosnap.apps.viewer.api import Arrow, Edge, Graph, NodeView, WeighedView
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.order.graph import PocGraph
@@ -164,7 +164,7 @@ def drawn(name: str, tick: int, graph: PocGraph, body: Body) -> Graph:
         tick=tick,
         height=graph.height(),
         nodes=[
-            Node(
+            NodeView(
                 sensor=sensor,
                 name=names[sensor],
                 layer=int(heights[2 * sensor]),
@@ -207,9 +207,9 @@ def weighed(
     return Edge(source=source, target=target, over=over, **msgspec.structs.asdict(now))
 
 
-def _weigh(tick: int, snapshot: Snapshot, source: int, target: int) -> Weighed:
+def _weigh(tick: int, snapshot: Snapshot, source: int, target: int) -> WeighedView:
     found = snapshot.evidence(source, target)
-    return Weighed(
+    return WeighedView(
         tick=tick,
         weights=(found.both, found.against, found.other, found.neither),
         threshold=found.limit,
@@ -221,7 +221,7 @@ def _weigh(tick: int, snapshot: Snapshot, source: int, target: int) -> Weighed:
 
 def _near(
     cache: SnapshotCache, source: int, target: int, tick: int, ends: tuple[int, int]
-) -> Iterator[Weighed]:
+) -> Iterator[WeighedView]:
     """Yield ticks around one, evenly apart, as far as they can be learned."""
     first = max(ends[0], tick - _AROUND)
     last = min(ends[1], tick + _AROUND)
@@ -234,7 +234,7 @@ def _near(
         return  # what is known by then is shown
 
 
-def _far(cache: SnapshotCache, source: int, target: int) -> Iterator[Weighed]:
+def _far(cache: SnapshotCache, source: int, target: int) -> Iterator[WeighedView]:
     """Yield key-frames, evenly apart."""
     for frame in cache.tick_index.keyframes(_FAR):
         try:

@@ -26,7 +26,7 @@ async def news(session: ViewSession, stop: asyncio.Event) -> AsyncIterator[bytes
     A recording that cannot be read any further has its end, too.
     """
     loop = asyncio.get_running_loop()
-    listener = _Listener()
+    listener = _PageListener()
     said = loop.time()
     while not stop.is_set():
         try:
@@ -46,7 +46,7 @@ async def news(session: ViewSession, stop: asyncio.Event) -> AsyncIterator[bytes
         await wait_at_most(stop, _EVERY)
 
 
-class _Listener:
+class _PageListener:
     """What one page was sent last."""
 
     def __init__(self) -> None:

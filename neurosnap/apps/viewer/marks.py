@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.apps.viewer import api
-from neurosnap.apps.viewer.api import Health, RaisedAlarm, SensorHealth
+from neurosnap.apps.viewer.api import HealthTable, RaisedAlarm, SensorHealthView
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.tick_messages import Ticks
 from neurosnap.errors import MessageError, RecordingError, ShapeError
@@ -228,17 +228,19 @@ class HealthView:
         """Say that all there is was read."""
         self.health = msgspec.structs.replace(self.health, done=True)
 
-    def _now(self, *, done: bool) -> Health:
+    def _now(self, *, done: bool) -> HealthTable:
         follower = self._follower
         if follower is None:
-            return Health("", [], [], self._tick, done)
+            return HealthTable("", [], [], self._tick, done)
         monitor, standing = follower.monitor, follower.standing
         known, health = monitor.known.tolist(), monitor.health.tolist()
-        return Health(
+        return HealthTable(
             standing.progress.line(),
             [alarm.line() for alarm in standing.alarms],
             [
-                SensorHealth(sensor=name, known=known[at], health=round(health[at], 3))
+                SensorHealthView(
+                    sensor=name, known=known[at], health=round(health[at], 3)
+                )
                 for at, name in enumerate(self._run_view.options.body.own)
             ],
             self._tick,

@@ -292,7 +292,7 @@ class RunView:
         state: wire.State,
         graph: str,
         body: Body,
-        plan: api.Plan | None,
+        plan: api.PlanView | None,
     ) -> api.Frame:
         tick = state.tick
         image = self.image(tick)
@@ -332,7 +332,7 @@ class RunView:
             anomaly=self._anomaly(ticks.anomalies.get(tick)),
         )
 
-    def _anomaly(self, anomaly: wire.Anomaly | None) -> api.Anomaly | None:
+    def _anomaly(self, anomaly: wire.Anomaly | None) -> api.AnomalyView | None:
         """Return what people are told of an anomaly: nothing if it rests on little."""
         if anomaly is None:
             return None
@@ -346,12 +346,12 @@ class RunView:
             raise RecordingError(f"{place}: /anomaly: {error}") from error
         pairs = zip(anomaly.sources, anomaly.targets, words.broken, strict=True)
         others = [one for one in anomaly.candidates if one not in anomaly.culprits]
-        return api.Anomaly(
+        return api.AnomalyView(
             culprits=list(anomaly.culprits),
             others=others,
             exact=anomaly.exact,
             broken=[
-                api.Broken(source=source, target=target, evidence=evidence(link))
+                api.BrokenView(source=source, target=target, evidence=evidence(link))
                 for source, target, link in pairs
             ],
             more=words.more,

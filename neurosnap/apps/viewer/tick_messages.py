@@ -81,7 +81,7 @@ class Ticks:
             self._literals[tick] = found
         return self._literals[tick]
 
-    def waves(self, tick: int) -> list[api.Wave]:
+    def waves(self, tick: int) -> list[api.WaveView]:
         """Return the waves of a tick, oldest first."""
         if self._waves is None:
             return []

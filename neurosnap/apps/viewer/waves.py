@@ -23,7 +23,7 @@ from neurosnap import wire
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
 from neurosnap.agent.imagining_planner import PlanTold, plan_told
-from neurosnap.apps.viewer.api import MOST_IMAGINED, Plan, Wave
+from neurosnap.apps.viewer.api import MOST_IMAGINED, PlanView, WaveView
 from neurosnap.errors import MessageError
 from neurosnap.protocol.wave import DEEPEST
 
@@ -32,7 +32,7 @@ BEFORE = 64
 longer ago are not shown."""
 
 
-class _Found:
+class _FoundWave:
     """What was reported on one wave."""
 
     def __init__(self) -> None:
@@ -51,7 +51,7 @@ class Waves:
     def __init__(self, sensors: int) -> None:
         self._literals = range(2 * sensors)
         self._starts: dict[int, dict[int, wire.WaveStart]] = {}  # by tick, by wave
-        self._found: dict[int, _Found] = {}
+        self._found: dict[int, _FoundWave] = {}
 
     def begin(self, start: wire.WaveStart) -> None:
         """Take note of a wave; some are announced to many."""
@@ -96,14 +96,14 @@ class Waves:
             return []
         return [literal for literal in found.hops if literal in self._literals]
 
-    def of(self, tick: int, observed: tuple[int, ...]) -> list[Wave]:
+    def of(self, tick: int, observed: tuple[int, ...]) -> list[WaveView]:
         """Return the waves of a tick, oldest first; arguments as in `settled`."""
         return [self._shown(start, observed) for start in self._of(tick)]
 
-    def _shown(self, start: wire.WaveStart, observed: tuple[int, ...]) -> Wave:
+    def _shown(self, start: wire.WaveStart, observed: tuple[int, ...]) -> WaveView:
         found = self._at(start.wave)
         hops = self._hops(found)
-        return Wave(
+        return WaveView(
             wave=start.wave,
             kind=start.kind,
             signal=list(start.signal or observed),
@@ -122,7 +122,7 @@ class Waves:
         given = len(start.signal or observed) << (scale - start.credit)
         return sum(1 << (scale - share) for share in shares) == given
 
-    def _hops(self, found: _Found) -> list[tuple[int, int]]:
+    def _hops(self, found: _FoundWave) -> list[tuple[int, int]]:
         """Return the literals reached with their hops, nearest first."""
         known = (hop for hop in found.hops.items() if hop[0] in self._literals)
         return sorted(known, key=lambda hop: (hop[1], hop[0]))
@@ -132,9 +132,9 @@ class Waves:
         starts = self._starts.get(tick, {})
         return [starts[wave] for wave in sorted(starts)]
 
-    def _at(self, number: int) -> _Found:
+    def _at(self, number: int) -> _FoundWave:
         if number not in self._found:
-            self._found[number] = _Found()
+            self._found[number] = _FoundWave()
         return self._found[number]
 
 
@@ -158,8 +158,8 @@ class Imagined:
             self._told[action, literal] = self._position[literal]
 
     def followed(
-        self, waves: list[Wave], state: NDArray[np.bool_], body: Body
-    ) -> list[Wave]:
+        self, waves: list[WaveView], state: NDArray[np.bool_], body: Body
+    ) -> list[WaveView]:
         """Return the waves of a tick with what each imagines.
 
         A sensor that never changes is in every imagined state, though nothing is said
@@ -210,7 +210,7 @@ class Imagined:
         place[[self._held[a] for a in signal if a in self._held]] = True
         return taken[0], place & self._told[taken[0]]
 
-    def _after(self, wave: Wave, literals: int) -> NDArray[np.bool_]:
+    def _after(self, wave: WaveView, literals: int) -> NDArray[np.bool_]:
         """Return what a wave guarantees: ``(2N,)``."""
         reached = np.zeros(literals, np.bool_)
         reached[[literal for literal, _ in wave.hops]] = True
@@ -253,7 +253,7 @@ class _Ways:
         return ways[min(asked, len(ways) - 1)] if ways else None
 
 
-def first_shown(waves: Sequence[Wave], plan: Plan | None) -> list[Wave]:
+def first_shown(waves: Sequence[WaveView], plan: PlanView | None) -> list[WaveView]:
     """Return the waves of a tick that are shown first, in their order.
 
     Of the imagined ones there are at most `MOST_IMAGINED`: those that lead along the
@@ -275,7 +275,7 @@ def plan_at(
     decisions: Mapping[int, wire.Decision],
     asked: Container[int],
     actions: Sequence[str],
-) -> Plan | None:
+) -> PlanView | None:
     """Return the plan that a tick's decision follows; None: it follows none.
 
     Args:
@@ -296,7 +296,7 @@ def plan_at(
             break
         done.insert(0, before.actions[0])
         now = before
-    return Plan(
+    return PlanView(
         steps=[*done, *told.actions],
         at=len(done),
         more=told.left - len(told.actions),

@@ -51,7 +51,7 @@ _DECISION = re.compile(
 )
 
 
-class Refusals:
+class DeniedConnections:
     """Finds refusals in the lines of Zenoh's log, and tells of them.
 
     In each window of some seconds a refusal is told once, and at most a few different
@@ -170,7 +170,7 @@ def telling_refusals(*, audit: bool = False) -> Iterator[None]:
     Args:
         audit: Refused messages too; see the module.
     """
-    refusals = Refusals(lambda text: _LOG.warning("%s", text))
+    refusals = DeniedConnections(lambda text: _LOG.warning("%s", text))
     sys.stdout.flush()
     read, write = os.pipe()
     own = os.dup(1)
@@ -191,7 +191,7 @@ def telling_refusals(*, audit: bool = False) -> Iterator[None]:
         os.close(own)
 
 
-def _read(pipe: int, own: int, refusals: Refusals) -> None:
+def _read(pipe: int, own: int, refusals: DeniedConnections) -> None:
     """Take in all that comes through `pipe`; pass on what is not Zenoh's."""
     rest = b""
     while chunk := os.read(pipe, _CHUNK):

@@ -29,7 +29,7 @@ _SIGNS: dict[str, Sign] = {"<": "<", "<=": "<=", "≤": "<=", "=": "="}
 _SPLIT = re.compile(r"(<=|≤|<|=)")
 
 
-class Relation(NamedTuple):
+class OrderRelation(NamedTuple):
     """One relation between two literals.
 
     Attributes:
@@ -67,7 +67,7 @@ def split_text(text: object) -> tuple[Sensorium, list[str]]:
 
 def read_relations(
     sensorium: Sensorium, relations: Iterable[RelationLike]
-) -> list[Relation]:
+) -> list[OrderRelation]:
     """Return relations with their literals as numbers.
 
     Args:
@@ -86,13 +86,13 @@ def read_relations(
     if isinstance(relations, str):
         rule = "must be several, not one text; PocSet.parse reads one"
         raise InvalidValueError("relations", rule, relations)
-    found: list[Relation] = []
+    found: list[OrderRelation] = []
     for entry in relations:
         for low, sign, high in _parts(entry):
             if sign not in _SIGNS:
                 raise InvalidValueError("relation sign", "must be <, <= or =", sign)
             pair = element(sensorium, low), element(sensorium, high)
-            found.append(Relation(pair[0], _SIGNS[sign], pair[1]))
+            found.append(OrderRelation(pair[0], _SIGNS[sign], pair[1]))
     return found
 
 
@@ -107,7 +107,7 @@ def element(sensorium: Sensorium, name: int | str) -> int:
     return as_literal("literal", name, 2 * len(sensorium))
 
 
-def generated(sensorium: Sensorium, relations: Sequence[Relation]) -> PocGraph:
+def generated(sensorium: Sensorium, relations: Sequence[OrderRelation]) -> PocGraph:
     """Return the graph of relations, once they are known to contradict nothing.
 
     O(N³/16) time, for the closure.

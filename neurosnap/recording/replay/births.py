@@ -13,7 +13,7 @@ from neurosnap.errors import MessageError, RecordingError
 from neurosnap.recording.read.recording import Recording
 
 
-class Birth(msgspec.Struct, frozen=True, kw_only=True):
+class RecordedBirth(msgspec.Struct, frozen=True, kw_only=True):
     """A sensor that was grown."""
 
     tick: int
@@ -48,7 +48,7 @@ class Births:
         self.first = body
         self._tick = 0
         self.body = body
-        self.listed: tuple[Birth, ...] = ()
+        self.listed: tuple[RecordedBirth, ...] = ()
 
     def take(self, message: wire.Decision | wire.KeyFrame) -> None:
         """Take in a message. Those of the coordinator come in its order.
@@ -82,7 +82,7 @@ class Births:
         """How many sensors may still be grown."""
         return self.body.room - len(self.body.grown)
 
-    def at(self, tick: int) -> tuple[Birth, ...]:
+    def at(self, tick: int) -> tuple[RecordedBirth, ...]:
         """Return what was grown by a tick, as one would have known it then."""
         return tuple(
             birth
@@ -119,7 +119,7 @@ class Births:
             first + place for place in before.retired
         }
         new = (
-            Birth(
+            RecordedBirth(
                 tick=tick,
                 sensor=sensor,
                 name=names[sensor],

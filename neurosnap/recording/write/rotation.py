@@ -47,7 +47,7 @@ from neurosnap.recording.format.completeness import Completeness, added_up
 from neurosnap.recording.format.records import CLOSING
 from neurosnap.recording.read.recording import part_path, part_paths
 from neurosnap.recording.write.carry_over import begin_recording, facts_of
-from neurosnap.recording.write.causal_order import CausalOrder, Heard, Said
+from neurosnap.recording.write.causal_order import CausalOrder, HeardWave, SaidMessage
 from neurosnap.recording.write.fsync_thread import FsyncThread
 from neurosnap.recording.write.writer import Writer
 
@@ -204,10 +204,10 @@ class SplitWriter:
         if message is not None and self._split is None:
             self._newest.put(message, delivery, log_time)
         elif message is not None:
-            self._write_all(self._causes.take(Heard(message, delivery, log_time)))
+            self._write_all(self._causes.take(HeardWave(message, delivery, log_time)))
         return message
 
-    def _write_all(self, several: Iterable[Heard]) -> None:
+    def _write_all(self, several: Iterable[HeardWave]) -> None:
         for heard in several:
             self._write(*heard)
 
@@ -278,7 +278,7 @@ class SplitWriter:
             return False
         tick, wave = self._boundary.decision.tick, self._boundary.wave
         # The newest file begins with the key-frame of the tick, and its bands.
-        said = Said(tick, wave, (tick + 1, 0), learn=tick, frame=tick - 1)
+        said = SaidMessage(tick, wave, (tick + 1, 0), learn=tick, frame=tick - 1)
         if not said.is_before(message):
             return True
         self._pass(sender, sequence, older)

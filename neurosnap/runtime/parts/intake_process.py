@@ -154,17 +154,17 @@ class _Counter:
         """Answer one question; on a thread of its own, which may wait long."""
         source = self._source
         try:
-            if isinstance(question, remote_source.Recall):
+            if isinstance(question, remote_source.IntakeRecall):
                 known = source.go_on(question.tick)
-                return remote_source.Answer(b"", _packed(known), False)
+                return remote_source.IntakeAnswer(b"", _packed(known), False)
             action = question.action
             seen = source.step(action) if source.given else source.first()
         except NeurosnapError as error:
-            return remote_source.Failed(str(error))
+            return remote_source.IntakeFailed(str(error))
         if seen is None:
             return remote_source.Over()
         bits, told = pack(seen.bits), _packed(seen.known)
-        return remote_source.Answer(bits, told, seen.begins, seen.paused)
+        return remote_source.IntakeAnswer(bits, told, seen.begins, seen.paused)
 
     async def wait_closed(self) -> None:
         """Wait until the world has heard that the source is closed, but not long."""

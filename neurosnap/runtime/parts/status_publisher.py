@@ -58,7 +58,7 @@ def _publishes(options: RunOptions) -> bool:
     return mqtt_options(options.arguments).publish is not None
 
 
-class Listener:
+class StatusListener:
     """Hands what a swarm says to an outlet. Called on the fabric's thread.
 
     Args:
@@ -163,7 +163,7 @@ async def publish_status(
         tasks.append(asyncio.create_task(health.serve(over), name="status/health"))
     if publisher is not None:
         now = body if past is None else past.body(body)
-        listener = Listener(publisher, now, options.support)
+        listener = StatusListener(publisher, now, options.support)
         tasks.append(asyncio.create_task(publisher.serve(over), name="status/publish"))
 
     def handle(deliveries: list[wire.Delivery]) -> None:

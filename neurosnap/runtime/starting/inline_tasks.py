@@ -33,11 +33,13 @@ class InlineTasks:
         """Start a task per job."""
         for job, connection in jobs:
             local = msgspec.structs.replace(connection, local=self._hub)
-            reporter = Reporter(connection.who, _Line(self._listener), every_tick=True)
+            reporter = Reporter(
+                connection.who, _InlineLine(self._listener), every_tick=True
+            )
             part = PartContext(local, asyncio.Event(), reporter)
             task = asyncio.create_task(carry_out(job, part), name=connection.who)
             self._tasks.add(task)
-            self._listener.began(connection.who, _Handle(task, part.stop))
+            self._listener.began(connection.who, _TaskHandle(task, part.stop))
             task.add_done_callback(partial(self._end, connection.who))
 
     def _end(self, who: str, task: asyncio.Task[bool]) -> None:
@@ -55,7 +57,7 @@ class InlineTasks:
             await asyncio.wait(left)
 
 
-class _Handle:
+class _TaskHandle:
     """A task that was started."""
 
     def __init__(self, task: asyncio.Task[bool], stop: asyncio.Event) -> None:
@@ -71,7 +73,7 @@ class _Handle:
         self._task.cancel()
 
 
-class _Line:
+class _InlineLine:
     """Hands reports over at once; parts report on the event loop alone."""
 
     def __init__(self, listener: Listener) -> None:

@@ -60,7 +60,7 @@ class Begin(msgspec.Struct, frozen=True, array_like=True, tag="begin"):
     """The last tick of which the action was carried out, or begun to be; -1: none."""
 
 
-class Row(msgspec.Struct, frozen=True, array_like=True, tag="row"):
+class JournalRow(msgspec.Struct, frozen=True, array_like=True, tag="row"):
     """The readings of one tick."""
 
     number: Number
@@ -81,7 +81,7 @@ class Acted(msgspec.Struct, frozen=True, array_like=True, tag="acted"):
     tick: Number
 
 
-Record: TypeAlias = Begin | Row | Acted
+Record: TypeAlias = Begin | JournalRow | Acted
 
 _encoder = msgspec.msgpack.Encoder()
 _decoder: msgspec.msgpack.Decoder[Record] = msgspec.msgpack.Decoder(Record)
@@ -91,7 +91,7 @@ class Content(msgspec.Struct, frozen=True):
     """What a journal holds."""
 
     sensors: tuple[str, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[JournalRow, ...]
     """In order; numbers are missing where a file was damaged."""
     acted: int
 
@@ -108,7 +108,7 @@ def read_journal(folder: Path) -> Content:
         NeurosnapError: A file of it cannot be read.
     """
     sensors: tuple[str, ...] = ()
-    rows: list[Row] = []
+    rows: list[JournalRow] = []
     acted = -1
     for path in _files(folder):
         for record in _read(path):
@@ -118,7 +118,7 @@ def read_journal(folder: Path) -> Content:
                     # Who begun it had no use for what was there from this row on.
                     while rows and rows[-1].number >= record.first:
                         del rows[-1]
-                case Row():
+                case JournalRow():
                     rows.append(record)
                 case Acted():
                     acted = max(acted, record.tick)
@@ -160,7 +160,7 @@ def decoded(data: bytes) -> Iterator[Record]:
             expected = record.first
         elif expected is None:
             return
-        elif isinstance(record, Row):
+        elif isinstance(record, JournalRow):
             if record.number != expected:
                 return
             expected += 1
@@ -230,7 +230,7 @@ class Journal:
 
     def row(
         self, bits: bytes, known: bytes, *, begins: bool, paused: bool = False
-    ) -> Row:
+    ) -> JournalRow:
         """Write down the next row, and return it.
 
         Raises:
@@ -238,7 +238,7 @@ class Journal:
         """
         if self._rows >= _ROWS:
             self._begin()
-        row = Row(self.last + 1, bits, known, begins, paused)
+        row = JournalRow(self.last + 1, bits, known, begins, paused)
         self._write(row)
         self.last += 1
         self._rows += 1
@@ -259,7 +259,7 @@ class Journal:
         self.acted = tick
         return True
 
-    def after(self, tick: int) -> tuple[Row | None, Sequence[Row], int]:
+    def after(self, tick: int) -> tuple[JournalRow | None, Sequence[JournalRow], int]:
         """Return the rows after a tick; the next one to come follows them.
 
         Where they do not follow on that tick, since some were lost, those there are get
@@ -281,7 +281,7 @@ class Journal:
         missing = rows[-1].number - tick - len(rows) if rows else 0
         return before, self.restart(tick, rows), missing
 
-    def restart(self, tick: int, rows: Sequence[Row]) -> list[Row]:
+    def restart(self, tick: int, rows: Sequence[JournalRow]) -> list[JournalRow]:
         """Let `rows` follow on a tick, and nothing else; return them as numbered then.
 
         Raises:

@@ -28,7 +28,7 @@ import numpy as np
 
 from neurosnap.errors import NeurosnapError, ShapeError
 from neurosnap.sensorium import pack, unpack
-from neurosnap.sources.live.journal import Journal, Row
+from neurosnap.sources.live.journal import Journal, JournalRow
 from neurosnap.sources.live.latest_readings import TOLERANCE, Bits, LatestReadings
 from neurosnap.sources.live.statistics import Refusals, Statistics
 from neurosnap.sources.live.tick_schedule import TickSchedule
@@ -482,7 +482,7 @@ class LiveSource:
         self._rows += 1
         return self._shown
 
-    def _read(self, row: Row) -> Observed:
+    def _read(self, row: JournalRow) -> Observed:
         """Return a row that was written down."""
         count = len(self.sensors)
         bits, known = unpack(row.bits, count), unpack(row.known, count)

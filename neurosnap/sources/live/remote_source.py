@@ -29,14 +29,14 @@ class Ask(msgspec.Struct, frozen=True, array_like=True, tag="ask"):
     action: int
 
 
-class Recall(msgspec.Struct, frozen=True, array_like=True, tag="recall"):
+class IntakeRecall(msgspec.Struct, frozen=True, array_like=True, tag="recall"):
     """A world is there that goes on from a tick: say what was known then."""
 
     tick: int
 
 
-class Answer(msgspec.Struct, frozen=True, array_like=True, tag="answer"):
-    """The row; of a `Recall` what was known only."""
+class IntakeAnswer(msgspec.Struct, frozen=True, array_like=True, tag="answer"):
+    """The row; of a `IntakeRecall` what was known only."""
 
     bits: bytes
     known: bytes
@@ -49,14 +49,14 @@ class Over(msgspec.Struct, frozen=True, array_like=True, tag="over"):
     """There is none any more."""
 
 
-class Failed(msgspec.Struct, frozen=True, array_like=True, tag="failed"):
+class IntakeFailed(msgspec.Struct, frozen=True, array_like=True, tag="failed"):
     """There cannot be one."""
 
     what: str
 
 
-Question: TypeAlias = Ask | Recall
-Reply: TypeAlias = Answer | Over | Failed
+Question: TypeAlias = Ask | IntakeRecall
+Reply: TypeAlias = IntakeAnswer | Over | IntakeFailed
 
 HEAD = struct.Struct("<I")
 """The length of a message."""
@@ -104,10 +104,10 @@ class RemoteSource:
         Raises:
             NeurosnapError: As `step`.
         """
-        match self._ask(Recall(tick)):
-            case Failed(what=what):
+        match self._ask(IntakeRecall(tick)):
+            case IntakeFailed(what=what):
                 raise NeurosnapError(what)
-            case Answer(known=known) if known:
+            case IntakeAnswer(known=known) if known:
                 return unpack(known, len(self.sensors))
             case _:
                 return None
@@ -139,9 +139,9 @@ class RemoteSource:
         match self._ask(Ask(action)):
             case Over():
                 return None
-            case Failed(what=what):
+            case IntakeFailed(what=what):
                 raise NeurosnapError(what)
-            case Answer(bits=bits, known=known, begins=begins, paused=paused):
+            case IntakeAnswer(bits=bits, known=known, begins=begins, paused=paused):
                 count = len(self.sensors)
                 known_ = unpack(known, count) if known else None
                 # What is live has no ends: what begins cut off what was before.

@@ -24,7 +24,7 @@ from neurosnap.sources.mqtt.connection import MqttLink
 from neurosnap.sources.mqtt.loop_thread import LoopThread
 from neurosnap.sources.mqtt.options import MqttOptions
 from neurosnap.sources.mqtt.outbox import Outgoing
-from neurosnap.sources.mqtt.payload import Payload, Reader
+from neurosnap.sources.mqtt.payload import Payload, PayloadReader
 from neurosnap.sources.mqtt.published_topics import OFF, ON, Topics
 
 
@@ -81,7 +81,7 @@ class MqttFeeder:
         self._options = options
         filters = [sensor.topic for sensor in options.sensors]
         self._routes = Routes(filters)
-        self._readers = [Reader(sensor) for sensor in options.sensors]
+        self._readers = [PayloadReader(sensor) for sensor in options.sensors]
         self._source: LiveSource | None = None
         publish = options.publish
         self._command = ""  # the topic that pauses learning

@@ -84,7 +84,7 @@ class Payload:
         return InvalidValueError(self.topic, rule, shown)
 
 
-class Reader:
+class PayloadReader:
     """One sensor's reading of payloads; remembers its last comparisons, if any.
 
     Where topics combine, each has a last comparison of its own.

@@ -61,7 +61,7 @@ _CLASSES: dict[str, DeviceClass] = {
 _NO_NAME = re.compile(r"\W+")
 
 
-class Heard(msgspec.Struct):
+class HeardTopic(msgspec.Struct):
     """What came of one topic."""
 
     topic: str
@@ -77,7 +77,7 @@ class Survey:
     """Takes in messages, and says what they look like."""
 
     def __init__(self) -> None:
-        self._heard: dict[str, Heard] = {}
+        self._heard: dict[str, HeardTopic] = {}
         self.passed_over = 0
         """Messages of topics beyond `MOST_TOPICS`."""
 
@@ -93,7 +93,7 @@ class Survey:
             if len(self._heard) >= MOST_TOPICS:
                 self.passed_over += 1
                 return False
-            heard = self._heard[topic] = Heard(topic)
+            heard = self._heard[topic] = HeardTopic(topic)
         heard.messages += 1
         kind, found = _values(Payload(topic, data))
         if kind not in heard.kind.split(", "):
@@ -104,7 +104,7 @@ class Survey:
                 said[value] = None
         return new
 
-    def topics(self) -> list[Heard]:
+    def topics(self) -> list[HeardTopic]:
         """Return what came, by topic."""
         return [self._heard[topic] for topic in sorted(self._heard)]
 

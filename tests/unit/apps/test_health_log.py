@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from neurosnap.apps import health_log
-from neurosnap.health.alarm import Alarm, Progress, told
-from neurosnap.health.follower import Said
+from neurosnap.health.alarm import Alarm, AlarmProgress, told
+from neurosnap.health.follower import ReportedAlarm
 from neurosnap.recording.read.observations import OwnReadings
 
 
@@ -19,17 +19,19 @@ def alarm(kind: str, step: int) -> Alarm:
 class Scripted:
     """A follower that says what it is told to, whatever it observes."""
 
-    def __init__(self, names: Sequence[str], said: list[Said]) -> None:
+    def __init__(self, names: Sequence[str], said: list[ReportedAlarm]) -> None:
         self._said = iter(said)
         nothing = np.zeros(len(names))
-        progress = Progress(0, 0, 0, len(names))
+        progress = AlarmProgress(0, 0, 0, len(names))
         self.monitor = SimpleNamespace(known=nothing, health=nothing, progress=progress)
 
-    def observe(self, *_: object, **__: object) -> Said:
+    def observe(self, *_: object, **__: object) -> ReportedAlarm:
         return next(self._said)
 
 
-def log_of(said: list[Said], monkeypatch: pytest.MonkeyPatch) -> health_log.HealthLog:
+def log_of(
+    said: list[ReportedAlarm], monkeypatch: pytest.MonkeyPatch
+) -> health_log.HealthLog:
     monkeypatch.setattr(health_log, "Follower", lambda names, _: Scripted(names, said))
     off = np.zeros(1, np.bool_)
     observations = [OwnReadings(float(at), off, ~off) for at in range(len(said))]
@@ -38,7 +40,9 @@ def log_of(said: list[Said], monkeypatch: pytest.MonkeyPatch) -> health_log.Heal
 
 def test_an_alarm_that_becomes_another_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
     less, silent = alarm("less", 10), alarm("silent", 20)
-    found = log_of([Said([less], []), Said([silent], [])], monkeypatch)
+    found = log_of(
+        [ReportedAlarm([less], []), ReportedAlarm([silent], [])], monkeypatch
+    )
     ends = [(each.ended, each.became) for each in found.alarms]
     assert ends == [(told(21), "silent"), (None, None)]
     lines = list(found.lines())
@@ -52,9 +56,13 @@ def test_ends_and_alarms_count_in_the_order_of_their_steps(
 ) -> None:
     """Whether one observation or several said what became of the steps before."""
     first, second = alarm("silent", 10), alarm("stuck", 40)
-    said = [Said([first], []), Said([], [("door", 30)]), Said([second], [])]
+    said = [
+        ReportedAlarm([first], []),
+        ReportedAlarm([], [("door", 30)]),
+        ReportedAlarm([second], []),
+    ]
     if at_once:
-        said = [Said([first, second], [("door", 30)])]
+        said = [ReportedAlarm([first, second], [("door", 30)])]
     found = log_of(said, monkeypatch)
     ends = [(each.ended, each.became) for each in found.alarms]
     assert ends == [(told(31), None), (None, None)]
@@ -62,7 +70,7 @@ def test_ends_and_alarms_count_in_the_order_of_their_steps(
 
 def test_within_a_step_what_ends_does_so_first(monkeypatch: pytest.MonkeyPatch) -> None:
     first, second = alarm("stuck", 10), alarm("silent", 30)
-    said = [Said([first], []), Said([second], [("door", 30)])]
+    said = [ReportedAlarm([first], []), ReportedAlarm([second], [("door", 30)])]
     found = log_of(said, monkeypatch)
     assert [each.became for each in found.alarms] == [None, None]
     assert [each.ended for each in found.alarms] == [told(31), None]

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from neurosnap.depth.given_orders import Order, chain, check_layers, layered
+from neurosnap.depth.given_orders import GivenOrder, chain, check_layers, layered
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.order.graph import PocGraph, WiringKind
 
 
-def pairs(order: Order) -> list[tuple[int, int]]:
+def pairs(order: GivenOrder) -> list[tuple[int, int]]:
     return [divmod(edge, 1 << 32) for edge in order.edges.tolist()]
 
 
-def graph(order: Order) -> PocGraph:
+def graph(order: GivenOrder) -> PocGraph:
     return PocGraph.from_implications(order.sensors, pairs(order))
 
 

@@ -5,12 +5,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.health.alarm import Alarm
-from neurosnap.health.follower import Follower, Said
+from neurosnap.health.follower import Follower, ReportedAlarm
 from neurosnap.health.monitor import HealthMonitor
 from neurosnap.health.steps import STEP, Steps, steps_of
 
 START = 1_600_000_123.0
-NOTHING = Said([], [])
+NOTHING = ReportedAlarm([], [])
 
 
 class Kept(HealthMonitor):

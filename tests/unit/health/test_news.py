@@ -1,6 +1,6 @@
 """What is new about the sensors of a home, from one standing to the next."""
 
-from neurosnap.health.alarm import Alarm, Progress
+from neurosnap.health.alarm import Alarm, AlarmProgress
 from neurosnap.health.news import Newsreader, Standing, news
 
 
@@ -9,7 +9,7 @@ def alarm(sensor: str, step: int, kind: str = "silent") -> Alarm:
 
 
 def standing(step: int, *alarms: Alarm, known: int = 2) -> Standing:
-    return Standing(step, Progress(50, 60, known, 3), alarms)
+    return Standing(step, AlarmProgress(50, 60, known, 3), alarms)
 
 
 def test_an_alarm_is_news_once_and_so_is_its_end() -> None:

@@ -10,7 +10,7 @@ from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.history import History
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.protocol.anomaly import MOST, Anomaly, AnomalyDetector
+from neurosnap.protocol.anomaly import MOST, AnomalyDetector, FoundAnomaly
 from neurosnap.sensorium import Sensorium, complete
 from tests.support.strategies import runs
 
@@ -21,7 +21,7 @@ FREE = PocGraph.from_implications(3, [])
 
 def shown(
     watcher: AnomalyDetector, readings: list[tuple[int, ...]]
-) -> list[Anomaly | None]:
+) -> list[FoundAnomaly | None]:
     return [watcher.watch(t, CHAIN, bits) for t, bits in enumerate(readings)]
 
 
@@ -127,7 +127,7 @@ def test_an_anomaly_can_be_written_and_read() -> None:
     snapshot = EmpiricalSnapshot(NAMES, 0.25)
     found = AnomalyDetector(NAMES).watch(7, CHAIN, (1, 0, 0), snapshot=snapshot)
     assert found is not None
-    again = msgspec.json.decode(msgspec.json.encode(found), type=Anomaly)
+    again = msgspec.json.decode(msgspec.json.encode(found), type=FoundAnomaly)
     assert again == found
 
 

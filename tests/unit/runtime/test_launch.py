@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from neurosnap.agent.growth.changed import Changed
-from neurosnap.health.alarm import Progress
+from neurosnap.health.alarm import AlarmProgress
 from neurosnap.health.news import Standing
 from neurosnap.runtime.launch import Jobs, _parts_here, host_jobs
 from neurosnap.runtime.parts import reports
@@ -46,7 +46,7 @@ def test_what_parts_report_is_passed_on_in_order() -> None:
     watcher = Watcher(ticks.append, changes.append, standings.append)
     supervisor, who = Supervisor(watcher=watcher), "coordinator"
     grown = Changed(4, 24, "press&a&b")
-    now = [Standing(step, Progress(9, 40, 0, 2)) for step in (7, 8)]
+    now = [Standing(step, AlarmProgress(9, 40, 0, 2)) for step in (7, 8)]
     health = [Health(who, msgspec.Raw(msgspec.json.encode(each))) for each in now]
     come = [reports.Progress(who, tick) for tick in (3, 4, 4)]
     reported(supervisor, *come, Grown(who, [grown]), *health)

@@ -10,7 +10,7 @@ from gymnasium.error import ResetNeeded
 from neurosnap.errors import InvalidValueError
 from tests.support.distances import fewest_actions
 from world.line import CycleWorld, PathWorld, RandomFieldsWorld
-from world.places import World
+from world.places import PlacesWorld
 from world.plane import GridWorld, PuncturedGridWorld
 from world.target import Target
 
@@ -23,7 +23,7 @@ WORLDS = [
 ]
 
 
-class Slide(World):
+class Slide(PlacesWorld):
     """0 → 1 → 2 → 2, one way only; 3 stays apart from all of them."""
 
     def __init__(self) -> None:

@@ -9,7 +9,7 @@ from neurosnap.health.budget import parse_budget, shares
 from neurosnap.health.evidence import follow, speaks
 from neurosnap.health.expectation import WINDOWS, features
 from neurosnap.health.judge import WELL, Judge
-from neurosnap.health.learning import Learned, heard, per_step
+from neurosnap.health.learning import LearnedRates, heard, per_step
 from neurosnap.health.monitor import HealthMonitor
 from neurosnap.health.steps import STEP, Steps
 from neurosnap.health.tail import weekly
@@ -35,7 +35,7 @@ class Watched:
         self.begins: list[float] = []
         self.mentions: list[Mention] = []
         self.judges: list[Judge] = []
-        self.learned: list[Learned] = []
+        self.learned: list[LearnedRates] = []
         monitor = HealthMonitor(home.sensors, alarms)
         self.steps = home.steps(home.begin, home.end)
         open_: dict[int, float] = {}
@@ -50,7 +50,7 @@ class Watched:
         self.mentions += [Mention(s, at, home.end) for s, at in open_.items()]
         self.mentions.sort(key=lambda mention: mention.begin)
 
-    def at(self, begin: float) -> tuple[Judge, Learned]:
+    def at(self, begin: float) -> tuple[Judge, LearnedRates]:
         """Return the state at the beginning of a segment."""
         place = bisect.bisect_left(self.begins, begin)
         return self.judges[place].copy(), self.learned[place]
@@ -83,7 +83,7 @@ class Ours:
         return self._followed(judge, learned, home, begin, end)[1]
 
     def _followed(
-        self, judge: Judge, learned: Learned, home: Home, begin: float, end: float
+        self, judge: Judge, learned: LearnedRates, home: Home, begin: float, end: float
     ) -> tuple[list[Mention], NDArray[np.float64]]:
         steps = home.steps(begin, end)
         known = np.ones(len(home.sensors), np.bool_)
@@ -118,7 +118,7 @@ class Ours:
     def _alone(
         self,
         judge: Judge,
-        learned: Learned,
+        learned: LearnedRates,
         home: Home,
         sensor: int,
         begin: float,
@@ -157,7 +157,7 @@ class Ours:
         return np.asarray(over.any(1) & bool(learned.known[sensor]))
 
     def _expected(
-        self, learned: Learned, low: int, high: int
+        self, learned: LearnedRates, low: int, high: int
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Return the rates that the home without faults gives."""
         whole = self._watched.steps

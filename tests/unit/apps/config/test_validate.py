@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 import msgspec
 import pytest
 
-from neurosnap.apps.config.line_numbers import Lines
+from neurosnap.apps.config.line_numbers import LineNumbers
 from neurosnap.apps.config.problems import dotted
 from neurosnap.apps.config.tables import Config
 from neurosnap.apps.config.validate import known_keys, problems
@@ -81,6 +81,6 @@ def test_keys_are_written_as_toml_has_them() -> None:
 
 
 def test_a_key_behind_a_long_string_stands_where_that_begins() -> None:
-    lines = Lines('a = [\n"""\n\n""", 1,\n2]\nb = 3\n')
+    lines = LineNumbers('a = [\n"""\n\n""", 1,\n2]\nb = 3\n')
     keys = [("a",), ("a", 0), ("a", 1), ("a", 2), ("b",)]
     assert [lines.line(key) for key in keys] == [1, 2, 2, 5, 6]

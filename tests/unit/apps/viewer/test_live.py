@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap import wire
-from neurosnap.apps.viewer.api import Event, Frame, Wave
-from neurosnap.apps.viewer.live import _Listener, difference
+from neurosnap.apps.viewer.api import Event, Frame, WaveView
+from neurosnap.apps.viewer.live import _PageListener, difference
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
@@ -48,7 +48,7 @@ def test_the_last_frame_that_was_told_is_told_again_once_it_is_whole(
             if isinstance(each.message, wire.State) and each.message.tick == TOLD:
                 break
         writer.flush()
-        run_view, listener = RunView(log), _Listener()
+        run_view, listener = RunView(log), _PageListener()
         taken(frames, listener.event(run_view, live=True))
         assert [frame.action for frame in frames.values()] == [None]
         for each in messages:
@@ -64,7 +64,7 @@ def test_the_last_frame_that_was_told_is_told_again_once_it_is_whole(
 
 BITS = st.lists(st.sampled_from([0, 1, None]), min_size=3, max_size=3)
 WAVES = st.builds(
-    Wave,
+    WaveView,
     wave=st.integers(1, 3),
     kind=st.just("state"),
     signal=st.just([1]),

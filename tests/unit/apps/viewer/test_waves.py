@@ -115,10 +115,10 @@ def test_the_planner_finds_its_way_among_the_waves(world: str, tmp_path: Path) -
 
 
 def test_a_frame_has_the_waves_along_its_plan_and_the_oldest_of_the_others() -> None:
-    def wave(number: int, *steps: int) -> api.Wave:
+    def wave(number: int, *steps: int) -> api.WaveView:
         fired = [(literal, 1) for literal in range(100)]
         asked: dict[str, Any] = {"signal": [0], "depth": 1, "pulses": 99}
-        return api.Wave(
+        return api.WaveView(
             wave=number,
             kind="signal",
             hops=fired,
@@ -131,7 +131,7 @@ def test_a_frame_has_the_waves_along_its_plan_and_the_oldest_of_the_others() -> 
     here = [wave(number, number) for number in (1, 2, 3)]
     ahead = [wave(number, 1, number) for number in range(4, 2004)]
     along = [wave(2004, 1, 2), wave(2005, 1, 2, 3), wave(2006, 1, 2, 1)]
-    plan = api.Plan(steps=[3, 1, 2, 3], at=1, more=0, why="")
+    plan = api.PlanView(steps=[3, 1, 2, 3], at=1, more=0, why="")
     shown = first_shown([*here, *ahead, *along], plan)
     oldest = ahead[: api.MOST_IMAGINED - 2]
     assert shown == [*here, *oldest, *along[:2]]
@@ -189,10 +189,10 @@ def test_a_plan_of_many_steps_counts_those_it_does_not_name() -> None:
         decisions[taken + 4] = wire.Decision(
             taken + 4, steps[taken], plan_reason(plan, ACTIONS)
         )
-    assert plan_at(6, decisions, (), ACTIONS) == api.Plan(
+    assert plan_at(6, decisions, (), ACTIONS) == api.PlanView(
         steps=list(steps), at=2, more=0, why=""
     )
-    assert plan_at(4, decisions, (), ACTIONS) == api.Plan(
+    assert plan_at(4, decisions, (), ACTIONS) == api.PlanView(
         steps=list(steps[:6]), at=0, more=2, why=""
     )
     assert plan_at(7, decisions, (), ACTIONS) is None

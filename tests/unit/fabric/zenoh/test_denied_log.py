@@ -5,7 +5,7 @@ import os
 import pytest
 
 from neurosnap.fabric.zenoh import denied_log
-from neurosnap.fabric.zenoh.denied_log import Refusals
+from neurosnap.fabric.zenoh.denied_log import DeniedConnections
 
 ACCESS = "zenoh::net::routing::interceptor::access_control"
 NO_CERTIFICATE = (
@@ -21,7 +21,7 @@ class Told:
     def __init__(self) -> None:
         self.lines: list[str] = []
         self.now = 100.0
-        self.refusals = Refusals(self.lines.append, lambda: self.now)
+        self.refusals = DeniedConnections(self.lines.append, lambda: self.now)
 
     def decided(self, text: str, thread: int = 8) -> None:
         line = f"2026-11-21T06:20:18.5Z TRACE rx-0 ThreadId(0{thread}) {ACCESS}: {text}"

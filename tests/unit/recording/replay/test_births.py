@@ -14,7 +14,7 @@ from neurosnap.apps.cli.recording_info import describe, render
 from neurosnap.errors import RecordingError
 from neurosnap.protocol.run_options import SMALLEST
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.replay.births import Birth, Births, births_of
+from neurosnap.recording.replay.births import Births, RecordedBirth, births_of
 from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from tests.support.lamp import BIRTH, GROWN, lamp_options
@@ -106,7 +106,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_info_lists_what_a_run_has_grown(log: Path) -> None:
     found = describe(Recording.open(log))
-    only = Birth(tick=BIRTH, sensor=24, name=GROWN, history=BIRTH)
+    only = RecordedBirth(tick=BIRTH, sensor=24, name=GROWN, history=BIRTH)
     assert (found.births, found.room) == ((only,), 2)
     text = render(found)
     assert "grown: 1, room for 2 more\n" in text

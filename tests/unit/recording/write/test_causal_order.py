@@ -7,21 +7,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap import wire
-from neurosnap.recording.write.causal_order import CausalOrder, Heard
+from neurosnap.recording.write.causal_order import CausalOrder, HeardWave
 from tests.support.hypothesis_settings import examples
 
 PATIENCE = 10
 
 
-def heard(messages: Iterable[wire.Message]) -> list[Heard]:
+def heard(messages: Iterable[wire.Message]) -> list[HeardWave]:
     """Number the messages of each sender."""
     numbers: dict[str, int] = {}
-    found: list[Heard] = []
+    found: list[HeardWave] = []
     for message in messages:
         number = numbers.get(message.sender, 0)
         numbers[message.sender] = number + 1
         delivery = wire.Delivery(message.key, number, 0, wire.encode(message))
-        found.append(Heard(message, delivery, len(found)))
+        found.append(HeardWave(message, delivery, len(found)))
     return found
 
 
@@ -37,7 +37,7 @@ def decision(tick: int) -> wire.Decision:
     return wire.Decision(tick, -1, "")
 
 
-def run(ticks: int) -> list[Heard]:
+def run(ticks: int) -> list[HeardWave]:
     """A run in the order in which it was said."""
     said: list[wire.Message] = [decision(0)]
     for tick in range(1, ticks + 1):
@@ -58,7 +58,7 @@ def test_whoever_overtakes_whom_causes_come_first(
         who = one.message.sender
         due[who] = max(due.get(who, 0.0), place + chance.random() * reach)
         keyed.append((due[who], place, one))
-    causes, came = CausalOrder(PATIENCE), list[Heard]()
+    causes, came = CausalOrder(PATIENCE), list[HeardWave]()
     for _, _, one in sorted(keyed, key=lambda entry: entry[:2]):
         came += causes.take(one)
     assert causes.rest() == []

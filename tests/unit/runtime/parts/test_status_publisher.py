@@ -15,7 +15,7 @@ from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.parts.status_publisher import (
     STATUS_PUBLISHER,
-    Listener,
+    StatusListener,
     publish_status,
 )
 from neurosnap.sources.mqtt.options import MqttOptions, MqttPublish, MqttSensor
@@ -118,7 +118,7 @@ def test_grown_sensors_are_called_by_their_formulas_once_they_are_born(
     first, contexts = body.first_grown, ((0, (0, 2)), (0, (0, 3)))
     past = ResumePoint("log", 3, (), b"", {}, (3,), grown=contexts[:before])
     publisher = Anomalies()
-    listener = Listener(publisher, past.body(body))  # type: ignore[arg-type]
+    listener = StatusListener(publisher, past.body(body))  # type: ignore[arg-type]
     links = (0, 1), (2 * first, 2 * first + 2), (0, 0), (9.0, 9.0), (0.0, 0.0), (1, 1)
     broken = wire.Anomaly(6, 6, (), (), True, 2, *links)
     listener.take(broken)

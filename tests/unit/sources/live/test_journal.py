@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.sources.live.journal import (
     Journal,
-    Row,
+    JournalRow,
     cut,
     decoded,
     framed,
@@ -68,8 +68,8 @@ def written(folder: Path, count: int) -> Journal:
     return journal
 
 
-def row(number: int) -> Row:
-    return Row(number, bytes([(number - 1) % 4]), b"\3", number == 1)
+def row(number: int) -> JournalRow:
+    return JournalRow(number, bytes([(number - 1) % 4]), b"\3", number == 1)
 
 
 def numbers(folder: Path) -> list[int]:
@@ -89,7 +89,7 @@ def test_rows_are_read_again_by_whoever_comes_next(folder: Path) -> None:
     journal.close()
     kept = read_journal(folder)
     assert kept.sensors == ("door", "motion")
-    assert kept.rows == (row(1), row(2), row(3), Row(4, b"\0", b"\3", True))
+    assert kept.rows == (row(1), row(2), row(3), JournalRow(4, b"\0", b"\3", True))
 
 
 def test_only_the_owner_may_read_it(folder: Path) -> None:

@@ -12,11 +12,11 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.sources.live.latest_readings import REMEMBERED
 from neurosnap.sources.meaning import OFF, ON
 from neurosnap.sources.mqtt.options import MqttSensor
-from neurosnap.sources.mqtt.payload import LARGEST, Payload, Reader
+from neurosnap.sources.mqtt.payload import LARGEST, Payload, PayloadReader
 
 
 def read(sensor: MqttSensor, data: bytes) -> bool | None:
-    return Reader(sensor).read(Payload("house/door", data))
+    return PayloadReader(sensor).read(Payload("house/door", data))
 
 
 WORDS = MqttSensor(name="door", topic="house/door")
@@ -93,7 +93,7 @@ def test_hysteresis_goes_by_the_last_number_outside_the_band(
     """What it says is what the last number beyond either end said."""
     sensor = MqttSensor(name="x", topic="x", on_above=upper, off_below=upper - gap)
     mirrored = MqttSensor(name="x", topic="x", on_below=-upper, off_above=gap - upper)
-    reader, mirror = Reader(sensor), Reader(mirrored)
+    reader, mirror = PayloadReader(sensor), PayloadReader(mirrored)
     for count in range(1, len(numbers) + 1):
         said = numbers[:count]
         payload = Payload("x", json.dumps(said[-1]).encode())
@@ -131,12 +131,14 @@ def test_each_topic_of_a_wildcard_has_a_hysteresis_of_its_own() -> None:
         (each, [True, False, True, False]),
         (one, [True, False, False, False]),
     ]:
-        reader = Reader(sensor)
+        reader = PayloadReader(sensor)
         assert [reader.read(Payload(*it)) for it in said] == expected
 
 
 def test_the_hysteresis_of_topics_without_end_is_bounded() -> None:
-    reader = Reader(MqttSensor(name="warm", topic="+/t", on_above=22, off_below=20))
+    reader = PayloadReader(
+        MqttSensor(name="warm", topic="+/t", on_above=22, off_below=20)
+    )
     for number in range(REMEMBERED + 1):
         assert reader.read(Payload(f"{number}/t", b"23")) is True
     assert reader.read(Payload("0/t", b"21")) is None

@@ -12,7 +12,7 @@ pytest.importorskip("aiomqtt")
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError
-from neurosnap.health.alarm import Alarm, Progress
+from neurosnap.health.alarm import Alarm, AlarmProgress
 from neurosnap.health.news import Standing
 from neurosnap.sensorium import pack
 from neurosnap.sources.mqtt.options import MqttBroker, MqttPublish
@@ -115,7 +115,7 @@ def test_the_last_anomaly_and_alarm_stay_to_be_looked_at_when_they_are_over() ->
     assert held("p/anomaly") == {"now": "OFF", "last": record}
 
     alarm = Alarm("door", "silent", 1, 2, 9.0, 1.0, 0.0, 0, 9.0, 0, None)
-    calm = Standing(3, Progress(89, 300, 2, 3))
+    calm = Standing(3, AlarmProgress(89, 300, 2, 3))
     outlet.health(msgspec.structs.replace(calm, alarms=(alarm,)))
     assert held("p/health/door") == {"now": "ON", "last": alarm.line()}
     assert held("p/health") == {"changes": 89, "of_about": 300, "known": 2, "of": 3}

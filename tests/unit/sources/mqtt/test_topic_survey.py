@@ -12,7 +12,7 @@ from neurosnap.apps.config.mqtt_file import mqtt_file
 from neurosnap.apps.config.sources import MqttTable
 from neurosnap.sources.mqtt import topic_survey
 from neurosnap.sources.mqtt.options import MqttBroker, MqttSensor
-from neurosnap.sources.mqtt.payload import Payload, Reader
+from neurosnap.sources.mqtt.payload import Payload, PayloadReader
 from neurosnap.sources.mqtt.topic_survey import Survey
 
 
@@ -26,7 +26,7 @@ def survey(*messages: tuple[str, object]) -> Survey:
 
 def read(sensor: MqttSensor, said: object) -> bool | None:
     text = said if isinstance(said, str) else json.dumps(said)
-    return Reader(sensor).read(Payload(sensor.topic, text.encode()))
+    return PayloadReader(sensor).read(Payload(sensor.topic, text.encode()))
 
 
 @pytest.mark.parametrize(
