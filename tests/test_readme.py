@@ -92,8 +92,6 @@ def test_there_are_as_many_blocks_to_run_as_were_written() -> None:
         "health": 2,
         "howto/own_world": 3,
         "howto/read_recordings": 2,
-        "howto/reproduce_paper": 1,
-        "measurements": 1,
         "tutorials/first_swarm": 6,
         "tutorials/minigrid": 3,
     }

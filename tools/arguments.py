@@ -2,9 +2,8 @@
 
 import argparse
 
-import typer
-
 from neurosnap.apps.cli import options
+from neurosnap.errors import InvalidValueError
 
 
 def in_bytes(text: str) -> int:
@@ -15,5 +14,6 @@ def in_bytes(text: str) -> int:
     """
     try:
         return options.in_bytes(text)
-    except typer.BadParameter as error:
-        raise argparse.ArgumentTypeError(error.message) from error
+    except InvalidValueError as error:
+        rule = f"{error.rule}, got {text!r}"
+        raise argparse.ArgumentTypeError(rule) from error

@@ -41,7 +41,7 @@ def lake_run(frames: int = EVERY, **more: object) -> RunOptions:
 def images(log: Path) -> dict[int, wire.Image]:
     found = [
         each.message
-        for each in Recording.open(log).messages(("image",))
+        for each in Recording.open_file(log).messages(("image",))
         if isinstance(each.message, wire.Image)
     ]
     by_tick = {image.tick: image for image in found}

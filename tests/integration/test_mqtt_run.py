@@ -276,7 +276,7 @@ async def test_a_wrong_password_is_named_at_once(tmp_path: Path) -> None:
         async with running(
             tmp_path, broker, "inline", "--set", "supervision.restart=never"
         ) as run:
-            assert await run.ended() == 2
+            assert await run.ended() == 1
     assert f"username: must be taken by {HOST}:{broker.port}" in run.said
     assert "got 'neurosnap'" in run.said
     assert "Traceback" not in run.said
