@@ -59,26 +59,3 @@ def test_depth_without_matplotlib_writes_its_table(path_log: Path) -> None:
     facts = json.loads(result.stdout.splitlines()[-1])
     assert (facts["csv"], facts["png"]) == ("d/depth.csv", None)
     assert [path.name for path in Path("d").iterdir()] == ["depth.csv"]
-
-
-@pytest.mark.usefixtures("without_matplotlib")
-def test_a_model_is_measured_without_matplotlib_and_without_a_picture(
-    folder: Path,
-) -> None:
-    result = call("model", "simple", "--json")
-    assert result.exit_code == 0, result.stderr
-    facts = json.loads(result.stdout)
-    assert (facts["png"], facts["faces"]) == (None, [5, 5, 1])
-    for drawn in (("--json", "--out", "a.png"), ()):
-        refused = call("model", "simple", *drawn)
-        assert refused.exit_code == 1
-        assert "picture: must have matplotlib installed" in refused.stderr
-    assert list(folder.iterdir()) == []
-
-
-@pytest.mark.parametrize(
-    ("name", "begins"), [("a.svg", b"<?xml"), ("a.pdf", b"%PDF"), ("A.PNG", b"\x89PNG")]
-)
-def test_a_model_is_drawn_as_its_name_says(name: str, begins: bytes) -> None:
-    assert call("model", "simple", "--out", name).exit_code == 0
-    assert Path(name).read_bytes().startswith(begins)

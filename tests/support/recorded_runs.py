@@ -17,8 +17,10 @@ from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.replay import Replay
 from neurosnap.recording.write.writer import Writer
+from neurosnap.runtime.incarnation import run_incarnation
 from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
+from neurosnap.runtime.watcher import SILENT
 from neurosnap.sources.protocol import Argument
 from tests.support.run_options import options_for
 from tests.support.scripted_sources import Scripted
@@ -127,7 +129,10 @@ def scripted_run(
             "neurosnap.runtime.parts.world_process.open_source",
             lambda *_: Scripted(rows),
         )
-        return recorded(options, log)
+        # Without a journal, whatever the source is called.
+        request = RunRequest(options, log)
+        asyncio.run(run_incarnation(request, asyncio.Event(), SILENT))
+    return log
 
 
 def _options(
