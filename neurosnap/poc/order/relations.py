@@ -80,8 +80,10 @@ def read_relations(
         InvalidValueError: An entry is none of these.
 
     Example:
-        >>> read_relations(Sensorium(["a", "b"]), ["a < b*", (2, 0)])
-        [Relation(low=0, sign='<', high=3), Relation(low=2, sign='<=', high=0)]
+        >>> read_relations(Sensorium(["a", "b"]), ["a < b*"])
+        [OrderRelation(low=0, sign='<', high=3)]
+        >>> read_relations(Sensorium(["a", "b"]), [(2, 0)])
+        [OrderRelation(low=2, sign='<=', high=0)]
     """
     if isinstance(relations, str):
         rule = "must be several, not one text; PocSet.parse reads one"
