@@ -227,7 +227,7 @@ def test_what_workers_said_is_counted(log: Path) -> None:
     counts = {channel.topic: channel.messages for channel in info.channels}
     assert counts["/state"] == TICKS
     assert min(counts["/loom"], counts["/burst"], counts["/tally"]) > 0
-    assert [counts[f"/{name}"] for name in ("wiring", "excite", "settle")] == [0] * 3
+    assert not counts.keys() & {"/wiring", "/excite", "/settle"}
     assert info.completeness.whole
 
 

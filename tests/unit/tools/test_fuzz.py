@@ -14,6 +14,7 @@ from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.protocol.message_checks import check_readings
+from neurosnap.recording.format.facts import sealed_facts
 from neurosnap.recording.format.records import RUN
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
@@ -142,7 +143,7 @@ def test_a_schema_that_is_no_number_of_ours_is_refused(
 ) -> None:
     path, builder = tmp_path / "schema.mcap", RecordBuilder()
     Header("neurosnap", "").write(builder)
-    Metadata(RUN, {"schema": schema}).write(builder)
+    Metadata(RUN, sealed_facts(RUN, {"schema": schema})).write(builder)
     path.write_bytes(b"\x89MCAP0\r\n" + builder.end())
     with pytest.raises(RecordingError, match=r": schema: must be \d+, got '"):
         Recording.open(path)
