@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from neurosnap.agent.growth.birth import Birth
     from neurosnap.agent.sensor import Sensor
     from neurosnap.apps.drawing.order_plot import plot_order
+    from neurosnap.apps.library import Recording, measure_depth, run
     from neurosnap.poc.dual.cubing import Cubing
     from neurosnap.poc.dual.morphism import PocMorphism
     from neurosnap.poc.dual.realization import Realization
@@ -39,11 +40,14 @@ __all__ = [
     "PocMorphism",
     "PocSet",
     "Realization",
+    "Recording",
     "Sensor",
     "Sensorium",
     "implications",
     "load_snapshot",
+    "measure_depth",
     "plot_order",
+    "run",
     "save_snapshot",
 ]
 
@@ -59,11 +63,14 @@ _HOMES = {
     "PocMorphism": "neurosnap.poc.dual.morphism",
     "PocSet": "neurosnap.poc.order.pocset",
     "Realization": "neurosnap.poc.dual.realization",
+    "Recording": "neurosnap.apps.library",
     "Sensor": "neurosnap.agent.sensor",
     "Sensorium": "neurosnap.sensorium",
     "implications": "neurosnap.poc.learning.relation_table",
     "load_snapshot": "neurosnap.recording.snapshot_file",
+    "measure_depth": "neurosnap.apps.library",
     "plot_order": "neurosnap.apps.drawing.order_plot",
+    "run": "neurosnap.apps.library",
     "save_snapshot": "neurosnap.recording.snapshot_file",
 }
 

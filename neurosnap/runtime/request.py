@@ -5,11 +5,13 @@ from pathlib import Path
 
 import msgspec
 
+from neurosnap.errors import InvalidValueError
 from neurosnap.health.news import Standing
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.protocol.totals import Totals
 from neurosnap.recording.format.completeness import Completeness
+from neurosnap.recording.read.recording import part_path
 from neurosnap.runtime.network import PRIVATE, Network
 from neurosnap.runtime.parts.world_process import WayIn
 from neurosnap.runtime.placement import HERE, Placement
@@ -58,6 +60,17 @@ class RunRequest:
     """How outside readings that are kept get to the world; see
     `neurosnap.runtime.journaled_run`."""
 
+    @property
+    def after(self) -> int:
+        """The tick that it goes on from; 0 for a new run."""
+        return 0 if self.past is None else self.past.tick
+
+    @property
+    def written(self) -> Path | None:
+        """The file that it writes first; None if it is not recorded."""
+        part = 0 if self.past is None else self.past.part
+        return None if self.log is None else part_path(self.log, part)
+
 
 class Outcome(msgspec.Struct, kw_only=True):
     """What a run has come to."""
@@ -92,3 +105,13 @@ class Outcome(msgspec.Struct, kw_only=True):
         """Everything that was recorded of it is in the recording."""
         balance = self.completeness
         return balance is not None and balance.whole and not self.kept
+
+
+def check_swarm(swarm: str) -> None:
+    """Refuse an id that could not stand in a key.
+
+    Raises:
+        InvalidValueError: It holds something else than letters and digits.
+    """
+    if not swarm.isalnum():
+        raise InvalidValueError("swarm", "must be letters and digits", swarm)

@@ -85,14 +85,9 @@ class _Lives:
         self._redone = asyncio.Event()
         """Set once this incarnation is past its resume point."""
 
-    @property
-    def _begun(self) -> int:
-        """The tick that the next incarnation goes on from."""
-        return 0 if self._next.past is None else self._next.past.tick
-
     def _follow(self, tick: int) -> None:
         self._reached = max(self._reached, tick)
-        if tick > self._begun:
+        if tick > self._next.after:
             self._redone.set()
         self._watcher.on_tick(tick)
 
@@ -134,7 +129,7 @@ class _Lives:
         options, files = self._next.options, self.files
         found = await asyncio.to_thread(files.furthest, options)
         kept = len(files.kept)
-        if self._reached > self._begun and not files.recorded:
+        if self._reached > self._next.after and not files.recorded:
             self._vanished.append(str(self._log))
         # Not on a thread, which would go on beside `keep_furthest` once this
         # is cancelled.
@@ -144,12 +139,12 @@ class _Lives:
         self._next = replace(self._next, past=past, site=site)
         event = Restart(
             why=str(error),
-            tick=self._begun,
-            lost=max(0, self._reached - self._begun),
+            tick=self._next.after,
+            lost=max(0, self._reached - self._next.after),
             outside=self._cannot_repeat,
             kept=tuple(map(str, files.kept[kept:])),
         )
-        self._reached = self._begun
+        self._reached = self._next.after
         self._redone.clear()
         self._watcher.on_restart(event)
         return gained

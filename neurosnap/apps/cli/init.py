@@ -20,7 +20,6 @@ from neurosnap.apps.cli.shared import (
     errors,
     people,
     print_facts,
-    ranges,
     run_async,
     screen,
 )
@@ -304,10 +303,12 @@ def keys(
 
 def _listed(parts: list[str]) -> list[str]:
     """Return the parts in ``cell/0-39`` and the like, each once."""
+    from neurosnap.runtime.hosts.numbers import parse_ranges
+
     found: list[str] = []
     for text in parts:
         kind, _, numbers = text.partition("/")
-        found += [f"{kind}/{number}" for number in ranges("parts", numbers)]
+        found += [f"{kind}/{number}" for number in parse_ranges("parts", numbers)]
     if len(set(found)) < len(found):
         raise InvalidValueError("parts", "must name each once", ", ".join(parts))
     return found

@@ -1,10 +1,10 @@
 """``neurosnap run`` and ``resume``: run a source through a swarm, and go on."""
 
 import asyncio
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import msgspec
 import typer
 
 from neurosnap.apps.cli import output
@@ -25,33 +25,26 @@ from neurosnap.apps.cli.shared import (
     Format,
     Log,
     app,
-    check_swarm,
     errors,
     new_log,
-    open_ranges,
     people,
     print_facts,
     run_async,
     screen,
 )
 from neurosnap.errors import InvalidValueError
-from neurosnap.protocol.resume_point import ResumePoint
-from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.systemd import ServiceManager
 
 if TYPE_CHECKING:
-    from neurosnap.apps.config.prepare import Prepared
     from neurosnap.runtime.request import Outcome, RunRequest
 
 _EXAMPLE = "Example: neurosnap run neurosnap/Path-v0 --ticks 300 --out a.mcap"
-_MORE = 300
-"""Ticks that a run goes on for, unless told otherwise."""
 
 
 @app.command(epilog=_EXAMPLE, rich_help_panel=LEARN)
 @with_run_options(
     *("ticks", "seed", "agent", "target", "snapshot", "threshold"),
-    *("cells", "workers", "out", "listen", "connect", "tls"),
+    *("cells", "workers", "elsewhere", "out", "listen", "connect", "tls"),
 )
 def run(
     context: typer.Context,
@@ -64,15 +57,6 @@ def run(
             rich_help_panel=NETWORK,
             help="Name of this swarm, by which others find it: letters and digits.",
             show_default="a random one",
-        ),
-    ] = "",
-    elsewhere: Annotated[
-        str,
-        typer.Option(
-            metavar="RANGES",
-            rich_help_panel=NETWORK,
-            help="The cells (or workers) that are started on other machines with"
-            " `neurosnap serve cells`, such as 0-499 or 3,7.",
         ),
     ] = "",
     broker: Annotated[
@@ -95,8 +79,6 @@ def run(
     form: Format = "text",
 ) -> None:
     """Learn from a world, a file or live sensors, and record everything."""
-    from neurosnap.runtime.request import RunRequest, Site
-
     with errors():
         if view:
             check_page()
@@ -105,14 +87,7 @@ def run(
             if view and prepared.log is None:
                 rule = "must go with a recording, which is what is looked at"
                 raise InvalidValueError("view", rule, "no recording")
-            away = _away(elsewhere, swarm, prepared)
-            request = RunRequest(
-                prepared.options,
-                prepared.log,
-                site=Site(prepared.network, prepared.placement, swarm, away),
-                supervision=prepared.supervision,
-            )
-            _check_room(request)
+            request = prepared.request(swarm)
             if prepared.chosen:
                 screen.print(prepared.chosen, markup=False, soft_wrap=True)
             outcome = _carry_out(request, form, view=view)
@@ -127,7 +102,7 @@ def resume(
         int | None,
         typer.Option(
             help="How many ticks there are to be in all.",
-            show_default=f"{_MORE} more than there are",
+            show_default="300 more than there are",
         ),
     ] = None,
     out: Annotated[
@@ -143,26 +118,19 @@ def resume(
     form: Format = "text",
 ) -> None:
     """Go on with a run after its last whole tick, into a new recording."""
-    from neurosnap.recording.read.recording import part_path
-    from neurosnap.recording.replay.resume import find_resume_point
-    from neurosnap.runtime.request import RunRequest
+    from neurosnap.runtime.run import resumed
 
     with errors():
-        options, past = find_resume_point(log)
-        options = msgspec.structs.replace(options, ticks=_more(options, past, ticks))
-        new = new_log(options.source, out)
-        request = RunRequest(options, new, past)
-        written = part_path(new, past.part)
-        outcome = _carry_out(request, form, written)
-        facts = output.outcome_facts(options, outcome, written)
-        resumed = {"resumed": str(log), "resumed_at": past.tick}
-        print_facts(form, {**facts, **resumed})
+        request = resumed(log, ticks)
+        options, after = request.options, request.after
+        request = replace(request, log=new_log(options.source, out))
+        outcome = _carry_out(request, form)
+        facts = output.outcome_facts(options, outcome, request.written)
+        print_facts(form, {**facts, "resumed": str(log), "resumed_at": after})
         _end_by(outcome)
 
 
-def _carry_out(
-    request: "RunRequest", form: str, log: Path | None = None, *, view: bool = False
-) -> "Outcome":
+def _carry_out(request: "RunRequest", form: str, *, view: bool = False) -> "Outcome":
     """Run a swarm and say how it went, in the browser too if that was asked for."""
     from neurosnap.runtime.run import run as run_swarm
 
@@ -170,7 +138,7 @@ def _carry_out(
         request.log.parent.mkdir(exist_ok=True)
 
     def tell(outcome: "Outcome") -> None:
-        output.outcome(people(form), request.options, outcome, log or request.log)
+        output.outcome(people(form), request.options, outcome, request.written)
 
     ticks = request.options.ticks
     with ServiceManager() as service, output.progress(screen, "ticks", ticks) as shown:
@@ -189,57 +157,8 @@ def _carry_out(
         return outcome
 
 
-def _check_room(request: "RunRequest") -> None:
-    """Refuse what this machine cannot run, before anything is started."""
-    from neurosnap.runtime.preflight import check_cells
-
-    request.site.placement.check_installed()
-    if request.options.cells == "process":
-        check_cells(len(request.options.sensors) - len(request.site.elsewhere))
-
-
-def _more(options: RunOptions, past: ResumePoint, ticks: int | None) -> int:
-    """Return how many ticks there are to be when a run goes on.
-
-    Raises:
-        InvalidValueError: There are as many already, or the source has no more.
-    """
-    from neurosnap.sources.open import open_source
-
-    source = open_source(options.source, options.seed, options.arguments)
-    source.close()
-    most = past.tick + _MORE if ticks is None else ticks
-    if source.length is not None:
-        most = min(most, source.length)
-    if most <= past.tick:
-        rule = f"must be more than the {past.tick} there are, and the source have them"
-        raise InvalidValueError("ticks", rule, most)
-    return most
-
-
 def _end_by(outcome: "Outcome") -> None:
     """End with `LOST` if something was lost."""
     whole = outcome.completeness is None or outcome.complete
     if outcome.lost or not whole:
         raise typer.Exit(LOST)
-
-
-def _away(elsewhere: str, swarm: str, request: "Prepared") -> frozenset[str]:
-    """Return the parts that are started on other machines."""
-    options, network = request.options, request.network
-    if swarm:
-        check_swarm(swarm)
-    if not elsewhere:
-        return frozenset()
-    if options.cells == "inline":
-        rule = "must go with cells that are processes, or in workers"
-        raise InvalidValueError("elsewhere", rule, elsewhere)
-    if not swarm or not (network.listen or network.connect):
-        rule = "must come with --swarm ID, and --listen or --connect"
-        raise InvalidValueError("elsewhere", rule, elsewhere)
-    numbers, hosts = open_ranges("elsewhere", elsewhere), options.host_names()
-    kind = "workers" if options.sharing else "cells"
-    try:
-        return frozenset(hosts[number] for number in numbers.of(kind, len(hosts)))
-    except InvalidValueError as error:
-        raise InvalidValueError("elsewhere", error.rule, elsewhere) from error

@@ -31,11 +31,9 @@ from neurosnap.apps.cli.shared import (
     Connect,
     Format,
     app,
-    check_swarm,
     convert,
     errors,
     new_log,
-    open_ranges,
     people,
     print_facts,
     run_async,
@@ -44,6 +42,7 @@ from neurosnap.apps.cli.shared import (
 from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.run_options import HostChoice
 from neurosnap.runtime.network import Network
+from neurosnap.runtime.request import check_swarm
 from neurosnap.runtime.restart_policy import RestartKind
 
 if TYPE_CHECKING:
@@ -269,9 +268,10 @@ def cells(
 ) -> None:
     """Run some of a swarm's cells, or its workers, on this machine."""
     from neurosnap.runtime.hosts import remote_parts
+    from neurosnap.runtime.hosts.numbers import parse_numbers
 
     with errors():
-        numbers = open_ranges("cells", ranges)
+        numbers = parse_numbers("cells", ranges)
         served = _serve(context, f"cells {ranges}", swarm, remote_parts.cells(numbers))
         facts = {"cells": numbers.some, "from": numbers.rest, "served": _names(served)}
         print_facts(form, {"swarm": swarm, **facts})

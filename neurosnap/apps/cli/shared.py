@@ -1,7 +1,6 @@
 """Helpers that all verbs share: the app, error output, stopping a run."""
 
 import asyncio
-import re
 import signal
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
@@ -28,14 +27,10 @@ from neurosnap.system.signals import INTERRUPTED
 
 if TYPE_CHECKING:
     from neurosnap.recording.read.recording import Recording
-    from neurosnap.runtime.hosts.numbers import Numbers
 
 T = TypeVar("T")
 
 LOST = 3
-_RANGE = re.compile(r"(\d{1,6})(?:-(\d{1,6}))?", re.ASCII)
-"""A number or a range. No swarm has a million cells, and a list of them takes room."""
-_OPEN_RANGE = re.compile(r"(\d{1,6})-", re.ASCII)
 _WIDE = 70
 """Columns of a terminal that a table of options fits."""
 _TWICE = 0.5
@@ -149,53 +144,6 @@ def end_by(recording: "Recording") -> None:
     if not recording.whole:
         screen.print("the recording is not whole: `neurosnap info` says what it lacks")
         raise typer.Exit(LOST)
-
-
-def ranges(name: str, text: str) -> list[int]:
-    """Return the numbers in ``0-3,7``, ascending.
-
-    Raises:
-        InvalidValueError: It holds something else, or a number twice.
-    """
-    numbers: set[int] = set()
-    for part in text.split(","):
-        match = _RANGE.fullmatch(part.strip())
-        some = range(int(match[1]), int(match[2] or match[1]) + 1) if match else ()
-        if not some:
-            rule = "must be like 0-499 or 3,7,9-12, of at most six digits"
-            raise InvalidValueError(name, rule, text)
-        if not numbers.isdisjoint(some):
-            raise InvalidValueError(name, "must name each once", text)
-        numbers.update(some)
-    return sorted(numbers)
-
-
-def open_ranges(name: str, text: str) -> "Numbers":
-    """Return the numbers in ``0-3,20-``, whose last range may have no end.
-
-    Raises:
-        InvalidValueError: It holds something else, or a number twice.
-    """
-    from neurosnap.runtime.hosts.numbers import Numbers
-
-    closed, comma, last = text.rpartition(",")
-    match = _OPEN_RANGE.fullmatch(last.strip())
-    if match is None:
-        return Numbers(ranges(name, text))
-    some, rest = ranges(name, closed) if comma else [], int(match[1])
-    if some[-1:] >= [rest]:
-        raise InvalidValueError(name, "must name each once", text)
-    return Numbers(some, rest)
-
-
-def check_swarm(swarm: str) -> None:
-    """Refuse an id that could not stand in a key.
-
-    Raises:
-        InvalidValueError: It holds something else than letters and digits.
-    """
-    if not swarm.isalnum():
-        raise InvalidValueError("swarm", "must be letters and digits", swarm)
 
 
 def convert(kind: type[T], **given: object) -> T:

@@ -37,9 +37,11 @@ from neurosnap.protocol.run_options import (
     RunOptions,
 )
 from neurosnap.runtime.fit_agent import body_of, drawn_to
+from neurosnap.runtime.hosts.numbers import parse_numbers
 from neurosnap.runtime.network import Network
 from neurosnap.runtime.placement import HERE, Placement
-from neurosnap.runtime.preflight import check_sensors
+from neurosnap.runtime.preflight import check_cells, check_sensors
+from neurosnap.runtime.request import RunRequest, Site, check_swarm
 from neurosnap.runtime.restart_policy import Supervision
 from neurosnap.sources.camera import try_camera
 from neurosnap.sources.open import ZENOH, is_live, open_source, settle
@@ -76,6 +78,48 @@ class Prepared(msgspec.Struct, frozen=True):
     """Where the parts are."""
     chosen: str = ""
     """Where the cells are, and why; empty: as was asked for, or a process each."""
+    elsewhere: str = ""
+    """Which cells or workers are started elsewhere, as numbers."""
+
+    def request(self, swarm: str = "") -> RunRequest:
+        """Return the request that runs it, if it fits this machine.
+
+        Args:
+            swarm: Its id; empty: a random one.
+
+        Raises:
+            InvalidValueError: It does not fit, or parts elsewhere could not find it.
+            MissingExtraError: What starts the parts is not installed.
+        """
+        self.placement.check_installed()
+        if swarm:
+            check_swarm(swarm)
+        away = self._away(swarm)
+        if self.options.cells == "process":
+            check_cells(len(self.options.sensors) - len(away))
+        site = Site(self.network, self.placement, swarm, away)
+        return RunRequest(
+            self.options, self.log, site=site, supervision=self.supervision
+        )
+
+    def _away(self, swarm: str) -> frozenset[str]:
+        """Return the parts that are started elsewhere."""
+        text, options, network = self.elsewhere, self.options, self.network
+        if not text:
+            return frozenset()
+        if options.cells == "inline":
+            rule = "must go with cells that are processes, or in workers"
+            raise InvalidValueError("elsewhere", rule, text)
+        if not swarm or not (network.listen or network.connect):
+            rule = "must come with --swarm ID, and --listen or --connect"
+            raise InvalidValueError("elsewhere", rule, text)
+        hosts = options.host_names()
+        kind = "workers" if options.sharing else "cells"
+        try:
+            numbers = parse_numbers("elsewhere", text).of(kind, len(hosts))
+        except InvalidValueError as error:
+            raise InvalidValueError("elsewhere", error.rule, text) from error
+        return frozenset(hosts[number] for number in numbers)
 
 
 def prepare(loaded: Loaded) -> Prepared:
@@ -125,7 +169,15 @@ def prepare(loaded: Loaded) -> Prepared:
     if found or options is None:
         raise loaded.origin.error(found)
     _, _, chosen = _cells(config, len(options.sensors))
-    return Prepared(options, log, config.supervision, network, config.placement, chosen)
+    return Prepared(
+        options,
+        log,
+        config.supervision,
+        network,
+        config.placement,
+        chosen,
+        config.cells.elsewhere,
+    )
 
 
 def _warn_of_secrets(config: Config, folder: Path) -> None:
