@@ -157,6 +157,9 @@ def _be(
 ) -> None:
     """Be a verb, in a process that was forked for it."""
     signal.signal(signal.SIGHUP, signal.SIG_DFL)  # the tests may run below a `nohup`
+    # The fork server may be one that a run in this process has started: it holds back
+    # the signals that end a run.
+    signal.pthread_sigmask(signal.SIG_SETMASK, ())
     if own_session:
         os.setsid()
     if largest is not None:
