@@ -165,7 +165,7 @@ def test_a_run_that_goes_on_has_all_of_them(log: Path, tmp_path: Path) -> None:
 
 def test_a_run_in_several_files_has_all_of_them(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
-    ticks = 200
+    ticks = 800  # more than a chunk holds, which may wait to be full
     options = lake_run(frames=2, ticks=ticks, split=1 << 16, keyframe_every=10)
     recorded_run(options, path)
     paths = part_paths(path).values()
