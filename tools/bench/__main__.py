@@ -1,17 +1,19 @@
 #!/usr/bin/env python3
-"""Measure what docs/measurements.md says of speed, all in one run.
+"""Measure the speeds that docs/measurements.md tells, all in one run.
 
-Ours and what it is compared with are measured in turns, everything is warm before the
-clock starts, and the best of the repeats or the median counts: what else runs on the
-machine only ever adds to a time. Not so plain numpy in the row `cycle`: it
-takes so much longer that it is timed once, in one block. Each row is printed as soon as
-it is there; one that cannot be measured says why, and the others are measured. Nothing
-is judged: a mark says whether it came out as hoped, and the exit code is 0 either way.
+Two sides of a comparison are measured in turns, everything is warm before the clock
+starts, and the best of the repeats or the median counts: what else runs on the machine
+only ever adds to a time. Each row is printed as soon as it is measured, as lines of a
+Markdown table. If a row cannot be measured, it says why, and the others are measured.
+A mark says whether a row came out as hoped; the exit code is 0 either way.
 """
 
 import argparse
 import json
+import os
+import platform
 import sys
+from dataclasses import asdict
 from importlib import import_module
 from pathlib import Path
 
@@ -20,65 +22,47 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from rich.console import Console
 
-from tools.bench.report import (
-    QUICK,
-    Line,
-    Sizes,
-    as_json,
-    markdown,
-    markdown_head,
-    table,
-)
+from tools.bench.report import HEAD, QUICK, Line, Sizes, markdown
 
 ROWS = {
-    "spawn": "swarm",
-    "hop": "swarm",
-    "line": "swarm",
-    "wave": "wave",
-    "recording": "run",
-    "observe": "observe",
-    "lazy": "lazy",
-    "cycle": "agent",
-    "growth": "growth",
-    "tick": "tick",
-    "worker": "worker",
-    "kinds": "kinds",
-    "coordinator": "coordinator",
-    "scale": "scale",
-    "verify": "run",
-    "page": "page",
-    "seek": "seek",
+    "spawn": ("swarm", "from the hub's start until every cell is wired; memory a cell"),
+    "hop": ("swarm", "one hop of a wave along a chain, against bare Zenoh"),
+    "line": ("swarm", "waves against their depth: a straight line"),
+    "recording": ("run", "a tick with the recorder and without"),
+    "observe": ("observe", "an observation of a snapshot in this process"),
+    "lazy": ("lazy", "learning that leaves pairs alone, against judging every pair"),
+    "growth": ("growth", "a birth, and decisions while exploring Taxi"),
+    "tick": ("tick", "the coordinator's share of a tick, a process each cell"),
+    "kinds": ("run", "ticks a second of the same run with each kind of cells"),
+    "coordinator": ("coordinator", "the coordinator's core, with cells in workers"),
+    "scale": ("scale", "processor time of each part, and a model of other sizes"),
+    "verify": ("run", "verify of a recording, against the run that made it"),
+    "page": ("page", "ticks a second that the page shows"),
+    "seek": ("page", "a far tick on the page"),
 }
-"""The module that measures a row, in a function of the row's name."""
+"""Each row's module, which has a function of the row's name, and what it times."""
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Measure the rows asked for and print each when it is there."""
+    """Measure the rows asked for and print each as soon as it is measured."""
     given = _parser().parse_args(arguments)
-    sizes = QUICK if given.quick else Sizes()
-    # Of two outputs, the one for programs is alone on stdout's last line.
+    # The table alone goes to stdout.
     waiting = Console(stderr=True)
-    # Into a file or a pipe as wide as it is.
-    console = Console(width=None if sys.stdout.isatty() else 160)
-    if given.markdown:
-        print(markdown_head())
+    print(f"{markdown(HEAD)}\n{markdown(('---',) * len(HEAD))}")
     rows: dict[str, list[Line]] = {}
     for name in given.only:
         with waiting.status(name):
-            rows[name] = measure(name, sizes)
-        if given.markdown:
-            print(markdown(rows[name]), flush=True)
-        else:
-            console.print(table(rows[name], head=len(rows) == 1))
-            sys.stdout.flush()
+            rows[name] = measure(name, QUICK if given.quick else Sizes())
+        for line in rows[name]:
+            print(markdown(line.cells()), flush=True)
     if given.json:
-        print(json.dumps(as_json(rows)))
+        print(json.dumps({"machine": _machine(), "rows": _plain(rows)}))
 
 
 def measure(name: str, sizes: Sizes) -> list[Line]:
     """Return the lines of a row, or one that says why it cannot be measured."""
     try:
-        module = import_module(f"tools.bench.{ROWS[name]}")
+        module = import_module(f"tools.bench.{ROWS[name][0]}")
         lines: list[Line] = getattr(module, name)(sizes)
     except Exception as error:  # noqa: BLE001 - whatever it is, other rows stand alone
         return [Line(name, f"not measured: {_reason(error)}")]
@@ -92,20 +76,35 @@ def _reason(error: Exception) -> str:
     return str(error).partition("\n")[0] or type(error).__name__
 
 
+def _machine() -> dict[str, object]:
+    return {
+        "cores": len(os.sched_getaffinity(0)),
+        "load": os.getloadavg()[0],
+        "platform": platform.platform(),
+        "python": platform.python_version(),
+    }
+
+
+def _plain(rows: dict[str, list[Line]]) -> dict[str, list[dict[str, object]]]:
+    return {name: [asdict(line) for line in lines] for name, lines in rows.items()}
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="bench", description="Measure the speed of everything that counts."
+        prog="bench",
+        description="Measure speed; print a Markdown table.",
+        epilog="\n".join(f"  {name:12} {what}" for name, (_, what) in ROWS.items()),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "--only",
         type=_names,
         default=tuple(ROWS),
         metavar="A,B",
-        help=f"rows to measure, of {', '.join(ROWS)}",
+        help="rows to measure",
     )
-    parser.add_argument("--quick", action="store_true", help="small sizes, to try it")
-    parser.add_argument("--json", action="store_true", help="one object, last")
-    parser.add_argument("--markdown", action="store_true", help="a Markdown table")
+    parser.add_argument("--quick", action="store_true", help="small sizes, as a trial")
+    parser.add_argument("--json", action="store_true", help="add one object, last")
     return parser
 
 

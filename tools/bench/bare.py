@@ -1,4 +1,4 @@
-"""What Zenoh alone can do on this machine: the bare side of `bench.py`.
+"""What Zenoh alone can do on this machine: the bare side of the bench.
 
 A program of its own, so that its fork server has nothing loaded but Zenoh and what
 comes with Python, and its processes hold nothing else. Prints one JSON object.
@@ -6,10 +6,7 @@ comes with Python, and its processes hold nothing else. Prints one JSON object.
 - ``spawn N``: N processes, each with a session and one subscriber; `--memory` measures
   them once all are up.
 - ``ring N LAPS``: a message goes round N processes, each callback puts it on to the
-  next through a declared publisher: no queue, no decoding, no report. With `--reports`
-  each also puts a report, one process hears all reports, and another hears everything.
-- ``wave N WAVES --pulses P``: what a state wave exchanges, and no more: one message to
-  all N processes, P from each to others, one from each once all of its own have come.
+  next through a declared publisher: no queue, no decoding, no report.
 
 What only one process needs is imported there, and the others stay without it.
 """
@@ -39,29 +36,23 @@ _BLOCK = zenoh.CongestionControl.BLOCK
 _WARMUP = 5  # laps not counted
 _PATIENCE = 60.0
 _PAYLOAD = b"x" * 64  # about what a pulse takes
-_REPORT = b"x" * 128
-_BESIDE = b"x" * 16  # a running number and a clock
 
 
 def main() -> None:
     """Measure what the command line asks for."""
     parser = argparse.ArgumentParser(prog="bare")
-    parser.add_argument("what", choices=("spawn", "ring", "wave"))
+    parser.add_argument("what", choices=("spawn", "ring"))
     parser.add_argument("count", type=int)
     parser.add_argument("laps", type=int, nargs="?", default=50)
     parser.add_argument("--memory", action="store_true")
-    parser.add_argument("--pulses", type=int, default=4)
-    parser.add_argument("--reports", action="store_true")
     given = parser.parse_args()
     _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
     _context.set_forkserver_preload(["tools.bench.bare"])
     if given.what == "spawn":
         measured = measure_spawn(given.count, memory=given.memory)
-    elif given.what == "wave":
-        measured = measure_waves(given.count, given.laps, given.pulses)
     else:
-        measured = measure_ring(given.count, given.laps, reports=given.reports)
+        measured = measure_ring(given.count, given.laps)
     print(json.dumps(measured))
 
 
@@ -79,19 +70,15 @@ def measure_spawn(count: int, *, memory: bool = False) -> dict[str, float]:
     return measured
 
 
-def measure_ring(count: int, laps: int, *, reports: bool = False) -> dict[str, float]:
+def measure_ring(count: int, laps: int) -> dict[str, float]:
     """Return the median seconds a hop of `laps` laps round `count` processes."""
     with _Family() as family:
-        endpoint = family.open_hub(count + 2)
+        endpoint = family.open_hub(count)
         up, say_up = _context.Pipe(duplex=False)
         line, line_end = _context.Pipe()
-        for keys in ("report/*", "**") if reports else ():
-            family.start(be_listener, endpoint, keys, say_up)
-            _await(up, 1)
         for number in range(count):
             end = line_end if number == 0 else None
-            start = (be_relay, endpoint, number, count, laps, reports)
-            family.start(*start, say_up, end)
+            family.start(be_relay, endpoint, number, count, laps, say_up, end)
         _await(up, count)
         line.send_bytes(b"go")
         took = json.loads(_await(line, 1))
@@ -103,24 +90,6 @@ def mean_pss(pids: list[int]) -> float:
     import psutil
 
     return statistics.fmean(psutil.Process(pid).memory_full_info().pss for pid in pids)
-
-
-def measure_waves(count: int, waves: int, pulses: int) -> dict[str, float]:
-    """Return the median seconds of `waves` waves through `count` processes."""
-    with _Family() as family:
-        endpoint = family.open_hub(count + 1)
-        up, say_up = _context.Pipe(duplex=False)
-        line, line_end = _context.Pipe()
-        for number in range(count):
-            family.start(be_waved, endpoint, number, count, pulses, say_up)
-        _await(up, count)
-        family.start(be_starter, endpoint, count, waves, say_up, line_end)
-        _await(up, 1)
-        took = json.loads(_await(line, 1))
-    return {
-        "wave": statistics.median(took),
-        "pulse": statistics.median(took) / count / pulses,
-    }
 
 
 class _Family:
@@ -192,22 +161,11 @@ def be_bare(endpoint: str, number: int, say_up: Connection) -> None:
     subscriber.undeclare()
 
 
-def be_listener(endpoint: str, keys: str, say_up: Connection) -> None:
-    """Hear all there is, as the coordinator hears reports, and the recorder all."""
-    _end_with_parent()
-    session = _open(endpoint)
-    callback = zenoh.handlers.Callback(_copy, indirect=False)
-    session.declare_subscriber(keys, callback)
-    say_up.send_bytes(b"1")
-    signal.pause()
-
-
 def be_relay(
     endpoint: str,
     number: int,
     count: int,
     laps: int,
-    reports: bool,
     say_up: Connection,
     line: Connection | None,
 ) -> None:
@@ -221,9 +179,6 @@ def be_relay(
 
     def relay(sample: zenoh.Sample) -> None:
         onward.put(sample.payload)
-        if reports:
-            key = f"report/{number}"
-            session.put(key, _REPORT, congestion_control=_BLOCK, attachment=_BESIDE)
 
     def count_lap(sample: zenoh.Sample) -> None:
         times.append(time.perf_counter())
@@ -243,70 +198,6 @@ def be_relay(
     if line is not None:
         line.recv_bytes()
         onward.put(_PAYLOAD)
-    signal.pause()
-
-
-def be_waved(
-    endpoint: str, number: int, count: int, pulses: int, say_up: Connection
-) -> None:
-    """Send pulses when a wave starts; report when as many have come."""
-    _end_with_parent()
-    session = _open(endpoint)
-    targets = [
-        (number + 1 + place * (count // pulses)) % count for place in range(pulses)
-    ]
-    came = 0
-
-    def send(key: str, payload: bytes) -> None:
-        session.put(key, payload, congestion_control=_BLOCK, attachment=_BESIDE)
-
-    def take(sample: zenoh.Sample) -> None:
-        nonlocal came
-        if str(sample.key_expr) == "wave/start":
-            for target in targets:
-                send(f"wave/pulse/{target}", _PAYLOAD)
-            return
-        came += 1
-        if came % pulses == 0:
-            send(f"wave/report/{number}", _REPORT)
-
-    callback = zenoh.handlers.Callback(take, indirect=False)
-    for key in ("wave/start", f"wave/pulse/{number}"):
-        session.declare_subscriber(key, callback)
-    say_up.send_bytes(b"1")
-    signal.pause()
-
-
-def be_starter(
-    endpoint: str, count: int, waves: int, say_up: Connection, line: Connection
-) -> None:
-    """Start a wave when all have reported on the last; time each."""
-    _end_with_parent()
-    session = _open(endpoint)
-    times: list[float] = []
-    came = 0
-
-    def start() -> None:
-        times.append(time.perf_counter())
-        session.put(
-            "wave/start", _PAYLOAD, congestion_control=_BLOCK, attachment=_BESIDE
-        )
-
-    def take(sample: zenoh.Sample) -> None:
-        nonlocal came
-        came += 1
-        if came % count == 0 and len(times) <= _WARMUP + waves:
-            start()
-        elif came % count == 0:
-            times.append(time.perf_counter())
-            took = [b - a for a, b in itertools.pairwise(times)]
-            line.send_bytes(json.dumps(took[_WARMUP:]).encode())
-
-    callback = zenoh.handlers.Callback(take, indirect=False)
-    session.declare_subscriber("wave/report/*", callback)
-    time.sleep(1.0)  # routes of all processes are made meanwhile
-    say_up.send_bytes(b"1")
-    start()
     signal.pause()
 
 
@@ -335,11 +226,6 @@ def _open(endpoint: str) -> zenoh.Session:
 
 def _ignore(sample: zenoh.Sample) -> None:
     """Take in nothing."""
-
-
-def _copy(sample: zenoh.Sample) -> None:
-    """Copy a message out of Zenoh's hands, as whoever hears it must."""
-    sample.payload.to_bytes()
 
 
 def _end_with_parent() -> None:

@@ -1,4 +1,4 @@
-"""The row on the page: ticks it shows a second, without a graphics card."""
+"""Rows on the page, drawn without a graphics card: playing, and seeking a far tick."""
 
 import asyncio
 import random
@@ -31,6 +31,18 @@ _PLAY = """async (speed) => {
         if (!page.time.player.playing) return seen;
         seen.push([now, page.frame.tick]);
     }
+}"""
+
+_WANTED = {500: 0.5, 2000: 1.5}
+"""Seconds that a seek may take, by sensors."""
+_SEEK = """async (tick) => {
+    const { page } = await import("/main.js");
+    const began = performance.now();
+    page.time.player.seek(tick);
+    const isShown = () => page.frame.tick === tick && page.order.graph.id === page.frame.graph;
+    while (!isShown()) await new Promise(requestAnimationFrame);
+    await new Promise(requestAnimationFrame);  // it is painted
+    return performance.now() - began;
 }"""
 
 
@@ -142,3 +154,45 @@ async def _busy(session: CDPSession) -> float:
     found = await session.send("Performance.getMetrics")
     metrics = {metric["name"]: metric["value"] for metric in found["metrics"]}
     return float(metrics["TaskDuration"])
+
+
+def seek(sizes: Sizes) -> list[Line]:
+    """Go to ticks far from any that was looked at, each in a server of its own.
+
+    Raises:
+        FileNotFoundError: There is no Chromium.
+    """
+    if chromium() is None:
+        raise FileNotFoundError(NO_BROWSER)
+    lines = []
+    with tempfile.TemporaryDirectory() as folder:
+        for sensors in (sizes.crowd, 4 * sizes.crowd):
+            log = asyncio.run(walks(Path(folder), sensors, sizes.ticks))
+            times = [
+                asyncio.run(_sought(log, tick))
+                for tick in (sizes.ticks, sizes.ticks // 2, sizes.ticks * 3 // 4)
+            ]
+            lines.append(_seek_line(sensors, times))
+    return lines
+
+
+def _seek_line(sensors: int, times: list[float]) -> Line:
+    wanted = _WANTED.get(sensors)
+    middle, worst = statistics.median(times), max(times)
+    return Line(
+        f"a far tick on the page, {sensors} sensors",
+        f"{middle:.2f} s",
+        f"{worst:.2f} s the longest of {len(times)}",
+        f"{wanted} s" if wanted else "",
+        None if wanted is None else worst <= wanted,
+        {"seconds": middle, "longest_seconds": worst},
+    )
+
+
+async def _sought(log: Path, tick: int) -> float:
+    """Return how long it takes until a tick and its order are painted, in seconds."""
+    async with serving(ViewSession(log)) as address, browsing() as opened:
+        await opened.goto(f"{address.url}#t=1")
+        await wait_shown(opened, 1)
+        passed: float = await opened.evaluate(_SEEK, tick)
+        return passed / 1000

@@ -10,7 +10,6 @@ from neurosnap.depth.probe import Measured, ProbeJob, ProbePlan
 from neurosnap.runtime.launch import Ending, Jobs, host_jobs, launch
 from neurosnap.runtime.request import Site
 from neurosnap.runtime.watcher import Watcher
-from tools.bench.spent import Spent
 
 _ENDLESS = 10**9
 """More waves than a swarm will ever send: it is stopped when all is measured."""
@@ -23,29 +22,6 @@ def probe(plan: ProbePlan) -> Ending:
         return await launch(_swarm(plan), Site(), asyncio.Event())
 
     return asyncio.run(run())
-
-
-def spent_a_wave(plan: ProbePlan) -> dict[str, float]:
-    """Return the processor seconds a wave of each kind of part.
-
-    Args:
-        plan: Waves go on until there were twice as many as it says.
-    """
-    spent = Spent(plan.warmup + 1)
-    endless = msgspec.structs.replace(plan, waves=_ENDLESS)
-
-    async def run() -> None:
-        stop = asyncio.Event()
-
-        def look(wave: int) -> None:
-            spent.look(wave)
-            if wave > plan.warmup + 2 * plan.waves:
-                stop.set()
-
-        await launch(_swarm(endless), Site(), stop, Watcher(look))
-
-    asyncio.run(run())
-    return spent.a_tick(plan.waves)
 
 
 def rows_of(ending: Ending) -> list[Measured]:

@@ -1,16 +1,10 @@
-"""What a benchmark hands in: lines of a table, with the bare figures beside."""
+"""Sizes of what the benchmarks measure, and the lines of their table."""
 
-import os
-import platform
 import statistics
-import sys
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 
-from rich.table import Table
-
-_HEAD = ("what", "measured", "against", "reach", "")
-_SHARES = (3, 4, 4, 3, 0)  # of the screen's width
+HEAD = ("what", "measured", "against", "reach", "")
 _MARKS = {True: "✓", False: "✗", None: ""}
 
 
@@ -32,8 +26,6 @@ class Sizes:
     """Ticks of a run."""
     sensors: tuple[int, ...] = (145, 1000)
     """Sensors of the observe row."""
-    waved: tuple[int, ...] = (100, 300, 1000)
-    """Cells of the wave row."""
     lines: tuple[int, ...] = (20, 100, 300, 1000)
     """Sensors of the kinds row."""
     crowds: tuple[int, ...] = (1000, 3000, 10_000)
@@ -56,7 +48,6 @@ QUICK = Sizes(
     pairs=1,
     ticks=20,
     sensors=(20, 40),
-    waved=(20,),
     lines=(20,),
     crowds=(40,),
     fitted=(40, 60, 80),
@@ -95,49 +86,6 @@ def ratio_of_pairs(ours: list[float], theirs: list[float]) -> float:
     return statistics.median(a / b for a, b in zip(ours, theirs, strict=True))
 
 
-def table(lines: Iterable[Line], *, head: bool = True) -> Table:
-    """Return the lines as a table for the screen, as wide as that.
-
-    Args:
-        lines: What it shows.
-        head: Whether it says what stands in its columns; those of others below it are
-            as wide.
-    """
-    shown = Table(expand=True, show_header=head)
-    for name, share in zip(_HEAD, _SHARES, strict=True):
-        if share:
-            shown.add_column(name, ratio=share)
-        else:
-            shown.add_column(name, width=1)
-    for line in lines:
-        shown.add_row(*line.cells())
-    return shown
-
-
-def markdown_head() -> str:
-    """Return what a Markdown table begins with."""
-    return "\n".join(_row(cells) for cells in (_HEAD, ("---",) * len(_HEAD)))
-
-
-def markdown(lines: Iterable[Line]) -> str:
-    """Return the lines as those of a Markdown table."""
-    return "\n".join(_row(line.cells()) for line in lines)
-
-
-def _row(cells: Iterable[str]) -> str:
+def markdown(cells: Iterable[str]) -> str:
+    """Return a row of a Markdown table."""
     return f"| {' | '.join(cells)} |"
-
-
-def as_json(rows: dict[str, list[Line]]) -> dict[str, object]:
-    """Return everything, plain, with what it was measured on."""
-    return {
-        "machine": {
-            "cores": len(os.sched_getaffinity(0)),
-            "load": os.getloadavg()[0],
-            "platform": platform.platform(),
-            "python": ".".join(map(str, sys.version_info[:3])),
-        },
-        "rows": {
-            name: [asdict(line) for line in lines] for name, lines in rows.items()
-        },
-    }

@@ -1,11 +1,14 @@
-"""Rows on whole runs of the path: what recording costs, how fast a replay checks."""
+"""Rows on whole runs: what recording costs, how fast verify is, kinds of cells."""
 
 import asyncio
 import tempfile
 from pathlib import Path
 
-from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.replay.verify import verify as replay
+import numpy as np
+from msgspec.structs import replace
+
+from neurosnap.protocol.run_options import CellKind, RunOptions
+from neurosnap.recording.replay.verify import verify as check
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.request import Outcome, RunRequest
 from neurosnap.runtime.run import run
@@ -14,6 +17,8 @@ from tools.bench.report import Line, Sizes, ratio_of_pairs
 
 _SOURCE = "neurosnap/Path-v0"
 _RECORDING, _VERIFY = 1.15, 10.0
+_WORKERS = 2
+_KINDS: tuple[CellKind, ...] = ("process", "worker", "inline")
 
 
 def recording(sizes: Sizes) -> list[Line]:
@@ -53,17 +58,17 @@ def recording(sizes: Sizes) -> list[Line]:
 
 
 def verify(sizes: Sizes) -> list[Line]:
-    """Time `replay --verify` against the run whose recording it checks."""
+    """Time `verify` against the run whose recording it checks."""
     with tempfile.TemporaryDirectory(prefix="bench-") as folder:
         log = Path(folder) / "run.mcap"
         made = run_once(path_options(sizes.ticks), log)
-        verdicts = [replay(log) for _ in range(sizes.pairs + 1)][1:]
+        verdicts = [check(log) for _ in range(sizes.pairs + 1)][1:]
     best = min(verdict.seconds for verdict in verdicts)
     ticks, same = verdicts[0].ticks, all(verdict.same for verdict in verdicts)
     speed = made.seconds / made.totals.ticks / (best / ticks)
     return [
         Line(
-            f"replay --verify of {ticks} ticks",
+            f"verify of {ticks} ticks",
             f"{ticks / best:,.0f} ticks/s ({speed:.0f} ×),"
             f" {'same' if same else 'NOT the same'}",
             f"the run {made.totals.ticks / made.seconds:,.0f} ticks/s",
@@ -80,6 +85,52 @@ def verify(sizes: Sizes) -> list[Line]:
     ]
 
 
+def kinds(sizes: Sizes) -> list[Line]:
+    """Run a walker on a line with each kind of cells, in turns."""
+    with tempfile.TemporaryDirectory(prefix="bench-") as folder:
+        return [_line(count, sizes, Path(folder)) for count in sizes.lines]
+
+
+def _line(count: int, sizes: Sizes, folder: Path) -> Line:
+    options = line_options(count, max(10, min(sizes.ticks, 20_000 // count)), folder)
+    best: dict[CellKind, float] = {}
+    found = set()
+    for turn in range(sizes.pairs):
+        for kind in _KINDS:
+            log = folder / f"{count}-{kind}-{turn}.mcap"
+            outcome = run_once(replace(options, cells=kind), log)
+            pace = outcome.totals.ticks / outcome.seconds
+            best[kind] = max(pace, best.get(kind, 0.0))
+            found.add((outcome.totals.incoherent, *outcome.implications))
+    ahead, same = best["inline"] / best["worker"], len(found) == 1
+    return Line(
+        f"{count:,} sensors of a CSV file, recorded: ticks a second"
+        f" (of {options.ticks})",
+        f"inline {best['inline']:,.0f}",
+        f"{_WORKERS} workers {best['worker']:,.0f}, a process each"
+        f" {best['process']:,.1f};"
+        f" {'the same' if same else 'NOT the same'} order",
+        "inline ≥ workers, the same",
+        ahead >= 1 and same,
+        {f"{kind}_pace": pace for kind, pace in best.items()} | {"ahead": ahead},
+    )
+
+
+def line_options(count: int, ticks: int, folder: Path) -> RunOptions:
+    """Return a run of a walker on a line, whose readings are written there."""
+    rng, places, at = np.random.default_rng(1), np.arange(count), count // 2
+    rows = [",".join(f"x{place}" for place in places)]
+    for _ in range(ticks):
+        at = int(np.clip(at + rng.integers(-1, 2), 0, count))
+        rows.append(",".join(map(str, (places < at).astype(int).tolist())))
+    path = folder / f"{count}.csv"
+    path.write_text("\n".join(rows) + "\n")
+    source = open_source(str(path), 0)
+    source.close()
+    body = body_of(source, "walker")
+    return RunOptions(source=str(path), body=body, ticks=ticks, workers=_WORKERS)
+
+
 def path_options(ticks: int) -> RunOptions:
     """Return the run of a walker on the path."""
     source = open_source(_SOURCE, 0)
@@ -88,7 +139,7 @@ def path_options(ticks: int) -> RunOptions:
 
 
 def run_once(options: RunOptions, log: Path | None = None) -> Outcome:
-    """Make a run; None: not recorded."""
+    """Make a run, recorded if a file is named."""
 
     async def once() -> Outcome:
         return await run(RunRequest(options, log), asyncio.Event())

@@ -9,21 +9,23 @@ The three are found at some sizes, and what they say of others is held against r
 import asyncio
 import shutil
 import tempfile
+from collections import Counter
 from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
 
 import numpy as np
+import psutil
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from neurosnap.protocol.run_options import LearningKind
+from neurosnap.runtime.registry import parts_of
 from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from neurosnap.runtime.watcher import Watcher
-from tools.bench.kinds import line_options
 from tools.bench.report import Line, Sizes
-from tools.bench.spent import Spent
+from tools.bench.run import line_options
 
 _WORKERS = 2
 _BEGIN, _TICKS = 32, 160  # several blocks of 64 observations lie between
@@ -51,6 +53,46 @@ def scale(sizes: Sizes) -> list[Line]:
     return lines
 
 
+class _Spent:
+    """What each kind of part has spent, at some of a run's ticks.
+
+    Args:
+        begin: The first tick to look at: all parts are up by then.
+    """
+
+    def __init__(self, begin: int) -> None:
+        self._begin = begin
+        self._parts = 0
+        self._seen: list[tuple[int, Counter[str]]] = []
+
+    def look(self, tick: int) -> None:
+        """Look at the parts that this process has started, unless some have ended."""
+        if tick < self._begin:
+            return
+        spent: Counter[str] = Counter()
+        found = [*parts_of(psutil.Process())]
+        for who, process in found:
+            try:
+                times = process.cpu_times()
+            except psutil.NoSuchProcess:
+                return
+            spent[who.partition("/")[0]] += times.user + times.system
+        self._parts = self._parts or len(found)
+        if len(found) == self._parts:
+            self._seen.append((tick, spent))
+
+    def a_tick(self, least: int) -> dict[str, float]:
+        """Return the seconds a tick of each kind of part, between first and last look.
+
+        Args:
+            least: Ticks that must lie between them.
+        """
+        (first, before), (last, after) = self._seen[0], self._seen[-1]
+        if last - first < least:
+            raise RuntimeError(f"ticks {first} to {last}: must be {least} at least")
+        return {part: (after[part] - before[part]) / (last - first) for part in after}
+
+
 def _spent(count: int, learning: LearningKind, folder: Path) -> dict[str, float]:
     """Return the processor seconds a tick of each part, of workers of one of them."""
     at, ticks = folder / f"{count}", max(_TICKS, _READINGS // count)
@@ -63,7 +105,7 @@ def _spent(count: int, learning: LearningKind, folder: Path) -> dict[str, float]
         watch=True,
         keyframe_every=1 << 20,
     )
-    spent = Spent(_BEGIN)
+    spent = _Spent(_BEGIN)
     asyncio.run(
         run(RunRequest(options, at / "run.mcap"), asyncio.Event(), Watcher(spent.look))
     )

@@ -7,13 +7,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-import msgspec
 import numpy as np
 
 from neurosnap.depth.probe import Measured, ProbePlan
 from neurosnap.runtime.starting.child_processes import allow_files
 from tools.bench.bare import mean_pss
-from tools.bench.probe import probe, rows_of, spent_a_wave, weighed_while_up
+from tools.bench.probe import probe, rows_of, weighed_while_up
 from tools.bench.report import Line, Sizes, ratio_of_pairs
 
 _ROOT = Path(__file__).parents[2]
@@ -80,10 +79,7 @@ def _cells_pss() -> float:
 
 
 def hop(sizes: Sizes) -> list[Line]:
-    """Time one hop of a wave along a chain, against a bare relay ring.
-
-    A second ring sends the reports, too, and has them and all else heard.
-    """
+    """Time one hop of a wave along a chain, against a bare relay ring."""
     low, high = sizes.chain // 10, sizes.chain - 1
     plan = ProbePlan(
         sensors=sizes.chain,
@@ -92,46 +88,32 @@ def hop(sizes: Sizes) -> list[Line]:
         waves=sizes.waves,
         warmup=3,
     )
-    theirs, same, slopes, quotients = [], [], [], []
+    theirs, slopes, quotients = [], [], []
     ring = "ring", sizes.chain, str(sizes.waves)
     for _ in range(sizes.pairs):
         theirs.append(run_bare(*ring)["hop"])
-        same.append(run_bare(*ring, "--reports")["hop"])
         medians = _medians(rows_of(probe(plan)))
         slopes.append((medians[high] - medians[low]) / (high - low))
         quotients.append(medians[high] / high)
     bare = min(theirs)
-    spent = spent_a_wave(msgspec.structs.replace(plan, heights=(high,)))
-    each = {part: seconds / high for part, seconds in spent.items()}
-    parts = sorted(each.items(), key=lambda one: -one[1])
     return [
-        *(
-            Line(
-                what,
-                f"{min(ours) * 1e6:.0f} µs ({min(ours) / bare:.2f} ×)",
-                f"bare relay {bare * 1e6:.0f} µs, with reports"
-                f" {min(same) * 1e6:.0f} µs ({min(ours) / min(same):.2f} ×)",
-                f"≤ {_HOP:g} ×",
-                min(ours) / bare <= _HOP,
-                {
-                    "seconds": min(ours),
-                    "bare_seconds": bare,
-                    "bare_reporting_seconds": min(same),
-                    "ratio": min(ours) / bare,
-                    "ratio_of_pairs": ratio_of_pairs(ours, theirs),
-                },
-            )
-            for what, ours in (
-                (f"one hop, chain of {sizes.chain} cells (slope)", slopes),
-                (f"one hop, whole wave / {high} hops", quotients),
-            )
-        ),
         Line(
-            "processor time a hop",
-            f"{sum(each.values()) * 1e6:.0f} µs",
-            ", ".join(f"{part} {seconds * 1e6:.0f}" for part, seconds in parts),
-            figures=each,
-        ),
+            what,
+            f"{min(ours) * 1e6:.0f} µs ({min(ours) / bare:.2f} ×)",
+            f"bare relay {bare * 1e6:.0f} µs",
+            f"≤ {_HOP:g} ×",
+            min(ours) / bare <= _HOP,
+            {
+                "seconds": min(ours),
+                "bare_seconds": bare,
+                "ratio": min(ours) / bare,
+                "ratio_of_pairs": ratio_of_pairs(ours, theirs),
+            },
+        )
+        for what, ours in (
+            (f"one hop, chain of {sizes.chain} cells (slope)", slopes),
+            (f"one hop, whole wave / {high} hops", quotients),
+        )
     ]
 
 

@@ -1,8 +1,6 @@
 """The row on the coordinator's own share of a tick: learn, wire, count a wave in.
 
-The cells are real ones, without a network: their time is not counted. Each wiring is
-also worked out the plain way, the closure by Warshall's loop and whole matrices
-compared, and must come to the same messages.
+The cells are real ones, without a network: their time is not counted.
 """
 
 import time
@@ -11,13 +9,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
-from neurosnap.poc.order.generated_order import order_of, wired
-from neurosnap.poc.order.literals import Words, from_words, to_words
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.wave_control import WaveControl
 from neurosnap.sensorium import pack
@@ -40,7 +35,6 @@ class _Seconds:
     learn: float = 0.0
     wire: float = 0.0
     wave: float = 0.0
-    plain: float = 0.0
 
 
 def tick(sizes: Sizes) -> list[Line]:
@@ -59,8 +53,6 @@ def _line(sensors: int, before: int, spent: _Seconds) -> Line:
         name: getattr(spent, name) / spent.ticks for name in ("learn", "wire", "wave")
     }
     whole = sum(parts.values())
-    plain = spent.plain / spent.ticks
-    times = spent.plain / spent.wire if spent.changes else 1.0
     split = " + ".join(f"{name} {_ms(part)}" for name, part in parts.items())
     reach = _REACH.get((before, sensors))
     phase = f"after {before:,}" if before else "the first"
@@ -68,14 +60,12 @@ def _line(sensors: int, before: int, spent: _Seconds) -> Line:
         f"coordinator, a tick, {sensors:,} sensors, {phase}"
         f" ({spent.changes} of {spent.ticks} rewire)",
         f"{_ms(whole)} ms: {split}",
-        f"wire plainly {_ms(plain)} ms ({times:.1f} ×)",
+        "",
         "" if reach is None else f"≤ {1e3 * reach:.0f} ms",
         None if reach is None else whole <= reach,
         parts
         | {
             "seconds": whole,
-            "plain_wire": plain,
-            "times_plain": times,
             "rewired": spent.changes / spent.ticks,
             "reports": spent.reports / spent.ticks,
         },
@@ -83,21 +73,15 @@ def _line(sensors: int, before: int, spent: _Seconds) -> Line:
 
 
 def _run(sensors: int, ticks: int, before: int) -> _Seconds:
-    """Let a network take `ticks` observations, after `before` that are only learned.
-
-    Raises:
-        RuntimeError: The messages are not those of the plain way.
-    """
+    """Let a network take `ticks` observations, after `before` that are only learned."""
     walk = _walk(sensors)
     snapshot = EmpiricalSnapshot(sensors)
-    control, plain = WaveControl(sensors), Plain(sensors)
+    control = WaveControl(sensors)
     cells = [Cell(number) for number in range(sensors)]
     for _ in range(before):
         snapshot.learn(next(walk))
     if before:
-        graph = snapshot.poc_graph()
-        plain.rewire(to_words(graph.edges))
-        _deliver(control.rewire(graph.wires()), cells)
+        _deliver(control.rewire(snapshot.poc_graph().wires()), cells)
     spent = _Seconds(ticks)
     for number in range(1, ticks + 1):
         bits = next(walk)
@@ -113,14 +97,7 @@ def _run(sensors: int, ticks: int, before: int) -> _Seconds:
         done = time.perf_counter()
         spent.learn += learned - began
         spent.wire += done - learned
-        if changed:
-            spent.changes += 1
-            rows = to_words(graph.edges)
-            began = time.perf_counter()
-            expected = plain.rewire(rows)
-            spent.plain += time.perf_counter() - began
-            if messages != expected:
-                raise RuntimeError("rewire: must send what the plain way sends")
+        spent.changes += changed
         _deliver([*messages, wire.Observation(number, pack(bits))], cells)
         _wave(number, control, cells, spent)
     return spent
@@ -161,69 +138,6 @@ def _deliver(messages: list[wire.Message], cells: list[Cell]) -> list[wire.Messa
     return [
         answer for number in bursts for answer in cells[number].receive(bursts[number])
     ]
-
-
-class Plain:
-    """What is wired, in matrices.
-
-    Args:
-        sensors: How many cells there are.
-    """
-
-    def __init__(self, sensors: int) -> None:
-        self._edges = np.zeros((2 * sensors, 2 * sensors), np.bool_)
-        self._told = [0] * sensors
-        self._epoch = 0
-
-    def rewire(self, rows: Words) -> list[wire.Message]:
-        """Return the messages that wire the cells for the order of a relation."""
-        order = order_of(close(rows))
-        wires = wired(order.covers, order.representative)
-        wanted = from_words(wires, len(rows))
-        changed = np.flatnonzero((wanted != self._edges).any(axis=1))
-        cells = sorted({int(literal) >> 1 for literal in changed})
-        self._epoch += bool(cells)
-        messages: list[wire.Message] = [self._wiring(cell, wanted) for cell in cells]
-        self._edges = wanted.copy()
-        return messages
-
-    def _wiring(self, cell: int, wanted: Bits) -> wire.Wiring:
-        def literals(row: Bits) -> tuple[int, ...]:
-            return tuple(np.flatnonzero(row).tolist())
-
-        after, self._told[cell] = self._told[cell], self._epoch
-        own, complement = 2 * cell, 2 * cell + 1
-        old, new = self._edges, wanted
-        return wire.Wiring(
-            cell=cell,
-            epoch=self._epoch,
-            after=after,
-            add=literals(new[own] & ~old[own]),
-            drop=literals(old[own] & ~new[own]),
-            add_complement=literals(new[complement] & ~old[complement]),
-            drop_complement=literals(old[complement] & ~new[complement]),
-        )
-
-
-@njit(cache=True)
-def close(rows: Words) -> Words:
-    """Return the reflexive and transitive closure of a relation, in O(n² w) time.
-
-    Args:
-        rows: ``(n, w)``, the out-edges of every literal.
-    """
-    one = np.uint64(1)
-    total, width = rows.shape
-    closed = rows.copy()
-    for a in range(total):
-        closed[a, a >> 6] |= one << np.uint64(a & 63)
-    for via in range(total):
-        word, shift = via >> 6, np.uint64(via & 63)
-        for a in range(total):
-            if (closed[a, word] >> shift) & one and a != via:
-                for k in range(width):
-                    closed[a, k] |= closed[via, k]
-    return closed
 
 
 def _walk(sensors: int) -> Iterator[Bits]:
