@@ -170,14 +170,14 @@ async def soak_outside(
     """
     began, log = time.perf_counter(), folder / "soaked.mcap"
     killer = Killer((*SERVICES, INTAKE, HOSTS[cells]), kills, seed, pause)
-    flags = {
-        "ticks": _ENDLESS,
-        "cells": cells,
-        "split": split,
-        "backoff": 0,
-        "max-restarts": _restarts(kills),
+    settings = {
+        "recording.split": split,
+        "supervision.backoff": 0,
+        "supervision.max_restarts": _restarts(kills),
     }
-    given = [f"--{name}={value}" for name, value in flags.items()]
+    given = ["--ticks", str(_ENDLESS), "--cells", cells]
+    for key, value in settings.items():
+        given += ["--set", f"{key}={value}"]
     fed = await feed(killer, log, rate, given)
     found = _look(log, killer, time.perf_counter() - began)
     lines = lines_in(log, fed.lines)
