@@ -30,9 +30,8 @@ from neurosnap.recording.read.recording import part_paths
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.registry import parts_of
-from neurosnap.runtime.request import RunRequest
+from neurosnap.runtime.request import RunRequest, Watcher
 from neurosnap.runtime.run import run
-from neurosnap.runtime.watcher import Watcher
 from neurosnap.sources.open import open_source
 from tools.arguments import in_bytes
 

@@ -25,14 +25,14 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from neurosnap.errors import NeurosnapError
-from neurosnap.system.distribution import NAME
-from neurosnap.system.resources import (
+from neurosnap.runtime.preflight import (
     BYTES_A_CELL,
     BYTES_BESIDE,
     THREADS_A_CELL,
     free_memory,
     process_limits,
 )
+from neurosnap.system.distribution import NAME
 
 if TYPE_CHECKING:
     import zenoh
@@ -156,7 +156,7 @@ def check_platform() -> list[Finding]:
 def check_files() -> list[Finding]:
     """Compare the limit of open files with what the supervisor asks for."""
     from neurosnap.errors import SwarmError
-    from neurosnap.runtime.starting.child_processes import allow_files
+    from neurosnap.runtime.child_processes import allow_files
 
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     mend, ok = "", True
@@ -368,7 +368,7 @@ def _send_until_it_comes(
 def start_child() -> None:
     """Start a child from a fork server and see it end. For a child process."""
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["neurosnap.runtime.parts.child_process"])
+    context.set_forkserver_preload(["neurosnap.runtime.child_processes"])
     child = context.Process(target=time.sleep, args=(0,))
     child.start()
     child.join()

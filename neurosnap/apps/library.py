@@ -29,10 +29,9 @@ from neurosnap.recording.replay.births import births_of
 from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.recording.replay.verify import Verdict, verify
 from neurosnap.runtime.anomaly_feed import Fed, recorded
-from neurosnap.runtime.request import RunRequest
+from neurosnap.runtime.request import SILENT, RunRequest, Watcher
 from neurosnap.runtime.run import resumed
 from neurosnap.runtime.run import run as run_swarm
-from neurosnap.runtime.watcher import SILENT, Watcher
 from neurosnap.sources.protocol import Argument
 
 if TYPE_CHECKING:

@@ -23,11 +23,9 @@ from neurosnap.protocol.partition import shares
 from neurosnap.protocol.run_options import HostKind, WiringKind
 from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime.launch import Jobs, host_jobs, launch
-from neurosnap.runtime.request import Site
-from neurosnap.runtime.watcher import Watcher
+from neurosnap.runtime.request import Site, Watcher
 from neurosnap.system.durable import replace_file, replacing
-from neurosnap.system.palette import MANY, MARKERS
-from neurosnap.system.picture import KINDS, canvas_type, encoded
+from neurosnap.system.picture import KINDS, MANY, MARKERS, canvas_type, encoded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

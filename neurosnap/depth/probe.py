@@ -17,8 +17,7 @@ from neurosnap.protocol.run_options import WiringKind
 from neurosnap.protocol.wave import Wave
 from neurosnap.protocol.wave_control import WaveControl
 from neurosnap.runtime.parts.coordinator_loop import run_coordinator
-from neurosnap.runtime.parts.job import PartContext
-from neurosnap.runtime.parts.participant import take_part
+from neurosnap.runtime.parts.job import PartContext, take_part
 
 
 class Measured(msgspec.Struct, frozen=True):

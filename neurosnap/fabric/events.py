@@ -1,4 +1,4 @@
-"""Waiting for the first of several events, or for one with a time limit."""
+"""Waits for the first of several events, for one for some time, or for a failure."""
 
 import asyncio
 
@@ -25,3 +25,33 @@ async def wait_at_most(event: asyncio.Event, seconds: float) -> None:
             await event.wait()
     except TimeoutError:
         pass
+
+
+class Failure:
+    """The first error of any handler, and who waits for it; used on the loop alone.
+
+    Handlers run as callbacks of the loop, or on a thread that nobody awaits, where an
+    exception would only be logged; here it ends the part that owns the fabric.
+    """
+
+    def __init__(self) -> None:
+        self._error: BaseException | None = None
+        self._event = asyncio.Event()
+
+    def set(self, error: BaseException) -> None:
+        """Keep `error` unless there is one already."""
+        if self._error is None:
+            self._error = error
+        self._event.set()
+
+    @property
+    def happened(self) -> bool:
+        """Whether there is an error."""
+        return self._error is not None
+
+    async def wait(self, stop: asyncio.Event) -> None:
+        """Return when `stop` is set, raise as soon as there is an error."""
+        if self._error is None:
+            await wait_any(stop, self._event)
+        if self._error is not None:
+            raise self._error

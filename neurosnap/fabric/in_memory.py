@@ -17,8 +17,8 @@ from types import TracebackType
 from typing import Self
 
 from neurosnap import wire
+from neurosnap.fabric.events import Failure
 from neurosnap.fabric.protocol import (
-    Failure,
     Handler,
     PlaceHandler,
     PresenceHandler,

@@ -13,14 +13,50 @@ loop always.
 """
 
 import asyncio
+import os
+import re
+import socket
 from collections.abc import Callable, Sequence
 from types import TracebackType
-from typing import Protocol, Self
+from typing import NamedTuple, Protocol, Self
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError
-from neurosnap.fabric.events import wait_any
-from neurosnap.fabric.location import Place
+
+_LONGEST = 64  # characters of a machine's name, as many as Linux lets it have
+_STRANGE = re.compile(r"[^A-Za-z0-9._-]")
+_TEXT = re.compile(rf"([A-Za-z0-9._-]{{1,{_LONGEST}}})/([0-9]{{1,10}})")
+
+
+class Place(NamedTuple):
+    """A process on a machine."""
+
+    host: str
+    """The machine's name: up to 64 letters, digits, dots, dashes and underscores."""
+    pid: int
+
+    @classmethod
+    def here(cls) -> Self:
+        """Return this process. What a name may not hold is a dash in it."""
+        name = _STRANGE.sub("-", socket.gethostname())[:_LONGEST]
+        return cls(name or "-", os.getpid())
+
+    @classmethod
+    def read(cls, text: str) -> Self | None:
+        """Return the place in `text`, which may be a stranger's; None: it is none.
+
+        Example:
+            >>> Place.read("oak.lan/4711")
+            Place(host='oak.lan', pid=4711)
+        """
+        found = _TEXT.fullmatch(text)
+        return None if found is None else cls(found[1], int(found[2]))
+
+    @property
+    def text(self) -> str:
+        """The place as a part of a key, and as it is recorded."""
+        return f"{self.host}/{self.pid}"
+
 
 Handler = Callable[[list[wire.Delivery]], None]
 PresenceHandler = Callable[[str, bool], None]
@@ -128,33 +164,3 @@ def check_polled(keys: Sequence[str]) -> None:
     """Refuse to poll under several keys; see `Fabric.subscribe`."""
     if len(keys) != 1:
         raise InvalidValueError("keys", "must be one where it is polled", keys)
-
-
-class Failure:
-    """The first error of any handler, and who waits for it; used on the loop alone.
-
-    Handlers run as callbacks of the loop, or on a thread that nobody awaits, where an
-    exception would only be logged; here it ends the part that owns the fabric.
-    """
-
-    def __init__(self) -> None:
-        self._error: BaseException | None = None
-        self._event = asyncio.Event()
-
-    def set(self, error: BaseException) -> None:
-        """Keep `error` unless there is one already."""
-        if self._error is None:
-            self._error = error
-        self._event.set()
-
-    @property
-    def happened(self) -> bool:
-        """Whether there is an error."""
-        return self._error is not None
-
-    async def wait(self, stop: asyncio.Event) -> None:
-        """Return when `stop` is set, raise as soon as there is an error."""
-        if self._error is None:
-            await wait_any(stop, self._event)
-        if self._error is not None:
-            raise self._error

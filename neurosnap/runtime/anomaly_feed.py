@@ -21,8 +21,7 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.observations import alarms_of
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.births import Births, births_of
-from neurosnap.runtime.connections import Connections
-from neurosnap.runtime.network import Network
+from neurosnap.runtime.network import Connections, Network
 from neurosnap.runtime.parts.health_listener import HealthListener, Past
 from neurosnap.runtime.parts.run_description import read_description
 

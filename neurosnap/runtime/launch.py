@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -23,17 +24,24 @@ from neurosnap.health.news import Standing
 from neurosnap.protocol.resume_point import ResumePoint, first_number
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.runtime.connections import Connections
-from neurosnap.runtime.parts.cell_process import CellJob
-from neurosnap.runtime.parts.hub_process import HubJob
+from neurosnap.runtime.inline_tasks import InlineTasks
+from neurosnap.runtime.network import Connections
+from neurosnap.runtime.parts.coordinator_process import CoordinatorJob, Result
+from neurosnap.runtime.parts.hub_and_cell import CellJob, HubJob
 from neurosnap.runtime.parts.job import Job, PartConnection
-from neurosnap.runtime.parts.status_publisher import STATUS_PUBLISHER
+from neurosnap.runtime.parts.recorder_process import recorder_job
+from neurosnap.runtime.parts.run_description import RunDescription
+from neurosnap.runtime.parts.status_publisher import (
+    STATUS_PUBLISHER,
+    StatusJob,
+    has_status,
+)
 from neurosnap.runtime.parts.worker_process import WorkerJob
+from neurosnap.runtime.parts.world_process import WorldJob
 from neurosnap.runtime.registry import noted
-from neurosnap.runtime.request import Site
-from neurosnap.runtime.starting.starter import Starter
+from neurosnap.runtime.request import SILENT, Outcome, RunRequest, Site, Watcher
+from neurosnap.runtime.starter import Starter
 from neurosnap.runtime.supervisor import RunningPart, Supervisor
-from neurosnap.runtime.watcher import SILENT, Watcher
 
 _SERVICES = 5  # hub, recorder, coordinator, world, status publisher
 _GRACE = 10.0  # seconds a part may take to end
@@ -304,3 +312,49 @@ def _result(part: RunningPart) -> bytes:
     if part.result is None:
         raise SwarmError(f"{part.who}: must report a result, got none")
     return part.result
+
+
+async def run_incarnation(
+    request: RunRequest, stop: asyncio.Event, watcher: Watcher = SILENT
+) -> Outcome:
+    """Run a swarm once, whatever the supervision of the request says.
+
+    Raises:
+        InvalidValueError: There are more sensors than a key-frame can hold.
+        NeurosnapError: A part failed; the text names it. Whatever was recorded until
+            then is readable, and no process is left.
+    """
+    options = request.options
+    options.check_frame()
+    starter = InlineTasks() if options.cells == "inline" else request.site.starter()
+    ending = await launch(_jobs(request), request.site, stop, watcher, starter)
+    result = msgspec.json.decode(ending.result, type=Result)
+    return Outcome(
+        totals=result.totals,
+        implications=result.implications,
+        completeness=ending.completeness,
+        seconds=result.seconds,
+        startup=ending.seconds - result.seconds,
+        stopped=ending.stopped,
+        lost=ending.lost,
+        health=ending.health,
+    )
+
+
+def _jobs(request: RunRequest) -> Jobs:
+    """Return the jobs of all parts of a run."""
+    options, past, site, log = request.options, request.past, request.site, request.log
+    vacant = tuple(sorted(site.elsewhere))
+    description = RunDescription(options=options, past=past, vacant=vacant)
+    learning = options if options.learning_shares else None
+    return Jobs(
+        coordinator=partial(CoordinatorJob, description, site.patience),
+        hosts=host_jobs(len(options.sensors), options.sharing, learning),
+        world=WorldJob(options, past, request.way_in),
+        status=StatusJob(options, past) if has_status(options) else None,
+        recorder=None if log is None else partial(recorder_job, options, log, past),
+        past=past,
+        patience=options.deadline + 10.0,
+        source=options.source,
+        log=log,
+    )

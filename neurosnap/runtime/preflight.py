@@ -6,17 +6,13 @@ memory, in the coordinator or, inline, in the one process there is.
 """
 
 import math
+import os
+import resource
+from collections.abc import Iterator
+from pathlib import Path
 
 from neurosnap.errors import InvalidValueError, SwarmError
-from neurosnap.runtime.starting.child_processes import allow_files
-from neurosnap.system.resources import (
-    BYTES_A_CELL,
-    BYTES_A_PAIR,
-    BYTES_BESIDE,
-    THREADS_A_CELL,
-    free_memory,
-    process_limits,
-)
+from neurosnap.runtime.child_processes import allow_files
 
 _SERVICES = 4  # hub, recorder, coordinator, world
 
@@ -61,3 +57,60 @@ def check_cells(cells: int) -> None:
     except SwarmError as error:
         rule = f"must fit what may be open: {error}; or {remedy}"
         raise InvalidValueError("cells", rule, cells) from error
+
+
+THREADS_A_CELL = 9  # one of Python's, one that delivers, the rest Zenoh's
+BYTES_A_CELL = 6_000_000
+BYTES_BESIDE = 600_000_000  # coordinator, recorder and world with numpy and numba
+BYTES_A_PAIR = 12
+"""Of two sensors: their weights and dates, the order and its covers, a key-frame.
+Measured: 10 in the coordinator of 3,000."""
+
+
+def process_limits() -> Iterator[tuple[str, int, int]]:
+    """Yield the name of each limit that is set, its value and what is in use."""
+    if hasattr(os, "geteuid") and os.geteuid() != 0:  # root is exempt
+        soft, _ = resource.getrlimit(resource.RLIMIT_NPROC)  # nobody raises this one
+        if soft != resource.RLIM_INFINITY:
+            yield "the user's process limit (`ulimit -u`)", soft, 0
+    load = _read(Path("/proc/loadavg"))  # its fourth word: running/all
+    everyone = int(load.split()[3].split("/")[1]) if load else 0
+    for name in ("threads-max", "pid_max"):
+        limit = _read(Path("/proc/sys/kernel") / name)
+        if limit:
+            yield f"kernel.{name} (sysctl)", int(limit), everyone
+    for folder in _cgroups("pids"):
+        limit, used = _read(folder / "pids.max"), _read(folder / "pids.current")
+        if limit.isdigit():
+            yield f"{folder}/pids.max", int(limit), int(used or 0)
+
+
+def _cgroups(controller: str) -> Iterator[Path]:
+    """Yield this process's control groups for `controller`, the root's included."""
+    for line in _read(Path("/proc/self/cgroup")).splitlines():
+        _, controllers, path = line.split(":", 2)
+        if controllers and controller not in controllers.split(","):
+            continue
+        base = Path("/sys/fs/cgroup") / (controller if controllers else "")
+        inner = base / path.lstrip("/")
+        yield from (f for f in (inner, *inner.parents) if f.is_relative_to(base))
+
+
+def free_memory() -> int:
+    """Return the bytes that can be had, within the control group's limit."""
+    import psutil
+
+    free = int(psutil.virtual_memory().available)
+    for folder in _cgroups("memory"):
+        limit, used = _read(folder / "memory.max"), _read(folder / "memory.current")
+        if limit.isdigit() and used.isdigit():
+            free = min(free, int(limit) - int(used))
+    return free
+
+
+def _read(path: Path) -> str:
+    """Return what a file of the kernel's says; nothing where there is none."""
+    try:
+        return path.read_text().strip()
+    except OSError:
+        return ""

@@ -1,22 +1,146 @@
-"""What a run is asked to do, and what it has come to."""
+"""What a run is asked to do, what it reports meanwhile, and its outcome."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import metadata
 from pathlib import Path
+from typing import Annotated, Literal, Protocol, TypeAlias, cast
 
 import msgspec
 
-from neurosnap.errors import InvalidValueError
+from neurosnap.agent.growth.changed import Changed
+from neurosnap.errors import InvalidValueError, MissingExtraError
 from neurosnap.health.news import Standing
+from neurosnap.protocol.option import option
 from neurosnap.protocol.resume_point import ResumePoint
-from neurosnap.protocol.run_options import RunOptions
+from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.protocol.totals import Totals
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.read.recording import part_path
+from neurosnap.runtime.child_processes import ChildProcesses
 from neurosnap.runtime.network import PRIVATE, Network
 from neurosnap.runtime.parts.world_process import WayIn
-from neurosnap.runtime.placement import HERE, Placement
-from neurosnap.runtime.restart_policy import Supervision
-from neurosnap.runtime.starting.starter import Starter
+from neurosnap.runtime.starter import Starter
+from neurosnap.system.distribution import must_have
+
+RestartKind: TypeAlias = Literal["never", "on-failure", "always"]
+
+
+class Supervision(msgspec.Struct, frozen=True, kw_only=True):
+    """What happens when a part dies."""
+
+    restart: Annotated[
+        RestartKind,
+        option(
+            "When to start the parts again and go on from the recording. On-failure: when"
+            " one was killed, vanished or hangs, and not when one gave an error, since it"
+            " would give the same again. Always: then, too.",
+        ),
+    ] = "on-failure"
+    max_restarts: Annotated[
+        int,
+        option(
+            "How many restarts there may be within `restart_window` before the run is"
+            " given up.",
+            ge=0,
+        ),
+    ] = 10
+    restart_window: Annotated[
+        float,
+        option(
+            "How long a restart counts towards `max_restarts`.", unit="SECONDS", gt=0
+        ),
+    ] = 600.0
+    backoff: Annotated[
+        float,
+        option(
+            "How long to wait before a restart. Twice as long each time when no tick was"
+            " made in between.",
+            unit="SECONDS",
+            ge=0,
+        ),
+    ] = 0.1
+
+
+STARTERS = "neurosnap.starters"
+"""The group of entry points that other starters of parts are registered in."""
+
+
+class StarterKind(Protocol):
+    """A starter as it is registered, by the name that `Placement.place` gives."""
+
+    def check(self, cells: CellKind) -> None:
+        """Refuse a kind of cells that it cannot start."""
+
+    def __call__(self, address: str, network: Network, *, again: bool) -> Starter:
+        """Return a starter.
+
+        Args:
+            address: Of the cluster, as the starter reads it; empty for its default.
+            network: Where the hub is, which all nodes have to reach.
+            again: The run goes on after a death, so a node may be about to come back.
+        """
+
+
+class Placement(msgspec.Struct, frozen=True, kw_only=True):
+    """Where the parts are."""
+
+    place: Annotated[
+        str,
+        option(
+            "Where the parts run. Here: as processes of this machine. Any other name is"
+            " that of an installed starter (see docs/hosts.md)."
+        ),
+    ] = "here"
+    address: Annotated[
+        str,
+        option(
+            "The cluster on which another starter than `here` places the parts.",
+            unit="ADDRESS",
+            default="the starter's own",
+        ),
+    ] = ""
+
+    @property
+    def is_here(self) -> bool:
+        """Every part is a process of this machine."""
+        return self.place == "here"
+
+    def check(self, cells: CellKind) -> None:
+        """Refuse what cannot be placed, before anything is started.
+
+        Raises:
+            InvalidValueError: There is no such starter, or it cannot start such cells;
+                or an address comes without a starter.
+            MissingExtraError: A package that the starter needs is not installed.
+        """
+        if not self.is_here:
+            self._kind().check(cells)
+        elif self.address:
+            rule = "must come with the name of a starter as `place`"
+            raise InvalidValueError("address", rule, self.address)
+
+    def starter(self, network: Network, *, again: bool) -> Starter:
+        """Return what starts the parts; see `StarterKind`."""
+        if self.is_here:
+            return ChildProcesses()
+        return self._kind()(self.address, network, again=again)
+
+    def _kind(self) -> StarterKind:
+        for entry in metadata.entry_points(group=STARTERS, name=self.place):
+            try:
+                return cast("StarterKind", entry.load())
+            except ImportError as error:
+                rule = must_have(error.name or self.place, self.place)
+                raise MissingExtraError(f"place: {rule}") from error
+        known = ["here", *sorted(metadata.entry_points(group=STARTERS).names)]
+        raise InvalidValueError(
+            "place", f"must be one of {', '.join(known)}", self.place
+        )
+
+
+HERE = Placement()
+"""Every part is a process of this machine."""
 
 
 @dataclass(frozen=True)
@@ -28,12 +152,12 @@ class Site:
     placement: Placement = HERE
     """What starts the parts, and where."""
     swarm: str = ""
-    """Its id; empty: a random one."""
+    """Its id; empty for a random one."""
     elsewhere: frozenset[str] = frozenset()
     """The names of the parts that are started elsewhere; they must be started anew for
     every incarnation. If the recorder is one, the coordinator waits for it, too."""
     patience: float | None = None
-    """Seconds all parts may take to come up; None: a minute, and more for many."""
+    """Seconds all parts may take to come up; if None a minute, and more for many."""
     incarnation: int = 0
     """How many earlier swarms of this id it continues."""
 
@@ -49,13 +173,13 @@ class RunRequest:
     options: RunOptions
     """What to run."""
     log: Path | None = None
-    """Where to record; None: not at all."""
+    """Where to record; None if nothing is recorded."""
     past: ResumePoint | None = None
     """Where it goes on from, for a run that is resumed."""
     site: Site = Site()
     """Where the parts are."""
     supervision: Supervision | None = None
-    """How often the run goes on from its recording when a part dies; None: never."""
+    """How often the run goes on from its recording when a part dies; if None, never."""
     way_in: WayIn | None = None
     """How outside readings that are kept get to the world; see
     `neurosnap.runtime.journaled_run`."""
@@ -72,14 +196,57 @@ class RunRequest:
         return None if self.log is None else part_path(self.log, part)
 
 
+class Restart(msgspec.Struct, frozen=True):
+    """One time that a run went on after a part had died."""
+
+    why: str
+    """Which part died, and how."""
+    tick: int
+    """The last whole tick, which it went on from."""
+    lost: int
+    """Completed ticks that the recording lacks."""
+    outside: bool = False
+    """The lost ticks were read from a live source, so they cannot be repeated."""
+    kept: tuple[str, ...] = ()
+    """Files that it could not go on from, which are kept beside the recording."""
+
+
+def _ignore(_: object) -> None:
+    """Do nothing."""
+
+
+@dataclass(frozen=True)
+class Watcher:
+    """Functions that are called while a run is under way, all on the event loop.
+
+    An exception that one of them raises ends the run, and is raised by it.
+    """
+
+    on_tick: Callable[[int], None] = _ignore
+    """Called with the tick once all parts are up: with every tick of an inline run,
+    otherwise at most twenty times a second. Four times a second while no tick comes and
+    no deadline has passed."""
+    on_change: Callable[[Changed], None] = _ignore
+    """Called with each sensor that is grown or retired, except by the decision of the
+    last tick, which nothing follows."""
+    on_health: Callable[[Standing], None] = _ignore
+    """Called with the health of a home's sensors, when that is new."""
+    on_restart: Callable[[Restart], None] = _ignore
+    """Called when the run goes on after a part has died."""
+
+
+SILENT = Watcher()
+"""Nothing is reported."""
+
+
 class Outcome(msgspec.Struct, kw_only=True):
-    """What a run has come to."""
+    """The outcome of a run."""
 
     totals: Totals
     implications: list[tuple[str, str]]
     """The order learned, by name, covering pairs only."""
     completeness: Completeness | None
-    """The recording's balance; None where nothing was recorded."""
+    """The recording's balance; None if nothing was recorded."""
     seconds: float
     """From the first decision to the last state."""
     startup: float
@@ -92,9 +259,9 @@ class Outcome(msgspec.Struct, kw_only=True):
     """Files that it could not go on from, beside the recording or of it, which may hold
     ticks that cannot be read."""
     lost: int = 0
-    """What came from outside and was no reading, or had no tick and should have."""
+    """Outside input that was no reading, or had no tick although it should have."""
     journal: str = ""
-    """Where readings are kept that are not in the recording; empty: there are none."""
+    """Where readings are that the recording lacks; empty if it has all."""
     waiting: int = 0
     """How many of these had no tick."""
     health: Standing | None = None

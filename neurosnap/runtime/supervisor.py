@@ -15,19 +15,20 @@ import msgspec
 from neurosnap.errors import PartDiedError, SwarmError
 from neurosnap.fabric.events import wait_any
 from neurosnap.health.news import Standing
-from neurosnap.runtime.parts.job import Job, PartConnection
-from neurosnap.runtime.parts.reports import (
+from neurosnap.runtime.child_processes import ChildProcesses
+from neurosnap.runtime.parts.job import (
     Done,
     Failed,
     Grown,
     Health,
+    Job,
+    PartConnection,
     Progress,
     Ready,
     Report,
 )
-from neurosnap.runtime.starting.child_processes import ChildProcesses
-from neurosnap.runtime.starting.starter import Handle, Starter
-from neurosnap.runtime.watcher import SILENT, Watcher
+from neurosnap.runtime.request import SILENT, Watcher
+from neurosnap.runtime.starter import Handle, Starter
 
 T = TypeVar("T")
 

@@ -7,8 +7,7 @@ from collections import Counter
 import pytest
 
 from neurosnap import wire
-from neurosnap.fabric.location import Place
-from neurosnap.fabric.protocol import PlaceHandler
+from neurosnap.fabric.protocol import Place, PlaceHandler
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from tests.support.fabrics import Hub, Network, Seen
 from tests.support.patience import PATIENCE

@@ -21,8 +21,8 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.protocol.worker import Worker
 from neurosnap.protocol.world import World
 from neurosnap.recording.write.rotation import Split, SplitWriter
-from neurosnap.runtime.incarnation import describe
 from neurosnap.runtime.parts.coordinator_process import coordinator_for
+from neurosnap.runtime.parts.recorder_process import describe
 from neurosnap.sources.protocol import Source
 
 Messages = list[wire.Message]

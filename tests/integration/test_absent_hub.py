@@ -12,7 +12,7 @@ import pytest
 
 from neurosnap.errors import FabricError
 from neurosnap.fabric.zenoh.hub import open_hub
-from neurosnap.fabric.zenoh.reach import reach
+from neurosnap.fabric.zenoh.session import reach
 from tests.support.commands import Command
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh]
@@ -85,7 +85,7 @@ def test_a_run_goes_on_once_its_hub_is_there(endpoint: str, tmp_path: Path) -> N
 async def test_who_listens_and_lets_nobody_in_is_told_apart_from_nobody(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("neurosnap.fabric.zenoh.reach._SAID_AFTER", 0.0)
+    monkeypatch.setattr("neurosnap.fabric.zenoh.session._SAID_AFTER", 0.0)
     refused = asyncio.Event()
 
     def refuse(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -95,7 +95,7 @@ async def test_who_listens_and_lets_nobody_in_is_told_apart_from_nobody(
         def emit(self, record: logging.LogRecord) -> None:
             refused.set()
 
-    logger = logging.getLogger("neurosnap.fabric.zenoh.reach")
+    logger = logging.getLogger("neurosnap.fabric.zenoh.session")
     told = Told()
     logger.addHandler(told)
     try:

@@ -13,7 +13,7 @@ import pytest
 from neurosnap.errors import RecordingError
 from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime import launch
-from neurosnap.runtime.watcher import Restart
+from neurosnap.runtime.request import Restart
 from tests.support.commands import Command
 from tests.support.disturbed_runs import ENDLESS, Disturbed, options_for
 

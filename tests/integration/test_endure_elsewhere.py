@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from neurosnap.runtime.hosts import remote_parts
-from neurosnap.runtime.hosts.numbers import Numbers
-from neurosnap.runtime.hosts.service import Served, serve
+from neurosnap.runtime import remote_parts
 from neurosnap.runtime.network import Network
+from neurosnap.runtime.remote_parts import Numbers
 from neurosnap.runtime.request import Outcome, Site
+from neurosnap.runtime.service import Served, serve
 from tests.support.disturbed_runs import (
     ENDLESS,
     Disturbed,

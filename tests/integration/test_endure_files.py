@@ -12,11 +12,9 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.run_options import SMALLEST
 from neurosnap.recording.read.recording import part_paths
 from neurosnap.recording.replay.verify import verify
-from neurosnap.runtime.request import RunRequest
+from neurosnap.runtime.request import RunRequest, Supervision, Watcher
 from neurosnap.runtime.restart_files import RestartFiles
-from neurosnap.runtime.restart_policy import Supervision
 from neurosnap.runtime.run import run
-from neurosnap.runtime.watcher import Watcher
 from tests.support.disturbed_runs import (
     ENDLESS,
     Disturbed,
@@ -25,7 +23,7 @@ from tests.support.disturbed_runs import (
 )
 
 if TYPE_CHECKING:
-    from neurosnap.runtime.watcher import Restart
+    from neurosnap.runtime.request import Restart
 
 pytestmark = [
     pytest.mark.zenoh,

@@ -13,13 +13,11 @@ import pytest
 from neurosnap.errors import PartDiedError, SwarmError
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.replay.verify import verify
-from neurosnap.runtime.hosts import remote_parts
-from neurosnap.runtime.hosts.service import serve
+from neurosnap.runtime import remote_parts
 from neurosnap.runtime.network import Network
-from neurosnap.runtime.request import RunRequest, Site
-from neurosnap.runtime.restart_policy import Supervision
+from neurosnap.runtime.request import RunRequest, Site, Supervision, Watcher
 from neurosnap.runtime.run import run
-from neurosnap.runtime.watcher import Watcher
+from neurosnap.runtime.service import serve
 from tests.support.disturbed_runs import (
     ENDLESS,
     Disturbed,
@@ -32,7 +30,7 @@ from tests.support.ports import free_port
 if TYPE_CHECKING:
     import psutil
 
-    from neurosnap.runtime.watcher import Restart
+    from neurosnap.runtime.request import Restart
 
 pytestmark = [
     pytest.mark.zenoh,

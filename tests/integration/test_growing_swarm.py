@@ -22,9 +22,8 @@ from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.anomaly_feed import recorded
-from neurosnap.runtime.request import Outcome, RunRequest
+from neurosnap.runtime.request import Outcome, RunRequest, Watcher
 from neurosnap.runtime.run import run
-from neurosnap.runtime.watcher import Watcher
 from neurosnap.sources.open import open_source
 from tests.support.course import course
 from tests.support.disturbed_runs import ENDLESS, Disturbed

@@ -23,10 +23,9 @@ from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.read.recording import Recording
-from neurosnap.runtime import launch
+from neurosnap.runtime import inline_tasks, launch
 from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
-from neurosnap.runtime.starting import inline_tasks
 from neurosnap.sensorium import pack
 from tests.support.patience import PATIENCE
 

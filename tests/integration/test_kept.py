@@ -15,7 +15,7 @@ from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
-from neurosnap.runtime.parts.child_process import END
+from neurosnap.runtime.child_processes import END
 from neurosnap.sensorium import unpack
 from neurosnap.sources.live.journal import JournalRow, journal_of, read_journal
 from tests.support.commands import Command

@@ -12,9 +12,8 @@ from neurosnap.apps.config.load import load
 from neurosnap.apps.config.prepare import prepare
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
-from neurosnap.runtime.request import RunRequest
+from neurosnap.runtime.request import RunRequest, Watcher
 from neurosnap.runtime.run import run
-from neurosnap.runtime.watcher import Watcher
 from neurosnap.sensorium import unpack
 from tests.support.mosquitto import (
     HOST,

@@ -22,12 +22,10 @@ from neurosnap.errors import (
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.network import PRIVATE
-from neurosnap.runtime.placement import Placement
-from neurosnap.runtime.request import RunRequest, Site
+from neurosnap.runtime.request import Placement, RunRequest, Site, Watcher
 from neurosnap.runtime.run import run
-from neurosnap.runtime.starting.ray_actors import RayActors
 from neurosnap.runtime.supervisor import Supervisor
-from neurosnap.runtime.watcher import Watcher
+from neurosnap.starters.ray_actors import RayActors
 from tests.support.command_line import flat, last_json
 from tests.support.course import course
 from tests.support.disturbed_commands import (
@@ -69,7 +67,7 @@ def in_workers(options: RunOptions, workers: int = 3) -> RunOptions:
 
 
 def on(nodes: Nodes) -> Placement:
-    return Placement(place="ray", ray_address=nodes.address)
+    return Placement(place="ray", address=nodes.address)
 
 
 async def test_workers_are_spread_and_the_run_is_the_same(
@@ -177,7 +175,7 @@ def test_a_run_that_is_interrupted_ends_in_order(
             "--format",
             "json",
         ),
-        *("--set", "placement.place=ray", "--set", f"placement.ray_address={address}"),
+        *("--set", "placement.place=ray", "--set", f"placement.address={address}"),
         folder=tmp_path,
     ) as process:
         wait_for_size(process, log, GROWN)
@@ -195,7 +193,7 @@ def test_a_run_that_is_interrupted_ends_in_order(
     verdict = sound(log)
     assert verdict.complete
     assert verdict.ticks == facts["ticks"]
-    assert "cells: in 2 workers, which Ray places" in flat(stderr)
+    assert "cells: in 2 workers, placed by ray" in flat(stderr)
     _, alive = psutil.wait_procs(family, timeout=30)
     assert not alive
 

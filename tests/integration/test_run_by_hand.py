@@ -18,9 +18,9 @@ from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
 from neurosnap.fabric.protocol import Handler, PlaceHandler, PresenceHandler
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.runtime.parts.cell_process import run_cell
 from neurosnap.runtime.parts.coordinator_loop import run_coordinator
-from neurosnap.runtime.parts.participant import take_part
+from neurosnap.runtime.parts.hub_and_cell import run_cell
+from neurosnap.runtime.parts.job import take_part
 from neurosnap.runtime.parts.world_process import run_world
 from neurosnap.sensorium import complete, unpack
 from neurosnap.sources.open import open_source

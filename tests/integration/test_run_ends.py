@@ -15,9 +15,8 @@ from neurosnap import wire
 from neurosnap.errors import NeurosnapError, SwarmError
 from neurosnap.protocol.run_options import CellKind
 from neurosnap.recording.read.recording import Recording
-from neurosnap.runtime.request import RunRequest
+from neurosnap.runtime.request import RunRequest, Watcher
 from neurosnap.runtime.run import run
-from neurosnap.runtime.watcher import Watcher
 from tests.support.played_runs import TICKS, Played, options_for, play, write_readings
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("no_process_is_left")]

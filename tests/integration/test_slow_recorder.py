@@ -17,9 +17,8 @@ from neurosnap.agent.body import Body
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
-from neurosnap.runtime.request import Outcome, RunRequest
+from neurosnap.runtime.request import Outcome, RunRequest, Watcher
 from neurosnap.runtime.run import run
-from neurosnap.runtime.watcher import Watcher
 from tests.support.course import course
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]

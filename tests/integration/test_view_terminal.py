@@ -22,7 +22,7 @@ from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.errors import InvalidValueError, SwarmError
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
-from neurosnap.runtime.incarnation import describe
+from neurosnap.runtime.parts.recorder_process import describe
 from tests.support.page_requests import events, get
 from tests.support.patience import PATIENCE
 from tests.support.recorded_runs import TICKS, path_run, told

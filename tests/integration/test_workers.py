@@ -24,9 +24,8 @@ from neurosnap.recording.replay.replay import Replay
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.writer import Writer
-from neurosnap.runtime.request import RunRequest
+from neurosnap.runtime.request import RunRequest, Watcher
 from neurosnap.runtime.run import run
-from neurosnap.runtime.watcher import Watcher
 from neurosnap.sensorium import unpack
 from tests.support import run_options
 from tests.support.inline_site import InlineSite

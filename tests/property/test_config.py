@@ -29,7 +29,7 @@ from neurosnap.apps.config.tables import (
 )
 from neurosnap.apps.config.validate import problems
 from neurosnap.runtime.network import Network
-from neurosnap.runtime.restart_policy import Supervision
+from neurosnap.runtime.request import Supervision
 from tests.support.config_documents import Document, documents
 
 VALID = Draft202012Validator(schema())

@@ -27,8 +27,8 @@ from types import TracebackType
 from typing import Any, Self, TextIO
 
 from neurosnap.__main__ import main
-from neurosnap.runtime.parts import child_process as parts
-from neurosnap.runtime.starting.child_processes import without_main
+from neurosnap.runtime import child_processes as parts
+from neurosnap.runtime.child_processes import without_main
 from tests.support import preloaded
 
 

@@ -14,15 +14,13 @@ from neurosnap.errors import RecordingError
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.verify import verify
-from neurosnap.runtime.request import Outcome, RunRequest, Site
-from neurosnap.runtime.restart_policy import Supervision
+from neurosnap.runtime.request import Outcome, RunRequest, Site, Supervision, Watcher
 from neurosnap.runtime.run import run
-from neurosnap.runtime.watcher import Watcher
 from tests.support import run_options
 from tests.support.course import course
 
 if TYPE_CHECKING:
-    from neurosnap.runtime.watcher import Restart
+    from neurosnap.runtime.request import Restart
 
 PATH = "neurosnap/Path-v0"
 SENSORS = 4

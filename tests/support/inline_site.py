@@ -1,8 +1,8 @@
 """A swarm each of whose parts is a task of this process, workers included."""
 
+from neurosnap.runtime.inline_tasks import InlineTasks
 from neurosnap.runtime.request import Site
-from neurosnap.runtime.starting.inline_tasks import InlineTasks
-from neurosnap.runtime.starting.starter import Starter
+from neurosnap.runtime.starter import Starter
 
 
 class InlineSite(Site):

@@ -10,7 +10,7 @@ from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.write.writer import Writer
-from neurosnap.runtime.incarnation import describe
+from neurosnap.runtime.parts.recorder_process import describe
 from neurosnap.sensorium import pack
 from tests.support.replayed_runs import readings
 from tools.simulate.simulated_hub import SimulatedHub

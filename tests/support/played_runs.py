@@ -15,9 +15,8 @@ from neurosnap.protocol.run_options import (
     WiringKind,
 )
 from neurosnap.recording.read.recording import Recording
-from neurosnap.runtime.request import Outcome, RunRequest
+from neurosnap.runtime.request import Outcome, RunRequest, Watcher
 from neurosnap.runtime.run import run
-from neurosnap.runtime.watcher import Watcher
 from neurosnap.sources.open import open_source
 
 SENSORS = 8

@@ -14,11 +14,9 @@ from neurosnap.apps.cli import output
 from neurosnap.apps.config import prepare
 from neurosnap.depth import probe
 from neurosnap.recording.replay import resume, verify
-from neurosnap.runtime import journaled_run, restart
-from neurosnap.runtime.hosts import service
+from neurosnap.runtime import journaled_run, run, service
 from neurosnap.runtime.parts import (
     coordinator_process,
-    intake_process,
     recorder_process,
     status_publisher,
     worker_process,
@@ -29,15 +27,14 @@ from neurosnap.sources.mqtt import mqtt_source
 __all__ = [
     "cli",
     "coordinator_process",
-    "intake_process",
     "journaled_run",
     "mqtt_source",
     "output",
     "prepare",
     "probe",
     "recorder_process",
-    "restart",
     "resume",
+    "run",
     "service",
     "status_publisher",
     "verify",

@@ -17,10 +17,9 @@ from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.replay import Replay
 from neurosnap.recording.write.writer import Writer
-from neurosnap.runtime.incarnation import run_incarnation
-from neurosnap.runtime.request import RunRequest
+from neurosnap.runtime.launch import run_incarnation
+from neurosnap.runtime.request import SILENT, RunRequest
 from neurosnap.runtime.run import run
-from neurosnap.runtime.watcher import SILENT
 from neurosnap.sources.protocol import Argument
 from tests.support.run_options import options_for
 from tests.support.scripted_sources import Scripted

@@ -13,9 +13,8 @@ from neurosnap.agent.body import Body
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions, SnapshotKind, WiringKind
 from neurosnap.recording.replay.resume import find_resume_point
-from neurosnap.runtime.request import Outcome, RunRequest
+from neurosnap.runtime.request import Outcome, RunRequest, Watcher
 from neurosnap.runtime.run import run
-from neurosnap.runtime.watcher import Watcher
 from neurosnap.sources.open import open_source
 
 PATH = "neurosnap/Path-v0"

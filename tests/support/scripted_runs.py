@@ -8,7 +8,7 @@ import pytest
 from neurosnap.agent.body import Body
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.runtime.incarnation import describe
+from neurosnap.runtime.parts.recorder_process import describe
 from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from tests.support.inline_site import InlineSite

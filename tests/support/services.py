@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from neurosnap import wire
-from neurosnap.fabric.location import Place
+from neurosnap.fabric.protocol import Place
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording

@@ -8,8 +8,7 @@ import msgspec
 
 from neurosnap.depth.probe import Measured, ProbeJob, ProbePlan
 from neurosnap.runtime.launch import Ending, Jobs, host_jobs, launch
-from neurosnap.runtime.request import Site
-from neurosnap.runtime.watcher import Watcher
+from neurosnap.runtime.request import Site, Watcher
 
 _ENDLESS = 10**9
 """More waves than a swarm will ever send: it is stopped when all is measured."""

@@ -21,9 +21,8 @@ from numpy.typing import NDArray
 
 from neurosnap.protocol.run_options import LearningKind
 from neurosnap.runtime.registry import parts_of
-from neurosnap.runtime.request import RunRequest
+from neurosnap.runtime.request import RunRequest, Watcher
 from neurosnap.runtime.run import run
-from neurosnap.runtime.watcher import Watcher
 from tools.bench.report import Line, Sizes
 from tools.bench.run import line_options
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from neurosnap.depth.probe import Measured, ProbePlan
-from neurosnap.runtime.starting.child_processes import allow_files
+from neurosnap.runtime.child_processes import allow_files
 from tools.bench.bare import mean_pss
 from tools.bench.probe import probe, rows_of, weighed_while_up
 from tools.bench.report import Line, Sizes, ratio_of_pairs

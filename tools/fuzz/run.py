@@ -16,7 +16,7 @@ from neurosnap.fabric.in_memory import matches
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
-from neurosnap.runtime.incarnation import describe
+from neurosnap.runtime.parts.recorder_process import describe
 from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from tests.support.inline_site import InlineSite

@@ -30,7 +30,7 @@ from neurosnap.recording.format.chunks import unpack
 from neurosnap.recording.format.records import opened
 from neurosnap.recording.format.scan import scan_index
 from neurosnap.recording.read.recording import Recording
-from neurosnap.runtime.parts.participant import decoded
+from neurosnap.runtime.parts.job import decoded
 from tools.fuzz.altered_bytes import damage, damage_json, damage_recording
 from tools.fuzz.messages import altered, drawn, message, number
 from tools.fuzz.run import SENSORS, Honest

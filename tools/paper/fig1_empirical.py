@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.system.palette import steps
+from neurosnap.system.picture import steps
 from tools.paper import learners, plots
 from tools.paper.curves import Curve, fitted
 from tools.paper.figure import Claim, Figure, FigureOptions, Report

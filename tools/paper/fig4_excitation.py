@@ -18,7 +18,7 @@ from neurosnap.agent.body import Body
 from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import EXPLORE
 from neurosnap.sources.gymnasium_source import import_worlds
-from neurosnap.system.palette import FEW
+from neurosnap.system.picture import FEW
 from tools.paper import learners
 from tools.paper.figure import Claim, Figure, FigureOptions, Report
 from tools.paper.learning_error import new_snapshot

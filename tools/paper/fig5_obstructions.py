@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.system.palette import FEW, QUANTITY, ink_on
+from neurosnap.system.picture import FEW, QUANTITY, ink_on
 from tools.paper.figure import Claim, Figure, FigureOptions, Report
 from tools.paper.obstacles import (
     ARRIVED,

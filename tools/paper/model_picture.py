@@ -21,8 +21,7 @@ from neurosnap.poc.dual.cubing import Cubing
 from neurosnap.poc.dual.homology import cubes_among
 from neurosnap.poc.dual.realization import corners
 from neurosnap.poc.order.pocset import PocSet
-from neurosnap.system.palette import HUES, mixed
-from neurosnap.system.picture import canvas_type
+from neurosnap.system.picture import HUES, canvas_type, mixed
 from tools.paper.model import Model, Vertex
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
-from neurosnap.system.palette import Rgb
+from neurosnap.system.picture import Rgb
 from tools.paper.curves import Curve
 from tools.paper.walks import SETTINGS, Setting
 

@@ -1,7 +1,7 @@
 """One schedule: a run, what happens to it, and what must come of it.
 
 A schedule is a function of its seed alone. Supervision is one for all, as in
-`neurosnap.runtime.restart`: when a life of the swarm ends before its time, the next
+`neurosnap.runtime.run`: when a life of the swarm ends before its time, the next
 goes on from the last whole tick of what is on disk.
 """
 
@@ -21,7 +21,7 @@ from neurosnap.errors import SwarmError
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.write.rotation import Split
-from neurosnap.runtime.incarnation import describe
+from neurosnap.runtime.parts.recorder_process import describe
 from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.sources.open import open_source
 from tools.simulate.check import WrongError, check

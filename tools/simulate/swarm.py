@@ -27,7 +27,7 @@ from neurosnap.protocol.world import World
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.write.rotation import Split
 from neurosnap.runtime.parts import coordinator_process
-from neurosnap.runtime.parts.participant import decoded
+from neurosnap.runtime.parts.job import decoded
 from neurosnap.sources.protocol import Source
 from tools.simulate.check import WrongError
 from tools.simulate.disk import Disk

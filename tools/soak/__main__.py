@@ -41,11 +41,9 @@ from neurosnap.protocol.run_options import HostKind, RunOptions
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.fit_agent import body_of
-from neurosnap.runtime.parts.intake_process import INTAKE
-from neurosnap.runtime.request import RunRequest
-from neurosnap.runtime.restart_policy import Supervision
+from neurosnap.runtime.journaled_run import INTAKE
+from neurosnap.runtime.request import Restart, RunRequest, Supervision, Watcher
 from neurosnap.runtime.run import run
-from neurosnap.runtime.watcher import Restart, Watcher
 from neurosnap.sources.open import open_source
 from tools.arguments import in_bytes
 from tools.soak.killer import Killer, Killing, summary

@@ -303,7 +303,7 @@ def keys(
 
 def _listed(parts: list[str]) -> list[str]:
     """Return the parts in ``cell/0-39`` and the like, each once."""
-    from neurosnap.runtime.hosts.numbers import parse_ranges
+    from neurosnap.runtime.remote_parts import parse_ranges
 
     found: list[str] = []
     for text in parts:

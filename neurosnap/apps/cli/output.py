@@ -21,7 +21,7 @@ from rich.table import Table
 from neurosnap.apps.growth_text import changed_line, grown_text
 from neurosnap.health.news import Newsreader
 from neurosnap.protocol.anomaly_messages import few
-from neurosnap.runtime.watcher import Restart, Watcher
+from neurosnap.runtime.request import Restart, Watcher
 from neurosnap.sensorium import visible
 from neurosnap.system.picture import KINDS
 

@@ -42,13 +42,12 @@ from neurosnap.apps.cli.shared import (
 from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.run_options import HostChoice
 from neurosnap.runtime.network import Network
-from neurosnap.runtime.request import check_swarm
-from neurosnap.runtime.restart_policy import RestartKind
+from neurosnap.runtime.request import RestartKind, check_swarm
 
 if TYPE_CHECKING:
     from neurosnap.recording.format.completeness import Completeness
-    from neurosnap.runtime.hosts.remote_parts import ChooseParts
-    from neurosnap.runtime.hosts.service import Served
+    from neurosnap.runtime.remote_parts import ChooseParts
+    from neurosnap.runtime.service import Served
 
 serve = typer.Typer(
     help="Start a part of a swarm by hand, on this machine: its hub, world, recorder,"
@@ -144,8 +143,7 @@ def hub(
     `neurosnap run` starts one itself, unless it is given --connect.
     """
     from neurosnap.fabric.zenoh.denied_log import telling_refusals
-    from neurosnap.fabric.zenoh.hub import hub_document, open_hub
-    from neurosnap.fabric.zenoh.links import follow_links
+    from neurosnap.fabric.zenoh.hub import follow_links, hub_document, open_hub
 
     with errors():
         endpoints, links = listen or [_HERE], link or []
@@ -197,7 +195,7 @@ def world(
 
     SOURCE must be the coordinator's; the arguments and the seed come from there.
     """
-    from neurosnap.runtime.hosts import remote_parts
+    from neurosnap.runtime import remote_parts
 
     with errors():
         served = _serve(context, "world", swarm, remote_parts.world(source))
@@ -225,7 +223,7 @@ def recorder(
     form: Format = "text",
 ) -> None:
     """Record a swarm on this machine."""
-    from neurosnap.runtime.hosts import remote_parts
+    from neurosnap.runtime import remote_parts
 
     logs: list[Path] = []
 
@@ -267,8 +265,8 @@ def cells(
     form: Format = "text",
 ) -> None:
     """Run some of a swarm's cells, or its workers, on this machine."""
-    from neurosnap.runtime.hosts import remote_parts
-    from neurosnap.runtime.hosts.numbers import parse_numbers
+    from neurosnap.runtime import remote_parts
+    from neurosnap.runtime.remote_parts import parse_numbers
 
     with errors():
         numbers = parse_numbers("cells", ranges)
@@ -338,7 +336,7 @@ def _serve(
     context: typer.Context, what: str, swarm: str, choose: "ChooseParts"
 ) -> "list[Served]":
     """Serve until it is over; return the swarms served."""
-    from neurosnap.runtime.hosts.service import serve
+    from neurosnap.runtime.service import serve
 
     given = context.params
     keys = ("connect", "tls", "insecure")

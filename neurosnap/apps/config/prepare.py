@@ -37,12 +37,17 @@ from neurosnap.protocol.run_options import (
     RunOptions,
 )
 from neurosnap.runtime.fit_agent import body_of, drawn_to
-from neurosnap.runtime.hosts.numbers import parse_numbers
 from neurosnap.runtime.network import Network
-from neurosnap.runtime.placement import HERE, Placement
 from neurosnap.runtime.preflight import check_cells, check_sensors
-from neurosnap.runtime.request import RunRequest, Site, check_swarm
-from neurosnap.runtime.restart_policy import Supervision
+from neurosnap.runtime.remote_parts import parse_numbers
+from neurosnap.runtime.request import (
+    HERE,
+    Placement,
+    RunRequest,
+    Site,
+    Supervision,
+    check_swarm,
+)
 from neurosnap.sources.camera import try_camera
 from neurosnap.sources.open import ZENOH, is_live, open_source, settle
 from neurosnap.sources.protocol import Argument
@@ -89,9 +94,7 @@ class Prepared(msgspec.Struct, frozen=True):
 
         Raises:
             InvalidValueError: It does not fit, or parts elsewhere could not find it.
-            MissingExtraError: What starts the parts is not installed.
         """
-        self.placement.check_installed()
         if swarm:
             check_swarm(swarm)
         away = self._away(swarm)
@@ -282,8 +285,12 @@ def _cells(config: Config, count: int) -> tuple[CellKind, int, str]:
     if table.kind != "auto":
         return table.kind, workers, why
     some = "1 worker" if workers == 1 else f"{workers} workers"
-    if config.placement.place == "ray":
-        return "worker", workers, f"cells: in {some}, which Ray places"
+    if not config.placement.is_here:
+        return (
+            "worker",
+            workers,
+            f"cells: in {some}, placed by {config.placement.place}",
+        )
     if isinstance(config.source, MqttTable):  # a home's machine is small
         why = "for an MQTT broker"
     elif count > FEW_CELLS:

@@ -15,8 +15,7 @@ from neurosnap.health.budget import NEVER, parse_budget
 from neurosnap.protocol.option import declared, option
 from neurosnap.protocol.run_options import FEW_CELLS, RunOptions
 from neurosnap.runtime.network import PRIVATE, Network
-from neurosnap.runtime.placement import HERE, Placement
-from neurosnap.runtime.restart_policy import Supervision
+from neurosnap.runtime.request import HERE, Placement, Supervision
 
 Natural: TypeAlias = Annotated[int, msgspec.Meta(ge=0)]
 _REPORTED = {"watch": True}

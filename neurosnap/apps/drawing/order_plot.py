@@ -13,8 +13,7 @@ from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.pocset import PocSet
 from neurosnap.sensorium import Sensorium
-from neurosnap.system.palette import ink_on, rgb
-from neurosnap.system.picture import canvas_type
+from neurosnap.system.picture import canvas_type, ink_on, rgb
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

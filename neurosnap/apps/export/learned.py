@@ -15,8 +15,8 @@ from neurosnap.recording.read.observations import readings_of
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.births import Births, births_of
 from neurosnap.recording.replay.learning import snapshot_at
+from neurosnap.runtime.preflight import free_memory
 from neurosnap.sources.tables.readings import Readings
-from neurosnap.system.resources import free_memory
 
 SURE = "sure"
 """The rule by which a table is made of what readings leave no doubt about."""

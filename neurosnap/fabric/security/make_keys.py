@@ -33,8 +33,12 @@ from neurosnap.fabric.security.credentials import (
     certificate_file,
     key_file,
 )
-from neurosnap.fabric.security.load_keys import read_authority
-from neurosnap.fabric.security.names import listed, successor, written
+from neurosnap.fabric.security.load_keys import (
+    listed,
+    read_authority,
+    successor,
+    written,
+)
 from neurosnap.fabric.security.roles import EVERY_ROLE, MANY, ROLES
 
 _LONGEST = 3650  # days

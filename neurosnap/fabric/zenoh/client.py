@@ -22,11 +22,10 @@ import zenoh
 
 from neurosnap import wire
 from neurosnap.errors import FabricError, InvalidValueError
-from neurosnap.fabric.inbox import DeliveryThread, Door, Inbox
-from neurosnap.fabric.location import Place
+from neurosnap.fabric.events import Failure
 from neurosnap.fabric.protocol import (
-    Failure,
     Handler,
+    Place,
     PlaceHandler,
     PresenceHandler,
     check_polled,
@@ -34,8 +33,8 @@ from neurosnap.fabric.protocol import (
 from neurosnap.fabric.security.credentials import Credentials
 from neurosnap.fabric.security.endpoint import check_endpoint
 from neurosnap.fabric.security.roles import DESCRIPTION, FLUSHED, PLACE
+from neurosnap.fabric.zenoh.inbox import DeliveryThread, Door, Inbox, Poll
 from neurosnap.fabric.zenoh.pieces import LARGEST, Assembly, pieces
-from neurosnap.fabric.zenoh.polled import Poll
 from neurosnap.fabric.zenoh.session import connecting
 
 P = ParamSpec("P")

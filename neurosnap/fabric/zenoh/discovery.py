@@ -13,10 +13,10 @@ import zenoh
 
 from neurosnap import wire
 from neurosnap.fabric.events import wait_any
-from neurosnap.fabric.inbox import Inbox
 from neurosnap.fabric.security.credentials import Credentials
 from neurosnap.fabric.security.endpoint import check_endpoint
-from neurosnap.fabric.zenoh.reach import reach
+from neurosnap.fabric.zenoh.inbox import Inbox
+from neurosnap.fabric.zenoh.session import reach
 
 _ALIVE = "alive/coordinator"
 

@@ -15,7 +15,7 @@ from mcap.records import Attachment, Channel
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
-from neurosnap.fabric.location import Place
+from neurosnap.fabric.protocol import Place
 from neurosnap.recording.format.chunks import index_chunk
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import (

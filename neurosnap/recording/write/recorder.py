@@ -11,8 +11,7 @@ from collections.abc import Callable, Collection, Mapping
 
 from neurosnap import wire
 from neurosnap.errors import NeurosnapError
-from neurosnap.fabric.location import Place
-from neurosnap.fabric.protocol import Fabric
+from neurosnap.fabric.protocol import Fabric, Place
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.write.rotation import SplitWriter
 

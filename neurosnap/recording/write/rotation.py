@@ -40,7 +40,7 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
-from neurosnap.fabric.location import Place
+from neurosnap.fabric.protocol import Place
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import SMALLEST
 from neurosnap.recording.format.completeness import Completeness, added_up

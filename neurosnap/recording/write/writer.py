@@ -25,7 +25,7 @@ from mcap.writer import Writer as McapWriter
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, MessageError, RecordingError
-from neurosnap.fabric.location import Place
+from neurosnap.fabric.protocol import Place
 from neurosnap.recording.format import schemas
 from neurosnap.recording.format.completeness import Completeness, RunningNumbers
 from neurosnap.recording.format.facts import sealed_facts

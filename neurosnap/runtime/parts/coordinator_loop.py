@@ -6,6 +6,7 @@ observation. It decides nothing itself.
 """
 
 import asyncio
+import logging
 import threading
 import time
 from collections.abc import Callable, Collection
@@ -14,9 +15,11 @@ from typing import Protocol
 from neurosnap import wire
 from neurosnap.errors import PartDiedError, SwarmError
 from neurosnap.fabric.protocol import Fabric
-from neurosnap.runtime.parts.participant import decoded
-from neurosnap.runtime.parts.world_deadline import WorldDeadline
+from neurosnap.runtime.parts.job import decoded
 
+_log = logging.getLogger(__name__)
+
+_WARNED = 1 / 3  # of its time is over when the world is named as who is waited for
 _LAST_WORD = 0.5  # seconds
 _WORD = 0.25  # seconds between two words of how far it is, at most
 
@@ -128,6 +131,52 @@ async def run_coordinator(
     finally:
         watching.cancel()
         serving.cancel()
+
+
+class WorldDeadline:
+    """A deadline for the world's next observation.
+
+    Only what the coordinator says is needed: a decision asks the world for an
+    observation, and the first wave of a tick shows that this has come.
+
+    Args:
+        patience: Seconds it may take; None: as long as it takes.
+    """
+
+    def __init__(self, patience: float | None) -> None:
+        self._patience = patience
+        self._tick: int | None = None  # of the decision that is not answered
+        self._since = 0.0
+        self._warned = False
+
+    def heed(self, message: wire.Message) -> None:
+        """Take in what the coordinator has just said."""
+        match message:
+            case wire.Decision(tick=tick):
+                self._tick, self._since = tick, time.monotonic()
+                self._warned = False
+            case wire.WaveStart():
+                self._tick = None
+            case _:
+                pass
+
+    def check(self) -> None:
+        """Say who is waited for, once it takes long.
+
+        Raises:
+            PartDiedError: It takes longer than it may: who hangs is as good as dead.
+        """
+        if self._patience is None or self._tick is None:
+            return
+        waited = time.monotonic() - self._since
+        if waited > self._patience:
+            rule = f"must answer the decision of tick {self._tick}"
+            raise PartDiedError(
+                f"world: {rule} within {self._patience:g} s, got nothing"
+            )
+        if waited > self._patience * _WARNED and not self._warned:
+            self._warned = True
+            _log.warning("waiting for world: tick %d, %.1f s", self._tick + 1, waited)
 
 
 class _CoordinatorLoop:

@@ -15,8 +15,7 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.protocol.totals import Totals
 from neurosnap.recording.replay.resume import restore
 from neurosnap.runtime.parts.coordinator_loop import run_coordinator
-from neurosnap.runtime.parts.job import PartContext
-from neurosnap.runtime.parts.participant import take_part
+from neurosnap.runtime.parts.job import PartContext, take_part
 from neurosnap.runtime.parts.run_description import RunDescription
 from neurosnap.sources.open import is_live
 

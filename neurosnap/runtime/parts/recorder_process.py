@@ -1,15 +1,21 @@
 """The recorder process: writes all traffic of a swarm to a recording."""
 
+import sys
 from functools import partial
+from importlib import metadata
 from pathlib import Path
 
 import msgspec
 
 from neurosnap.protocol.resume_point import ResumePoint
+from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.write.recorder import run_recorder
 from neurosnap.recording.write.rotation import SplitWriter
-from neurosnap.runtime.parts.job import PartContext
+from neurosnap.runtime.parts.job import Job, PartContext
 from neurosnap.sources.live.journal import cut, journal_of
+from neurosnap.system.distribution import version
+
+_PACKAGES = ("eclipse-zenoh", "mcap", "msgspec", "numpy", "numba")
 
 
 class RecorderJob(msgspec.Struct, frozen=True):
@@ -38,3 +44,39 @@ class RecorderJob(msgspec.Struct, frozen=True):
                     on_ready=part.reporter.ready,
                 )
         part.reporter.done(balance)
+
+
+def recorder_job(
+    options: RunOptions,
+    log: Path,
+    past: ResumePoint | None,
+    swarm: str,
+    heard: tuple[str, ...],
+) -> Job:
+    """Return the job of the recorder of a run.
+
+    Args:
+        options: The run's.
+        log: Where to record.
+        past: What the recording takes over.
+        swarm: The swarm's id.
+        heard: The parts whose last words it waits for.
+    """
+    return RecorderJob(str(log), {**describe(options), "swarm": swarm}, past, heard)
+
+
+def describe(options: RunOptions) -> dict[str, str]:
+    """Return the facts of a run, as text: each option, all of them, the versions."""
+    facts = {
+        name: value if isinstance(value, str) else msgspec.json.encode(value).decode()
+        for name, value in msgspec.structs.asdict(options).items()
+    }
+    versions = {"neurosnap": version()}
+    versions |= {name: metadata.version(name) for name in _PACKAGES}
+    versions["python"] = ".".join(map(str, sys.version_info[:3]))
+    return {
+        **facts,
+        "sensors": msgspec.json.encode(options.sensors).decode(),
+        "options": msgspec.json.encode(options).decode(),
+        "versions": msgspec.json.encode(versions).decode(),
+    }

@@ -12,8 +12,7 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.protocol.worker import Worker
 from neurosnap.protocol.worker_kernels import warm
 from neurosnap.protocol.worker_learning import WorkerLearning
-from neurosnap.runtime.parts.job import PartContext
-from neurosnap.runtime.parts.participant import decoded, take_part
+from neurosnap.runtime.parts.job import PartContext, decoded, take_part
 
 
 async def run_worker(

@@ -14,8 +14,7 @@ from neurosnap.fabric.protocol import Fabric
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.protocol.world import World
-from neurosnap.runtime.parts.job import PartContext
-from neurosnap.runtime.parts.participant import decoded, take_part
+from neurosnap.runtime.parts.job import PartContext, decoded, take_part
 from neurosnap.sources.camera import Camera
 from neurosnap.sources.live.journal import Journal
 from neurosnap.sources.live.latest_readings import Bits

@@ -18,7 +18,7 @@ import pytest
 
 from neurosnap.apps import doctor
 from neurosnap.apps.doctor import Finding, examine
-from neurosnap.system import resources
+from neurosnap.runtime import preflight
 
 Check = Callable[[], list[Finding]]
 
@@ -128,7 +128,7 @@ def test_a_low_soft_limit_will_do_and_stays(monkeypatch: pytest.MonkeyPatch) -> 
 
 def files(monkeypatch: pytest.MonkeyPatch, **texts: str) -> None:
     """Let files of the kernel's, by their names, say `texts`; others nothing."""
-    monkeypatch.setattr(resources, "_read", lambda path: texts.get(path.name, ""))
+    monkeypatch.setattr(preflight, "_read", lambda path: texts.get(path.name, ""))
 
 
 def test_a_low_limit_of_processes_is_found(monkeypatch: pytest.MonkeyPatch) -> None:

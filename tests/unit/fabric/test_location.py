@@ -6,7 +6,7 @@ import socket
 import pytest
 import zenoh
 
-from neurosnap.fabric.location import Place
+from neurosnap.fabric.protocol import Place
 
 NAMES = ["oak", "oak.lan", "Oak-3_b", "a" * 64]
 

@@ -9,8 +9,7 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.fabric.security.credentials import AUTHORITY
 from neurosnap.fabric.security.make_keys import make_keys
 from neurosnap.fabric.security.roles import Role
-from neurosnap.runtime.connections import Connections
-from neurosnap.runtime.network import Network
+from neurosnap.runtime.network import Connections, Network
 
 WHERE = "tls/127.0.0.1:7447"
 

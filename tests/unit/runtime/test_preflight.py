@@ -4,7 +4,7 @@ import pytest
 
 from neurosnap.errors import InvalidValueError, SwarmError
 from neurosnap.runtime import preflight
-from neurosnap.system.resources import BYTES_A_CELL, BYTES_BESIDE
+from neurosnap.runtime.preflight import BYTES_A_CELL, BYTES_BESIDE
 
 GB = 1_000_000_000
 

@@ -7,12 +7,10 @@ from shutil import copy
 import pytest
 
 from neurosnap.errors import PartDiedError
-from neurosnap.runtime import restart
-from neurosnap.runtime.request import Outcome, RunRequest
+from neurosnap.runtime import run as restart
+from neurosnap.runtime.request import Outcome, RunRequest, Supervision, Watcher
 from neurosnap.runtime.restart_files import RestartFiles
-from neurosnap.runtime.restart_policy import Supervision
 from neurosnap.runtime.run import run
-from neurosnap.runtime.watcher import Watcher
 from tests.support.restart_runs import names, options_of
 
 TICKS = 12

@@ -3,7 +3,8 @@
 from msgspec import convert
 
 from neurosnap.errors import PartDiedError, SwarmError
-from neurosnap.runtime.restart_policy import Restarts, Supervision
+from neurosnap.runtime.request import Supervision
+from neurosnap.runtime.run import Restarts
 
 DIED = PartDiedError("cell/1: was killed")
 

@@ -10,9 +10,8 @@ from typing import Any
 import msgspec
 import pytest
 
-from neurosnap.runtime.parts.job import Job, PartConnection, PartContext
-from neurosnap.runtime.parts.reports import Ready, Report
-from neurosnap.runtime.starting.child_processes import ChildProcesses, without_main
+from neurosnap.runtime.child_processes import ChildProcesses, without_main
+from neurosnap.runtime.parts.job import Job, PartConnection, PartContext, Ready, Report
 from neurosnap.runtime.supervisor import Supervisor
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from neurosnap.system.palette import FEW, HUES, MANY, ink_on, luminance, mixed, rgb
+from neurosnap.system.picture import FEW, HUES, MANY, ink_on, luminance, mixed, rgb
 
 Floats = NDArray[np.float64]
 
@@ -85,7 +85,7 @@ def test_colours_stay_apart_in_grey(palette: tuple[str, ...], least: float) -> N
 @pytest.mark.parametrize("seen_by", SEEN_BY)
 def test_steps_of_a_quantity_rise_in_lightness(seen_by: str) -> None:
     pytest.importorskip("matplotlib")
-    from neurosnap.system.palette import steps
+    from neurosnap.system.picture import steps
 
     rising = np.diff([lab(colour, seen_by)[0] for colour in steps(10)])
     assert rising.min() > 4

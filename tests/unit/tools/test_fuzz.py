@@ -18,7 +18,7 @@ from neurosnap.recording.format.facts import sealed_facts
 from neurosnap.recording.format.records import RUN
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
-from neurosnap.runtime.parts.participant import decoded
+from neurosnap.runtime.parts.job import decoded
 from neurosnap.sensorium import pack
 from tests.support.refusals import refusal
 from tools.fuzz import __main__ as fuzz

@@ -18,7 +18,7 @@ from neurosnap.apps.config.problems import dotted
 from neurosnap.apps.config.tables import Config
 from neurosnap.apps.config.validate import known_keys
 from neurosnap.errors import InvalidValueError
-from neurosnap.runtime.restart_policy import Supervision
+from neurosnap.runtime.request import Supervision
 from neurosnap.sources.mqtt.options import MqttBroker
 from neurosnap.sources.open import mqtt_options
 

@@ -9,13 +9,13 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.apps.cli.recording_info import Info, describe, render
 from neurosnap.errors import RecordingError
-from neurosnap.fabric.location import Place
+from neurosnap.fabric.protocol import Place
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import MAGIC
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
-from neurosnap.runtime.incarnation import describe as facts_of
+from neurosnap.runtime.parts.recorder_process import describe as facts_of
 from tests.support.recordings import EACH, NOW, delivered, record, traffic
 from tools.fuzz import altered_bytes
 

@@ -15,7 +15,7 @@ from neurosnap.apps.config.recording_names import free_path, new_path
 from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.network import Network
-from neurosnap.runtime.restart_policy import Supervision
+from neurosnap.runtime.request import Supervision
 from tests.support.command_line import call
 
 WORLD = '[source]\nkind = "world"\nid = "neurosnap/Path-v0"\narguments.places = 6\n'

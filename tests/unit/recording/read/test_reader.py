@@ -8,7 +8,7 @@ from mcap.writer import Writer as McapWriter
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
-from neurosnap.fabric.location import Place
+from neurosnap.fabric.protocol import Place
 from neurosnap.recording.format.chunks import unpack
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.facts import sealed_facts

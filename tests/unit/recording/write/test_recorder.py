@@ -7,7 +7,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.fabric.in_memory import MemoryHub
-from neurosnap.fabric.location import Place
+from neurosnap.fabric.protocol import Place
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write import recorder
 from neurosnap.recording.write.recorder import _Listener

@@ -10,7 +10,7 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.apps.cli.recording_info import describe, render
 from neurosnap.errors import InvalidValueError, RecordingError
-from neurosnap.fabric.location import Place
+from neurosnap.fabric.protocol import Place
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import (
@@ -23,7 +23,7 @@ from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write import rotation
 from neurosnap.recording.write.rotation import Split, SplitWriter, split_of
 from neurosnap.recording.write.writer import Writer
-from neurosnap.runtime.incarnation import describe as facts_of
+from neurosnap.runtime.parts.recorder_process import describe as facts_of
 from tests.support.split_runs import EVERY, TICKS, content, options, overtaking, write
 
 # Each by itself, and all together -----------------------------------------------------

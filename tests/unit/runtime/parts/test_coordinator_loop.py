@@ -7,8 +7,11 @@ import pytest
 from neurosnap import wire
 from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
 from neurosnap.runtime.parts import coordinator_loop
-from neurosnap.runtime.parts.coordinator_loop import _CoordinatorLoop, run_coordinator
-from neurosnap.runtime.parts.world_deadline import WorldDeadline
+from neurosnap.runtime.parts.coordinator_loop import (
+    WorldDeadline,
+    _CoordinatorLoop,
+    run_coordinator,
+)
 from tests.support.patience import PATIENCE
 
 

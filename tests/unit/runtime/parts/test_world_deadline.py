@@ -8,8 +8,8 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import PartDiedError
 from neurosnap.protocol.run_options import RunOptions
+from neurosnap.runtime.parts.coordinator_loop import WorldDeadline
 from neurosnap.runtime.parts.coordinator_process import answer_within
-from neurosnap.runtime.parts.world_deadline import WorldDeadline
 
 DECISION = wire.Decision(6, -1, "why")
 WAVE = wire.WaveStart(1, 7, "state", 0, 1)
@@ -19,7 +19,7 @@ class Clock:
     def __init__(self, patch: pytest.MonkeyPatch) -> None:
         self.now = 100.0
         patch.setattr(
-            "neurosnap.runtime.parts.world_deadline.time.monotonic", lambda: self.now
+            "neurosnap.runtime.parts.coordinator_loop.time.monotonic", lambda: self.now
         )
 
 

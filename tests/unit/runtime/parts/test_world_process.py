@@ -17,9 +17,8 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.protocol.world import World
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.parts.world_process import run_world
-from neurosnap.runtime.request import RunRequest
+from neurosnap.runtime.request import RunRequest, Watcher
 from neurosnap.runtime.run import run
-from neurosnap.runtime.watcher import Watcher
 from neurosnap.sensorium import pack
 from tests.support.inline_site import InlineSite
 from tests.support.patience import PATIENCE

@@ -3,7 +3,7 @@
 import pytest
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.runtime.hosts.numbers import parse_numbers, parse_ranges
+from neurosnap.runtime.remote_parts import parse_numbers, parse_ranges
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from typing import TypeAlias
 import pytest
 
 from neurosnap.errors import InboxOverflowError
-from neurosnap.fabric.inbox import DeliveryThread, Inbox
+from neurosnap.fabric.zenoh.inbox import DeliveryThread, Inbox
 from tests.support.patience import PATIENCE
 
 Kind: TypeAlias = type[Inbox[int]] | type[DeliveryThread[int]]

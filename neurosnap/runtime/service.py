@@ -21,12 +21,11 @@ from neurosnap.errors import (
 )
 from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.zenoh.discovery import FoundSwarm
-from neurosnap.runtime.connections import Connections
-from neurosnap.runtime.hosts.remote_parts import ChooseParts, RemotePart
-from neurosnap.runtime.network import Network
+from neurosnap.runtime.network import Connections, Network
 from neurosnap.runtime.parts.job import PartConnection
 from neurosnap.runtime.parts.run_description import read_description
-from neurosnap.runtime.restart_policy import RestartKind
+from neurosnap.runtime.remote_parts import ChooseParts, RemotePart
+from neurosnap.runtime.request import RestartKind
 from neurosnap.runtime.supervisor import RunningPart, Supervisor
 
 _GRACE = 10.0  # seconds a part may take to end

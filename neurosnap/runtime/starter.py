@@ -1,15 +1,14 @@
-"""The protocol of what starts parts: who starts them, and who is told of them.
+"""The protocol for starting the parts of a swarm.
 
-A supervisor decides when a part is started, asked to end or killed, and who is to blame
-for what. A starter only does it, and tells what becomes of the parts.
+A supervisor decides when a part is started, asked to end or killed, and which part is
+to blame for a failure. A starter only does it, and reports what happens to the parts.
 """
 
 import asyncio
 from collections.abc import Collection, Sequence
 from typing import Protocol
 
-from neurosnap.runtime.parts.job import Job, PartConnection
-from neurosnap.runtime.parts.reports import Report
+from neurosnap.runtime.parts.job import Job, PartConnection, Report
 
 
 class Handle(Protocol):

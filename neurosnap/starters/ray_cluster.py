@@ -58,7 +58,7 @@ def connect(address: str) -> bool:
     given = address or os.environ.get("RAY_ADDRESS", "")
     if "://" in given:
         rule = "must be HOST:PORT of a cluster that this machine is a node of"
-        raise InvalidValueError("ray_address", rule, given)
+        raise InvalidValueError("address", rule, given)
     _check_answers(given)
     try:
         ray.init(
@@ -86,7 +86,7 @@ def _check_answers(given: str) -> None:
         found = canonicalize_bootstrap_address(given or None)  # type: ignore[arg-type]
     except ValueError as error:
         rule = "must be HOST:PORT, auto or local"
-        raise InvalidValueError("ray_address", rule, given) from error
+        raise InvalidValueError("address", rule, given) from error
     except ConnectionError as error:
         rule = "must have a cluster on this machine (start one: ray start --head)"
         raise SwarmError(f"ray: {rule}, found none") from error
@@ -99,7 +99,9 @@ def _check_answers(given: str) -> None:
     except OSError as error:
         rule = f"must have a cluster at {found}, which does not answer ({error})"
         more = "" if given else "; `ray stop` forgets one that has died"
-        remedy = "--ray-address names another one, or local to start one for the run"
+        remedy = (
+            "`placement.address` names another one, or local to start one for the run"
+        )
         raise SwarmError(f"ray: {rule}: {remedy}{more}") from error
 
 

@@ -7,9 +7,15 @@ from functools import partial
 import msgspec
 
 from neurosnap.fabric.in_memory import MemoryHub
-from neurosnap.runtime.parts.job import Job, PartConnection, PartContext, carry_out
-from neurosnap.runtime.parts.reports import Reporter, decode_report
-from neurosnap.runtime.starting.starter import Listener
+from neurosnap.runtime.parts.job import (
+    Job,
+    PartConnection,
+    PartContext,
+    Reporter,
+    carry_out,
+    decode_report,
+)
+from neurosnap.runtime.starter import Listener
 
 
 class InlineTasks:

@@ -12,12 +12,12 @@ from neurosnap.errors import InvalidValueError, SwarmError
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import CellKind, RunOptions
-from neurosnap.runtime.hosts import remote_parts, service
-from neurosnap.runtime.hosts.numbers import Numbers
-from neurosnap.runtime.hosts.service import _Ending
+from neurosnap.runtime import remote_parts, service
 from neurosnap.runtime.parts import coordinator_process
 from neurosnap.runtime.parts.run_description import RunDescription, read_description
 from neurosnap.runtime.parts.worker_process import WorkerJob
+from neurosnap.runtime.remote_parts import Numbers
+from neurosnap.runtime.service import _Ending
 from tests.support.patience import PATIENCE
 
 PAST = ResumePoint("/far/away.mcap", 7, (1, 0), b"\x01", {"cell/0": 12}, (7,))

@@ -9,7 +9,7 @@ from multiprocessing.connection import Connection
 import msgspec
 import pytest
 
-from neurosnap.runtime.parts.reports import (
+from neurosnap.runtime.parts.job import (
     Done,
     Failed,
     Progress,
@@ -85,14 +85,14 @@ def test_a_reason_is_short_enough_to_share_a_line(text: str) -> None:
 
 ORPHAN = """
 import os
-from neurosnap.runtime.parts import child_process
+from neurosnap.runtime import child_processes
 
 if os.fork():
     os._exit(0)
-server = child_process._LOADED_BY
+server = child_processes._LOADED_BY
 while os.getppid() == server:  # it lives for a moment still
     os.sched_yield()
-child_process._end_with_server()
+child_processes._end_with_server()
 os.write(1, b"goes on")
 """
 

@@ -13,7 +13,14 @@ import os
 import re
 import sys
 import time
-from collections.abc import Awaitable, Callable, Collection, Coroutine, Sequence
+from collections.abc import (
+    AsyncIterator,
+    Awaitable,
+    Callable,
+    Collection,
+    Coroutine,
+    Sequence,
+)
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
@@ -30,12 +37,19 @@ from neurosnap.errors import (
     PartDiedError,
     SwarmError,
 )
+from neurosnap.protocol.run_options import CellKind
 from neurosnap.runtime.network import Network
-from neurosnap.runtime.parts.job import Job, PartConnection
-from neurosnap.runtime.parts.ray_part import RayPart
-from neurosnap.runtime.parts.reports import Failed, decode_report
-from neurosnap.runtime.starting import ray_cluster as cluster
-from neurosnap.runtime.starting.starter import Listener
+from neurosnap.runtime.parts.job import (
+    Failed,
+    Job,
+    PartConnection,
+    PartContext,
+    Reporter,
+    carry_out,
+    decode_report,
+)
+from neurosnap.runtime.starter import Listener
+from neurosnap.starters import ray_cluster as cluster
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -52,11 +66,68 @@ _REASON = re.compile(r"because (.+?)[.\n]")
 _SHOWN = 2000  # characters of what Ray says of an actor that could not begin
 
 
+class RayPart:
+    """One part, in the process that Ray starts for it.
+
+    Args:
+        who: Its name.
+        folder: Where whoever started it works.
+        path: Where whoever started it looks for modules: a world may be of one that the
+            nodes of the cluster were started without.
+        shared: It is on the same machine, so files are looked for in that folder. On
+            another machine they are, too, if that has such a folder.
+    """
+
+    def __init__(
+        self, who: str, folder: str, path: Sequence[str], *, shared: bool
+    ) -> None:
+        self._who = who
+        self._stop = asyncio.Event()
+        sys.path += [place for place in path if place not in sys.path]
+        if shared:
+            os.chdir(folder)
+        else:
+            with suppress(OSError):
+                os.chdir(folder)
+
+    def __repr__(self) -> str:
+        """Return its name, which Ray writes before what it logs."""
+        return self._who
+
+    async def live(self, job: Job, connection: PartConnection) -> AsyncIterator[bytes]:
+        """Run a job, and yield its reports as they come, until it has ended."""
+        line = _Line()
+        context = PartContext(connection, self._stop, Reporter(self._who, line))
+        working = asyncio.create_task(carry_out(job, context), name=self._who)
+        working.add_done_callback(line.close)
+        while (report := await line.said.get()) is not None:
+            yield report
+        await working
+
+    async def end(self) -> None:
+        """Ask the job to end in order."""
+        self._stop.set()
+
+
+class _Line:
+    """A queue that any thread writes to and the event loop reads."""
+
+    def __init__(self) -> None:
+        self.said: asyncio.Queue[bytes | None] = asyncio.Queue()
+        self._loop = asyncio.get_running_loop()
+
+    def send_bytes(self, buf: bytes, /) -> None:
+        self._loop.call_soon_threadsafe(self.said.put_nowait, buf)
+
+    def close(self, _: object) -> None:
+        self.said.put_nowait(None)
+
+
 class RayActors:
     """Starts every part as an actor.
 
     Args:
-        address: The cluster's; see `neurosnap.runtime.starting.ray_cluster.connect`.
+        address: The cluster's; see `neurosnap.starters.ray_cluster.connect`.
         network: Where the hub is, which every node must reach.
         again: The run goes on after a death. Then a lack of room is a death, too, which
             the policy of restarts deals with: a node may come back.
@@ -85,6 +156,21 @@ class RayActors:
         self._actors: dict[str, Actor] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="ray")
+
+    @staticmethod
+    def check(cells: CellKind) -> None:
+        """Refuse cells that are not in workers.
+
+        Raises:
+            InvalidValueError: They are not.
+        """
+        if cells != "worker":
+            rule = (
+                "must be 'worker' with place = \"ray\": an actor takes some 65 MB, 25 threads"
+                " and 0.6 s of a processor to start (for cells as processes on several"
+                " machines there is `neurosnap serve cells`)"
+            )
+            raise InvalidValueError("kind", rule, cells)
 
     async def open(self, listener: Listener) -> None:
         """Connect to the cluster, or start one."""

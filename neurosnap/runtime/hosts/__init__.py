@@ -1,1 +1,0 @@
-"""Swarms on several hosts: services, and the parts that they serve."""

@@ -1,0 +1,71 @@
+"""The hub process and the cell process, which a swarm's fork server has loaded."""
+
+import asyncio
+import shutil
+
+import msgspec
+
+from neurosnap import wire
+from neurosnap.fabric.protocol import Fabric
+from neurosnap.fabric.zenoh.denied_log import telling_refusals
+from neurosnap.fabric.zenoh.hub import open_hub
+from neurosnap.protocol.cell import Cell
+from neurosnap.runtime.parts.job import PartContext, decoded, take_part
+
+
+async def run_cell(cell: int, fabric: Fabric, stop: asyncio.Event) -> None:
+    """Be the cell of sensor `cell` until `stop` is set.
+
+    Reads `wire.cell_keys`; publishes pulses, reports and faults.
+    Cancellation ends it at once; the fabric is the caller's to close.
+    """
+    core = Cell(cell)
+
+    def handle(deliveries: list[wire.Delivery]) -> None:
+        fabric.publish(*core.receive(decoded(fabric, deliveries)))
+
+    await fabric.subscribe(wire.cell_keys(cell), handle)
+    await fabric.announce()
+    await fabric.serve(stop)
+
+
+class CellJob(msgspec.Struct, frozen=True):
+    """One cell."""
+
+    cell: int
+    """Its sensor's number."""
+
+    async def run(self, part: PartContext) -> None:
+        """Be the cell until the end."""
+        async with part.connection.fabric(swift=True) as fabric:
+            await take_part(fabric, run_cell(self.cell, fabric, part.stop))
+
+
+class HubJob(msgspec.Struct, frozen=True):
+    """The router that all others connect to."""
+
+    sessions: int
+    """How many may connect."""
+    folder: str
+    """The swarm's own, which goes with the hub: a launcher that was killed cannot
+    remove it."""
+    audit: bool
+    """Log what is refused."""
+
+    async def run(self, part: PartContext) -> None:
+        """Route until the end."""
+        connection = part.connection
+        with telling_refusals(audit=self.audit):
+            session = await asyncio.to_thread(
+                open_hub,
+                [connection.endpoint],
+                self.sessions,
+                credentials=connection.credentials,
+                insecure=connection.insecure,
+            )
+            try:
+                part.reporter.ready()
+                await part.stop.wait()
+            finally:
+                await asyncio.to_thread(session.close)
+                shutil.rmtree(self.folder, ignore_errors=True)

@@ -1,1 +1,0 @@
-"""How parts are started: as child processes, or as actors of a Ray cluster."""
