@@ -18,8 +18,7 @@ from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from tests.integration.test_growing_swarm import by_one_agent, decisions
 from tests.support.run_options import options_for
-from tests.support.transition_tables import Table, state_fields
-from world.toy_text import frozen_lake, taxi
+from world.toy_text import frozen_lake
 
 DOWN, RIGHT = 1, 2
 WAY = (DOWN, DOWN, RIGHT, RIGHT, DOWN, RIGHT)  # from the start of the lake to its goal
@@ -69,12 +68,6 @@ def test_what_reads_a_reward_looks_back_one_step_and_gets_one_number() -> None:
     assert trajectory.begin(3).tolist() == [False]
     assert trajectory.extend(3, 0.5).tolist() == [True]
     assert trajectory.extend(3).tolist() == [False]
-
-
-def test_a_table_of_states_does_not_know_it() -> None:
-    env = taxi(senses_reward=True)
-    with pytest.raises(InvalidValueError, match=r"^sensor rewarded: must be of states"):
-        state_fields(env, Table.of(env))
 
 
 def test_an_agent_goes_where_it_was_rewarded() -> None:

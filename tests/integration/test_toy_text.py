@@ -1,46 +1,98 @@
-"""Worlds nobody made for us are what Gymnasium takes them for."""
+"""Gymnasium's toy texts with binary sensors: what they sense, alone and in a swarm."""
 
+import asyncio
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import gymnasium
+import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 
+from neurosnap import wire
+from neurosnap.agent.agent import Agent
 from neurosnap.agent.binary_sensors import BinarySensors
-from neurosnap.agent.environment import describe
-from tests.support.toy_text_beds import BEDS
+from neurosnap.agent.body import Body
+from neurosnap.agent.environment import Continuing, describe
+from neurosnap.agent.senses import Senses
+from neurosnap.agent.sensor import decreased, increased, one_hot
+from neurosnap.recording.replay.verify import verify
+from neurosnap.runtime.request import RunRequest
+from neurosnap.runtime.run import run
+from neurosnap.sensorium import complete, unpack
+from neurosnap.sources.open import open_source
+from tests.support.recorded_messages import of_type
+from tests.support.rewritten_recordings import changing, rewritten
+from tests.support.run_options import options_for
+from tests.support.taught_agents import BEDS, Bed
+from tests.support.transition_tables import Table, state_fields, transition_fields
 from world.toy_text import cliff_walking, frozen_lake, taxi
+
+VARIANTS: list[tuple[Bed, dict[str, Any]]] = [
+    *((bed, {}) for bed in BEDS),
+    (frozen_lake, {"map_name": "8x8"}),
+    (frozen_lake, {"is_slippery": True}),
+    (cliff_walking, {"is_slippery": True}),
+    (taxi, {"is_rainy": True}),
+]
 
 
 # The checker would rather see the environment within, which has no binary sensors.
 @pytest.mark.filterwarnings("ignore:.*is different from the unwrapped version")
-@pytest.mark.parametrize("bed", BEDS)
-def test_gymnasium_finds_nothing_wrong(bed: Callable[..., BinarySensors]) -> None:
-    spec = EnvSpec(id="neurosnap/Bed-v0", entry_point=f"world.toy_text:{bed.__name__}")
-    env = gymnasium.make(spec)
+@pytest.mark.parametrize(("bed", "arguments"), VARIANTS)
+def test_gymnasium_finds_nothing_wrong(bed: Bed, arguments: dict[str, Any]) -> None:
+    entry = f"world.toy_text:{bed.__name__}"
+    env = gymnasium.make(EnvSpec("neurosnap/Bed-v0", entry_point=entry), **arguments)
     check_env(env, skip_render_check=True)
-    seen = describe("bed", env)
-    assert seen.sensors == bed().sensors
+    seen, plain = describe("bed", env), bed(**arguments)
+    assert seen.sensors == plain.sensors
     assert seen.orders == (0,) * len(seen.sensors)
     assert len(seen.actions) == env.action_space.n  # type: ignore[attr-defined]
+    # No sensor is always on, or always off.
+    fields = state_fields(plain, Table.of(plain))
+    assert fields.any(axis=1).all()
+    assert not fields.all(axis=1).any()
 
 
-def test_their_sensors() -> None:
-    lake = ("row<1", "row<2", "row<3", "column<1", "column<2", "column<3")
-    assert frozen_lake().sensors == (*lake, "tile=start", "tile=hole", "tile=goal")
-    assert len(frozen_lake(map_name="8x8").sensors) == 17
-    cliff = cliff_walking().sensors
-    assert cliff[:4] == ("row<1", "row<2", "row<3", "column<1")
-    assert cliff[13:] == ("column<11", "tile=start", "tile=goal")
-    cab = taxi().sensors
-    assert cab[3:5] == ("row<4", "column<1")
-    assert cab[8:] == (
-        *("passenger=red", "passenger=green", "passenger=yellow", "passenger=blue"),
-        *("passenger=taxi", "destination=red", "destination=green"),
-        *("destination=yellow", "destination=blue"),
-    )
+def readings(bed: Bed) -> dict[str, set[int]]:
+    """Return at which states of the table each sensor should be on, by arithmetic."""
+    states = set(Table.of(bed()).states.tolist())
+    width, rows = (4, 4) if bed is frozen_lake else (12, 4)
+    tiles = {"start": {0}, "hole": {5, 7, 11, 12}, "goal": {15}}
+    kinds = {f"tile={tile}": places for tile, places in tiles.items()}
+    where = {s: divmod(s, width) for s in states}
+    if bed is cliff_walking:
+        kinds = {"tile=start": {36}, "tile=goal": {47}}
+    if bed is taxi:
+        width = rows = 5
+        stops = ("red", "green", "yellow", "blue", "taxi")
+        where = {s: (s // 100, s // 20 % 5) for s in states}
+        kinds = {
+            **{f"passenger={stop}": {s for s in states if s // 4 % 5 == k}
+               for k, stop in enumerate(stops)},
+            **{f"destination={stop}": {s for s in states if s % 4 == k}
+               for k, stop in enumerate(stops[:4])},
+        }  # fmt: skip
+    return {
+        **{f"row<{k}": {s for s in states if where[s][0] < k} for k in range(1, rows)},
+        **{
+            f"column<{k}": {s for s in states if where[s][1] < k}
+            for k in range(1, width)
+        },
+        **kinds,
+    }
+
+
+@pytest.mark.parametrize("bed", BEDS)
+def test_each_sensor_is_on_where_plain_arithmetic_says(bed: Bed) -> None:
+    env, expected = bed(), readings(bed)
+    table = Table.of(env)
+    states, fields = table.states.tolist(), state_fields(env, table)
+    assert list(expected) == list(env.sensors)
+    for name, field in zip(env.sensors, fields, strict=True):
+        assert {states[k] for k in field.nonzero()[0]} == expected[name]
 
 
 DIRECTIONS = {
@@ -56,7 +108,7 @@ DIRECTIONS = {
 
 
 @pytest.mark.parametrize("bed", BEDS)
-def test_actions_are_called_what_they_do(bed: Callable[..., BinarySensors]) -> None:
+def test_actions_are_called_what_they_do(bed: Bed) -> None:
     env = bed()
     inner: Any = env.unwrapped
     # In the open: row 2, column 1 of the lake; row 1, column 2; row 2, column 2.
@@ -79,8 +131,85 @@ def test_a_taxi_picks_up_and_drops_off() -> None:
     inner.s = inner.encode(0, 4, 1, 2)  # at green, where the passenger is
     env.step(env.actions.index("pickup"))
     assert env.state_of(inner.s, {}) == (0, 4, "taxi", "yellow")
-    observation = env.step(env.actions.index("dropoff"))[0]
+    env.step(env.actions.index("dropoff"))
     assert env.state_of(inner.s, {}) == (0, 4, "green", "yellow")
-    on = {name for name, bit in zip(env.sensors, observation, strict=True) if bit}
-    rows = {"row<1", "row<2", "row<3", "row<4"}
-    assert on == rows | {"passenger=green", "destination=yellow"}
+
+
+def lake_with_changes() -> BinarySensors:
+    """The lake with two sensors of order 1 among its own."""
+    bare = frozen_lake()
+    inner: Any = bare.unwrapped
+    sensors = [*one_hot("state", range(15)), increased("further"), decreased("back")]
+    return BinarySensors(inner, sensors, actions=bare.actions)
+
+
+@pytest.mark.parametrize("make", [frozen_lake, lake_with_changes])
+def test_transitions_are_sensed_as_an_agent_senses_them(
+    make: Callable[[], BinarySensors],
+) -> None:
+    env = make()
+    table = Table.of(env)
+    body = Body.full(env.sensors, env.actions, env.orders)
+    senses = Senses(body)
+    fields = transition_fields(env, table, body.context)
+    assert fields.shape == (len(body.sensors), len(table.before))
+    inner: Any = env.unwrapped
+    column = {
+        move: k for k, move in enumerate(zip(table.before, table.action, strict=True))
+    }
+    place = {state: k for k, state in enumerate(table.states.tolist())}
+    going_on = Continuing(env)
+    before = going_on.reset(seed=0)[0].astype(np.bool_)
+    seen = set()
+    for action in np.random.default_rng(0).integers(4, size=6000).tolist():
+        k = column[(place[inner.s], action)]
+        readings, _, _, _, info = going_on.step(action)
+        after = readings.astype(np.bool_)
+        assert info["begins"] == table.over[table.before[k]]
+        taken = -1 if info["begins"] else action
+        whole = senses.observe(after, taken, complete(before))
+        np.testing.assert_array_equal(fields[:, k], whole)
+        before = after
+        seen.add(k)
+    assert len(seen) == len(table.before)
+
+
+def test_a_swarm_senses_no_action_where_an_episode_begins(tmp_path: Path) -> None:
+    log, given = tmp_path / "log", {"target": ("tile=goal",), "explore": 0.5}
+    options = options_for(
+        "neurosnap/FrozenLake-v0",
+        0,
+        agent="planner",
+        ticks=40,
+        cells="inline",
+        **given,
+    )
+    asyncio.run(run(RunRequest(options, log), asyncio.Event()))
+    source = open_source(options.source, options.seed)
+    agent = Agent(options.body, options.new_policy(), options.new_snapshot())
+    seen, own = source.first(), len(source.sensors)
+    observed, decisions = of_type(log, wire.Observation), []
+    for one in observed:
+        assert seen is not None
+        sensed = unpack(one.bits, len(options.body.sensors))
+        np.testing.assert_array_equal(sensed[:own], seen.bits)
+        assert one.begins == seen.begins
+        assert sensed[own:].any() != one.begins
+        decisions.append(agent.act(seen.bits, seen.begins))
+        seen = source.step(decisions[-1].action)
+    # Nothing would answer the last one.
+    assert of_type(log, wire.Decision)[1:] == decisions[:-1]
+    begins = [one.tick for one in observed if one.begins]
+    assert begins[0] == 1
+    assert len(begins) > 2
+    verdict = verify(log)
+    assert (verdict.same, verdict.complete) == (True, True)
+
+    # A beginning that is not reported is found.
+    later = begins[1]
+    quiet = changing(
+        wire.Observation, lambda m: m.tick == later, lambda _: {"begins": False}
+    )
+    difference = verify(rewritten(log, tmp_path / "changed", quiet)).difference
+    assert f"tick {later}: /observe: " in str(difference)
+    assert "does not follow from the decision" in str(difference)

@@ -16,12 +16,18 @@ from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import AgentKind
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.sensorium import Sensorium
-from tests.support.toy_text_beds import Situation, situations
-from tests.support.transition_tables import Table, state_fields, transition_fields
-from tests.support.true_orders import recordable
+from tests.support.transition_tables import (
+    Situation,
+    Table,
+    recordable,
+    state_fields,
+    transition_fields,
+)
 from world.toy_text import cliff_walking, frozen_lake, taxi
 
-THRESHOLDS = {frozen_lake: 1e-4, cliff_walking: 1e-5, taxi: 1e-5}
+Bed = Callable[..., BinarySensors]
+BEDS: list[Bed] = [frozen_lake, cliff_walking, taxi]
+THRESHOLDS: dict[Bed, float] = {frozen_lake: 1e-4, cliff_walking: 1e-5, taxi: 1e-5}
 WALKS = {frozen_lake: (5000, 0), cliff_walking: (12_000, 0), taxi: (30_000, 2)}
 PATIENCE = 100
 
@@ -77,7 +83,7 @@ def taught(
 
 
 @functools.cache
-def walker(bed: Callable[..., BinarySensors]) -> Taught:
+def walker(bed: Bed) -> Taught:
     """An agent that made a random walk in a bed, and has learned all there is."""
     after = taught(bed(), THRESHOLDS[bed], *WALKS[bed])
     np.testing.assert_array_equal(after.snapshot.poc_graph().edges, after.truth)
@@ -110,9 +116,8 @@ def attempt(
     seed = 1000 * int(at.argmax()) + start
     policy = new_policy(kind, who.body, seed, target=goal, explore=explore)
     agent = Agent(who.body, policy, who.snapshot)
-    there = {
-        place for place, here in zip(situations(who.table), at, strict=True) if here
-    }
+    situations = who.table.situations
+    there = {place for place, here in zip(situations, at, strict=True) if here}
     who.env.reset(seed=seed)
     inner: Any = who.env.unwrapped
     inner.s = int(who.table.states[start])

@@ -1,14 +1,13 @@
-"""Exact facts and long walks from an environment's transition table.
+"""What is exactly true in an environment that has a transition table.
 
-The environment goes on from episode to episode (`Continuing`). A
-*place* is what has to be known of it to know what may come next: its state, and whether
-the episode is over there, so that the next step resets whatever the action. A reset is
-no action's doing. Everything is exact: places are those that some walk gets to,
-transitions those that some walk makes.
+The environment goes on from episode to episode (`Continuing`). A *place* is what has to
+be known of it to know what may come next: its state, and whether the episode is over
+there, so that the next step resets whatever the action. Everything is exact: places are
+those that some walk gets to, transitions those that some walk makes.
 
 References:
     [GK] "Observation Model for DBAs": sensors as subsets of states and of transitions.
-    [GK] "Performance of Empirical Agents": the random walk, and its stationary shares.
+    [GK] "Performance of Empirical Agents": the random walk.
 """
 
 from bisect import bisect_right
@@ -23,11 +22,11 @@ from numpy.typing import NDArray
 from neurosnap.agent.binary_sensors import Environment
 from neurosnap.agent.body import Body
 from neurosnap.agent.sensor import Sensor
-from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import complete
+from world.implications import inclusions
 
-_Place: TypeAlias = tuple[int, bool]
-_Move: TypeAlias = tuple[_Place, int, _Place]
+Situation: TypeAlias = tuple[int, bool]  # a state, and whether the episode is over
+Move: TypeAlias = tuple[Situation, int, Situation]
 _Outcomes: TypeAlias = dict[int, dict[int, list[tuple[float, int, float, bool]]]]
 
 
@@ -57,25 +56,13 @@ class Table:
 
     @classmethod
     def of(cls, env: Environment) -> Self:
-        """Return the table of an environment, as if its episodes went on for ever.
-
-        A limit on their time is not in it.
+        """Return the table of an environment without its limit on time.
 
         Args:
             env: Its innermost environment has the attributes `P` and
                 `initial_state_distrib` of Gymnasium's toy texts.
-
-        Raises:
-            InvalidValueError: It has none of them, or is said to depart from them
-                (a taxi's fickle passenger).
         """
         inner: Any = env.unwrapped
-        if not (hasattr(inner, "P") and hasattr(inner, "initial_state_distrib")):
-            rule = "must have a transition table and a distribution of starts"
-            raise InvalidValueError("environment", rule, inner)
-        if getattr(inner, "fickle_passenger", False):
-            rule = "must have passengers that keep to its transition table"
-            raise InvalidValueError("environment", rule, inner)
         starts = {
             (state, False): float(share)
             for state, share in enumerate(inner.initial_state_distrib)
@@ -96,17 +83,22 @@ class Table:
             chance=np.array([row[3] for row in rows]),
         )
 
-    def walk(
-        self, steps: int, generator: np.random.Generator
-    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Return a random walk, every action as likely as any other.
+    @property
+    def situations(self) -> list[Situation]:
+        """What is to be known of each place."""
+        return list(zip(self.states.tolist(), self.over.tolist(), strict=True))
 
-        Args:
-            steps: How many.
-            generator: Draws start, actions and outcomes.
+    @property
+    def moves(self) -> set[Move]:
+        """The transitions, by situation."""
+        at, columns = self.situations, (self.before, self.action, self.after)
+        rows = zip(*(column.tolist() for column in columns), strict=True)
+        return {(at[before], action, at[after]) for before, action, after in rows}
 
-        Returns:
-            The places ``(steps + 1,)``, the start first; the actions ``(steps,)``.
+    def walk(self, steps: int, generator: np.random.Generator) -> NDArray[np.intp]:
+        """Return the places of a random walk, the start first: ``(steps + 1,)``.
+
+        Every action is as likely as any other.
         """
         # Where each place and action may lead, and all but the last of the cumulative
         # probabilities: what is drawn falls between two of them.
@@ -124,56 +116,19 @@ class Table:
             row = place * self.actions + action
             place = ways[row][bisect_right(shares[row], draw)]
             places.append(place)
-        return np.array(places, np.intp), actions.astype(np.intp)
-
-    def columns(
-        self, places: NDArray[np.intp], actions: NDArray[np.intp]
-    ) -> NDArray[np.intp]:
-        """Return which transition each step of a walk is: ``(steps,)``.
-
-        Args:
-            places: ``(steps + 1,)``, as `walk` returns them, and so are the others.
-            actions: ``(steps,)``.
-        """
-        shape = len(self.states), self.actions, len(self.states)
-        # Transitions are sorted, and so are their numbers.
-        known = np.ravel_multi_index((self.before, self.action, self.after), shape)
-        made = np.ravel_multi_index((places[:-1], actions, places[1:]), shape)
-        return np.searchsorted(known, made)
-
-    def stationary(self) -> NDArray[np.float64]:
-        """Return the share of a random walk's time at each place: ``(places,)``.
-
-        O(places³) time.
-
-        Raises:
-            InvalidValueError: It depends on where the walk gets caught.
-        """
-        count = len(self.states)
-        flow = np.zeros((count, count))
-        np.add.at(flow, (self.after, self.before), self.chance / self.actions)
-        balance = np.concatenate([flow - np.eye(count), np.ones((1, count))])
-        right = np.append(np.zeros(count), 1.0)
-        shares, _, rank, _ = np.linalg.lstsq(balance, right)
-        if rank < count:
-            rule = "must not catch the walk in one of several parts"
-            raise InvalidValueError("environment", rule, f"{count} places, rank {rank}")
-        return np.asarray(shares)
+        return np.array(places, np.intp)
 
 
 def state_fields(env: Environment, table: Table) -> NDArray[np.bool_]:
-    """Return where each sensor is on: ``(sensors, places)``.
+    """Return where each sensor, of order 0, is on: ``(sensors, places)``.
 
     Args:
         env: A `BinarySensors`, or one with wrappers around it, whose predicates need
             no info.
         table: Of the same environment.
-
-    Raises:
-        InvalidValueError: A sensor is of an order above 0.
     """
-    values = _values(env, table)
-    return _readings(_definitions(env, most=0), [(value,) for value in values])
+    sensors = env.get_wrapper_attr("definitions")
+    return _readings(sensors, [(value,) for value in _values(env, table)])
 
 
 def transition_fields(
@@ -190,28 +145,20 @@ def transition_fields(
     same as the very first observation, which is after no transition and not counted.
 
     Args:
-        env: As for `state_fields`.
+        env: As for `state_fields`; its sensors may be of order 1, too.
         table: The environment's.
         context: Pairs of an action and a literal of a state sensor, as in `Body`.
 
     Returns:
         ``(N, transitions)``: `env`'s own sensors, the actions, the contextual sensors.
-
-    Raises:
-        InvalidValueError: A sensor is of an order above 1, or a context names an action
-            or a literal that there is not, or one of a transition sensor.
     """
-    sensors = _definitions(env, most=1)
+    sensors: tuple[Sensor, ...] = env.get_wrapper_attr("definitions")
     body = Body(
         own=tuple(sensor.name for sensor in sensors),
         orders=tuple(sensor.order for sensor in sensors),
         actions=tuple(f"action_{k}" for k in range(table.actions)),
         context=tuple(context),
     )
-    for action, literal in body.context:
-        if sensors[literal >> 1].order:
-            rule = "must be of literals of state sensors"
-            raise InvalidValueError("context", rule, (action, literal))
     values = _values(env, table)
     resets = table.over[table.before]
     since = np.where(resets, table.after, table.before)
@@ -226,9 +173,33 @@ def transition_fields(
     return np.concatenate([own, taken, contextual])
 
 
-def _moves(P: _Outcomes, starts: dict[_Place, float]) -> dict[_Move, float]:
+def recordable(fields: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the true containments that a derived graph with equivalences can have.
+
+    Once every place was seen and the threshold is below every share, ``a → b`` is an
+    edge iff ``w_ab* = 0`` and either the square's other three weights are positive or
+    ``w_a*b = 0`` as well ([GK] defn:poc graph with equivalences). So of the pairs with
+    ``ρ(a) ⊆ ρ(b)`` it lacks those with ``ρ(a)`` empty or ``ρ(b)`` everything, unless
+    ``ρ(a) = ρ(b)``. Where no field is empty or full, it lacks nothing, and no closure
+    has to be taken.
+
+    Args:
+        fields: ``(sensors, places)``, or over transitions.
+
+    Returns:
+        ``(2 sensors, 2 sensors)``, for literals of different sensors.
+    """
+    included = inclusions(fields)
+    literals = np.stack([fields, ~fields], axis=1).reshape(-1, fields.shape[1])
+    somewhere, everywhere = literals.any(axis=1), literals.all(axis=1)
+    proper = np.logical_and.outer(somewhere, ~everywhere)
+    kept: NDArray[np.bool_] = included & (proper | included.T)
+    return kept
+
+
+def _moves(P: _Outcomes, starts: dict[Situation, float]) -> dict[Move, float]:
     """Return every transition that some walk makes, with its probability."""
-    moves: dict[_Move, float] = {}
+    moves: dict[Move, float] = {}
     found, frontier = set(starts), list(starts)
     while frontier:
         place = frontier.pop()
@@ -247,18 +218,6 @@ def _moves(P: _Outcomes, starts: dict[_Place, float]) -> dict[_Move, float]:
                         found.add(after)
                         frontier.append(after)
     return moves
-
-
-def _definitions(env: Environment, most: int) -> tuple[Sensor, ...]:
-    sensors: tuple[Sensor, ...] = env.get_wrapper_attr("definitions")
-    for sensor in sensors:
-        if sensor.of_reward:
-            rule = "must be of states: the table has no rewards"
-            raise InvalidValueError(f"sensor {sensor.name}", rule, "a reward")
-        if sensor.order > most:
-            rule = f"must be of order {most} at most"
-            raise InvalidValueError(f"sensor {sensor.name}", rule, sensor.order)
-    return sensors
 
 
 def _values(env: Environment, table: Table) -> list[Any]:
