@@ -1,7 +1,11 @@
-"""Key-frames in bands: written, read, gone on from, split, lost and falsified."""
+"""Key-frames in bands, of one learner and of shares: written, read, gone on from, lost.
 
+With one learner the coordinator sends the bands; with shares each worker sends its own.
+"""
+
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -18,58 +22,73 @@ from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.rotation import Split, SplitWriter
 from neurosnap.recording.write.writer import Writer
-from tests.support.recorded_messages import course, of_type
-from tests.support.replayed_runs import (
-    TICKS,
-    Runs,
-    options_for,
-    recorded_run,
-    resumed_run,
-)
+from tests.support.course import course
+from tests.support.inline_runs import recorded_run, resumed_run, spread
+from tests.support.recorded_messages import of_type
+from tests.support.replayed_runs import TICKS, Runs, options_for
 from tests.support.rewritten_recordings import rewritten, saying
 
 pytestmark = pytest.mark.slow
 
+FRAMES = [7, 14, 21, 28, 30]
 
-def made(runs: Runs, log: Path, **changes: Any) -> Path:
-    given = {"workers": 1, "band": 4, **changes}
-    recorded_run(msgspec.structs.replace(options_for(runs.csv), **given), log)
+
+class Banded(NamedTuple):
+    """A recorded run whose key-frames are in bands, and the same run without."""
+
+    kind: str
+    runs: Runs
+    log: Path
+
+    def record(self, log: Path, **changes: Any) -> Path:
+        """Record the run again, with some options changed."""
+        return record(self.runs, self.kind, log, **changes)
+
+
+def record(runs: Runs, kind: str, log: Path, **changes: Any) -> Path:
+    given = {"band": 4, "workers": 1, **changes}
+    options = msgspec.structs.replace(options_for(runs.csv), **given)
+    recorded_run(spread(options) if kind == "shares" else options, log)
     return log
 
 
+@pytest.fixture(scope="module", params=["one learner", "shares"])
+def banded(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Banded:
+    folder = tmp_path_factory.mktemp("banded")
+    runs = Runs(folder)
+    log = record(runs, request.param, folder / "log")
+    return Banded(request.param, runs, log)
+
+
 def known_in(snapshot: Snapshot) -> bytes:
-    """Return what was learned; the state is not told."""
+    """Return what was learned, without the state."""
     snapshot.adopt(np.zeros(10, np.bool_))
     return snapshot.to_bytes()
 
 
-@pytest.fixture(scope="module")
-def runs(tmp_path_factory: pytest.TempPathFactory) -> Runs:
-    return Runs(tmp_path_factory.mktemp("runs"))
-
-
-@pytest.fixture
-def log(runs: Runs, tmp_path: Path) -> Path:
-    return made(runs, tmp_path / "log")
-
-
-def test_each_key_frame_is_followed_by_its_bands(log: Path, runs: Runs) -> None:
+def test_each_key_frame_is_followed_by_its_bands(banded: Banded) -> None:
+    log = banded.log
     frames = of_type(log, wire.KeyFrame)
-    assert [frame.tick for frame in frames] == [7, 14, 21, 28, 30]
-    # Ten pairs, four of them in a band, of counts and of dates.
+    assert [frame.tick for frame in frames] == FRAMES
+    # Ten pairs, four of them in a band, of counts and of dates. Of shares one worker
+    # has the pairs of four sensors, six, and the other four.
     assert [frame.bands for frame in frames] == [6] * 5
     bands = of_type(log, wire.Band)
-    assert [band.tick for band in bands] == [
-        t for t in (7, 14, 21, 28, 30) for _ in "6" * 6
-    ]
-    assert {band.who for band in bands} == {"coordinator"}
+    assert sorted(band.tick for band in bands) == sorted(FRAMES * 6)
+    assert {(band.who, band.offset) for band in bands} == (
+        {("worker/0", 0), ("worker/0", 4), ("worker/1", 6)}
+        if banded.kind == "shares"
+        else {("coordinator", offset) for offset in (0, 4, 8)}
+    )
     verdict = verify(log)
     assert (verdict.difference, verdict.complete, verdict.ticks) == (None, True, TICKS)
-    assert course(log) == course(runs.of("csv").log)
+    assert course(log) == course(banded.runs.of("csv").log)
 
 
-def test_what_was_learned_is_read_from_them(log: Path, runs: Runs) -> None:
-    whole = Recording.open(runs.of("csv").log)
+def test_what_was_learned_is_read_from_them(banded: Banded) -> None:
+    log, whole = banded.log, Recording.open(banded.runs.of("csv").log)
     for tick in (7, 10, 28, 30):
         _, learned = snapshot_at(Recording.open(log), tick)
         _, without = snapshot_at(whole, tick)
@@ -79,84 +98,125 @@ def test_what_was_learned_is_read_from_them(log: Path, runs: Runs) -> None:
     assert [start.frame.tick for start in starts(Recording.open(log))][-1] == 30
 
 
+@pytest.mark.parametrize("ticks", [1, 7, 8, 18])
 def test_a_replay_begins_with_them_and_a_run_goes_on(
-    log: Path, runs: Runs, tmp_path: Path
+    banded: Banded, tmp_path: Path, ticks: int
 ) -> None:
-    assert verify(log, 15).start == 14
-    assert verify(log, 15).same
-    start, on = made(runs, tmp_path / "start", ticks=18), tmp_path / "on"
+    assert verify(banded.log, 15).start == 14
+    assert verify(banded.log, 15).same
+    start, on = banded.record(tmp_path / "start", ticks=ticks), tmp_path / "on"
     resumed_run(start, on, TICKS)
-    assert verify(on).same
-    assert course(on) == course(log)
-
-
-def test_a_lost_band_makes_its_recording_incomplete_and_not_different(
-    log: Path, tmp_path: Path
-) -> None:
-    def change(recorded: list[Recorded]) -> list[Recorded]:
-        bands = [r for r in recorded if isinstance(r.message, wire.Band)]
-        return [each for each in recorded if each is not bands[7]]
-
-    lossy = rewritten(log, tmp_path / "lossy", change)
-    assert [one.frame.tick for one in starts(Recording.open(lossy))] == [7, 21, 28, 30]
-    verdict = verify(lossy)
-    assert (verdict.difference, verdict.complete, verdict.ticks) == (None, False, TICKS)
-    assert verify(lossy, 15).start == 7
-    _, learned = snapshot_at(Recording.open(lossy), 15)
-    assert known_in(learned) == known_in(snapshot_at(Recording.open(log), 15)[1])
-
-
-@pytest.mark.parametrize("field", ["data", "offset", "array"])
-def test_a_band_that_says_what_was_not_learned_is_found(
-    log: Path, tmp_path: Path, field: str
-) -> None:
-    wrong = {"data": memoryview(b"\7" * 16), "offset": 5, "array": "clock"}
-
-    def change(recorded: list[Recorded]) -> list[Recorded]:
-        bands = [r for r in recorded if isinstance(r.message, wire.Band)]
-        changed = saying(bands[7], **{field: wrong[field]})
-        return [changed if each is bands[7] else each for each in recorded]
-
-    verdict = verify(rewritten(log, tmp_path / "wrong", change))
-    assert verdict.difference is not None
-    assert verdict.difference.startswith("tick 14: /band coordinator,")
-    assert not verdict.same
+    verdict = verify(on)
+    assert (verdict.difference, verdict.complete, verdict.ticks) == (None, True, TICKS)
+    assert course(on) == course(banded.log)
+    again = tmp_path / "again"
+    resumed_run(on, again, TICKS + 1)  # the source ends there
+    assert verify(again).same
 
 
 def test_they_go_into_the_file_that_their_key_frame_begins(
-    runs: Runs, tmp_path: Path
+    banded: Banded, tmp_path: Path
 ) -> None:
-    whole, log = made(runs, tmp_path / "whole.mcap"), tmp_path / "log.mcap"
-    old = Recording.open(whole)
-    with SplitWriter(log, old.metadata, split=Split(3000)) as writer:
+    old, split = Recording.open(banded.log), tmp_path / "split.mcap"
+    with SplitWriter(split, old.metadata, split=Split(3000)) as writer:
         for recorded in old.messages():
             writer.add(recorded.delivery, recorded.log_time)
             writer.flush(recorded.log_time)
         writer.finish({}, old.noted().expected)
-    files = part_paths(log)
+    files = part_paths(split)
     assert len(files) > 2
     for number, path in files.items():
         recording = Recording.open(path)
         if number:
             assert next(starts(recording)).frame.tick == recording.begins
-        assert verify(path).same
-    _, past = find_resume_point(log)
+        verdict = verify(path)
+        assert (verdict.difference, verdict.complete) == (None, True)
+    assert verify(split).ticks == TICKS
+    _, past = find_resume_point(split)
     assert (past.tick, past.part) == (TICKS, len(files) - 1)
-    # The last file's key-frame is not whole: so the run goes on from the one before.
+    # If the last file's key-frame is not whole, the run goes on from the one before.
     last = Recording.open(files[len(files) - 1])
     kept = [r for r in last.messages() if not isinstance(r.message, wire.Band)]
-    begun = kept[
-        : 1 + next(i for i, r in enumerate(kept) if r.message.sender == "coordinator")
-    ]
+    frame = next(i for i, r in enumerate(kept) if isinstance(r.message, wire.KeyFrame))
     cut = tmp_path / "cut.mcap"
     with Writer(cut) as writer:
         writer.start(last.metadata)
         for sender, number in (last.files[0].share or {}).items():
             writer.sequences.begin(sender, number)
         writer.note_share()
-        for recorded in begun:
+        for recorded in kept[: frame + 1]:
             writer.add(recorded.delivery, recorded.log_time)
         writer.abandon()
     cut.replace(files[len(files) - 1])
-    _, past = find_resume_point(log)
+    _, past = find_resume_point(split)
     assert (past.tick, past.part) == (last.begins, len(files) - 2)
+
+
+def test_a_lost_band_makes_its_recording_incomplete_and_not_different(
+    banded: Banded, tmp_path: Path
+) -> None:
+    def change(recorded: list[Recorded]) -> list[Recorded]:
+        lost = [r for r in recorded if isinstance(r.message, wire.Band)][7]
+        return [each for each in recorded if each is not lost]
+
+    lossy = rewritten(banded.log, tmp_path / "lossy", change)
+    assert [one.frame.tick for one in starts(Recording.open(lossy))] == [7, 21, 28, 30]
+    verdict = verify(lossy)
+    assert (verdict.difference, verdict.complete, verdict.ticks) == (None, False, TICKS)
+    assert verify(lossy, 15).start == 7
+    _, learned = snapshot_at(Recording.open(lossy), 15)
+    _, whole = snapshot_at(Recording.open(banded.log), 15)
+    assert known_in(learned) == known_in(whole)
+
+
+def of(kind: type[wire.Message], tick: int) -> Callable[[Recorded], bool]:
+    """Return whether a message is of a kind and a tick."""
+    return lambda r: isinstance(r.message, kind) and r.message.tick == tick  # type: ignore[attr-defined]
+
+
+def test_lost_learning_ends_what_can_be_derived(banded: Banded, tmp_path: Path) -> None:
+    if banded.kind != "shares":
+        return  # one learner publishes nothing of it
+    gone = of(wire.Learned, 9)
+
+    def change(recorded: list[Recorded]) -> list[Recorded]:
+        lost = next(filter(gone, recorded))
+        return [each for each in recorded if each is not lost]
+
+    verdict = verify(rewritten(banded.log, tmp_path / "lossy", change))
+    assert verdict.difference is None
+    assert not verdict.complete
+    assert (1, 8) in verdict.ranges
+
+
+BAND = "/band "
+WRONG: list[tuple[type[wire.Message], int, dict[str, Any], str]] = [
+    (wire.Band, 14, {"data": memoryview(b"\7" * 16)}, BAND),
+    (wire.Band, 14, {"array": "clock"}, BAND),
+    (wire.Band, 14, {"offset": 5}, BAND),
+    (wire.Learned, 12, {"codes": b"\3", "rows": b"\1\0\0\0"}, "/learned"),
+    (wire.Learn, 14, {"paused": True}, "/learn"),
+    (wire.Learn, 14, {"bits": b"\0"}, "/learn"),
+]
+
+
+@pytest.mark.parametrize(("kind", "tick", "changes", "topic"), WRONG)
+def test_what_does_not_follow_is_found(
+    banded: Banded,
+    tmp_path: Path,
+    kind: type[wire.Message],
+    tick: int,
+    changes: dict[str, Any],
+    topic: str,
+) -> None:
+    if banded.kind != "shares" and kind is not wire.Band:
+        return  # one learner publishes nothing of it
+    wrong = of(kind, tick)
+
+    def change(recorded: list[Recorded]) -> list[Recorded]:
+        old = next(filter(wrong, recorded))
+        return [saying(old, **changes) if r is old else r for r in recorded]
+
+    verdict = verify(rewritten(banded.log, tmp_path / "wrong", change))
+    assert not verdict.same
+    assert str(verdict.difference).startswith(f"tick {tick}: {topic}")

@@ -22,8 +22,8 @@ from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.verify import verify
 from tests.support.command_line import happy, refused
 from tests.support.foxglove_rules import refusals
+from tests.support.inline_runs import recorded_run, resumed_run
 from tests.support.recorded_messages import course
-from tests.support.replayed_runs import recorded_run, resumed_run
 from tests.support.rewritten_recordings import rewritten
 from tests.support.run_options import options_for
 

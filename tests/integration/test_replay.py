@@ -12,16 +12,10 @@ from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.recording.replay.verify import verify
+from tests.support.inline_runs import recorded_run
 from tests.support.lossy_runs import Simulation
 from tests.support.recorded_messages import of_type
-from tests.support.replayed_runs import (
-    TICKS,
-    Runs,
-    every_run,
-    options_for,
-    readings,
-    recorded_run,
-)
+from tests.support.replayed_runs import TICKS, Runs, every_run, options_for, readings
 from tests.support.rewritten_recordings import Change, rewritten
 from tests.support.shuffled_recordings import by_sender, shuffled
 

@@ -15,18 +15,10 @@ from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.writer import Writer
+from tests.support.inline_runs import recorded_run, resumed_run
 from tests.support.lossy_runs import LOST, Simulation, lost_once
 from tests.support.recorded_messages import course, first
-from tests.support.replayed_runs import (
-    PATH,
-    TICKS,
-    Run,
-    Runs,
-    every_run,
-    options_for,
-    recorded_run,
-    resumed_run,
-)
+from tests.support.replayed_runs import PATH, TICKS, Run, Runs, every_run, options_for
 from tests.support.rewritten_recordings import changing, flipped, rewritten, write_again
 
 pytestmark = pytest.mark.slow

@@ -28,7 +28,7 @@ from neurosnap.runtime.request import RunRequest, Watcher
 from neurosnap.runtime.run import run
 from neurosnap.sensorium import unpack
 from tests.support import run_options
-from tests.support.inline_site import InlineSite
+from tests.support.inline_runs import InlineSite
 
 pytestmark = [pytest.mark.slow]
 

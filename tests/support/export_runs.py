@@ -3,8 +3,12 @@
 from pathlib import Path
 
 from neurosnap.agent.body import Body
-from tests.support.implying_rows import implying_rows
-from tests.support.scripted_runs import ACTIONS, record_scripted, scripted_options
+from tests.support.inline_runs import (
+    ACTIONS,
+    implying_rows,
+    record_scripted,
+    scripted_options,
+)
 from tests.support.scripted_sources import Scripted
 
 TICKS = 40

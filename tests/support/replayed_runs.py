@@ -1,6 +1,5 @@
 """Runs of a path and of readings with exceptions, to be derived again."""
 
-import asyncio
 import random
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -10,12 +9,10 @@ import msgspec
 import pytest
 
 from neurosnap.agent.body import Body
-from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions, SnapshotKind, WiringKind
-from neurosnap.recording.replay.resume import find_resume_point
-from neurosnap.runtime.request import Outcome, RunRequest, Watcher
-from neurosnap.runtime.run import run
+from neurosnap.runtime.request import Outcome
 from neurosnap.sources.open import open_source
+from tests.support.inline_runs import recorded_run
 
 PATH = "neurosnap/Path-v0"
 TICKS = 30
@@ -71,32 +68,6 @@ def options_for(
         keyframe_every=7,
         band=4 if wiring == "derived" else 1000,
     )
-
-
-def recorded_run(
-    options: RunOptions,
-    log: Path,
-    *,
-    past: ResumePoint | None = None,
-    stop_at: int | None = None,
-) -> Outcome:
-    """Make an inline run, asked to stop once `stop_at` ticks are whole."""
-
-    async def work() -> Outcome:
-        stop = asyncio.Event()
-
-        def on_progress(tick: int) -> None:
-            if stop_at is not None and tick >= stop_at:
-                stop.set()
-
-        return await run(RunRequest(options, log, past), stop, Watcher(on_progress))
-
-    return asyncio.run(work())
-
-
-def resumed_run(log: Path, new: Path, ticks: int) -> Outcome:
-    options, past = find_resume_point(log)
-    return recorded_run(msgspec.structs.replace(options, ticks=ticks), new, past=past)
 
 
 class Run(NamedTuple):

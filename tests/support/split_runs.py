@@ -12,8 +12,12 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.write.rotation import SplitWriter
-from tests.support.implying_rows import implying_rows
-from tests.support.scripted_runs import ACTIONS, record_scripted, scripted_options
+from tests.support.inline_runs import (
+    ACTIONS,
+    implying_rows,
+    record_scripted,
+    scripted_options,
+)
 from tests.support.scripted_sources import Scripted
 
 TICKS = 60

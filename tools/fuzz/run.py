@@ -19,7 +19,7 @@ from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.parts.recorder_process import describe
 from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
-from tests.support.inline_site import InlineSite
+from tests.support.inline_runs import InlineSite
 
 SENSORS = 4
 """Sensors of the run, and so its cells."""

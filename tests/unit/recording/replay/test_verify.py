@@ -14,8 +14,12 @@ from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.writer import Writer
-from tests.support.implying_rows import implying_rows
-from tests.support.scripted_runs import ACTIONS, record_scripted, scripted_options
+from tests.support.inline_runs import (
+    ACTIONS,
+    implying_rows,
+    record_scripted,
+    scripted_options,
+)
 from tests.support.scripted_sources import Live, Scripted
 
 TICKS = 20

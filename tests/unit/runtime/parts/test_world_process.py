@@ -20,7 +20,7 @@ from neurosnap.runtime.parts.world_process import run_world
 from neurosnap.runtime.request import RunRequest, Watcher
 from neurosnap.runtime.run import run
 from neurosnap.sensorium import pack
-from tests.support.inline_site import InlineSite
+from tests.support.inline_runs import InlineSite
 from tests.support.patience import PATIENCE
 from tests.support.scripted_sources import Live, Scripted
 
