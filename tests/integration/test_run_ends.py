@@ -1,4 +1,4 @@
-"""How runs end: in order, or naming who failed."""
+"""How runs end: in order when a signal asks for it, or naming the part that failed."""
 
 import asyncio
 import contextlib
@@ -17,20 +17,23 @@ from neurosnap.protocol.run_options import CellKind
 from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime.request import RunRequest, Watcher
 from neurosnap.runtime.run import run
+from tests.support.exhaustive import rows
 from tests.support.played_runs import TICKS, Played, options_for, play, write_readings
+from tools.signals import CELLS, Struggle, struggling
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("no_process_is_left")]
 
 
-@pytest.fixture
-def readings(tmp_path: Path) -> str:
-    return write_readings(tmp_path / "readings.csv", TICKS)
+@pytest.fixture(scope="module")
+def readings(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return write_readings(tmp_path_factory.mktemp("run") / "readings.csv", TICKS)
 
 
-@pytest.fixture
-def endless(tmp_path: Path) -> str:
-    """Return a source of few sensors that nobody comes to the end of."""
-    return write_readings(tmp_path / "endless.csv", 100_000, sensors=4)
+@pytest.fixture(scope="module")
+def endless(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """Return a source of few sensors that no run here comes to the end of."""
+    path = tmp_path_factory.mktemp("endless") / "endless.csv"
+    return write_readings(path, 100_000, sensors=4)
 
 
 def at(
@@ -94,42 +97,26 @@ async def test_a_source_that_is_over_ends_the_run_in_order(
     assert played.recording.completeness().whole
 
 
-async def test_a_cell_that_dies_ends_the_run_and_is_named(
-    endless: str, tmp_path: Path
+@pytest.mark.parametrize(
+    ("cells", "who"), [("process", "cell/2"), ("worker", "worker/1")]
+)
+async def test_a_part_that_dies_ends_the_run_and_is_named(
+    cells: CellKind, who: str, endless: str, tmp_path: Path
 ) -> None:
-    options = options_for(endless, cells="process", ticks=100_000)
+    options = options_for(
+        endless, cells=cells, workers=2 * (cells == "worker"), ticks=100_000
+    )
     log = tmp_path / "log.mcap"
-    with pytest.raises(SwarmError, match=r"^(coordinator: )?cell/2: must "):
+    with pytest.raises(SwarmError, match=rf"^(coordinator: )?{who}: must "):
         await run(
             RunRequest(options, log),
             asyncio.Event(),
-            Watcher(at(3, lambda: child("cell/2").send_signal(signal.SIGKILL))),
+            Watcher(at(3, lambda: child(who).send_signal(signal.SIGKILL))),
         )
     played = Played(log)
     assert [tick for tick, _, _ in played.states[:3]] == [1, 2, 3]
     assert played.recording.cut is None
-    assert "cell/2" in played.recording.completeness().missing
-
-
-@pytest.mark.parametrize("who", ["recorder", "coordinator", "hub"])
-async def test_whoever_dies_ends_the_run_and_is_named(
-    endless: str, tmp_path: Path, who: str
-) -> None:
-    options = options_for(endless, cells="process", ticks=100_000)
-    log = tmp_path / "log.mcap"
-    with pytest.raises(SwarmError, match=rf"\b{who}: must "):
-        await run(
-            RunRequest(options, log),
-            asyncio.Event(),
-            Watcher(
-                at(
-                    3,
-                    lambda: child(who).send_signal(signal.SIGKILL),
-                    lambda: holds_states(log),
-                )
-            ),
-        )
-    assert len(Played(log).states) >= 1
+    assert who in played.recording.completeness().missing
 
 
 BROKEN = """
@@ -246,3 +233,96 @@ async def test_a_full_disk_under_the_recorders_process_is_named_as_well(
             Watcher(at(5, fill, lambda: holds_states(log))),
         )
     assert len(Played(log).states) >= 1
+
+
+# Signals ------------------------------------------------------------------------------
+
+INT, TERM, HUP = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
+ENDLESS = ("--ticks", 10_000_000, "--set", "places=4")
+
+
+def under_way(run: Struggle) -> bool:
+    return size_of(run) > 30_000
+
+
+def size_of(run: Struggle) -> int:
+    """Return the size of its recording, which a restart may have moved just now."""
+    with contextlib.suppress(FileNotFoundError):
+        return run.log.stat().st_size
+    return 0
+
+
+def restarting(run: Struggle) -> bool:
+    if "going on" in run.said():
+        return True
+    parts = run.parts()
+    if under_way(run) and "cell/2" in parts:
+        parts["cell/2"].kill()
+    return False
+
+
+MOMENTS: dict[str, Callable[[Struggle], bool]] = {
+    "at the start": Struggle.hears,
+    "with the hub": lambda run: "hub" in run.parts(),
+    "with the recorder": lambda run: run.log.exists(),
+    "with a cell": lambda run: "cell/0" in run.parts(),
+    "under way": under_way,
+    "in a restart": restarting,
+}
+
+
+@pytest.mark.parametrize(
+    ("moment", "number", "group"),
+    rows(
+        [
+            ("at the start", INT, True),
+            ("with a cell", TERM, True),
+            ("under way", HUP, False),
+            ("in a restart", INT, True),
+        ],
+        [("with the hub", INT, True), ("with the recorder", TERM, True)],
+    ),
+    ids=str,
+)
+def test_a_signal_ends_a_run_in_order_at_any_moment(
+    moment: str, number: signal.Signals, group: bool
+) -> None:
+    with struggling(*ENDLESS, "--set", "supervision.backoff=1") as run:
+        run.wait_until(lambda: MOMENTS[moment](run))
+        run.strike(number, group=group)
+        found = run.judge()
+    assert found.wrong == []
+    if moment == "at the start":
+        assert (found.code, found.lines) == (130, ["interrupted"])
+    else:
+        assert found.code == 0
+
+
+def test_workers_do_not_heed_what_is_for_their_launcher() -> None:
+    with struggling(*ENDLESS, *CELLS["worker"]) as run:
+        run.wait_until(lambda: under_way(run))
+        run.strike(HUP, group=True)
+        found = run.judge()
+    assert (found.code, found.wrong) == (0, [])
+
+
+def test_a_second_signal_while_it_ends_changes_nothing() -> None:
+    with struggling(*ENDLESS) as run:
+        run.wait_until(lambda: under_way(run))
+        run.strike(TERM, group=True)
+        run.wait_until(lambda: "coordinator" not in run.parts())
+        run.strike(TERM, group=True)
+        found = run.judge()
+    assert (found.code, found.wrong) == (0, [])
+
+
+def test_what_is_run_under_nohup_outlives_its_terminal() -> None:
+    with struggling(*ENDLESS, ignoring=HUP) as run:
+        run.wait_until(lambda: under_way(run))
+        run.strike(HUP, group=True)
+        size = size_of(run)
+        run.wait_until(lambda: size_of(run) > 2 * size)
+        assert run.process.poll() is None
+        run.strike(TERM, group=True)
+        found = run.judge()
+    assert (found.code, found.wrong) == (0, [])

@@ -175,14 +175,15 @@ def test_transitions_are_sensed_as_an_agent_senses_them(
 
 
 def test_a_swarm_senses_no_action_where_an_episode_begins(tmp_path: Path) -> None:
-    log, given = tmp_path / "log", {"target": ("tile=goal",), "explore": 0.5}
+    log = tmp_path / "log"
     options = options_for(
         "neurosnap/FrozenLake-v0",
         0,
         agent="planner",
+        target=("tile=goal",),
+        explore=0.5,
         ticks=40,
         cells="inline",
-        **given,
     )
     asyncio.run(run(RunRequest(options, log), asyncio.Event()))
     source = open_source(options.source, options.seed)

@@ -7,18 +7,14 @@ from pathlib import Path
 from typing import TypeVar
 
 from neurosnap import wire
-from neurosnap.agent.body import Body
-from neurosnap.protocol.run_options import (
-    CellKind,
-    RunOptions,
-    SnapshotKind,
-    WiringKind,
-)
+from neurosnap.agent.policy import AgentKind
+from neurosnap.protocol.run_options import CellKind, RunOptions, SnapshotKind
 from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime.request import Outcome, RunRequest, Watcher
 from neurosnap.runtime.run import run
-from neurosnap.sources.open import open_source
+from tests.support import run_options
 
+PATH, GRID = "neurosnap/Path-v0", "neurosnap/Grid-v0"
 SENSORS = 8
 TICKS = 40
 SEED = 3
@@ -44,24 +40,25 @@ def options_for(
     source: str,
     *,
     cells: CellKind = "inline",
-    wiring: WiringKind = "hasse",
+    agent: AgentKind = "walker",
     snapshot: SnapshotKind = "empirical",
+    workers: int = 0,  # inline, each cell is a part
     ticks: int = TICKS,
-    deadline: float = 10.0,
+    **more: object,
 ) -> RunOptions:
-    opened = open_source(source, SEED)
-    opened.close()
-    return RunOptions(
-        source=source,
-        body=Body(own=opened.sensors, actions=opened.actions),
+    return run_options.options_for(
+        source,
+        SEED,
+        {"width": 3, "height": 3, "wait": True} if source == GRID else {},
+        agent=agent,
+        explore=0.25,
         ticks=ticks,
-        seed=SEED,
         snapshot=snapshot,
-        threshold=0.1 if snapshot == "empirical" else 1 / 32,
-        wiring=wiring,
+        threshold=0.1 if snapshot == "empirical" else 0.15,
+        decay=None if snapshot == "empirical" else 0.9,
         cells=cells,
-        deadline=deadline,
-        workers=2 if cells == "worker" else 0,  # inline, each cell is a part
+        workers=workers,
+        **more,  # type: ignore[arg-type]
     )
 
 
@@ -86,6 +83,11 @@ class Played:
     @property
     def reached(self) -> list[tuple[int, tuple[int, ...], bytes]]:
         return [(r.tick, r.signal, r.literals) for r in self.of(wire.Reached)]
+
+    @property
+    def pulses(self) -> list[tuple[int, int]]:
+        states = [(s.tick, s.pulses) for s in self.of(wire.State)]
+        return sorted(states + [(r.tick, r.pulses) for r in self.of(wire.Reached)])
 
     @property
     def decisions(self) -> list[wire.Decision]:
