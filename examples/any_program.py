@@ -45,7 +45,7 @@ def main() -> None:
             sensor, _, value = reading.partition("=")
             session.put(f"neurosnap/{swarm}/reading/{sensor}", value)
         if not readings:
-            decisions = session.declare_subscriber(f"neurosnap/{swarm}/decide")
+            decisions = session.declare_subscriber(f"neurosnap/{swarm}/decision")
             for sample in decisions:
                 print(sample.payload.to_string(), flush=True)  # noqa: T201
 

@@ -8,7 +8,7 @@ base64.
 
 Which process sent a message follows from its key alone. A topic is one role's to say,
 and a topic that several parts say ends its key with the part: ``leave/cell/3``,
-``excite/7/cell/3``. So whoever lets a part use certain keys decides for whom it can
+``pulse/7/cell/3``. So whoever lets a part use certain keys decides for whom it can
 speak, and `decode` refuses a payload that names another. The sender's running number
 and clock travel beside the payload (`Delivery`), so that completeness can be proved
 without a word about it in the messages.
@@ -17,13 +17,13 @@ without a word about it in the messages.
 import re
 import struct
 from collections.abc import Sequence
-from typing import Annotated, ClassVar, Literal, NamedTuple, TypeAlias
+from typing import Annotated, ClassVar, Literal, NamedTuple, TypeAlias, get_args
 
 import msgspec
 
 from neurosnap.errors import MessageError
 
-SCHEMA = 6
+SCHEMA = 7
 ROOT = "neurosnap"
 LARGEST_KEYFRAME = 1 << 27
 """Bytes of a key-frame, at most; a recording holds none that is larger."""
@@ -39,28 +39,33 @@ WaveKind: TypeAlias = Literal["state", "signal"]
 ImageFormat: TypeAlias = Literal["png", "jpeg"]
 
 
-class _Message(msgspec.Struct, frozen=True, gc=False):
-    """What all messages have in common."""
+class _Message(msgspec.Struct, frozen=True, gc=False, tag=str.lower):
+    """What all messages have in common.
+
+    The tag of a message is the name of its class in lower case, and so is its topic.
+    """
 
     _sender: ClassVar[str] = "coordinator"
+    """Its sender, as a format of the message."""
     _key: ClassVar[str]
+    """Its key, as a format of the message."""
 
     @property
     def sender(self) -> str:
-        """Who sent it."""
-        return self._sender
+        """The part that sent it."""
+        return self._sender.format(self)
 
     @property
     def key(self) -> str:
         """Where it travels, below the swarm's prefix."""
-        return self._key
+        return self._key.format(self)
 
 
-class Observation(_Message, frozen=True, tag="observe"):
+class Observation(_Message, frozen=True):
     """What every sensor read at one tick; each cell latches its own bit."""
 
     _sender: ClassVar[str] = "world"
-    _key: ClassVar[str] = "observe"
+    _key: ClassVar[str] = "observation"
 
     tick: Numbered
     """Counts from 1."""
@@ -79,8 +84,10 @@ class Observation(_Message, frozen=True, tag="observe"):
     state like any other."""
 
 
-class Wiring(_Message, frozen=True, tag="wiring"):
+class Wiring(_Message, frozen=True):
     """The out-edges of a cell's two literals: whole, or as changes to an epoch."""
+
+    _key: ClassVar[str] = "wiring/{0.cell}"
 
     cell: Natural
     """The sensor whose cell this is for."""
@@ -97,13 +104,8 @@ class Wiring(_Message, frozen=True, tag="wiring"):
     drop_complement: Naturals = ()
     """Targets lost by the complement, ascending."""
 
-    @property
-    def key(self) -> str:
-        """Where it travels, below the swarm's prefix."""
-        return f"wiring/{self.cell}"
 
-
-class WaveStart(_Message, frozen=True, tag="wave"):
+class WaveStart(_Message, frozen=True):
     """A wave begins: the cells of its signal fire.
 
     It goes to every cell, or only to those of the signal: waking every cell for a wave
@@ -133,10 +135,10 @@ class WaveStart(_Message, frozen=True, tag="wave"):
     @property
     def key(self) -> str:
         """Where it travels, below the swarm's prefix."""
-        return "wave" if self.cell < 0 else f"wave/{self.cell}"
+        return "wavestart" if self.cell < 0 else f"wavestart/{self.cell}"
 
 
-class Pulse(_Message, frozen=True, tag="pulse"):
+class Pulse(_Message, frozen=True):
     """One literal's firing, passed along one edge."""
 
     wave: Numbered
@@ -160,12 +162,14 @@ class Pulse(_Message, frozen=True, tag="pulse"):
     @property
     def key(self) -> str:
         """Where it travels, below the swarm's prefix."""
-        topic = "inhibit" if self.target & 1 else "excite"
-        return f"{topic}/{self.target >> 1}/cell/{self.source >> 1}"
+        return f"pulse/{self.target >> 1}/cell/{self.source >> 1}"
 
 
-class CellReport(_Message, frozen=True, tag="settled"):
+class CellReport(_Message, frozen=True):
     """A cell's report on one wave: what fired since its last, and credit given back."""
+
+    _sender: ClassVar[str] = "cell/{0.cell}"
+    _key: ClassVar[str] = "cellreport/cell/{0.cell}"
 
     wave: Numbered
     """The wave it belongs to."""
@@ -184,22 +188,14 @@ class CellReport(_Message, frozen=True, tag="settled"):
     epoch: Natural = 0
     """The cell's wiring when it acted, by its number; 0: it was never wired."""
 
-    @property
-    def sender(self) -> str:
-        """Who sent it."""
-        return f"cell/{self.cell}"
 
-    @property
-    def key(self) -> str:
-        """Where it travels, below the swarm's prefix."""
-        return f"settle/cell/{self.cell}"
-
-
-class WorkerWiring(_Message, frozen=True, tag="loom"):
+class WorkerWiring(_Message, frozen=True):
     """Out-edges of the cells of one worker: whole, or as changes to an epoch.
 
     What is too much for one frame goes on in the next, as a change to this one.
     """
+
+    _key: ClassVar[str] = "workerwiring/{0.worker}"
 
     worker: Natural
     """The worker this is for."""
@@ -212,17 +208,15 @@ class WorkerWiring(_Message, frozen=True, tag="loom"):
     drop: bytes = b""
     """Edges lost, likewise."""
 
-    @property
-    def key(self) -> str:
-        """Where it travels, below the swarm's prefix."""
-        return f"loom/{self.worker}"
 
-
-class PulseBatch(_Message, frozen=True, tag="burst"):
+class PulseBatch(_Message, frozen=True):
     """Pulses of one wave from the cells of one worker to those of another.
 
     Every wave is announced to every worker, so a wave is its own fence here.
     """
+
+    _sender: ClassVar[str] = "worker/{0.worker}"
+    _key: ClassVar[str] = "pulsebatch/{0.to}/worker/{0.worker}"
 
     wave: Numbered
     """The wave they belong to."""
@@ -241,19 +235,12 @@ class PulseBatch(_Message, frozen=True, tag="burst"):
     credit: bytes
     """Exponents, likewise: each pulse carries the share ``2^-e`` of the wave."""
 
-    @property
-    def sender(self) -> str:
-        """Who sent it."""
-        return f"worker/{self.worker}"
 
-    @property
-    def key(self) -> str:
-        """Where it travels, below the swarm's prefix."""
-        return f"burst/{self.to}/worker/{self.worker}"
-
-
-class WorkerReport(_Message, frozen=True, tag="tally"):
+class WorkerReport(_Message, frozen=True):
     """A worker's report on one wave, for all its cells; see `CellReport`."""
+
+    _sender: ClassVar[str] = "worker/{0.worker}"
+    _key: ClassVar[str] = "workerreport/worker/{0.worker}"
 
     wave: Numbered
     """The wave it belongs to."""
@@ -273,18 +260,8 @@ class WorkerReport(_Message, frozen=True, tag="tally"):
     epoch: Natural = 0
     """The worker's last frame of wiring when it acted; 0: it was never wired."""
 
-    @property
-    def sender(self) -> str:
-        """Who sent it."""
-        return f"worker/{self.worker}"
 
-    @property
-    def key(self) -> str:
-        """Where it travels, below the swarm's prefix."""
-        return f"tally/worker/{self.worker}"
-
-
-class State(_Message, frozen=True, tag="state"):
+class State(_Message, frozen=True):
     """The state that the settled wave of one tick gave."""
 
     _key: ClassVar[str] = "state"
@@ -309,10 +286,10 @@ class State(_Message, frozen=True, tag="state"):
     """Pulses the wave took, as reported."""
 
 
-class Reached(_Message, frozen=True, tag="reached"):
+class Reached(_Message, frozen=True):
     """What a settled planning wave reached: all above its signal."""
 
-    _key: ClassVar[str] = "reach"
+    _key: ClassVar[str] = "reached"
 
     tick: Numbered
     """The tick it belongs to."""
@@ -332,7 +309,7 @@ class Reached(_Message, frozen=True, tag="reached"):
     """Pulses the wave took, as reported."""
 
 
-class Anomaly(_Message, frozen=True, tag="anomaly", omit_defaults=True):
+class Anomaly(_Message, frozen=True, omit_defaults=True):
     """An observation contradicts what was believed before it was learned from.
 
     Of each broken implication the links it follows from are listed: one, wherever every
@@ -371,13 +348,13 @@ class Anomaly(_Message, frozen=True, tag="anomaly", omit_defaults=True):
     held; empty: they were not counted."""
 
 
-class Decision(_Message, frozen=True, tag="decision", omit_defaults=True):
+class Decision(_Message, frozen=True, omit_defaults=True):
     """What to do next; the world answers it with the observation of ``tick + 1``.
 
     It also says which sensor is grown, or is read no more, from that observation on.
     """
 
-    _key: ClassVar[str] = "decide"
+    _key: ClassVar[str] = "decision"
 
     tick: Natural
     """The tick it was taken at; 0 opens the run."""
@@ -404,7 +381,7 @@ class Decision(_Message, frozen=True, tag="decision", omit_defaults=True):
     it has just turned out: nothing is grown for them."""
 
 
-class KeyFrame(_Message, frozen=True, tag="keyframe"):
+class KeyFrame(_Message, frozen=True):
     """The whole snapshot after one tick, and what else it takes to go on from there.
 
     Nothing is under way at that point, and the next wiring is whole, for everybody: so
@@ -446,12 +423,15 @@ class KeyFrame(_Message, frozen=True, tag="keyframe"):
     """How many bands follow, with what `snapshot` lacks; 0: it lacks nothing."""
 
 
-class Band(_Message, frozen=True, tag="band"):
+class Band(_Message, frozen=True):
     """A stretch of one array of a snapshot, for a key-frame that would be too large.
 
     The arrays that travel so are those with a number a pair of sensors. In the
     key-frame's own snapshot they are there, and empty.
     """
+
+    _sender: ClassVar[str] = "{0.who}"
+    _key: ClassVar[str] = "band/{0.who}"
 
     who: str
     """Who holds it."""
@@ -464,18 +444,8 @@ class Band(_Message, frozen=True, tag="band"):
     data: memoryview
     """Its numbers, as they lie in memory on x86."""
 
-    @property
-    def sender(self) -> str:
-        """Who sent it."""
-        return self.who
 
-    @property
-    def key(self) -> str:
-        """Where it travels, below the swarm's prefix."""
-        return f"band/{self.who}"
-
-
-class Recall(_Message, frozen=True, tag="recall", omit_defaults=True):
+class Recall(_Message, frozen=True, omit_defaults=True):
     """What cells are asked of the last readings of their sensors.
 
     The readings are a ring of bits: tick ``t``, counted from 1, is bit ``(t - 1) % R``
@@ -517,12 +487,15 @@ class Recall(_Message, frozen=True, tag="recall", omit_defaults=True):
         return "recall" if self.cell < 0 else f"recall/{self.cell}"
 
 
-class Recalled(_Message, frozen=True, tag="recalled", omit_defaults=True):
+class Recalled(_Message, frozen=True, omit_defaults=True):
     """What a cell, or a worker for all its cells, answers to a `Recall`.
 
     Each of its fields is about those of the literals asked that are the sender's, in
     the order in which they were asked.
     """
+
+    _sender: ClassVar[str] = "{0.who}"
+    _key: ClassVar[str] = "recalled/{0.who}"
 
     who: str
     """The part that answers."""
@@ -543,19 +516,11 @@ class Recalled(_Message, frozen=True, tag="recalled", omit_defaults=True):
     codes: bytes = b""
     """What follows from them, one byte a sensor."""
 
-    @property
-    def sender(self) -> str:
-        """Who sent it."""
-        return self.who
 
-    @property
-    def key(self) -> str:
-        """Where it travels, below the swarm's prefix."""
-        return f"recalled/{self.who}"
-
-
-class Reminder(_Message, frozen=True, tag="reminder"):
+class Reminder(_Message, frozen=True):
     """The last readings of sensors whose cells lack them."""
+
+    _key: ClassVar[str] = "reminder/{0.to}"
 
     to: str
     """The part that has the cells."""
@@ -570,19 +535,16 @@ class Reminder(_Message, frozen=True, tag="reminder"):
     off: bytes
     """Likewise: at which it read off."""
 
-    @property
-    def key(self) -> str:
-        """Where it travels, below the swarm's prefix."""
-        return f"remind/{self.to}"
 
-
-class Learn(_Message, frozen=True, tag="learn", omit_defaults=True):
+class Learn(_Message, frozen=True, omit_defaults=True):
     """What the workers learn now, where they share the learning.
 
     Each learns the pairs of its share of the sensors. That it is said by the
     coordinator, and not taken from the observation, makes everybody learn the same: a
     refused observation is learned by nobody.
     """
+
+    _key: ClassVar[str] = "learn"
 
     tick: Natural
     """That of the observation. What is learned already is not learned again, and
@@ -605,18 +567,16 @@ class Learn(_Message, frozen=True, tag="learn", omit_defaults=True):
     targets: Naturals = ()
     """What each of them implies."""
 
-    @property
-    def key(self) -> str:
-        """Where it travels, below the swarm's prefix."""
-        return "learn"
 
-
-class Learned(_Message, frozen=True, tag="learned", omit_defaults=True):
+class Learned(_Message, frozen=True, omit_defaults=True):
     """What a worker's learning changed in the order, and what it was asked for.
 
     Of a row, the pairs of one sensor with those before it, in which much changes, all
     codes are sent, two a byte; of others the pairs that do. In pieces where it is much.
     """
+
+    _sender: ClassVar[str] = "worker/{0.worker}"
+    _key: ClassVar[str] = "learned/worker/{0.worker}"
 
     worker: Natural
     """The worker's number."""
@@ -648,16 +608,6 @@ class Learned(_Message, frozen=True, tag="learned", omit_defaults=True):
     since: Naturals = ()
     """When what relates the two last changed."""
 
-    @property
-    def sender(self) -> str:
-        """Who sent it."""
-        return f"worker/{self.worker}"
-
-    @property
-    def key(self) -> str:
-        """Where it travels, below the swarm's prefix."""
-        return f"learned/worker/{self.worker}"
-
 
 class Timestamp(msgspec.Struct, frozen=True, gc=False):
     """A time, in seconds and nanoseconds since the epoch."""
@@ -666,7 +616,7 @@ class Timestamp(msgspec.Struct, frozen=True, gc=False):
     nsec: Annotated[int, msgspec.Meta(ge=0, le=999_999_999)]
 
 
-class Image(_Message, frozen=True, tag="image"):
+class Image(_Message, frozen=True):
     """What the world looked like at one tick, as it draws itself.
 
     All fields but `tick` are those of ``foxglove.CompressedImage``, so that image
@@ -688,40 +638,26 @@ class Image(_Message, frozen=True, tag="image"):
     """How it is compressed."""
 
 
-class Fault(_Message, frozen=True, tag="fault"):
+class Fault(_Message, frozen=True):
     """Somebody met a message that is bad or unexpected, and dropped it."""
+
+    _sender: ClassVar[str] = "{0.who}"
+    _key: ClassVar[str] = "fault/{0.who}"
 
     who: str
     """The part that met it, as in `Message.sender`."""
     what: str
     """What was wrong with it."""
 
-    @property
-    def sender(self) -> str:
-        """Who sent it."""
-        return self.who
 
-    @property
-    def key(self) -> str:
-        """Where it travels, below the swarm's prefix."""
-        return f"fault/{self.who}"
-
-
-class Leave(_Message, frozen=True, tag="leave"):
+class Leave(_Message, frozen=True):
     """A part's last message. Whoever has it and all before it has everything."""
+
+    _sender: ClassVar[str] = "{0.who}"
+    _key: ClassVar[str] = "leave/{0.who}"
 
     who: str
     """The part that leaves."""
-
-    @property
-    def sender(self) -> str:
-        """Who sent it."""
-        return self.who
-
-    @property
-    def key(self) -> str:
-        """Where it travels, below the swarm's prefix."""
-        return f"leave/{self.who}"
 
 
 Message: TypeAlias = (
@@ -750,31 +686,9 @@ Message: TypeAlias = (
 )
 
 TOPICS: dict[str, type[Message]] = {
-    "observe": Observation,
-    "wiring": Wiring,
-    "wave": WaveStart,
-    "excite": Pulse,
-    "inhibit": Pulse,
-    "settle": CellReport,
-    "state": State,
-    "reach": Reached,
-    "decide": Decision,
-    "keyframe": KeyFrame,
-    "fault": Fault,
-    "leave": Leave,
-    "loom": WorkerWiring,
-    "burst": PulseBatch,
-    "tally": WorkerReport,
-    "anomaly": Anomaly,
-    "recall": Recall,
-    "recalled": Recalled,
-    "remind": Reminder,
-    "band": Band,
-    "learn": Learn,
-    "learned": Learned,
-    "image": Image,
+    kind.__name__.lower(): kind for kind in get_args(Message)
 }
-"""The first chunk of every key, and what travels there."""
+"""The messages by topic, which is the first chunk of their keys."""
 
 
 class Delivery(NamedTuple):
@@ -845,7 +759,7 @@ def topic(key: str) -> str:
 
 
 COORDINATOR_KEYS = (
-    *("observe", "settle/**", "tally/**", "recalled/**", "learned/**"),
+    *("observation", "cellreport/**", "workerreport/**", "recalled/**", "learned/**"),
     *("fault/**", "leave/**"),
 )
 """The key expressions a coordinator listens to."""
@@ -853,24 +767,26 @@ COORDINATOR_KEYS = (
 
 def cell_keys(cell: int | str) -> tuple[str, ...]:
     """Return the key expressions a cell listens to; ``*``: any cell."""
-    told = tuple(f"{topic}/{cell}" for topic in ("wiring", "wave", "recall"))
-    pulses = tuple(f"{topic}/{cell}/**" for topic in ("excite", "inhibit"))
-    return ("observe", "wave", "recall", *told, f"remind/cell/{cell}", *pulses)
+    own = tuple(f"{topic}/{cell}" for topic in ("wiring", "wavestart", "recall"))
+    others = f"reminder/cell/{cell}", f"pulse/{cell}/**"
+    return ("observation", "wavestart", "recall", *own, *others)
 
 
 def worker_keys(worker: int | str) -> tuple[str, ...]:
     """Return the key expressions a worker listens to; ``*``: any worker."""
-    told = f"loom/{worker}", f"remind/worker/{worker}"
-    return ("observe", *told, "wave", "recall", f"burst/{worker}/**")
+    own = f"workerwiring/{worker}", f"reminder/worker/{worker}"
+    pulses = f"pulsebatch/{worker}/**"
+    return ("observation", *own, "wavestart", "recall", pulses)
 
 
 LEARNING_KEYS = ("learn", "band/coordinator")
 """What a worker listens to besides, where workers share the learning."""
 
 
-_BETWEEN = frozenset({"excite", "inhibit", "burst"})
+_BETWEEN = frozenset({"pulse", "pulsebatch"})
 _OF_MANY = _BETWEEN | {
-    *("settle", "tally", "recalled", "band", "learned", "fault", "leave")
+    *("cellreport", "workerreport", "recalled", "band"),
+    *("learned", "fault", "leave"),
 }
 
 
@@ -927,4 +843,4 @@ def fired(report: CellReport | WorkerReport) -> Naturals:
     """
     if isinstance(report, CellReport):
         return report.literals
-    return numbers("tally: literals", report.literals)
+    return numbers("workerreport: literals", report.literals)

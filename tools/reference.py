@@ -225,29 +225,25 @@ def messages() -> str:
         " their channels, as `neurosnap/wire.py` declares it. A message travels under"
         " the key `neurosnap/<swarm>/` and what is given below, where `PART` stands for"
         " its sender, such as `cell/3`, and a star for a number of a cell or worker. Its"
-        " payload is JSON: an object with its tag as `type`, and its fields. Whole"
+        " payload is JSON: an object with its topic as `type`, and its fields. Whole"
         " numbers go up to 2,147,483,647. What has its default may be missing. This is schema"
         f" {wire.SCHEMA}; a recording of another schema is refused."
     )
-    topics: dict[type[Any], list[str]] = {}
-    for topic, kind in wire.TOPICS.items():
-        topics.setdefault(kind, []).append(topic)
     return _page(
         "Messages",
         text,
-        [line for kind, named in topics.items() for line in _message(kind, named)],
+        [line for topic in wire.TOPICS for line in _message(topic)],
     )
 
 
-def _message(kind: type[Any], topics: list[str]) -> Iterator[str]:
+def _message(topic: str) -> Iterator[str]:
+    kind = wire.TOPICS[topic]
     texts = dict(texts_below(kind))
-    yield from (f"## {' and '.join(topics)}", "")
+    yield from (f"## {topic}", "")
     yield from (inspect.cleandoc(kind.__doc__ or ""), "")
-    keys = either(f"`{wire.said_by('PART', topic)}`" for topic in topics)
-    channels = either(f"`/{topic}`" for topic in topics)
     yield from (
-        f"Key {keys}; tag `{kind.__struct_config__.tag}`; in a recording channel"
-        f" {channels} with schema `{schemas.name(kind)}`.",
+        f"Key `{wire.said_by('PART', topic)}`; in a recording channel `/{topic}` with"
+        f" schema `{schemas.name(kind)}`.",
         "",
     )
     rows = []

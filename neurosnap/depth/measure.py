@@ -165,7 +165,7 @@ def from_recording(recording: Recording) -> list[Measured]:
     damage = recording.damage
     started: dict[int, int] = {}
     rows = []
-    for recorded in recording.messages(("wave", "state", "reach")):
+    for recorded in recording.messages(("wavestart", "state", "reached")):
         match recorded.message:
             case wire.WaveStart(wave=wave):
                 started.setdefault(wave, recorded.sent)

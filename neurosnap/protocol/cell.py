@@ -163,10 +163,10 @@ class Cell:
 
     def _check_start(self, start: wire.WaveStart) -> None:
         if start.cell not in (-1, self.cell):
-            raise MessageError(f"wave: must be for this cell, got {start.cell}")
+            raise MessageError(f"wavestart: must be for this cell, got {start.cell}")
         check_start(start)
-        self._readings.check_tick("wave", start.tick)
-        self._check_wave("wave", start)
+        self._readings.check_tick("wavestart", start.tick)
+        self._check_wave("wavestart", start)
 
     def _check_pulse(self, pulse: wire.Pulse) -> None:
         if pulse.target not in self._targets:
@@ -201,12 +201,12 @@ class Cell:
         size = len(observation.bits)
         if size <= self.cell // 8:
             rule = f"must hold sensor {self.cell}"
-            raise MessageError(f"observe: {rule}, got {size} bytes")
+            raise MessageError(f"observation: {rule}, got {size} bytes")
         if self._bytes and size != self._bytes:
             rule = f"must hold {self._bytes} bytes as before"
-            raise MessageError(f"observe: {rule}, got {size}")
+            raise MessageError(f"observation: {rule}, got {size}")
         check_readings(observation)
-        self._readings.check_tick("observe", observation.tick)
+        self._readings.check_tick("observation", observation.tick)
 
     # Waves -------------------------------------------------------------------------
 

@@ -315,17 +315,17 @@ class Coordinator:
         expected = self.tick + 1
         if observation.tick != expected or self._steps is not None:
             what = f"must be tick {expected}, once, got tick {observation.tick}"
-            return [_fault(f"observe: {what}")]
+            return [_fault(f"observation: {what}")]
         try:
             check_readings(observation)
             bits, known = readings(observation, len(self.snapshot.sensorium))
         except MessageError as error:
             return [_fault(str(error))]
         except ShapeError as error:
-            return [_fault(f"observe: {error}")]
+            return [_fault(f"observation: {error}")]
         if observation.paused and self._grows:
             rule = "must not be paused in a run that grows sensors"
-            return [_fault(f"observe: {rule}, got tick {observation.tick}")]
+            return [_fault(f"observation: {rule}, got tick {observation.tick}")]
         if self._judge is not None:
             history = self._mind.memory.history if self._grows else None
             weighs = not self._learning.shares

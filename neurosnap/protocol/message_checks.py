@@ -68,11 +68,11 @@ def check_start(start: wire.WaveStart) -> None:
     """
     if start.credit > DEEPEST:
         rule = f"must have credit up to {DEEPEST}"
-        raise MessageError(f"wave: {rule}, got {start.credit}")
+        raise MessageError(f"wavestart: {rule}, got {start.credit}")
     # A wave cannot settle waves newer than itself.
     if start.settled_below > start.wave:
         rule = f"must settle only what is before wave {start.wave}"
-        raise MessageError(f"wave: {rule}, got all below {start.settled_below}")
+        raise MessageError(f"wavestart: {rule}, got all below {start.settled_below}")
 
 
 def check_readings(observation: wire.Observation | wire.Learn) -> None:
@@ -88,17 +88,17 @@ def check_readings(observation: wire.Observation | wire.Learn) -> None:
     size, got = len(observation.bits), len(observation.known)
     if got != size:
         rule = f"must say which of {size} bytes are known"
-        raise MessageError(f"observe: {rule}, got {got} bytes")
+        raise MessageError(f"observation: {rule}, got {got} bytes")
     bits, known = (
         int.from_bytes(packed, "little")
         for packed in (observation.bits, observation.known)
     )
     if not known:
-        raise MessageError("observe: must hold a reading that is known, got none")
+        raise MessageError("observation: must hold a reading that is known, got none")
     if beyond := bits & ~known:
         sensor = beyond.bit_length() - 1
         rule = "must be 0 where it is not known"
-        raise MessageError(f"observe: {rule}, got sensor {sensor} on")
+        raise MessageError(f"observation: {rule}, got sensor {sensor} on")
 
 
 class Counted(NamedTuple):
@@ -145,24 +145,24 @@ def check_reminder(
     """
     length, count = reminder.length, len(reminder.cells)
     if reminder.to != who:
-        raise MessageError(f"remind: must be for {who}, got {reminder.to:.40}")
+        raise MessageError(f"reminder: must be for {who}, got {reminder.to:.40}")
     if length % 64 or length > LENGTH:
         rule = f"must keep a multiple of 64 ticks, up to {LENGTH}"
-        raise MessageError(f"remind: {rule}, got {length}")
+        raise MessageError(f"reminder: {rule}, got {length}")
     several = set(reminder.cells)
     if not several <= set(cells) or not 0 < len(several) == count:
         got = ", ".join(map(str, reminder.cells[:10])) or "none"
         rule = f"must be of cells of {who}, each once"
-        raise MessageError(f"remind: {rule}, got {got}")
-    on = wire.split_rings("remind: on", reminder.on, count)
-    off = wire.split_rings("remind: off", reminder.off, count)
-    check_rings("remind", (*on, *off), length)
+        raise MessageError(f"reminder: {rule}, got {got}")
+    on = wire.split_rings("reminder: on", reminder.on, count)
+    off = wire.split_rings("reminder: off", reminder.off, count)
+    check_rings("reminder", (*on, *off), length)
     found = list(zip(reminder.cells, on, off, strict=True))
     for cell, *both in found:
         reads_on, reads_off = (int.from_bytes(ring, "little") for ring in both)
         if reads_on & reads_off:
             rule = f"must have sensor {cell} on or off at a tick"
-            raise MessageError(f"remind: {rule}, got both")
+            raise MessageError(f"reminder: {rule}, got both")
     return found
 
 

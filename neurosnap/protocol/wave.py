@@ -101,7 +101,7 @@ class Wave:
         Raises:
             MessageError: The report cannot be right.
         """
-        hops = wire.numbers("tally: hops", tally.hops)
+        hops = wire.numbers("workerreport: hops", tally.hops)
         self._take(tally, tally.worker, cells, wire.fired(tally), hops)
 
     def _take(

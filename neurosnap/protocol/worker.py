@@ -129,7 +129,7 @@ class Worker:
                 self._latch(message)
             case wire.WorkerWiring():
                 # One far ahead would make the true ones all come too late.
-                check_number("loom: epoch", message.epoch, self._epoch)
+                check_number("workerwiring: epoch", message.epoch, self._epoch)
                 self._edges.check(message)
                 # What came before it was meant for the wiring before it.
                 self._advance(out)
@@ -155,15 +155,15 @@ class Worker:
     def _hold(self, batch: wire.PulseBatch) -> None:
         """Keep what another worker sent, once."""
         pulses = self._edges.pulses(batch)
-        check_number("burst: wave", batch.wave, self._announced)
+        check_number("pulsebatch: wave", batch.wave, self._announced)
         if batch.wave < self._settled_below:
             return
         if self._held + len(pulses.hops) > _HELD:
-            raise MessageError(f"burst: must leave up to {_HELD} pulses waiting")
+            raise MessageError(f"pulsebatch: must leave up to {_HELD} pulses waiting")
         if self._remembered >= _BURSTS:
             rule = f"must be one of {_BURSTS} in flight"
-            raise MessageError(f"burst: {rule}, got one more")
-        check_room("burst", batch.wave, self._waves)
+            raise MessageError(f"pulsebatch: {rule}, got one more")
+        check_room("pulsebatch", batch.wave, self._waves)
         wave = self._wave(batch.wave)
         way = (batch.worker, batch.part)
         if way not in wave.seen:
@@ -182,12 +182,14 @@ class Worker:
 
     def _check_start(self, start: wire.WaveStart) -> None:
         if start.cell >= 0:
-            raise MessageError(f"wave: must be for all, got one for cell {start.cell}")
+            raise MessageError(
+                f"wavestart: must be for all, got one for cell {start.cell}"
+            )
         check_start(start)
-        check_number("wave: wave", start.wave, self._announced)
-        self._readings.check_tick("wave", start.tick)
+        check_number("wavestart: wave", start.wave, self._announced)
+        self._readings.check_tick("wavestart", start.tick)
         # What it settles makes room for it.
-        check_room("wave", start.wave, self._left(start))
+        check_room("wavestart", start.wave, self._left(start))
 
     def _left(self, start: wire.WaveStart) -> dict[int, _WorkerWave]:
         """Return the waves known that may still come about after `start`."""
@@ -281,9 +283,9 @@ class Worker:
         size = (self._hosted[-1].stop + 7) // 8
         if len(observation.bits) != size:
             got = f"got {len(observation.bits)}"
-            raise MessageError(f"observe: must hold {size} bytes, {got}")
+            raise MessageError(f"observation: must hold {size} bytes, {got}")
         check_readings(observation)
-        self._readings.check_tick("observe", observation.tick)
+        self._readings.check_tick("observation", observation.tick)
 
     def _latch(self, observation: wire.Observation | wire.Learn) -> None:
         if observation.tick in self._readings:
@@ -305,7 +307,7 @@ class Worker:
             # state; staying silent makes the wave's deadline name this worker.
             self._wired = False
             missed = f"must build on epoch {self._epoch}, got {wiring.after}"
-            raise MessageError(f"loom: {missed}")
+            raise MessageError(f"workerwiring: {missed}")
         self._edges.change(wiring)
         self._epoch = wiring.epoch
         self._wired = True

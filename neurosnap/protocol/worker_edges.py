@@ -41,8 +41,13 @@ class WorkerEdges:
                 none.
         """
         if wiring.worker != self._worker:
-            raise MessageError(f"loom: must be for this worker, got {wiring.worker}")
-        for name, data in (("loom: add", wiring.add), ("loom: drop", wiring.drop)):
+            raise MessageError(
+                f"workerwiring: must be for this worker, got {wiring.worker}"
+            )
+        for name, data in (
+            ("workerwiring: add", wiring.add),
+            ("workerwiring: drop", wiring.drop),
+        ):
             edges = pairs(name, data)
             if (np.diff(joined(edges)) <= 0).any():
                 raise MessageError(f"{name} must be ascending, got a step that is not")
@@ -76,18 +81,20 @@ class WorkerEdges:
                 of the others, not whole, or of cells that are not theirs.
         """
         if batch.to != self._worker:
-            raise MessageError(f"burst: must be for this worker, got {batch.to}")
+            raise MessageError(f"pulsebatch: must be for this worker, got {batch.to}")
         if batch.worker == self._worker or batch.worker >= len(self._hosted):
-            raise MessageError(f"burst: must be another worker's, got {batch.worker}")
+            raise MessageError(
+                f"pulsebatch: must be another worker's, got {batch.worker}"
+            )
         pulses = Pulses(
-            ints("burst: sources", batch.sources),
-            ints("burst: targets", batch.targets),
-            ints("burst: hops", batch.hops),
-            ints("burst: credit", batch.credit),
+            ints("pulsebatch: sources", batch.sources),
+            ints("pulsebatch: targets", batch.targets),
+            ints("pulsebatch: hops", batch.hops),
+            ints("pulsebatch: credit", batch.credit),
         )
         sizes = {len(field) for field in pulses}
         if len(sizes) > 1 or 0 in sizes:
-            raise MessageError(f"burst: must be whole pulses, got {sorted(sizes)}")
+            raise MessageError(f"pulsebatch: must be whole pulses, got {sorted(sizes)}")
         theirs = self._hosted[batch.worker]
         for name, field, least, most in (
             ("sources", pulses.sources, 2 * theirs.start, 2 * theirs.stop - 1),
@@ -98,7 +105,7 @@ class WorkerEdges:
             if field.min() < least or field.max() > most:
                 rule = f"must be {least} to {most}"
                 got = f"{field.min()} to {field.max()}"
-                raise MessageError(f"burst: {name} {rule}, got {got}")
+                raise MessageError(f"pulsebatch: {name} {rule}, got {got}")
         return pulses
 
     @property

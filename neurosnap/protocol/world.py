@@ -67,7 +67,7 @@ class World:
     @property
     def topics(self) -> tuple[str, ...]:
         """What it has to hear of."""
-        return ("state", "decide") if self._senses.looks_back else ("decide",)
+        return ("state", "decision") if self._senses.looks_back else ("decision",)
 
     def hear(self, message: wire.Message) -> wire.Decision | None:
         """Take in a message; return it if it is a decision to be answered.
@@ -89,12 +89,12 @@ class World:
                 fits = free or 0 <= message.action < self._choices
                 if message.tick > self._tick or not fits:
                     rule = f"must be for tick {self._tick}, of {self._choices} choices"
-                    raise MessageError(f"decide: {f'{rule}, got {message}':.200}")
+                    raise MessageError(f"decision: {f'{rule}, got {message}':.200}")
                 if self._senses.looks_back and self._recorded < self._tick:
                     # What would be sensed in context would be wrong.
                     rule = f"must come after the state of tick {self._tick}"
                     got = f"that of {self._recorded}"
-                    raise MessageError(f"decide: {rule}, got {got}")
+                    raise MessageError(f"decision: {rule}, got {got}")
                 self._grow(message)
                 self._answered = message.tick
                 return message

@@ -191,7 +191,8 @@ async def _look_on(
 
     async with connections.to("watcher", seen.name).fabric() as fabric:
         await fabric.subscribe(
-            ("observe", "anomaly", "decide", "keyframe", "leave/coordinator"), handle
+            ("observation", "anomaly", "decision", "keyframe", "leave/coordinator"),
+            handle,
         )
         content = await fabric.ask()
         if content is None:

@@ -68,7 +68,7 @@ def swarm_run(options: RunOptions, log: Path, past: ResumePoint | None = None) -
 
 
 def of_recording(log: Path) -> tuple[list[bytes], list[wire.Decision]]:
-    messages = [r.message for r in Recording.open(log).messages(("state", "decide"))]
+    messages = [r.message for r in Recording.open(log).messages(("state", "decision"))]
     states = [m.literals for m in messages if isinstance(m, wire.State)]
     return states, [m for m in messages if isinstance(m, wire.Decision) and m.tick]
 
@@ -206,7 +206,7 @@ def test_what_was_sensed_of_an_action_is_checked_against_the_decision(
     felt = slice(len(options.body.own), len(options.body.own) + 3)
     verdict = verify(_with_observation_changed(tmp_path, options, 7, felt))
     assert not verdict.same
-    assert "tick 7: /observe: forward does not follow" in str(verdict.difference)
+    assert "tick 7: /observation: forward does not follow" in str(verdict.difference)
 
 
 def _with_observation_changed(

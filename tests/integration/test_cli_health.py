@@ -147,7 +147,7 @@ async def test_one_who_catches_up_knows_what_it_knew(
     body = recording.options.body
     told = [
         (each.message, each.sent)
-        for each in recording.messages(("observe",))
+        for each in recording.messages(("observation",))
         if isinstance(each.message, wire.Observation)
     ]
     middle = len(told) - 40

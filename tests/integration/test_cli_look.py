@@ -21,7 +21,7 @@ def test_info_says_what_is_in_a_recording(log: Path, tmp_path: Path) -> None:
     facts = happy("info", log)
     assert facts["path"] == str(log)
     assert facts["messages"] == sum(1 for _ in Recording.open(log).messages())
-    assert "/observe" in call("info", log).stdout
+    assert "/observation" in call("info", log).stdout
     lacking = call("info", cut(log, tmp_path / "cut"), "--format", "json")
     assert lacking.exit_code == 3
     assert json.loads(lacking.stdout)["messages"] < facts["messages"]

@@ -37,7 +37,7 @@ def test_lines_of_standard_input_are_the_ticks(tmp_path: Path, cells: str) -> No
     assert not journal_of(log).exists()
     assert "standard input:14: reading: must be a reading in JSON" in errors
     assert "sensor: must be one the run began with, got 'window'" in errors
-    seen = [r.message for r in Recording.open(log).messages(("observe",))]
+    seen = [r.message for r in Recording.open(log).messages(("observation",))]
     assert [(m.bits, m.known) for m in seen if isinstance(m, wire.Observation)] == [
         (pack([True, False]), b""),
         *((pack([number % 2 > 0, number % 3 > 0]), b"") for number in range(10)),

@@ -48,8 +48,8 @@ def test_a_tampered_recording_fails(log: Path, tmp_path: Path) -> None:
     assert result.exit_code == 1
     facts = last_json(result.stdout)
     assert facts["same"] is False
-    assert facts["difference"].startswith("tick 9: /decide coordinator ")
-    assert "different: tick 9: /decide" in flat(result.stderr)
+    assert facts["difference"].startswith("tick 9: /decision coordinator ")
+    assert "different: tick 9: /decision" in flat(result.stderr)
 
 
 def test_a_truncated_recording_is_lacking(log: Path, tmp_path: Path) -> None:
@@ -122,5 +122,5 @@ def test_a_run_does_not_go_on_to_where_it_has_been(
 def test_a_tampered_run_does_not_go_on(log: Path, tmp_path: Path) -> None:
     lie, out = changed(log, tmp_path / "lie"), tmp_path / "out.mcap"
     text = failed("resume", lie, "--out", out)
-    assert f"{lie}: must be a true run: tick 9: /decide" in text
+    assert f"{lie}: must be a true run: tick 9: /decision" in text
     assert not out.exists()

@@ -152,5 +152,5 @@ def test_a_recording_deleted_while_it_runs_is_told_of_and_copied(
     assert running.process.returncode == 3, errors
     assert said["complete"] is False
     assert "must stay where it is while it is written" in errors
-    observed = list(Recording.open(log).messages(("observe",)))
+    observed = list(Recording.open(log).messages(("observation",)))
     assert len(observed) == said["ticks"]

@@ -110,7 +110,7 @@ def test_a_swarm_looks_a_step_back_as_one_agent_does(tmp_path: Path) -> None:
     assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, 200)
     swarm = [
         one.message
-        for one in Recording.open(log).messages(("decide",))
+        for one in Recording.open(log).messages(("decision",))
         if isinstance(one.message, wire.Decision)
     ]
     assert swarm[1:] == decisions_alone(options)[:-1]

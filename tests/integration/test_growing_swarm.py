@@ -63,7 +63,7 @@ def by_one_agent(options: RunOptions) -> list[wire.Decision]:
 
 def decisions(log: Path) -> dict[int, wire.Decision]:
     messages = (
-        recorded.message for recorded in Recording.open(log).messages(("decide",))
+        recorded.message for recorded in Recording.open(log).messages(("decision",))
     )
     return {one.tick: one for one in messages if isinstance(one, wire.Decision)}
 
@@ -140,7 +140,7 @@ def test_what_was_grown_is_called_by_its_formula_and_learned_as_in_the_run(
     learning = Learning(inline, lamp_options(ticks=TICKS, cells="inline"))
     observed = {
         recorded.message.tick: recorded.message
-        for recorded in recording.messages(("observe",))
+        for recorded in recording.messages(("observation",))
         if isinstance(recorded.message, wire.Observation)
     }
     in_order = (observed[tick] for tick in sorted(observed))
@@ -192,10 +192,13 @@ def test_an_anomaly_of_what_was_grown_is_told_by_its_name(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("wrong", "rule"),
     [
-        ({"weights": b"\0" * 4}, "tick 1: /decide: born: cannot reshape"),
-        ({"born": 25}, "tick 1: /decide: born: must be sensor 24, got 25"),
-        ({"literals": (0,)}, "tick 1: /decide: grown: must be of literals of two or"),
-        ({"born": -1, "retires": 24}, "tick 1: /decide: retired: must be places in 0"),
+        ({"weights": b"\0" * 4}, "tick 1: /decision: born: cannot reshape"),
+        ({"born": 25}, "tick 1: /decision: born: must be sensor 24, got 25"),
+        ({"literals": (0,)}, "tick 1: /decision: grown: must be of literals of two or"),
+        (
+            {"born": -1, "retires": 24},
+            "tick 1: /decision: retired: must be places in 0",
+        ),
     ],
 )
 def test_a_decision_that_cannot_be_right_is_named(

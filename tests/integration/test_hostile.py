@@ -40,25 +40,32 @@ BEGIN = 20  # ticks before it speaks up
 KEYS: dict[str, list[str]] = {
     # Nobody in these runs acts on most of them; the recorder reports what is foreign.
     **{topic: [] for topic in wire.TOPICS},
-    "observe": ["coordinator", *CELLS],
+    "observation": ["coordinator", *CELLS],
     "wiring/1": ["cell/1"],
-    "wave": CELLS,
-    "wave/2": ["cell/2"],
-    "excite/0/cell/1": ["cell/0"],
-    "inhibit/3/cell/1": ["cell/3"],
+    "wavestart": CELLS,
+    "wavestart/2": ["cell/2"],
+    "pulse/0/cell/1": ["cell/0"],
+    "pulse/3/cell/1": ["cell/3"],
     "recall": CELLS,
     "recall/2": ["cell/2"],
-    "remind/cell/2": ["cell/2"],
+    "reminder/cell/2": ["cell/2"],
     **{
         topic: ["coordinator"]
-        for topic in ("settle", "tally", "recalled", "learned", "fault", "leave")
+        for topic in (
+            "cellreport",
+            "workerreport",
+            "recalled",
+            "learned",
+            "fault",
+            "leave",
+        )
     },
     "recalled/cell/1": ["coordinator"],
-    "settle/cell/1": ["coordinator"],
-    "tally/worker/0": ["coordinator"],
+    "cellreport/cell/1": ["coordinator"],
+    "workerreport/worker/0": ["coordinator"],
     "fault/cell/1": ["coordinator"],
     "leave/cell/1": ["coordinator"],
-    "decide": ["world"],
+    "decision": ["world"],
 }
 """Every topic, for cells a key of one of them, and who reads it and so must report."""
 
@@ -72,13 +79,13 @@ GARBAGE = [
     b'{"type":"leave","who":7}',
     b'{"type":"leave","who":"\\ud800"}',
     b'{"type":"pulse","wave":1e999,"source":NaN}',
-    b'{"type":"settled","wave":' + b"9" * 10_000 + b"}",
+    b'{"type":"cellreport","wave":' + b"9" * 10_000 + b"}",
     wire.encode(wire.Wiring(SENSORS + 5, 1, 0)),  # a message, but of another key
 ]
 OVERSIZED = [
     b'{"type":"' + b"x" * LARGE + b'"}',
-    b'{"type":"observe","tick":0,"bits":"' + b"A" * LARGE + b'"}',
-    b'{"type":"wave","signal":[' + b"-1," * (LARGE // 3) + b"0]}",
+    b'{"type":"observation","tick":0,"bits":"' + b"A" * LARGE + b'"}',
+    b'{"type":"wavestart","signal":[' + b"-1," * (LARGE // 3) + b"0]}",
 ]
 
 
@@ -166,7 +173,7 @@ class Stranger:
         for delivery in self._heard:
             send(delivery)
             self.replayed += 1
-            self.expected["coordinator"] += delivery.key == "observe"
+            self.expected["coordinator"] += delivery.key == "observation"
             await asyncio.sleep(0)
         self._sent = True
         await self._answered.wait()
@@ -199,7 +206,7 @@ Outcomes = tuple[list[tuple[int, bytes, bool]], list[wire.Decision], list[bytes]
 
 def outcomes(recording: Recording) -> Outcomes:
     """Return the states, the decisions between them, and the wirings as bytes."""
-    messages = [r.message for r in recording.messages(("state", "decide"))]
+    messages = [r.message for r in recording.messages(("state", "decision"))]
     states = [
         (m.tick, m.literals, m.incoherent)
         for m in messages

@@ -67,7 +67,7 @@ async def struck(
                         ZenohFabric.forward(intruder, each)
                     sent.set()
 
-        await intruder.subscribe(("observe",), strike)
+        await intruder.subscribe(("observation",), strike)
         balance = await run_swarm(hub, given, log)
         assert sent.is_set()
     return given, balance

@@ -88,7 +88,7 @@ def part(launcher: int, who: str) -> psutil.Process:
 def recorded(log: Path) -> list[int]:
     """Return the numbers of the lines that are recorded by now."""
     try:
-        messages = [r.message for r in Recording.open(log).messages(("observe",))]
+        messages = [r.message for r in Recording.open(log).messages(("observation",))]
     except (RecordingError, OSError):
         return []
     return [

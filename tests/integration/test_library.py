@@ -48,7 +48,7 @@ def test_its_ticks_are_numbers_and_tables(recording: neurosnap.Recording) -> Non
     assert np.array_equal(frame[list(recording.sensors)].to_numpy(float), table)
     assert frame["time"].is_monotonic_increasing
     assert len(recording.depths()) == sum(
-        1 for _ in RecordingFiles.open(recording.path).messages(("state", "reach"))
+        1 for _ in RecordingFiles.open(recording.path).messages(("state", "reached"))
     )
 
 

@@ -226,7 +226,7 @@ async def _cut(hubs: Hubs) -> None:
                 again.set()
 
     async with ZenohFabric("watcher", SWARM, hubs.first) as fabric:
-        await fabric.subscribe(("wave", "wave/**"), handle)
+        await fabric.subscribe(("wavestart", "wavestart/**"), handle)
         await fabric.confirm()
         hubs.link.cut()
         async with asyncio.timeout(PATIENCE):

@@ -101,7 +101,7 @@ def test_a_cell_hears_nothing_of_another_hub_but_what_is_for_cells(keys: Path) -
             await ears.subscribe(("**",), everything)
             await cell.subscribe(wire.cell_keys(1), allowed)
             await spy.subscribe(("**",), overheard)
-            await spy.subscribe(("leave/**", "settle/**"), overheard)
+            await spy.subscribe(("leave/**", "cellreport/**"), overheard)
             await spy.watch(spied)
             for end in (cell, ears):
                 await end.confirm()

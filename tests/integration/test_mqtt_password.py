@@ -146,7 +146,7 @@ async def test_a_password_changed_under_way_is_named_and_waited_for(
     recording = Recording.open(log)
     known = {
         each.message.tick: unpack(each.message.known or b"\x03", 2).tolist()
-        for each in recording.messages(("observe",))
+        for each in recording.messages(("observation",))
         if isinstance(each.message, wire.Observation)
     }
     # It went on through all of that: the door unknown, the light believed as ever.

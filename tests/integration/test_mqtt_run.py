@@ -211,7 +211,7 @@ async def test_a_switch_pauses_learning(tmp_path: Path) -> None:
     recording = Recording.open(run.log)
     observations = [
         recorded.message
-        for recorded in recording.messages(("observe",))
+        for recorded in recording.messages(("observation",))
         if isinstance(recorded.message, wire.Observation)
     ]
     paused = [observation.paused for observation in observations]
@@ -254,13 +254,13 @@ async def test_processes_that_miss_readings_decide_as_one_agent_does(
     options = msgspec.json.decode(recording.metadata["options"], type=RunOptions)
     alone = Agent(options.body, options.new_policy(), options.new_snapshot())
     own, decisions, missed = len(options.body.own), [], 0
-    for recorded in recording.messages(("observe",)):
+    for recorded in recording.messages(("observation",)):
         assert isinstance(recorded.message, wire.Observation)
         bits, known = readings(recorded.message, len(options.sensors))
         known = None if known is None else known[:own]
         missed += known is not None and not known.all()
         decisions.append(alone.act(bits[:own], recorded.message.begins, known))
-    told = [recorded.message for recorded in recording.messages(("decide",))]
+    told = [recorded.message for recorded in recording.messages(("decision",))]
     # The first opens the run; that of the last tick is never published.
     assert told[1:] == decisions[: len(told) - 1]
     assert missed

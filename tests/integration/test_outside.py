@@ -297,7 +297,7 @@ def test_the_example_shows_what_a_swarm_decides() -> None:
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as program:
             assert program.stdout is not None
             try:
-                decides = listened_to(session, f"neurosnap/{SWARM}/decide")
+                decides = listened_to(session, f"neurosnap/{SWARM}/decision")
                 decides.put(wire.encode(wire.Decision(1, -1, "why not")))
                 said = program.stdout.readline()
             finally:
@@ -348,7 +348,7 @@ def test_under_tls_the_role_sensor_can_say_and_hear_nothing_else(keys: Path) -> 
 
         def hear(sample: zenoh.Sample) -> None:
             heard.append(str(sample.key_expr).removeprefix(f"neurosnap/{SWARM}/"))
-            if heard[-1] in ("observe", "reading/last"):
+            if heard[-1] in ("observation", "reading/last"):
                 last.set()
 
         watching = eyes.declare_subscriber(
@@ -367,11 +367,11 @@ def test_under_tls_the_role_sensor_can_say_and_hear_nothing_else(keys: Path) -> 
         session.put(f"neurosnap/{SWARM}/reading/last", "on")
         assert last.wait(PATIENCE)
         last.clear()
-        world.put(f"neurosnap/{SWARM}/observe", "on")
+        world.put(f"neurosnap/{SWARM}/observation", "on")
         assert last.wait(PATIENCE)
         listening.undeclare()
         watching.undeclare()
-    assert heard == ["reading/last", "observe"]
+    assert heard == ["reading/last", "observation"]
     # A session hears itself without the hub; what others said did not come.
     assert overheard == [*wire.TOPICS, "reading/last"]
 
@@ -469,7 +469,7 @@ async def test_a_program_puts_readings_and_reads_what_the_swarm_makes_of_them(
     # Readings pass by the recorder: no message of ours, and no attack.
     assert balance.foreign == 0
     recording = Recording.open(log)
-    observed = [r.message for r in recording.messages(("observe",))]
+    observed = [r.message for r in recording.messages(("observation",))]
     assert [m.bits for m in observed if isinstance(m, wire.Observation)] == [
         pack([bool(bit) for bit in bits]) for bits in readings
     ]

@@ -58,7 +58,7 @@ async def test_a_wave_goes_hop_by_hop(planner_log: Path) -> None:
     hops: dict[int, list[int]] = {}
     deepest = (0, 0)  # depth, wave
     ticks = {}
-    for each in log.messages(("wave", "settle", "reach")):
+    for each in log.messages(("wavestart", "cellreport", "reached")):
         match each.message:
             case wire.WaveStart(wave=wave, tick=tick, signal=signal) if signal:
                 hops[wave], ticks[wave] = [], (tick, signal[0])

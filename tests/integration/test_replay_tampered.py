@@ -98,7 +98,7 @@ TAMPERED: dict[str, tuple[Change, str]] = {
         changing(
             wire.Observation, lambda o: o.tick == 12, lambda o: {"bits": o.bits + b"1"}
         ),
-        r"tick 12: /observe: ",
+        r"tick 12: /observation: ",
     ),
     "state": (
         changing(
@@ -118,7 +118,7 @@ TAMPERED: dict[str, tuple[Change, str]] = {
             lambda r: r.tick == 12,
             lambda r: {"literals": flipped(r.literals)},
         ),
-        r"tick 12: /reach ",
+        r"tick 12: /reached ",
     ),
     "question": (
         changing(
@@ -126,17 +126,17 @@ TAMPERED: dict[str, tuple[Change, str]] = {
             lambda w: w.tick == 12 and w.kind == "signal",
             lambda w: {"signal": (w.signal[0] ^ 1,)},
         ),
-        r"tick 12: /wave ",
+        r"tick 12: /wavestart ",
     ),
     "action": (
         changing(
             wire.Decision, lambda d: d.tick == 12, lambda d: {"action": d.action + 1}
         ),
-        r"tick 12: /decide ",
+        r"tick 12: /decision ",
     ),
     "reason": (
         changing(wire.Decision, lambda d: d.tick == 12, lambda _: {"why": "so"}),
-        r"tick 12: /decide ",
+        r"tick 12: /decision ",
     ),
     "keyframe": (
         changing(

@@ -122,8 +122,16 @@ def expected_states(played: Played, options: RunOptions) -> list[list[bool]]:
     return [snapshot.observe(unpack(o.bits, sensors)).tolist() for o in observed]
 
 
-TOPICS = ("observe", "wiring", "wave", "state", "reach", "decide", "keyframe")
-WORKER_TOPICS = (*TOPICS, "loom", "burst", "tally")
+TOPICS = (
+    "observation",
+    "wiring",
+    "wavestart",
+    "state",
+    "reached",
+    "decision",
+    "keyframe",
+)
+WORKER_TOPICS = (*TOPICS, "workerwiring", "pulsebatch", "workerreport")
 
 
 @pytest.mark.parametrize(
@@ -157,7 +165,7 @@ def test_the_same_seed_gives_the_same_recording(
     assert (found[0].states == found[2].states) == (source == "csv")
     assert first != third
     if given:
-        assert any(b'"type":"burst"' in payload for payload in first)
+        assert any(b'"type":"pulsebatch"' in payload for payload in first)
 
 
 @pytest.mark.zenoh
@@ -218,8 +226,10 @@ def test_what_workers_report_is_counted_and_measured(log: Path) -> None:
     info = describe_recording(Recording.open(log))
     counts = {channel.topic: channel.messages for channel in info.channels}
     assert counts["/state"] == TICKS
-    assert min(counts["/loom"], counts["/burst"], counts["/tally"]) > 0
-    assert not counts.keys() & {"/wiring", "/excite", "/settle"}
+    assert (
+        min(counts["/workerwiring"], counts["/pulsebatch"], counts["/workerreport"]) > 0
+    )
+    assert not counts.keys() & {"/wiring", "/pulse", "/cellreport"}
     assert info.completeness.whole
     measured = from_recording(Recording.open(log))
     assert len(measured) >= TICKS

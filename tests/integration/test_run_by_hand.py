@@ -140,7 +140,7 @@ async def by_hand(
                 fabric, run_world(source, Body(own=source.sensors), fabric, leave)
             )
 
-    hub.fabric("listener").listen(("state", "reach"), listen)
+    hub.fabric("listener").listen(("state", "reached"), listen)
     try:
         async with asyncio.TaskGroup() as group:
             for number, who in enumerate(cells):
@@ -294,7 +294,7 @@ async def test_what_is_no_message_is_reported_and_counted_once(readings: str) ->
         )
         await asyncio.sleep(0)
         await witness.subscribe(("fault/**",), lambda _: reported.set())
-        hub.send("stranger", wire.Delivery("settle/cell/0", 0, 0, b"garbage"))
+        hub.send("stranger", wire.Delivery("cellreport/cell/0", 0, 0, b"garbage"))
         await reported.wait()
         stop.set()
         await conducting
@@ -340,7 +340,7 @@ async def test_the_world_answers_each_decision_once_and_in_turn(readings: str) -
             if message.tick == 3:
                 over.set()
 
-    hub.fabric("listener").listen(("observe",), listen)
+    hub.fabric("listener").listen(("observation",), listen)
     async with hub.fabric("world") as end:
         world = asyncio.create_task(
             run_world(source, Body(own=source.sensors), end, over)

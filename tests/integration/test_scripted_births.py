@@ -72,7 +72,7 @@ def test_they_have_weights_cells_and_names(inline: Path) -> None:
     assert names[first:] == ("turn_a&a&~b", "press&a&b", "press&~a&lit")
     on = {
         recorded.message.tick
-        for recorded in Recording.open(inline).messages(("observe",))
+        for recorded in Recording.open(inline).messages(("observation",))
         if isinstance(recorded.message, wire.Observation)
         and recorded.message.bits[birth.born >> 3] >> (birth.born & 7) & 1
     }

@@ -45,14 +45,22 @@ def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
 # back at a state, none is read outside or grown, no cells share a worker, nor workers
 # the learning, no key-frame is large, and nothing is drawn.
 UNSAID = {
-    "coordinator": {"fault", "loom", "anomaly", "recall", "remind", "band", "learn"},
+    "coordinator": {
+        "fault",
+        "workerwiring",
+        "anomaly",
+        "recall",
+        "reminder",
+        "band",
+        "learn",
+    },
     "cell": {"fault", "recalled"},
     "world": {"fault", "image"},
     "recorder": {"fault"},
 }
 UNHEARD = {
-    "coordinator": {"tally", "recalled", "learned"},
-    "cell": {"recall", "remind"},
+    "coordinator": {"workerreport", "recalled", "learned"},
+    "cell": {"recall", "reminder"},
     "world": {"state", "reading"},
 }
 

@@ -48,7 +48,7 @@ async def test_a_cell_cannot_rewire_or_conduct_others(keys: Path) -> None:
         ):
             await ears.subscribe(("**",), everything)
             await cell.subscribe(wire.cell_keys(1), neighbour)
-            await place.subscribe(("state", "decide"), world)
+            await place.subscribe(("state", "decision"), world)
             await ears.watch(seen)
             for end in (cell, place, intruder):
                 await end.announce()
@@ -86,7 +86,7 @@ async def test_a_cell_can_neither_listen_to_others_nor_pass_for_them(
             await ears.subscribe(("**",), everything)
             await ears.watch(seen)
             await spy.subscribe(("**",), overheard)
-            await spy.subscribe(("settle/**", "decide"), overheard)
+            await spy.subscribe(("cellreport/**", "decision"), overheard)
             await spy.watch(spied)
             await intruder.announce()
             await world.announce()
@@ -99,8 +99,8 @@ async def test_a_cell_can_neither_listen_to_others_nor_pass_for_them(
     prefix = f"neurosnap/{SWARM}"
     assert set(hub.refused) >= {
         f"cell refused: Declare Subscriber on {prefix}/**",
-        f"cell refused: Declare Subscriber on {prefix}/settle/**",
-        f"cell refused: Declare Subscriber on {prefix}/decide",
+        f"cell refused: Declare Subscriber on {prefix}/cellreport/**",
+        f"cell refused: Declare Subscriber on {prefix}/decision",
         f"cell refused: Liveliness Token on {prefix}/alive/coordinator",
         f"cell refused: Declare Liveliness Subscriber on {prefix}/alive/**",
     }

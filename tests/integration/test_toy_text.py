@@ -212,5 +212,5 @@ def test_a_swarm_senses_no_action_where_an_episode_begins(tmp_path: Path) -> Non
         wire.Observation, lambda m: m.tick == later, lambda _: {"begins": False}
     )
     difference = verify(rewritten(log, tmp_path / "changed", quiet)).difference
-    assert f"tick {later}: /observe: " in str(difference)
+    assert f"tick {later}: /observation: " in str(difference)
     assert "does not follow from the decision" in str(difference)

@@ -180,9 +180,9 @@ def test_another_run_is_told_from_the_right_one(whole: Path) -> None:
     options, noted = recording.options, recording.noted()
     check(whole, options, noted.completeness, noted.expected)
     for wrong, where in (
-        (msgspec.structs.replace(options, ticks=options.ticks + 1), "observe"),
-        (msgspec.structs.replace(options, seed=7), "observe"),
-        (msgspec.structs.replace(options, threshold=0.25), "observe"),
+        (msgspec.structs.replace(options, ticks=options.ticks + 1), "observation"),
+        (msgspec.structs.replace(options, seed=7), "observation"),
+        (msgspec.structs.replace(options, threshold=0.25), "observation"),
         (msgspec.structs.replace(options, wiring="derived"), "wired at"),
     ):
         with pytest.raises(WrongError, match=rf"^{where}.*: must be "):

@@ -121,7 +121,7 @@ def derived(log: Path) -> dict[int, list[str]]:
     recording = Recording.open(log)
     observed = {
         each.message.tick: each.message
-        for each in recording.messages(("observe",))
+        for each in recording.messages(("observation",))
         if isinstance(each.message, wire.Observation)
     }
     replay = Replay(recording)

@@ -19,7 +19,7 @@ def course(log: Path, ticks: int | None = None) -> list[wire.Message]:
             to stop may have decided on the next one already, and sensed it.
     """
     found: list[tuple[int, int, wire.Message]] = []
-    for recorded in Recording.open(log).messages(("observe", "state", "decide")):
+    for recorded in Recording.open(log).messages(("observation", "state", "decision")):
         match recorded.message:
             case wire.Observation(tick=tick) as message:
                 found.append((tick, 0, message))

@@ -53,9 +53,9 @@ class Simulation:
         self._recorder = self._hub.fabric("recorder")
         self._recorder.listen(("**",), self._record)
         self._conducting = self._join("coordinator")
-        self._conducting.listen(("observe", "settle/**"), self._conduct)
+        self._conducting.listen(("observation", "cellreport/**"), self._conduct)
         self._world = self._join("world")
-        self._world.listen(("decide",), self._observe)
+        self._world.listen(("decision",), self._observe)
         for number in range(len(options.sensors)):
             self._join_cell(number)
 

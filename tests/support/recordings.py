@@ -12,26 +12,25 @@ from neurosnap.recording.write.writer import Writer
 NOW = 1_700_000_000_000_000_000
 
 EACH: dict[str, wire.Message] = {
-    "observe": wire.Observation(1, b"\x05\xff", True),
+    "observation": wire.Observation(1, b"\x05\xff", True),
     "wiring": wire.Wiring(3, 2, 1, (4, 6), (9,), (), (2**31 - 1,)),
-    "wave": wire.WaveStart(1, 1, "signal", 2, 1, (0, 7), 3),
-    "excite": wire.Pulse(1, 7, 4, 1, 3),
-    "inhibit": wire.Pulse(1, 6, 9, 2, 40),
-    "settle": wire.CellReport(1, 3, 0, (6,), (2,), (3, 3, 5), 1),
+    "wavestart": wire.WaveStart(1, 1, "signal", 2, 1, (0, 7), 3),
+    "pulse": wire.Pulse(1, 7, 4, 1, 3),
+    "cellreport": wire.CellReport(1, 3, 0, (6,), (2,), (3, 3, 5), 1),
     "state": wire.State(1, 1, b"\x01\x02\x03", True, 2, 3, 4, 5, 6),
-    "reach": wire.Reached(1, 2, (0, 7), b"\x81", 3, 4, 5, 6),
-    "decide": wire.Decision(1, -1, 'a "quoted" reason, ünïcode \x00'),
+    "reached": wire.Reached(1, 2, (0, 7), b"\x81", 3, 4, 5, 6),
+    "decision": wire.Decision(1, -1, 'a "quoted" reason, ünïcode \x00'),
     "keyframe": wire.KeyFrame(1, bytes(range(256))),
     "fault": wire.Fault("cell/3", "what was wrong"),
     "leave": wire.Leave("world"),
-    "loom": wire.WorkerWiring(1, 2, 1, bytes(8), bytes(range(16))),
-    "burst": wire.PulseBatch(
+    "workerwiring": wire.WorkerWiring(1, 2, 1, bytes(8), bytes(range(16))),
+    "pulsebatch": wire.PulseBatch(
         1, 0, 1, 2, bytes(4), b"\x08\0\0\0", b"\1\0\0\0", bytes(4)
     ),
     "anomaly": wire.Anomaly(
         9, 8, (1,), (1, 2), True, 1, (0,), (2,), (5,), (40.0,), (0.0,), (3,)
     ),
-    "tally": wire.WorkerReport(1, 1, 0, bytes(8), bytes(8), (1, 4, 9), 7),
+    "workerreport": wire.WorkerReport(1, 1, 0, bytes(8), bytes(8), (1, 4, 9), 7),
     "recall": wire.Recall(
         *(9, 2, 1, (4, 7), b"\1\3", bytes(8), (1, 1), 2),
         *(b"\7", b"\x18", 0.75, 0.125, 3),
@@ -39,7 +38,7 @@ EACH: dict[str, wire.Message] = {
     "recalled": wire.Recalled(
         "cell/3", 9, 2, (), b"\1\x81", bytes(4), bytes(32), b"\3"
     ),
-    "remind": wire.Reminder("worker/1", 9, 64, (3, 4), b"\1\2", b"\2\1"),
+    "reminder": wire.Reminder("worker/1", 9, 64, (3, 4), b"\1\2", b"\2\1"),
     "band": wire.Band("worker/1", 9, "since", 4, memoryview(bytes(range(8)))),
     "learn": wire.Learn(9, b"\1", b"\3", False, 8, b"\5", (4,), (1,)),
     "learned": wire.Learned(

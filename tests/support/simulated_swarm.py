@@ -61,7 +61,7 @@ class SimulatedSwarm:
         self._hub = hub
         self._deaf = deaf
         self._world = hub.fabric("world")
-        self._world.listen(("decide",), self._decided)
+        self._world.listen(("decision",), self._decided)
         self._end = hub.fabric("coordinator")
         self._end.listen(wire.COORDINATOR_KEYS, self._hear)
         for who, host in hosting(len(rows[0]), workers).items():

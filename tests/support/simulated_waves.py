@@ -122,7 +122,9 @@ class Network:
         for who, host in self.hosts.items():
             self._join(who, host)
         self._coordinator = hub.fabric("coordinator")
-        self._coordinator.listen(("settle/**", "tally/**", "fault/**"), self._hear)
+        self._coordinator.listen(
+            ("cellreport/**", "workerreport/**", "fault/**"), self._hear
+        )
         self._world = hub.fabric("world")
 
     def _join(self, who: str, host: Host) -> None:

@@ -89,16 +89,6 @@ def test_a_message_under_another_key_is_refused(
         wire.decode(key, wire.encode(message))
 
 
-def test_a_pulse_that_excites_is_refused_where_inhibition_travels() -> None:
-    payload = wire.encode(wire.Pulse(1, 0, 4, 1, 0))
-    assert wire.decode("excite/2/cell/0", payload) == wire.Pulse(1, 0, 4, 1, 0)
-    with pytest.raises(
-        MessageError,
-        match=r"^inhibit/2/cell/0: must hold its own messages, got one for excite/2/",
-    ):
-        wire.decode("inhibit/2/cell/0", payload)
-
-
 SENT_BY_MANY = [
     wire.Pulse(wave=1, source=7, target=4, hops=1, credit=0),
     wire.CellReport(1, 3, 0, (6,), (2,), (3,), 1),
@@ -169,24 +159,24 @@ def test_a_damaged_payload_is_a_message_error_or_a_message(
         b'{"type":"nobody"}',
         b'{"type":"pulse"}',
         b'{"type":"leave","who":"\xff\xfe"}',
-        b'{"type":"observe","tick":0,"bits":""}',
-        b'{"type":"observe","tick":1,"bits":"not base64"}',
-        b'{"type":"observe","tick":2147483648,"bits":""}',
-        b'{"type":"observe","tick":1.5,"bits":""}',
-        b'{"type":"observe","tick":NaN,"bits":""}',
-        b'{"type":"observe","tick":' + b"9" * 10_000 + b',"bits":""}',
+        b'{"type":"observation","tick":0,"bits":""}',
+        b'{"type":"observation","tick":1,"bits":"not base64"}',
+        b'{"type":"observation","tick":2147483648,"bits":""}',
+        b'{"type":"observation","tick":1.5,"bits":""}',
+        b'{"type":"observation","tick":NaN,"bits":""}',
+        b'{"type":"observation","tick":' + b"9" * 10_000 + b',"bits":""}',
         b"[" * 100_000,
     ],
     ids=lambda payload: repr(payload[:40]),
 )
 def test_what_breaks_a_rule_is_a_message_error(payload: bytes) -> None:
-    with pytest.raises(MessageError, match=r"^observe: must hold a message, got "):
-        wire.decode("observe", payload)
+    with pytest.raises(MessageError, match=r"^observation: must hold a message, got "):
+        wire.decode("observation", payload)
 
 
 def test_a_recording_from_before_there_were_beginnings_is_readable() -> None:
-    payload = b'{"type":"observe","tick":3,"bits":"BQ=="}'
-    assert wire.decode("observe", payload) == wire.Observation(3, b"\x05", False)
+    payload = b'{"type":"observation","tick":3,"bits":"BQ=="}'
+    assert wire.decode("observation", payload) == wire.Observation(3, b"\x05", False)
 
 
 def test_an_unknown_field_is_ignored_so_that_later_schemas_stay_readable() -> None:

@@ -63,7 +63,7 @@ class _Spans:
         self.decisions: list[float] = []
         """From each observation to the decision."""
         born = -1
-        for each in Recording.open(log).messages(("observe", "state", "decide")):
+        for each in Recording.open(log).messages(("observation", "state", "decision")):
             match each.message:
                 case wire.Observation(tick=tick):
                     observed[tick] = each.sent

@@ -38,7 +38,7 @@ from tools.fuzz.run import SENSORS, Honest
 _SLOWEST = 2.0  # seconds of computing an input may cost
 _LONGEST = 1000  # characters of a fault
 _HOSTED = 9  # cells that report on a wave, or the one worker that has them all
-_GAP = re.compile(r"(wiring|loom): must build on epoch")
+_GAP = re.compile(r"(wiring|workerwiring): must build on epoch")
 
 
 class FuzzError(Exception):
@@ -93,8 +93,8 @@ class Decode:
         self._honest = honest.deliveries
         self._keys = [
             *wire.TOPICS,
-            "wave/1",
-            "excite/0/cell/1",
+            "wavestart/1",
+            "pulse/0/cell/1",
             "wiring/3",
             "x" * 9000,
             "/",
@@ -249,7 +249,7 @@ class CoordinatorTarget:
 
     def __init__(self, honest: Honest) -> None:
         self._options = honest.options
-        self._script = honest.heard_by(("observe", "settle"))
+        self._script = honest.heard_by(("observation", "cellreport"))
 
     def round(self, chance: random.Random, count: Count) -> None:
         """Take the coordinator through the run."""

@@ -104,7 +104,7 @@ def live_on(
 def _births(log: Path) -> int:
     """Return how many sensors a recorded run has grown."""
     messages = (
-        recorded.message for recorded in Recording.open(log).messages(("decide",))
+        recorded.message for recorded in Recording.open(log).messages(("decision",))
     )
     return sum(isinstance(m, wire.Decision) and m.born >= 0 for m in messages)
 

@@ -44,13 +44,13 @@ class Truth(msgspec.Struct):
 
 def truth(options: RunOptions) -> Truth:
     """Make the run in process."""
-    found = Truth({"observe": [], "state": [], "reach": [], "decide": []}, {})
+    found = Truth({"observation": [], "state": [], "reached": [], "decision": []}, {})
     source = source_of(options)
     memory, snapshot = options.new_memory(), options.new_snapshot()
     mind = Mind(snapshot, options.policy_with(memory), memory)
     before = None
     for number in range(1, options.ticks + 1):
-        found.said["decide"].append(_decided(mind.decision))
+        found.said["decision"].append(_decided(mind.decision))
         action = mind.decision.action
         seen = source.first() if number == 1 else source.step(action)
         if seen is None:
@@ -62,7 +62,7 @@ def truth(options: RunOptions) -> Truth:
         known = senses.known(seen.known, *step, before)
         before = seen.known
         mask = b"" if known is None else pack(known)
-        found.said["observe"].append((number, pack(observed), mask, seen.begins))
+        found.said["observation"].append((number, pack(observed), mask, seen.begins))
         _go_through(mind, Sensed(observed, known, seen.begins), found, options.wiring)
     source.close()
     _sort(found.said)
@@ -84,7 +84,7 @@ def _go_through(mind: Mind, sensed: Sensed, found: Truth, wiring: WiringKind) ->
                 state = pack(mind.snapshot.state)
                 found.said["state"].append((number, state, incoherent))
             elif isinstance(request, list):
-                found.said["reach"] += [
+                found.said["reached"] += [
                     (number, signal, pack(graph.up(signal))) for signal in request
                 ]
 
@@ -157,21 +157,21 @@ def _check_completeness(
 def _said(recorded: Iterable[Recorded]) -> dict[str, list[Said]]:
     """Return what was said, as in `Truth`."""
     said: dict[str, list[Said]] = {
-        "observe": [],
+        "observation": [],
         "state": [],
-        "reach": [],
-        "decide": [],
+        "reached": [],
+        "decision": [],
     }
     for one in recorded:
         match one.message:
             case wire.Observation() as m:
-                said["observe"].append((m.tick, m.bits, m.known, m.begins))
+                said["observation"].append((m.tick, m.bits, m.known, m.begins))
             case wire.State() as m:
                 said["state"].append((m.tick, m.literals, m.incoherent))
             case wire.Reached() as m:
-                said["reach"].append((m.tick, m.signal, m.literals))
+                said["reached"].append((m.tick, m.signal, m.literals))
             case wire.Decision() as m:
-                said["decide"].append(_decided(m))
+                said["decision"].append(_decided(m))
             case _:
                 pass
     _sort(said)
@@ -185,7 +185,7 @@ def _decided(decision: wire.Decision) -> Said:
 
 def _sort(said: dict[str, list[Said]]) -> None:
     """Planning waves of one tick may settle in any order."""
-    said["reach"].sort(key=repr)
+    said["reached"].sort(key=repr)
 
 
 def _check_wirings(recorded: Iterable[Recorded], true: Truth) -> None:
@@ -212,7 +212,9 @@ def _check_wirings(recorded: Iterable[Recorded], true: Truth) -> None:
 def _changes(message: wire.Wiring | wire.WorkerWiring) -> tuple[Edges, Edges]:
     """Return the edges that a message adds, and those that it takes away."""
     if isinstance(message, wire.WorkerWiring):
-        changes = (wire.numbers("loom", raw) for raw in (message.add, message.drop))
+        changes = (
+            wire.numbers("workerwiring", raw) for raw in (message.add, message.drop)
+        )
         added, dropped = (
             set(zip(flat[::2], flat[1::2], strict=True)) for flat in changes
         )

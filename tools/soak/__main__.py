@@ -192,7 +192,7 @@ def _restarts(kills: int) -> int:
 def _look(log: Path, killer: Killer, seconds: float) -> Soaked:
     """Return what a recording says of itself; nothing is compared with it yet."""
     recording = Recording.open(log)
-    told = recording.messages(("observe", "state", "decide", "wave"))
+    told = recording.messages(("observation", "state", "decision", "wavestart"))
     heard = [each.message for each in told]
     kinds = (wire.Observation, wire.State, wire.Decision)
     keys = [(type(m), m.tick) for m in heard if isinstance(m, kinds)]
@@ -223,7 +223,7 @@ def _course(log: Path, ticks: int) -> list[tuple[object, ...]]:
     A run that is asked to stop has decided on its next tick already.
     """
     found: list[tuple[object, ...]] = []
-    for recorded in Recording.open(log).messages(("state", "decide")):
+    for recorded in Recording.open(log).messages(("state", "decision")):
         match recorded.message:
             case wire.State() as state:
                 found.append(("state", state.tick, state.literals, state.incoherent))

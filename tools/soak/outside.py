@@ -122,7 +122,7 @@ async def _feed(
 
 def lines_in(log: Path, lines: int) -> Lines:
     """Return what a recording holds of so many lines."""
-    heard = [each.message for each in Recording.open(log).messages(("observe",))]
+    heard = [each.message for each in Recording.open(log).messages(("observation",))]
     readings = [unpack(m.bits, BITS) for m in heard if isinstance(m, wire.Observation)]
     return compared(
         (sum(int(bit) << place for place, bit in enumerate(each)) for each in readings),

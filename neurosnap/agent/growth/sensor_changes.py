@@ -42,14 +42,14 @@ def body_after(body: Body, decision: Decision) -> Body:
     due = body.first_grown + len(body.grown)
     if decision.born not in (-1, due):
         rule = f"must be sensor {due}"
-        raise MessageError(f"decide: born: {rule}, got {decision.born}")
+        raise MessageError(f"decision: born: {rule}, got {decision.born}")
     try:
         if decision.born >= 0:
             body = body.grow((decision.context, decision.literals))
         if decision.retires >= 0:
             body = body.retire(decision.retires - body.first_grown)
     except InvalidValueError as error:
-        raise MessageError(f"decide: {error}") from error
+        raise MessageError(f"decision: {error}") from error
     return body
 
 
@@ -85,7 +85,7 @@ def take_in(body: Body, decision: Decision, snapshot: Snapshot) -> None:
             reads = body.reading(body.grown[-1], snapshot.state)
             snapshot.grow(sensor, body.sensors[sensor], newborn, reads)
         except ValueError as error:
-            raise MessageError(f"decide: born: {error}") from error
+            raise MessageError(f"decision: born: {error}") from error
     if decision.retires >= 0:
         snapshot.silence(decision.retires)
 

@@ -132,13 +132,13 @@ class RunMarks:
         A wiring has no tick. What the coordinator says is recorded in its order.
         """
         said: list[tuple[int, int, int]] = []  # number, tick or 0, edges
-        for topic in ("wiring", "loom"):
+        for topic in ("wiring", "workerwiring"):
             wirings = chunk.all(topic, wire.TOPICS[topic])
             for wiring, number in zip(wirings, chunk.sequences(topic), strict=True):
                 if isinstance(wiring, wire.Wiring | wire.WorkerWiring) and wiring.after:
                     said.append((number, 0, _edges(wiring)))
-        starts = chunk.all("wave", wire.WaveStart)
-        for start, number in zip(starts, chunk.sequences("wave"), strict=True):
+        starts = chunk.all("wavestart", wire.WaveStart)
+        for start, number in zip(starts, chunk.sequences("wavestart"), strict=True):
             if start.kind == "state":
                 said.append((number, start.tick, 0))
         for number, tick, edges in sorted(said):

@@ -261,7 +261,7 @@ class RunView:
         asked = {
             start.tick
             for _, chunk in self.tick_index.readable(*chunks)
-            for start in chunk.all("wave", wire.WaveStart)
+            for start in chunk.all("wavestart", wire.WaveStart)
             if start.kind == "signal"
         }
         return self.tick_index.decisions(since, first - 1), asked

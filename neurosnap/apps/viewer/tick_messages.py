@@ -138,20 +138,20 @@ class Ticks:
         for state in chunk.all("state", wire.State):
             if state.tick in self._range:
                 self.states.setdefault(state.tick, state)
-        for decision in chunk.all("decide", wire.Decision):
+        for decision in chunk.all("decision", wire.Decision):
             if decision.tick in self._range:
                 self.decisions.setdefault(decision.tick, decision)
         for anomaly in chunk.all("anomaly", wire.Anomaly):
             if anomaly.tick in self._range:
                 self.anomalies.setdefault(anomaly.tick, anomaly)
         if self._waves is not None:
-            for start in chunk.all("wave", wire.WaveStart):
+            for start in chunk.all("wavestart", wire.WaveStart):
                 if start.tick in self._range:
                     self._waves.begin(start)
                     if start.kind == "signal":
                         self.asked.add(start.tick)
-            self._waves.report(chunk.all("settle", wire.CellReport))
-            self._waves.tally(chunk.all("tally", wire.WorkerReport))
+            self._waves.report(chunk.all("cellreport", wire.CellReport))
+            self._waves.tally(chunk.all("workerreport", wire.WorkerReport))
 
     def _is_whole(self) -> bool:
         """Return whether all is there that these ticks can have."""

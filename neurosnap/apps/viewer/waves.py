@@ -70,7 +70,7 @@ class Waves:
         for tally in tallies:
             found = self._at(tally.wave)
             with suppress(MessageError):  # numbers that are cut off
-                hops = wire.numbers("tally: hops", tally.hops)
+                hops = wire.numbers("workerreport: hops", tally.hops)
                 found.hops.update(zip(wire.fired(tally), hops, strict=False))
             found.credit += tally.credit
             found.pulses += tally.pulses

@@ -58,8 +58,8 @@ RIGHTS: dict[Role, Rights] = {
     "hub": Rights(passes=True),
     "coordinator": Rights(
         publishes=(
-            *("wiring", "loom", "wave", "state", "reach", "decide"),
-            *("recall", "remind", "keyframe", "band", "learn"),
+            *("wiring", "workerwiring", "wavestart", "state", "reached", "decision"),
+            *("recall", "reminder", "keyframe", "band", "learn"),
             *("anomaly", "fault", "leave"),
         ),
         reads=_topics(wire.COORDINATOR_KEYS),
@@ -68,18 +68,26 @@ RIGHTS: dict[Role, Rights] = {
         briefs=True,
     ),
     "world": Rights(
-        publishes=("observe", "image", "fault", "leave"),
-        reads=("state", "decide", READING),
+        publishes=("observation", "image", "fault", "leave"),
+        reads=("state", "decision", READING),
         announces=True,
     ),
     "recorder": Rights(publishes=("fault",), reads=ALL, announces=True, watches=True),
     "cell": Rights(
-        publishes=("excite", "inhibit", "settle", "recalled", "fault", "leave"),
+        publishes=("pulse", "cellreport", "recalled", "fault", "leave"),
         reads=_topics(wire.cell_keys("*")),
         announces=True,
     ),
     "worker": Rights(
-        publishes=("burst", "tally", "recalled", "learned", "band", "fault", "leave"),
+        publishes=(
+            "pulsebatch",
+            "workerreport",
+            "recalled",
+            "learned",
+            "band",
+            "fault",
+            "leave",
+        ),
         reads=_topics((*wire.worker_keys("*"), *wire.LEARNING_KEYS)),
         announces=True,
     ),

@@ -127,8 +127,8 @@ class ChunkMessages:
         Raises:
             RecordingError: Something else is among them.
         """
-        times = map(self._found.sent, self._of("observe"))
-        return list(zip(self.all("observe", wire.Observation), times, strict=True))
+        times = map(self._found.sent, self._of("observation"))
+        return list(zip(self.all("observation", wire.Observation), times, strict=True))
 
     def _of(self, topic: str) -> list[int]:
         """Return which messages are of a topic."""

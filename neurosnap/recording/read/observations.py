@@ -59,7 +59,7 @@ def observations(recording: Recording) -> Iterator[tuple[int, OwnReadings]]:
         RecordingError: While iterating: the recording is damaged, or not a run's.
     """
     body = recording.options.body
-    for message, _, _, sent, _ in recording.messages(("observe",)):
+    for message, _, _, sent, _ in recording.messages(("observation",)):
         if isinstance(message, wire.Observation):
             yield message.tick, own_readings(message, sent, body)
 
@@ -105,7 +105,7 @@ def readings_of(recording: Recording, sensorium: Sensorium, last: int) -> Readin
         growing.extend(nothing, nothing)
         times.extend([""] * missing)
 
-    for message, _, _, _, log_time in recording.messages(("observe",)):
+    for message, _, _, _, log_time in recording.messages(("observation",)):
         if not isinstance(message, wire.Observation):
             continue
         if growing.ticks < message.tick <= last:

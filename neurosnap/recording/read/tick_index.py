@@ -94,7 +94,7 @@ class TickIndex:
         found = [
             observation
             for _, chunk in self.readable(number, number + 1)
-            for observation in chunk.all("observe", wire.Observation)
+            for observation in chunk.all("observation", wire.Observation)
         ]
         self._observed[number] = found
         self._observations += len(found)
@@ -123,7 +123,7 @@ class TickIndex:
         return {
             decision.tick: decision
             for _, chunk in self.readable(self.chunk_of(first), behind)
-            for decision in chunk.all("decide", wire.Decision)
+            for decision in chunk.all("decision", wire.Decision)
             if first <= decision.tick <= last
         }
 

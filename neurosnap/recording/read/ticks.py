@@ -14,7 +14,7 @@ from neurosnap.errors import RecordingError
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 
-TOPICS = ("observe", "state", "decide")
+TOPICS = ("observation", "state", "decision")
 WINDOW = 1024
 """Ticks that may be under way; one that is still incomplete then has lost something."""
 

@@ -157,7 +157,7 @@ def births_of(recording: Recording) -> Births:
 
 
 def _messages(recording: Recording) -> Iterator[wire.Decision | wire.KeyFrame]:
-    for recorded in recording.messages(("decide", "keyframe")):
+    for recorded in recording.messages(("decision", "keyframe")):
         if isinstance(recorded.message, wire.Decision | wire.KeyFrame):
             yield recorded.message
     if recording.closing is not None:

@@ -77,7 +77,7 @@ class Learning:
         try:
             bits, known = readings(observation, self._options.body.count)
         except ShapeError as error:
-            raise RecordingError(f"{place}: /observe: {error}") from error
+            raise RecordingError(f"{place}: /observation: {error}") from error
         if observation.paused:
             self.snapshot.skip()
         else:
@@ -187,7 +187,7 @@ def _last_known(recording: Recording, last: int) -> int:
     frames = {start.frame.tick for start in starts(recording)}
     seen = {
         recorded.message.tick
-        for recorded in recording.messages(("observe",))
+        for recorded in recording.messages(("observation",))
         if isinstance(recorded.message, wire.Observation)
     }
     known = recording.begins
@@ -217,7 +217,7 @@ def learned_at(recording: Recording, tick: int) -> Snapshot:
         since = last.since
     observations: dict[int, wire.Observation] = {}
     decisions: dict[int, wire.Decision] = {}
-    topics = ("observe", "decide") if learning.grows else ("observe",)
+    topics = ("observation", "decision") if learning.grows else ("observation",)
     for recorded in recording.messages(topics, start=since):
         match recorded.message:
             case wire.Observation() as observation if (

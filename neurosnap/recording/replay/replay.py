@@ -36,10 +36,19 @@ from neurosnap.recording.read.keyframes import Start, last_start
 from neurosnap.recording.read.recording import Recording
 from neurosnap.sensorium import selection, unpack
 
-_INPUTS = ("observe", "settle", "tally", "recalled", "band", "learned")
+_INPUTS = ("observation", "cellreport", "workerreport", "recalled", "band", "learned")
 _OUTPUTS = (
-    *("wiring", "loom", "wave", "state", "reach", "decide", "keyframe", "anomaly"),
-    *("recall", "remind", "learn"),
+    *(
+        "wiring",
+        "workerwiring",
+        "wavestart",
+        "state",
+        "reached",
+        "decision",
+        "keyframe",
+        "anomaly",
+    ),
+    *("recall", "reminder", "learn"),
 )
 _SHOWN = 300  # characters of a message shown in a difference
 
@@ -162,7 +171,7 @@ class Replay:
                 f"tick {tick}: the decision of the last tick: recorded {closing},"
                 f" derived {derived}"
             )
-        self.compared["decide"] += 1
+        self.compared["decision"] += 1
 
     def _only_closing_words(self) -> bool:
         closing = (wire.KeyFrame, wire.Band, wire.Learn, wire.Decision)
@@ -313,7 +322,7 @@ class Replay:
                 | wire.WaveStart()
             ) if not in_flight:
                 self._under_way = self.core.tick + 1
-                return "observe", self._under_way, 0
+                return "observation", self._under_way, 0
             case _:
                 return None
 
@@ -370,7 +379,7 @@ class Replay:
         try:
             bits, known = readings(observation, self.options.body.count)
         except ShapeError as error:
-            raise DifferenceError(f"tick {tick}: /observe: {error}") from error
+            raise DifferenceError(f"tick {tick}: /observation: {error}") from error
         memory = self.core.memory
         if memory.body is not self._body:
             self._body, self._senses = memory.body, Senses(memory.body)
@@ -387,7 +396,7 @@ class Replay:
         if differs.any():
             wrong = self.options.sensors[int(differs.argmax()) >> 1]
             raise DifferenceError(
-                f"tick {tick}: /observe: {wrong} does not follow from the decision and"
+                f"tick {tick}: /observation: {wrong} does not follow from the decision and"
                 f" the state of tick {tick - 1}"
             )
         self._known = known
@@ -470,7 +479,7 @@ def _key_of(message: wire.Message) -> _Key | None:
     """Return what a message that the core was given answers; None for another one."""
     match message:
         case wire.Observation(tick=tick):
-            return "observe", tick, 0
+            return "observation", tick, 0
         case wire.CellReport(wave=wave) | wire.WorkerReport(wave=wave):
             return "reports", wave, 0
         case wire.Recalled(tick=tick, round=number):

@@ -336,7 +336,7 @@ def _reported(recording: Recording) -> dict[str, int]:
     if options.body.room and not options.sharing:
         count = options.body.first_grown  # the rest is there once it is grown
     last = dict.fromkeys(options.host_names()[:count], 0)
-    for recorded in recording.messages(("settle", "tally")):
+    for recorded in recording.messages(("cellreport", "workerreport")):
         match recorded.message:
             case wire.CellReport(wave=wave) | wire.WorkerReport(wave=wave):
                 who = recorded.message.sender
@@ -382,7 +382,7 @@ def _decisions(recording: Recording) -> Iterator[wire.Decision]:
     log = first_path(recording.path, number) if number else recording.path
     before = [path for part, path in part_paths(log).items() if part < number]
     for each in (*map(Recording.open, before), recording):
-        for recorded in each.messages(("decide",)):
+        for recorded in each.messages(("decision",)):
             if isinstance(recorded.message, wire.Decision):
                 yield recorded.message
 

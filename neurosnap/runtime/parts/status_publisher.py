@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 STATUS_PUBLISHER = "watcher/outlet"
 """Its name: it has no last word, and nobody waits for it."""
-_PUBLISHED = ("state", "anomaly", "decide")
+_PUBLISHED = ("state", "anomaly", "decision")
 _AHEAD = 16  # observations that may wait for their state
 
 
@@ -125,9 +125,9 @@ async def publish_status(
 ) -> None:
     """Say how a run goes until `stop` is set.
 
-    Reads ``observe``, and for a broker ``state``, ``anomaly`` and ``decide``; publishes
-    nothing in the swarm. A message that cannot be right is passed over: those it is for
-    say so.
+    Reads ``observation``, and for a broker ``state``, ``anomaly`` and ``decision``;
+    publishes nothing in the swarm. A message that cannot be right is passed over: those
+    it is for say so.
 
     Args:
         options: The run's.
@@ -175,7 +175,7 @@ async def publish_status(
                 if listener is not None:
                     listener.take(message)
 
-    await fabric.subscribe(("observe", *(_PUBLISHED if listener else ())), handle)
+    await fabric.subscribe(("observation", *(_PUBLISHED if listener else ())), handle)
     await fabric.confirm()
     on_ready()
     hearing = asyncio.create_task(fabric.serve(stop), name="status/hear")

@@ -25,7 +25,7 @@ async def run_worker(
     """Be a worker until `stop` is set.
 
     Reads `wire.worker_keys`, and `wire.LEARNING_KEYS` if it learns; publishes bursts,
-    tallies and faults, and what it learned.
+    reports and faults, and what it learned.
     Cancellation ends it at once; the fabric is the caller's to close.
     """
     core = Worker(worker, hosted, learning)

@@ -37,10 +37,11 @@ async def run_world(
 ) -> None:
     """Be the world until the source is over or `stop` is set.
 
-    Reads ``decide``, and ``state`` where a sensor looks back at it; publishes
-    ``observe``, and ``image`` behind it. The decision of tick `t` makes the observation
-    of `t + 1`, unless that begins a trajectory: then it follows no action, and none is
-    sensed. A tick's state comes before its decision, both from the coordinator.
+    Reads ``decision``, and ``state`` where a sensor looks back at it; publishes
+    ``observation``, and ``image`` behind it. The decision of tick `t` makes the
+    observation of `t + 1`, unless that begins a trajectory: then it follows no action,
+    and none is sensed. A tick's state comes before its decision, both from the
+    coordinator.
 
     A live source is waited for on a thread of its own, so that neither messages nor
     `stop` have to wait; it is closed at the end.

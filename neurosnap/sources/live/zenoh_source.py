@@ -16,10 +16,10 @@ for the ``state`` of one before putting the next. What is put before the world l
 is lost; a declared publisher's matching status tells when it does.
 
 What goes back is what parts tell each other anyway, as JSON: ``state`` (the state the
-swarm believes in, ``literals`` packed and in base64), ``decide`` (the action) and
-``observe`` (which readings made the tick). Under TLS a program that publishes shows the
-certificate of the role ``sensor``, and can do nothing else; one that listens shows that
-of a ``watcher``.
+swarm believes in, ``literals`` packed and in base64), ``decision`` (the action) and
+``observation`` (which readings made the tick). Under TLS a program that publishes shows
+the certificate of the role ``sensor``, and can do nothing else; one that listens shows
+that of a ``watcher``.
 """
 
 import threading

@@ -210,7 +210,7 @@ def probed(
 
         end.listen(keys, handle)
 
-    conducting.listen(("settle/**", "tally/**"), hear)
+    conducting.listen(("cellreport/**", "workerreport/**"), hear)
     for number, who in enumerate(hosts(plan.sensors, plan.workers)):
         if plan.workers:
             worker = Worker(number, shares(plan.sensors, plan.workers))

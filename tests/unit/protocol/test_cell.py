@@ -295,7 +295,7 @@ def test_an_observation_that_contradicts_itself_is_a_fault(
 ) -> None:
     cell = wired(5)
     wrong = wire.Observation(1, bits, known=known)
-    assert cell.receive([wrong]) == [wire.Fault("cell/1", f"observe: {what}")]
+    assert cell.receive([wrong]) == [wire.Fault("cell/1", f"observation: {what}")]
     (report,) = reports(cell.receive([observation(1, on=False), state_wave(1, 1)]))
     assert report.literals == (COMPLEMENT,)
 
@@ -308,9 +308,9 @@ def test_an_observation_that_contradicts_itself_is_a_fault(
     [
         (pulse(0, 4), "pulse: must be for this cell, got 4"),
         (wire.Wiring(2, 5, 0, add=(4,)), "wiring: must be for this cell, got 2"),
-        (wire.Observation(1, b""), "observe: must hold sensor 1, got 0 bytes"),
-        (wire.Decision(1, 0, "?"), "decide: is not for a cell"),
-        (wire.CellReport(1, 0, 0, (), (), (), 0), "settle: is not for a cell"),
+        (wire.Observation(1, b""), "observation: must hold sensor 1, got 0 bytes"),
+        (wire.Decision(1, 0, "?"), "decision: is not for a cell"),
+        (wire.CellReport(1, 0, 0, (), (), (), 0), "cellreport: is not for a cell"),
     ],
     ids=["pulse", "wiring", "observation", "decision", "report"],
 )

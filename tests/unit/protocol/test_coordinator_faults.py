@@ -26,7 +26,9 @@ def test_an_observation_out_of_turn_is_a_fault_and_changes_nothing(tick: int) ->
     swarm, other = Swarm(new()), Swarm(new())
     swarm.run(ROWS[:2])
     other.run(ROWS[:2])
-    fault = wire.Fault("coordinator", f"observe: must be tick 3, once, got tick {tick}")
+    fault = wire.Fault(
+        "coordinator", f"observation: must be tick 3, once, got tick {tick}"
+    )
     assert swarm.core.receive(observed(tick, "111")) == [fault]
     assert swarm.core.receive(fault) == []  # as it comes back to it
     assert swarm.core.totals.faults == 1
@@ -39,7 +41,7 @@ def test_a_second_observation_while_waves_fly_is_a_fault() -> None:
     core.receive(observed(1, "000"))
     (fault,) = core.receive(observed(1, "111"))
     assert fault == wire.Fault(
-        "coordinator", "observe: must be tick 1, once, got tick 1"
+        "coordinator", "observation: must be tick 1, once, got tick 1"
     )
     assert core.in_flight == (1,)
 
@@ -56,7 +58,7 @@ def test_an_observation_of_another_length_is_a_fault(packed: bytes, what: str) -
     core = new()
     core.begin()
     assert core.receive(wire.Observation(1, packed)) == [
-        wire.Fault("coordinator", f"observe: {what}")
+        wire.Fault("coordinator", f"observation: {what}")
     ]
     assert core.in_flight == ()
     assert only(wire.WaveStart, core.receive(observed(1, "000")))
@@ -67,15 +69,15 @@ def test_an_observation_of_another_length_is_a_fault(packed: bytes, what: str) -
     [
         (
             wire.CellReport(1, 9, 0, (18,), (0,), (2,), 0),
-            r"settle: must be a cell's, got cell 9",
+            r"cellreport: must be a cell's, got cell 9",
         ),
         (
             wire.CellReport(1, 0, 0, (1,), (0,), (0, 0), 0, epoch=2),
-            r"settle: must give back at most the credit given out, got cell 0,"
+            r"cellreport: must give back at most the credit given out, got cell 0,"
             r" credit [0, 0]",
         ),
-        (wire.Pulse(1, 0, 2, 1, 0), "excite: is not for the coordinator"),
-        (wire.Decision(0, 0, ""), "decide: is not for the coordinator"),
+        (wire.Pulse(1, 0, 2, 1, 0), "pulse: is not for the coordinator"),
+        (wire.Decision(0, 0, ""), "decision: is not for the coordinator"),
     ],
 )
 def test_what_cannot_be_right_is_a_fault_and_changes_nothing(

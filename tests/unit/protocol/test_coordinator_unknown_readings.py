@@ -74,7 +74,7 @@ def test_an_observation_that_contradicts_itself_is_a_fault(
     core = new()
     core.begin()
     wrong = wire.Observation(1, b"\x01", known=known)
-    assert core.receive(wrong) == [wire.Fault("coordinator", f"observe: {what}")]
+    assert core.receive(wrong) == [wire.Fault("coordinator", f"observation: {what}")]
     assert core.snapshot.clock == 0
     assert only(wire.WaveStart, core.receive(observed(1, "000")))
 

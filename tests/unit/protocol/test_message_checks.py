@@ -45,11 +45,11 @@ def test_a_wave_that_is_known_always_has_room() -> None:
     [
         (
             start(7, 0, below=8),
-            "wave: must settle only what is before wave 7, got all be",
+            "wavestart: must settle only what is before wave 7, got all be",
         ),
         (
             start(7, 0, credit=DEEPEST + 1),
-            f"wave: must have credit up to {DEEPEST}, got",
+            f"wavestart: must have credit up to {DEEPEST}, got",
         ),
     ],
     ids=["settled", "credit"],
@@ -69,7 +69,7 @@ def test_the_latest_readings_are_kept_that_a_wave_may_be_of(
 ) -> None:
     latch, joined, kept = RecentReadings[str](), 0, dict[int, str]()
     for is_wave, tick in said:
-        wrong = refusal(latch.check_tick, "observe", tick)
+        wrong = refusal(latch.check_tick, "observation", tick)
         assert (wrong is not None) == (joined > 0 and tick > joined + READINGS)
         if is_wave:
             latch.join(tick)

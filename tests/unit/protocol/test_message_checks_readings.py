@@ -22,19 +22,23 @@ def test_an_observation_that_says_nothing_of_it_is_whole() -> None:
         (
             b"\x05",
             b"\x07\x00",
-            "observe: must say which of 1 bytes are known, got 2 bytes",
+            "observation: must say which of 1 bytes are known, got 2 bytes",
         ),
         (
             b"\x05\x00",
             b"\x07",
-            "observe: must say which of 2 bytes are known, got 1 bytes",
+            "observation: must say which of 2 bytes are known, got 1 bytes",
         ),
-        (b"\x00", b"\x00", "observe: must hold a reading that is known, got none"),
-        (b"\x05", b"\x04", "observe: must be 0 where it is not known, got sensor 0 on"),
+        (b"\x00", b"\x00", "observation: must hold a reading that is known, got none"),
+        (
+            b"\x05",
+            b"\x04",
+            "observation: must be 0 where it is not known, got sensor 0 on",
+        ),
         (
             b"\x00\x02",
             b"\xff\x01",
-            "observe: must be 0 where it is not known, got sensor 9 on",
+            "observation: must be 0 where it is not known, got sensor 9 on",
         ),
     ],
 )

@@ -148,7 +148,7 @@ def test_every_wave_is_announced_to_all() -> None:
     for number in (1, 2, 3):
         (start,) = control.start("signal", 0, (4,))
         assert isinstance(start, wire.WaveStart)
-        assert (start.key, start.wave, start.fence) == ("wave", number, number)
+        assert (start.key, start.wave, start.fence) == ("wavestart", number, number)
 
 
 def test_a_wave_settles_by_the_reports_of_workers() -> None:
@@ -168,32 +168,50 @@ def test_a_wave_settles_by_the_reports_of_workers() -> None:
     [
         (
             wire.CellReport(1, 0, 0, (0,), (0,), (1,), 0),
-            "settle: must be a worker's, got",
+            "cellreport: must be a worker's, got",
         ),
-        (tally(1, 3, {0: 0}, 1), "tally: must be a worker's, got worker 3"),
-        (tally(1, 0, {6: 0}, 1), "tally: must report on wave 1, own literals, each"),
-        (tally(1, 1, {4: 0}, 1), "tally: must report on wave 1, own literals, each"),
-        (tally(1, 0, {-1: 0}, 1), "tally: must report on wave 1, own literals, each"),
-        (tally(1, 0, {0: -1}, 1), "tally: must report on wave 1, own literals, each"),
+        (tally(1, 3, {0: 0}, 1), "workerreport: must be a worker's, got worker 3"),
+        (
+            tally(1, 0, {6: 0}, 1),
+            "workerreport: must report on wave 1, own literals, each",
+        ),
+        (
+            tally(1, 1, {4: 0}, 1),
+            "workerreport: must report on wave 1, own literals, each",
+        ),
+        (
+            tally(1, 0, {-1: 0}, 1),
+            "workerreport: must report on wave 1, own literals, each",
+        ),
+        (
+            tally(1, 0, {0: -1}, 1),
+            "workerreport: must report on wave 1, own literals, each",
+        ),
         (
             wire.WorkerReport(1, 0, 0, packed(0, 0), packed(0, 0), (1,), 0),
-            "tally: must report on wave 1, own literals, each",
+            "workerreport: must report on wave 1, own literals, each",
         ),
         (
             wire.WorkerReport(1, 0, 0, packed(0, 2), packed(0), (1,), 0),
-            "tally: must report on wave 1, own literals, each",
+            "workerreport: must report on wave 1, own literals, each",
         ),
         (
             wire.WorkerReport(1, 0, 0, b"\0\0", packed(0), (1,), 0),
-            "tally: literals: must be four bytes a number, got 2",
+            "workerreport: literals: must be four bytes a number, got 2",
         ),
         (
             wire.WorkerReport(1, 0, 0, packed(0), b"\0", (1,), 0),
-            "tally: hops: must be four bytes a number, got 1",
+            "workerreport: hops: must be four bytes a number, got 1",
         ),
-        (tally(1, 0, {0: 0}), "tally: must give back credit"),
-        (tally(1, 0, {0: 0}, 0, 0), "tally: must give back at most the credit given"),
-        (tally(1, 0, {0: 2**20}, 1), "tally: must give back credit, and hold numbers"),
+        (tally(1, 0, {0: 0}), "workerreport: must give back credit"),
+        (
+            tally(1, 0, {0: 0}, 0, 0),
+            "workerreport: must give back at most the credit given",
+        ),
+        (
+            tally(1, 0, {0: 2**20}, 1),
+            "workerreport: must give back credit, and hold numbers",
+        ),
     ],
     ids=lambda given: given if isinstance(given, str) else "",
 )
@@ -212,7 +230,7 @@ def test_a_report_that_cannot_be_right_is_refused(
 def test_cells_take_no_report_of_a_worker() -> None:
     control = WaveControl(SENSORS)
     control.start("signal", 0, (0,))
-    expected = "^tally: must be a cell's, got worker 0$"
+    expected = "^workerreport: must be a cell's, got worker 0$"
     with pytest.raises(MessageError, match=expected):
         control.report(tally(1, 0, {0: 0}, 0))
 

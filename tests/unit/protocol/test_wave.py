@@ -146,7 +146,7 @@ def test_a_report_that_comes_again_changes_nothing() -> None:
 def test_more_credit_than_was_given_is_refused(wrong: wire.CellReport) -> None:
     wave = signal_wave(0)
     wave.report(report(0, [0], [1], pulses=1))
-    expected = r"^settle: must give back at most the credit given out, got cell"
+    expected = r"^cellreport: must give back at most the credit given out, got cell"
     with pytest.raises(MessageError, match=expected + r" 1, credit \["):
         wave.report(wrong)
     assert (wave.missing, wave.hops, wave.pulses) == (Fraction(1, 2), {0: 0}, 1)
@@ -169,7 +169,7 @@ def test_a_report_that_cannot_be_right_is_refused(wrong: wire.CellReport) -> Non
     wave = signal_wave(0)
     wave.report(report(0, [0], [1]))
     expected = (
-        r"^settle: must report on wave 1, own literals, each once, got CellReport\("
+        r"^cellreport: must report on wave 1, own literals, each once, got CellReport\("
     )
     with pytest.raises(MessageError, match=expected):
         wave.report(wrong)

@@ -187,14 +187,16 @@ def test_cells_are_told_which_waves_they_can_forget() -> None:
 
 
 def test_a_report_on_a_wave_that_never_was_is_refused() -> None:
-    with pytest.raises(MessageError, match=r"^settle: must be on a wave up to 0, got"):
+    with pytest.raises(
+        MessageError, match=r"^cellreport: must be on a wave up to 0, got"
+    ):
         WaveControl(SENSORS).report(settled(9, 0, 0))
 
 
 def test_a_report_that_cannot_be_right_is_refused() -> None:
     control = WaveControl(SENSORS)
     control.start("signal", 0, (0, 2))
-    with pytest.raises(MessageError, match=r"^settle: must give back at most"):
+    with pytest.raises(MessageError, match=r"^cellreport: must give back at most"):
         control.report(settled(1, 0, 0, 0))
     assert control.in_flight == (1,)
 
@@ -216,7 +218,7 @@ def test_a_wave_of_a_few_goes_to_their_cells_only() -> None:
     control.start("state", 1)
     starts = control.start("signal", 1, (0, 1, 9, 4))
     assert told_of(starts) == [(0, 1), (2, 1), (4, 1)]
-    assert {m.key for m in starts} == {"wave/0", "wave/2", "wave/4"}
+    assert {m.key for m in starts} == {"wavestart/0", "wavestart/2", "wavestart/4"}
 
 
 def test_a_wave_of_many_is_announced_to_all() -> None:

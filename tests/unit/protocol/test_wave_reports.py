@@ -34,7 +34,7 @@ def settled(credit: Sequence[int], **more: int) -> wire.CellReport:
 )
 def test_a_report_that_is_too_large_is_refused(report: wire.CellReport) -> None:
     wave = Wave(1, 0, "signal", 1, (0,))
-    with pytest.raises(MessageError, match=r"^settle: must .*, got .{1,250}$"):
+    with pytest.raises(MessageError, match=r"^cellreport: must .*, got .{1,250}$"):
         wave.report(report)
     assert wave.missing == 1
     assert (wave.hops, wave.pulses) == ({}, 0)
@@ -78,7 +78,7 @@ def test_a_worker_s_report_that_cannot_be_right_is_refused(
     report: wire.WorkerReport,
 ) -> None:
     wave = Wave(1, 0, "signal", 1, (0,))
-    with pytest.raises(MessageError, match=r"^tally: .*must .*, got .{1,250}$"):
+    with pytest.raises(MessageError, match=r"^workerreport: .*must .*, got .{1,250}$"):
         wave.tally(report, range(2))
     assert wave.missing == 1
     assert (wave.hops, wave.pulses) == ({}, 0)
@@ -93,7 +93,7 @@ def test_a_report_is_refused_where_nobody_could_send_it(
 ) -> None:
     conductor = WaveControl(2, workers=int(isinstance(report, wire.CellReport)))
     conductor.start("signal", signal=(0,))
-    with pytest.raises(MessageError, match=r"^(settle|tally): must be a "):
+    with pytest.raises(MessageError, match=r"^(cellreport|workerreport): must be a "):
         conductor.report(report)
     assert conductor.in_flight == (1,)
 
@@ -104,6 +104,6 @@ def test_the_deepest_share_counts() -> None:
     before = wave.missing
     wave.report(wire.CellReport(1, 1, 0, (), (), (DEEPEST,), 0))
     assert before - wave.missing == Fraction(1, 2**DEEPEST)
-    with pytest.raises(MessageError, match=r"^settle: must give back at most"):
+    with pytest.raises(MessageError, match=r"^cellreport: must give back at most"):
         wave.report(wire.CellReport(1, 2, 0, (), (), (1,), 0))
     assert not wave.is_settled

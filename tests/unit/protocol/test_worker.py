@@ -92,7 +92,7 @@ def test_a_worker_of_unknown_readings_only_passes_pulses_on() -> None:
 
 def test_an_observation_that_contradicts_itself_is_a_fault() -> None:
     wrong = wire.Observation(1, b"\x01\x00", known=b"\x02\x00")
-    what = "observe: must be 0 where it is not known, got sensor 0 on"
+    what = "observation: must be 0 where it is not known, got sensor 0 on"
     assert wired().receive([wrong]) == [wire.Fault("worker/1", what)]
 
 
@@ -204,7 +204,7 @@ def test_a_wave_goes_along_the_wiring_it_was_announced_after() -> None:
 def test_after_a_lost_frame_it_is_silent_until_wired_anew() -> None:
     worker = wired((6, 8))
     (fault,) = worker.receive([wire.WorkerWiring(ME, 3, 2, edges([(6, 10)]))])
-    assert fault == wire.Fault("worker/1", "loom: must build on epoch 1, got 2")
+    assert fault == wire.Fault("worker/1", "workerwiring: must build on epoch 1, got 2")
     assert worker.receive([start(1, 6), burst((0, 8, 1, 1))]) == []
     out = worker.receive([wire.WorkerWiring(ME, 4, 0, edges([(6, 10)]))])
     (tally,) = out

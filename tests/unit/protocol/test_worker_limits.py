@@ -33,66 +33,78 @@ def test_what_came_before_changes_nothing() -> None:
 
 
 WRONG: list[tuple[wire.Message, str]] = [
-    (wire.Pulse(1, 0, 6, 1, 0), "excite: is not for a worker"),
-    (wire.WorkerWiring(0, 2, 1), "loom: must be for this worker, got 0"),
+    (wire.Pulse(1, 0, 6, 1, 0), "pulse: is not for a worker"),
+    (wire.WorkerWiring(0, 2, 1), "workerwiring: must be for this worker, got 0"),
     (
         wire.WorkerWiring(ME, 4098, 0),
-        "loom: epoch must be at most 4096 beyond 1, got 4098",
+        "workerwiring: epoch must be at most 4096 beyond 1, got 4098",
     ),
     (
         wire.WorkerWiring(ME, 2, 1, packed(6)),
-        "loom: add: must be eight bytes an edge, got 4",
+        "workerwiring: add: must be eight bytes an edge, got 4",
     ),
     (
         wire.WorkerWiring(ME, 2, 1, b"", packed(4, 6)),
-        "loom: drop must lead from 6 to 11, got 4 to 4",
+        "workerwiring: drop must lead from 6 to 11, got 4 to 4",
     ),
     (
         wire.WorkerWiring(ME, 2, 1, packed(6, 18)),
-        "loom: add must lead to 0 to 17, got 18 to 18",
+        "workerwiring: add must lead to 0 to 17, got 18 to 18",
     ),
     (
         wire.WorkerWiring(ME, 2, 1, packed(6, -1)),
-        "loom: add must lead to 0 to 17, got -1 to -1",
+        "workerwiring: add must lead to 0 to 17, got -1 to -1",
     ),
     (
         wire.WorkerWiring(ME, 2, 1, packed(6, 8, 6, 8)),
-        "loom: add must be ascending, got a step that is not",
+        "workerwiring: add must be ascending, got a step that is not",
     ),
     (
         wire.WaveStart(2, 0, "signal", 0, 1, (6,), cell=3),
-        "wave: must be for all, got one for cell 3",
+        "wavestart: must be for all, got one for cell 3",
     ),
-    (start(2, 6, credit=DEEPEST + 1), "wave: must have credit up to"),
-    (start(2, 6, below=3), "wave: must settle only what is before wave 2, got all"),
-    (start(10_000, 6), "wave: wave must be at most 4096 beyond 1, got 10000"),
-    (state_wave(2, 50, credit=4), "wave: tick must be at most 8 ticks after 1, got 50"),
-    (observation(50), "observe: tick must be at most 8 ticks after 1, got 50"),
-    (wire.Observation(2, b"\0"), "observe: must hold 2 bytes, got 1"),
+    (start(2, 6, credit=DEEPEST + 1), "wavestart: must have credit up to"),
+    (
+        start(2, 6, below=3),
+        "wavestart: must settle only what is before wave 2, got all",
+    ),
+    (start(10_000, 6), "wavestart: wave must be at most 4096 beyond 1, got 10000"),
+    (
+        state_wave(2, 50, credit=4),
+        "wavestart: tick must be at most 8 ticks after 1, got 50",
+    ),
+    (observation(50), "observation: tick must be at most 8 ticks after 1, got 50"),
+    (wire.Observation(2, b"\0"), "observation: must hold 2 bytes, got 1"),
     (
         msgspec.structs.replace(burst((0, 6, 1, 1)), to=2),
-        "burst: must be for this worker, got 2",
+        "pulsebatch: must be for this worker, got 2",
     ),
-    (burst((6, 6, 1, 1), worker=1), "burst: must be another worker's, got 1"),
-    (burst((0, 6, 1, 1), worker=3), "burst: must be another worker's, got 3"),
-    (burst((12, 6, 1, 1)), "burst: sources must be 0 to 5, got 12 to 12"),
-    (burst((0, 6, 1, 1), (0, 12, 1, 1)), "burst: targets must be 6 to 11, got 6 to 12"),
-    (burst((0, 6, 0, 1)), "burst: hops must be 1 to"),
-    (burst((0, 6, DEEPEST + 1, 1)), "burst: hops must be 1 to"),
-    (burst((0, 6, 1, -1)), "burst: credit must be 0 to"),
-    (burst((0, 6, 1, DEEPEST + 1)), "burst: credit must be 0 to"),
-    (burst((0, 6, 1, 1), wave=10_000), "burst: wave must be at most 4096 beyond 1"),
+    (burst((6, 6, 1, 1), worker=1), "pulsebatch: must be another worker's, got 1"),
+    (burst((0, 6, 1, 1), worker=3), "pulsebatch: must be another worker's, got 3"),
+    (burst((12, 6, 1, 1)), "pulsebatch: sources must be 0 to 5, got 12 to 12"),
+    (
+        burst((0, 6, 1, 1), (0, 12, 1, 1)),
+        "pulsebatch: targets must be 6 to 11, got 6 to 12",
+    ),
+    (burst((0, 6, 0, 1)), "pulsebatch: hops must be 1 to"),
+    (burst((0, 6, DEEPEST + 1, 1)), "pulsebatch: hops must be 1 to"),
+    (burst((0, 6, 1, -1)), "pulsebatch: credit must be 0 to"),
+    (burst((0, 6, 1, DEEPEST + 1)), "pulsebatch: credit must be 0 to"),
+    (
+        burst((0, 6, 1, 1), wave=10_000),
+        "pulsebatch: wave must be at most 4096 beyond 1",
+    ),
     (
         msgspec.structs.replace(burst((0, 6, 1, 1)), hops=packed(1, 1)),
-        "burst: must be whole pulses, got [1, 2]",
+        "pulsebatch: must be whole pulses, got [1, 2]",
     ),
     (
         wire.PulseBatch(1, 0, ME, 0, b"", b"", b"", b""),
-        "burst: must be whole pulses, got [0]",
+        "pulsebatch: must be whole pulses, got [0]",
     ),
     (
         msgspec.structs.replace(burst((0, 6, 1, 1)), hops=b"\1"),
-        "burst: hops: must be four bytes a number, got 1",
+        "pulsebatch: hops: must be four bytes a number, got 1",
     ),
 ]
 
@@ -126,7 +138,9 @@ def test_more_pulses_than_may_wait_are_refused(monkeypatch: pytest.MonkeyPatch) 
     assert worker.receive([held]) == []
     more = burst((0, 6, 1, 1), (0, 8, 1, 1), wave=2)
     (fault,) = worker.receive([more])
-    assert fault == wire.Fault("worker/1", "burst: must leave up to 3 pulses waiting")
+    assert fault == wire.Fault(
+        "worker/1", "pulsebatch: must leave up to 3 pulses waiting"
+    )
     (tally,) = worker.receive([start()])
     assert isinstance(tally, wire.WorkerReport)
     # Those wait no more, and those of a wave that is forgotten do not either.
@@ -160,7 +174,7 @@ def test_more_bursts_than_are_remembered_are_refused_until_waves_settle(
     for part in (0, 1):
         worker.receive([burst((0, 8, 1, 1), part=part)])
     said = worker.receive([burst((0, 8, 1, 1), part=2)])
-    what = "burst: must be one of 2 in flight, got one more"
+    what = "pulsebatch: must be one of 2 in flight, got one more"
     assert said == [wire.Fault("worker/1", what)]
     worker.receive([start(2, 6, below=2)])
     (tally,) = worker.receive([burst((0, 8, 1, 1), wave=2)])
@@ -174,10 +188,10 @@ def test_more_waves_than_may_be_in_flight_are_refused_until_some_settle(
     worker = wired()
     waiting = [burst((0, 8, 1, 1), wave=wave) for wave in (2, 3, 4, 5)]
     (fault,) = worker.receive(waiting)
-    what = "burst: must be of 3 waves in all, got wave 5 too"
+    what = "pulsebatch: must be of 3 waves in all, got wave 5 too"
     assert fault == wire.Fault("worker/1", what)
     (fault,) = worker.receive([start(1, 6)])
-    what = "wave: must be of 3 waves in all, got wave 1 too"
+    what = "wavestart: must be of 3 waves in all, got wave 1 too"
     assert fault == wire.Fault("worker/1", what)
     # What a wave settles makes room for it.
     (tally,) = worker.receive([start(5, 6, below=3)])

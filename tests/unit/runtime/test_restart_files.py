@@ -50,7 +50,7 @@ def observed(*files: Path) -> set[tuple[int, bytes]]:
     found: set[tuple[int, bytes]] = set()
     for path in files:
         try:
-            for recorded in Recording.open(path).messages(("observe",)):
+            for recorded in Recording.open(path).messages(("observation",)):
                 message = recorded.message
                 if isinstance(message, wire.Observation):
                     found.add((message.tick, message.bits))
@@ -172,7 +172,7 @@ def test_a_file_behind_a_damaged_one_is_gone_on_from(log: Path) -> None:
     before = {
         path.read_bytes()
         for path in part_paths(log).values()
-        if path == middle or any(Recording.open(path).messages(("observe",)))
+        if path == middle or any(Recording.open(path).messages(("observation",)))
     }
     past = gone_on(lives, options)
     assert {path.read_bytes() for path in log.parent.iterdir()} >= before

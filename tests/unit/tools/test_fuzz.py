@@ -97,13 +97,15 @@ def test_a_fault_does_not_repeat_ten_megabytes() -> None:
     part, heard = hub.fabric("cell/1"), list[wire.Delivery]()
     hub.fabric("ear").listen(("fault/**",), heard.extend)
     large = b'{"type":"' + b"x" * 10_000_000 + b'"}'
-    assert decoded(part, [wire.Delivery("wave", 0, 0, large)]) == []
+    assert decoded(part, [wire.Delivery("wavestart", 0, 0, large)]) == []
     hub.run()
     (delivery,) = heard
     assert len(delivery.payload) < 500
     fault = wire.decode("fault/cell/1", delivery.payload)
     assert isinstance(fault, wire.Fault)
-    assert fault.what.startswith("wave: must hold a message, got Invalid value 'xxx")
+    assert fault.what.startswith(
+        "wavestart: must hold a message, got Invalid value 'xxx"
+    )
 
 
 # A recording --------------------------------------------------------------------------
@@ -115,13 +117,15 @@ def test_a_message_nested_too_deep_is_an_error_of_ours(tmp_path: Path) -> None:
     room = len(payload) + 10_000
     with Writer(path, compression="none") as writer:
         writer.start({"swarm": "deep"})
-        writer.add(wire.Delivery("observe", 0, 0, payload.ljust(room)), 0)
+        writer.add(wire.Delivery("observation", 0, 0, payload.ljust(room)), 0)
         writer.finish({}, {})
     honest = path.read_bytes()
     deep = payload[:-1] + b',"x":'
     forged = honest.replace(payload.ljust(room), deep.ljust(room, b"["))
     path.write_bytes(_resealed(forged))
-    expected = r": chunk 1: /observe must hold its own messages, got maximum recursion"
+    expected = (
+        r": chunk 1: /observation must hold its own messages, got maximum recursion"
+    )
     with pytest.raises(RecordingError, match=expected):
         list(Recording.open(path).messages())
 

@@ -30,10 +30,12 @@ def path(tmp_path: Path) -> Path:
 def write_small(path: Path, metadata: dict[str, str], *, finish: bool = True) -> None:
     """Write 4 s: an observation each second but the third, a pulse, a key-frame."""
     observations = [
-        wire.Delivery("observe", n, NOW, wire.encode(wire.Observation(n + 1, b"\1")))
+        wire.Delivery(
+            "observation", n, NOW, wire.encode(wire.Observation(n + 1, b"\1"))
+        )
         for n in range(4)
     ]
-    (pulse, frame) = delivered([EACH["excite"], EACH["keyframe"]])
+    (pulse, frame) = delivered([EACH["pulse"], EACH["keyframe"]])
     with Writer(path, compression="none") as writer:
         writer.start(metadata)
         for delivery in (
@@ -43,7 +45,7 @@ def write_small(path: Path, metadata: dict[str, str], *, finish: bool = True) ->
             pulse,
             observations[3],
         ):
-            second = delivery.sequence if delivery.key == "observe" else 1
+            second = delivery.sequence if delivery.key == "observation" else 1
             writer.add(delivery, NOW + second * SECOND)
         writer.add(frame, NOW + 4 * SECOND)
         writer.add(frame._replace(key="?"), NOW)

@@ -42,7 +42,7 @@ def table(path: Path) -> list[dict[str, str]]:
 def by_tick(log: Path) -> dict[int, dict[type, tuple[wire.Message, int]]]:
     """Return what was recorded of each tick, and when it was sent."""
     found: dict[int, dict[type, tuple[wire.Message, int]]] = {}
-    for each in Recording.open(log).messages(("observe", "state", "decide")):
+    for each in Recording.open(log).messages(("observation", "state", "decision")):
         message = each.message
         assert isinstance(message, wire.Observation | wire.State | wire.Decision)
         if message.tick:

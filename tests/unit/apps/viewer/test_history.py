@@ -115,7 +115,7 @@ def test_a_stretch_a_tick_has_what_the_messages_say(log: Path) -> None:
     changed = rewired(log)
     assert marks.rewired[1:] == changed[1:]  # the first tick wires everything whole
     assert sum(changed[1:]) > 0
-    sent = [each.sent for each in Recording.open(log).messages(("observe",))]
+    sent = [each.sent for each in Recording.open(log).messages(("observation",))]
     assert marks.times == [pytest.approx(each / 1e9) for each in sent]
     assert marks.begins == [1, *[0] * (TICKS - 1)]
 
@@ -185,7 +185,7 @@ def test_beginnings_of_trajectories_are_marked(tmp_path: Path) -> None:
     log = recorded(options, tmp_path / "run.mcap")
     begins = [
         each.message.tick
-        for each in Recording.open(log).messages(("observe",))
+        for each in Recording.open(log).messages(("observation",))
         if isinstance(each.message, wire.Observation) and each.message.begins
     ]
     marks = read(log).marks(1, 40, 40)

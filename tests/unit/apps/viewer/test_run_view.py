@@ -295,10 +295,10 @@ def damage(log: Path) -> tuple[int, set[int]]:
         for chunk in recording.files[0].layout.chunks[
             len(recording.files[0].layout.chunks) // 3 :
         ]
-        if {channels["observe"], channels["state"]} <= chunk.counts.keys()
+        if {channels["observation"], channels["state"]} <= chunk.counts.keys()
         and channels["keyframe"] not in chunk.counts
     )
-    had = recording.messages(("observe",), start=hurt.start, end=hurt.end + 1)
+    had = recording.messages(("observation",), start=hurt.start, end=hurt.end + 1)
     ticks = {m.message.tick for m in had if isinstance(m.message, wire.Observation)}
     data = bytearray(log.read_bytes())
     data[hurt.offset + hurt.packed // 2] ^= 255

@@ -20,32 +20,31 @@ from neurosnap.fabric.security.roles import (
 PREFIX = f"{wire.ROOT}/5eed/"
 
 KEYS = {
-    "observe": "observe",
+    "observation": "observation",
     "wiring": "wiring/3",
-    "wave": "wave",
-    "excite": "excite/3/{}",
-    "inhibit": "inhibit/3/{}",
-    "settle": "settle/{}",
+    "wavestart": "wavestart",
+    "pulse": "pulse/3/{}",
+    "cellreport": "cellreport/{}",
     "state": "state",
-    "reach": "reach",
-    "decide": "decide",
+    "reached": "reached",
+    "decision": "decision",
     "keyframe": "keyframe",
     "fault": "fault/{}",
     "leave": "leave/{}",
-    "loom": "loom/3",
-    "burst": "burst/3/{}",
-    "tally": "tally/{}",
+    "workerwiring": "workerwiring/3",
+    "pulsebatch": "pulsebatch/3/{}",
+    "workerreport": "workerreport/{}",
     "anomaly": "anomaly",
     "recall": "recall",
     "recalled": "recalled/{}",
     "image": "image",
-    "remind": "remind/cell/3",
+    "reminder": "reminder/cell/3",
     "band": "band/{}",
     "learn": "learn",
     "learned": "learned/{}",
 }
 """A key of every topic, with room for who says it."""
-TO_WORKERS = {"remind": "remind/worker/3"}
+TO_WORKERS = {"reminder": "reminder/worker/3"}
 """Where the key names the role that is told."""
 
 PARTS = ("hub", "coordinator", "world", "recorder", "cell/3", "worker/3", "watcher")
@@ -58,23 +57,23 @@ SPEAKERS = tuple(role for role in ROLES if role != "hub")
 """All roles but the one that passes on what all others say."""
 
 SAID = {
-    "coordinator": "anomaly band decide fault keyframe learn leave loom reach"
-    " recall remind state wave wiring",
-    "world": "fault image leave observe",
+    "coordinator": "anomaly band decision fault keyframe learn leave reached"
+    " recall reminder state wavestart wiring workerwiring",
+    "world": "fault image leave observation",
     "recorder": "fault",
-    "cell": "excite fault inhibit leave recalled settle",
-    "worker": "band burst fault learned leave recalled tally",
+    "cell": "cellreport fault leave pulse recalled",
+    "worker": "band fault learned leave pulsebatch recalled workerreport",
     "watcher": "",
     "sensor": READING,
 }
 """What each role may publish, written by hand: a slip in the table shows here."""
 
 HEARD = {
-    "coordinator": "fault learned leave observe recalled settle tally",
-    "world": f"decide {READING} state",
+    "coordinator": "cellreport fault learned leave observation recalled workerreport",
+    "world": f"decision {READING} state",
     "recorder": " ".join(sorted(KEYS)),
-    "cell": "excite inhibit observe recall remind wave wiring",
-    "worker": "band burst learn loom observe recall remind wave",
+    "cell": "observation pulse recall reminder wavestart wiring",
+    "worker": "band learn observation pulsebatch recall reminder wavestart workerwiring",
     "watcher": " ".join(sorted(KEYS)),
     "sensor": "",
 }

@@ -87,12 +87,12 @@ def test_an_attempt_among_decisions_in_advance_is_told(told: Told) -> None:
     # Another session's, and on another thread.
     told.decided(decision("cd2", "world", "Put (ingress)", "n/s/wiring/1"))
     told.decided(decision("ef3", "cell", "Put (ingress)", "n/s/wiring/1"), thread=9)
-    told.decided("ACL (egress): caching permissions for `n/s/decide` ...")
-    told.decided(decision("ab1", "cell", "Put (ingress)", "n/s/decide"))
+    told.decided("ACL (egress): caching permissions for `n/s/decision` ...")
+    told.decided(decision("ab1", "cell", "Put (ingress)", "n/s/decision"))
     assert told.lines == [
         "world refused: Put on n/s/wiring/1",
         "cell refused: Put on n/s/wiring/1",
-        "cell refused: Put on n/s/decide",
+        "cell refused: Put on n/s/decision",
     ]
 
 
@@ -123,10 +123,10 @@ def test_a_flood_hides_neither_its_own_puts_nor_those_of_others(told: Told) -> N
         told.decided(decision("ab1", "cell/3", what, f"n/s/{name}"))
         told.refusals.take(NO_CERTIFICATE.replace("peer", name))
     told.decided(decision("ab1", "cell/3", "Put (ingress)", "n/s/wiring/1"))
-    told.decided(decision("cd2", "world", "Put (ingress)", "n/s/decide"))
+    told.decided(decision("cd2", "world", "Put (ingress)", "n/s/decision"))
     assert told.lines[-2:] == [
         "cell/3 refused: Put on n/s/wiring/1",
-        "world refused: Put on n/s/decide",
+        "world refused: Put on n/s/decision",
     ]
     assert len(told.lines) == 22
 

@@ -45,7 +45,7 @@ def taken(samples: list[Any]) -> list[wire.Delivery]:
     return [one for sample in samples if (one := take(sample)) is not None]
 
 
-@pytest.mark.parametrize("key", ["keyframe", "settle/cell/3"])
+@pytest.mark.parametrize("key", ["keyframe", "cellreport/cell/3"])
 def test_what_is_small_goes_at_once(key: str) -> None:
     (only,) = sent(b"small", key)
     assert taken([only]) == [wire.Delivery(key, 7, 9, b"small")]
@@ -59,7 +59,7 @@ def test_what_is_large_comes_whole() -> None:
 
 
 def test_others_may_speak_in_between() -> None:
-    (small,) = sent(b"small", "settle/cell/3")
+    (small,) = sent(b"small", "cellreport/cell/3")
     first, *rest = sent(LARGE)
     assert [len(one.payload) for one in taken([first, small, *rest])] == [
         len(b"small"),
@@ -76,10 +76,10 @@ def test_one_that_lacks_a_piece_is_lost_and_the_next_is_not(left_out: int) -> No
 
 
 def test_only_a_key_frame_comes_in_pieces() -> None:
-    with pytest.raises(FabricError, match=r"^message on excite/3/cell/4: must have at"):
-        sent(LARGE, "excite/3/cell/4")
+    with pytest.raises(FabricError, match=r"^message on pulse/3/cell/4: must have at"):
+        sent(LARGE, "pulse/3/cell/4")
     whole = bytes(LARGEST - (1 << 16))
-    assert [one.payload for one in taken(sent(whole, "excite/3/cell/4"))] == [whole]
+    assert [one.payload for one in taken(sent(whole, "pulse/3/cell/4"))] == [whole]
 
 
 def test_what_would_be_larger_than_any_key_frame_is_not_gathered() -> None:

@@ -81,7 +81,7 @@ def test_the_message_is_what_its_schema_says(topic: str) -> None:
     [("type", "wave"), ("hops", 0), ("source", "7"), ("credit", True), ("wave", 2**31)],
 )
 def test_the_check_above_notices_what_does_not_fit(field: str, value: object) -> None:
-    pulse = json.loads(wire.encode(EACH["excite"])) | {field: value}
+    pulse = json.loads(wire.encode(EACH["pulse"])) | {field: value}
     assert len(misfits(pulse, schemas.schema(wire.Pulse))) == 1
 
 

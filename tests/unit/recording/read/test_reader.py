@@ -45,7 +45,7 @@ def test_a_message_of_each_kind_comes_back_as_it_was(path: Path, topic: str) -> 
 
 def test_payloads_come_back_byte_for_byte(path: Path) -> None:
     spaced = b' {"wave": 1,  "type":"pulse", "source":7,"target":4,"hops":1,"credit":3}'
-    record(path, [wire.Delivery("excite/2/cell/3", 0, NOW, spaced)])
+    record(path, [wire.Delivery("pulse/2/cell/3", 0, NOW, spaced)])
     (read,) = Recording.open(path).messages()
     assert read.payload == spaced
 
@@ -88,7 +88,7 @@ def test_where_parts_were_comes_back(path: Path, whole: bool) -> None:
     with Writer(path) as writer:
         writer.start({})
         writer.note_places({"world": Place("ash", 1)})
-        writer.add(next(delivered([EACH["observe"]])), NOW)
+        writer.add(next(delivered([EACH["observation"]])), NOW)
         writer.note_places(places)
         if whole:
             writer.finish({}, {})
@@ -119,7 +119,12 @@ def test_topics_and_times_select(path: Path, whole: bool) -> None:
     everything = list(recording.messages())
     assert [recorded.delivery for recorded in everything] == deliveries
     start, end = NOW + 1000 + 50, NOW + 1000 + 333
-    for topics in ({"observe"}, ["settle", "inhibit"], {"leave"}, set(wire.TOPICS)):
+    for topics in (
+        {"observation"},
+        ["cellreport", "pulse"],
+        {"leave"},
+        set(wire.TOPICS),
+    ):
         assert list(recording.messages(topics)) == [
             recorded
             for recorded in everything
@@ -144,7 +149,7 @@ def test_chunks_without_the_topic_are_not_unpacked(
         return unpack(path, file, chunk)
 
     monkeypatch.setattr("neurosnap.recording.format.chunks.unpack", note)
-    assert len(list(recording.messages({"observe"}))) == 5
+    assert len(list(recording.messages({"observation"}))) == 5
     assert unpacked == [1, 3, 5, 7, 9]
     unpacked.clear()
     assert list(recording.messages({"fault"})) == []
@@ -163,9 +168,9 @@ def test_two_readers_at_once_do_not_disturb_each_other(path: Path) -> None:
 def test_an_unknown_topic_is_refused_at_once(path: Path) -> None:
     record(path, [])
     with pytest.raises(
-        InvalidValueError, match=r"^topics: must be of observe, .*'/wave"
+        InvalidValueError, match=r"^topics: must be of observation, .*'/wavestart"
     ):
-        Recording.open(path).messages({"/wave"})
+        Recording.open(path).messages({"/wavestart"})
 
 
 def test_a_file_that_changes_meanwhile_is_an_error(path: Path) -> None:
@@ -213,9 +218,9 @@ def write_mcap(
     *,
     profile: str = "neurosnap",
     schema: str | None = SCHEMA,
-    topic: str = "/excite",
+    topic: str = "/pulse",
     encoding: str = "json",
-    payload: bytes = wire.encode(EACH["excite"]),
+    payload: bytes = wire.encode(EACH["pulse"]),
 ) -> None:
     """Write what our writer would not."""
     with path.open("wb") as file:
@@ -232,7 +237,7 @@ def write_mcap(
 def test_a_stranger_who_writes_what_we_write_is_read(path: Path) -> None:
     write_mcap(path)
     (read,) = Recording.open(path).messages()
-    assert read.message == EACH["excite"]
+    assert read.message == EACH["pulse"]
 
 
 @pytest.mark.parametrize(
@@ -266,11 +271,10 @@ def test_an_mcap_without_a_run_of_ours_is_refused(
 @pytest.mark.parametrize(
     ("topic", "payload"),
     [
-        ("/excite", wire.encode(EACH["inhibit"])),
-        ("/inhibit", wire.encode(EACH["excite"])),
-        ("/observe", wire.encode(EACH["excite"])),
-        ("/excite", b"garbage"),
-        ("/excite", b'{"type":"pulse"}'),
+        ("/pulse", wire.encode(EACH["observation"])),
+        ("/observation", wire.encode(EACH["pulse"])),
+        ("/pulse", b"garbage"),
+        ("/pulse", b'{"type":"pulse"}'),
         ("/leave", b'{"type":"leave","who":"\xff"}'),
     ],
 )

@@ -101,7 +101,7 @@ def test_cut_behind_its_totals_it_keeps_them(finished: bytes, tmp_path: Path) ->
 
 def test_cut_before_its_totals_gaps_show_but_not_the_tail(tmp_path: Path) -> None:
     path = tmp_path / "cut.mcap"
-    early = [delivery for delivery in DELIVERIES if delivery.key == "observe"]
+    early = [delivery for delivery in DELIVERIES if delivery.key == "observation"]
     record(path, [*early[:2], *early[3:5]], finish=False)
     assert Recording.open(path).completeness() == Completeness(4, {"world": 1})
 
@@ -358,8 +358,14 @@ def channel(number: int, topic: str) -> bytes:
             b"\x04" + (1).to_bytes(8, "little") + b"x",
             "channel must be well-formed, got",
         ),
-        (message_of(99) + channel(1, "wave"), "channel must be registered, got 99"),
-        (channel(1, "wave") + channel(1, "tally"), "must keep its topic, got /tally"),
+        (
+            message_of(99) + channel(1, "wavestart"),
+            "channel must be registered, got 99",
+        ),
+        (
+            channel(1, "wavestart") + channel(1, "workerreport"),
+            "must keep its topic, got /workerreport",
+        ),
     ],
 )
 def test_a_chunk_that_holds_nonsense_under_a_good_checksum_is_refused(

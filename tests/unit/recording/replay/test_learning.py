@@ -59,7 +59,7 @@ def test_an_observation_that_is_missing_is_an_error(ticks: tuple[int, ...]) -> N
 
 def test_an_observation_of_other_sensors_is_an_error() -> None:
     learning = Learning(LOG, options(20))
-    with pytest.raises(RecordingError, match=r"^run\.mcap: tick 1: /observe: "):
+    with pytest.raises(RecordingError, match=r"^run\.mcap: tick 1: /observation: "):
         learning.learn(observed(1)[0])
 
 

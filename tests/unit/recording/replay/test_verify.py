@@ -63,7 +63,7 @@ def rewritten(
 
 
 def observations(log: Path) -> list[wire.Observation]:
-    found = (one.message for one in Recording.open(log).messages(("observe",)))
+    found = (one.message for one in Recording.open(log).messages(("observation",)))
     return [message for message in found if isinstance(message, wire.Observation)]
 
 
@@ -110,7 +110,7 @@ def test_a_reading_said_to_be_unknown_that_is_known_is_found(
     assert difference is not None
     assert difference.startswith("tick 9: /")
     if sensor >= 3:
-        assert f"/observe: {names[sensor]} does not follow" in difference
+        assert f"/observation: {names[sensor]} does not follow" in difference
 
 
 @pytest.mark.parametrize("kind", [Scripted, Live])

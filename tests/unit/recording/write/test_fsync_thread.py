@@ -53,7 +53,7 @@ async def test_the_first_whole_tick_is_flushed_at_once(
                 run_recorder(writer, fabric, stop, parts=("coordinator",), grace=0)
             )
             await asyncio.sleep(0)
-            coordinator.publish(EACH["observe"], EACH["state"])
+            coordinator.publish(EACH["observation"], EACH["state"])
             hub.run()
             await until(lambda: states(log) == 1)
             stop.set()

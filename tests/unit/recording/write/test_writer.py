@@ -14,7 +14,7 @@ from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
 from tests.support.recordings import EACH, NOW, delivered, record, sent_by, traffic
 
-PULSE = next(delivered([EACH["excite"]]))
+PULSE = next(delivered([EACH["pulse"]]))
 
 
 @pytest.fixture
@@ -120,7 +120,7 @@ def test_duplicates_are_left_out_and_gaps_named(path: Path) -> None:
 
 
 def test_a_repaired_loss_is_recorded_where_it_came(path: Path) -> None:
-    first, second, third = delivered([EACH["observe"]] * 3)
+    first, second, third = delivered([EACH["observation"]] * 3)
     completeness = record(path, [first, third, second])
     assert completeness == Completeness(3)
     read = [recorded.sequence for recorded in Recording.open(path).messages()]
@@ -137,8 +137,7 @@ def test_a_repaired_loss_is_recorded_where_it_came(path: Path) -> None:
         PULSE._replace(payload=b'{"type":"pulse","x":' + b"[" * 100_000),
         PULSE._replace(payload=PULSE.payload + b"x"),
         PULSE._replace(payload=PULSE.payload.replace(b'"hops":1', b'"hops":0')),
-        PULSE._replace(payload=wire.encode(EACH["inhibit"])),
-        PULSE._replace(payload=wire.encode(EACH["observe"])),
+        PULSE._replace(payload=wire.encode(EACH["observation"])),
         PULSE._replace(key="nothing/of/ours"),
         PULSE._replace(key=""),
         PULSE._replace(sequence=-1),

@@ -116,7 +116,7 @@ def test_a_decision_that_cannot_be_right_is_refused(tick: int, action: int) -> N
     world = World(Scripted(ROWS, ACTING.actions), ACTING)
     told(world, 0)
     with pytest.raises(
-        MessageError, match=r"^decide: must be for tick 1, of 2 choices"
+        MessageError, match=r"^decision: must be for tick 1, of 2 choices"
     ):
         world.hear(wire.Decision(tick, action, "?"))
     believe(world, 1)
@@ -126,7 +126,7 @@ def test_a_decision_that_cannot_be_right_is_refused(tick: int, action: int) -> N
 def test_a_decision_without_its_state_is_refused_where_that_is_looked_at() -> None:
     world = World(Scripted(ROWS, ACTING.actions), ACTING)
     told(world, 0)
-    rule = r"^decide: must come after the state of tick 1, got that of 0$"
+    rule = r"^decision: must come after the state of tick 1, got that of 0$"
     with pytest.raises(MessageError, match=rule):
         world.hear(wire.Decision(1, 0, "too early"))
     believe(world, 1)
@@ -183,7 +183,7 @@ class Watched:
         self.said: asyncio.Queue[wire.Message] = asyncio.Queue()
         self.stop = asyncio.Event()
         self._end = hub.fabric("coordinator")
-        self._end.listen(("observe", "fault/**"), self._hear)
+        self._end.listen(("observation", "fault/**"), self._hear)
 
     def _hear(self, deliveries: list[wire.Delivery]) -> None:
         for delivery in deliveries:
@@ -223,7 +223,7 @@ async def test_others_go_on_while_a_live_source_is_waited_for() -> None:
         world.decide(5)  # heard, and refused, meanwhile
         fault = await world.hear()
         assert isinstance(fault, wire.Fault)
-        assert fault.what.startswith("decide: must be for tick 0")
+        assert fault.what.startswith("decision: must be for tick 0")
         source.let_go()
         assert await world.hear() == wire.Observation(1, b"\x01", True)
         world.stop.set()
