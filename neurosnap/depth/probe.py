@@ -121,7 +121,7 @@ class Probe:
         messages: list[wire.Message] = []
         if order is not self._order:
             self._order, self._above = order, order.reach()
-            messages = self._control.rewire_to(order.edges)
+            messages = self._control.rewire(order.edges)
         messages += self._control.start("signal", signal=order.signal)
         self._began = self._clock()
         return messages

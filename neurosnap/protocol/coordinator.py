@@ -399,8 +399,9 @@ class Coordinator:
         changed, self._changed = self._changed, False
         if changed:
             self._graph = self.snapshot.poc_graph()
-        if changed or self._control.is_forgotten:
-            messages += self._control.follow(self._graph, self._options.wiring)
+        if changed or self._control.wiring.is_forgotten:
+            edges = self._graph.wire_list(self._options.wiring)
+            messages += self._control.rewire(edges)
         now, seeds = self.tick + 1, len(self._signal)
         return [*messages, *self._control.start("state", now, seeds=seeds)]
 
@@ -535,7 +536,7 @@ class Coordinator:
             tick=self.tick,
             snapshot=b"",
             waves=self._control.waves,
-            epochs=self._control.epochs,
+            epochs=self._control.wiring.epochs,
             known=self._known,
             action=self.decision.action,
             why=self.decision.why,

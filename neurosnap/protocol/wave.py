@@ -52,7 +52,7 @@ class Wave:
         self.repeats = repeats
         self.hops: dict[int, int] = {}
         self.pulses = 0
-        self._reports: dict[int, set[int]] = {}  # cell or worker -> parts seen
+        self._reports: dict[int, set[int]] = {}  # first cell -> parts of its reports
         # Every seed gets 2^-credit; what that leaves of 1 is never given out. Missing
         # is counted in units of 2^-scale: shares are as small as the wave is deep.
         self.credit = max(seeds - 1, 0).bit_length()
@@ -79,40 +79,20 @@ class Wave:
             cell=cell,
         )
 
-    def report(self, settled: wire.CellReport) -> None:
-        """Take in one cell's report; one that came before changes nothing.
+    def report(self, report: wire.CellReport | wire.WorkerReport, cells: range) -> None:
+        """Count a report; one that came before changes nothing.
+
+        Args:
+            report: A cell's, or a worker's.
+            cells: The cells that it speaks for.
 
         Raises:
             MessageError: The report cannot be right: it is of another wave, names
-                literals of another cell, a literal twice, gives back no credit or
-                more than there is, or is larger than `DEEPEST`. The wave is left as
-                it was.
+                literals of other cells, a literal twice, gives back no credit or more
+                than there is, or is larger than `DEEPEST`. The wave is left as it was.
         """
-        cells = range(settled.cell, settled.cell + 1)
-        self._take(settled, settled.cell, cells, settled.literals, settled.hops)
-
-    def tally(self, tally: wire.WorkerReport, cells: range) -> None:
-        """Take in a worker's report; see `report`.
-
-        Args:
-            tally: The report.
-            cells: The worker's cells.
-
-        Raises:
-            MessageError: The report cannot be right.
-        """
-        hops = wire.numbers("workerreport: hops", tally.hops)
-        self._take(tally, tally.worker, cells, wire.fired(tally), hops)
-
-    def _take(
-        self,
-        report: wire.CellReport | wire.WorkerReport,
-        who: int,
-        cells: range,
-        literals: wire.Naturals,
-        hops: wire.Naturals,
-    ) -> None:
-        """Take in a report of whoever has `cells`."""
+        literals, hops = wire.fired(report)
+        who = cells.start
         seen = self._reports.get(who)
         if seen is not None and report.part in seen:
             return

@@ -8,15 +8,10 @@ again, because a change that was lost must not live on.
 Pure: edges and reports in, messages out.
 """
 
-import numpy as np
-from numpy.typing import NDArray
-
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, MessageError
-from neurosnap.poc.order.graph import PocGraph, WiringKind
-from neurosnap.poc.order.literals import Words
 from neurosnap.protocol.round import Round
-from neurosnap.protocol.sent_wiring import CellWires, Wires, WorkerWires
+from neurosnap.protocol.sent_wiring import Edges, SentWiring
 from neurosnap.protocol.wave import Wave
 
 _UNANNOUNCED = 64  # most waves in a row that are not announced to all cells
@@ -28,15 +23,16 @@ class WaveControl:
     Args:
         sensors: How many cells there are.
         repeats: How often a wave that does not settle is sent again.
-        workers: How many workers share the cells; 0: every cell is a part of its own.
+        workers: How many workers share the cells; 0: every cell is a part by itself.
+
+    Attributes:
+        wiring: What the parts were told of their out-edges.
     """
 
     def __init__(self, sensors: int, repeats: int = 2, workers: int = 0) -> None:
         self._sensors = sensors
         self._repeats = repeats
-        self._wires: Wires = (
-            WorkerWires(sensors, workers) if workers else CellWires(sensors)
-        )
+        self.wiring = SentWiring(sensors, workers)
         self._fence = 0  # the last wave announced to all
         self._stale = True  # a wiring was sent since that wave; true at first
         self._next = 1
@@ -53,23 +49,6 @@ class WaveControl:
         """The numbers of the waves that have not settled, oldest first."""
         return tuple(self._flying)
 
-    @property
-    def epochs(self) -> tuple[int, ...]:
-        """The numbers of the last wirings."""
-        return self._wires.epochs
-
-    @property
-    def is_forgotten(self) -> bool:
-        """Whether the next wiring goes to every cell, in full."""
-        return self._wires.is_forgotten
-
-    def forget(self) -> None:
-        """Let the next wiring go to everybody, and whole.
-
-        If no wave is in flight, `waves` and `epochs` are then the whole state.
-        """
-        self._wires.forget()
-
     def start_at(self, waves: int, epochs: tuple[int, ...]) -> None:
         """Continue after `waves` waves and wirings up to `epochs`, as after `forget`.
 
@@ -77,44 +56,30 @@ class WaveControl:
             InvalidValueError: The epochs are of another number of workers.
         """
         self._next = waves + 1
-        self._wires.start_at(epochs)
+        self.wiring.start_at(epochs)
 
-    def rewire(self, edges: Words) -> list[wire.Message]:
+    def forget(self) -> None:
+        """Let the next wiring go to all parts, and whole.
+
+        If no wave is in flight, `waves` and the wiring's epochs are then the whole
+        state.
+        """
+        self.wiring.forget()
+
+    def rewire(self, edges: Edges) -> list[wire.Message]:
         """Return the messages that turn the cells' wiring into `edges`.
 
         Args:
-            edges: ``(2N, w)``, packed: bit ``b`` of row ``a`` iff ``a`` pulses ``b``.
+            edges: As of `SentWiring.rewire`.
         """
-        return self._fenced(self._wires.rewire(edges))
-
-    def rewire_to(self, edges: NDArray[np.int64]) -> list[wire.Message]:
-        """Return the messages that turn the cells' wiring into `edges`.
-
-        Args:
-            edges: ``(e,)``, as in `Wires.rewire_to`: for orders of few edges.
-        """
-        return self._fenced(self._wires.rewire_to(edges))
-
-    def follow(self, graph: PocGraph, kind: WiringKind) -> list[wire.Message]:
-        """Return the messages that turn the cells' wiring into that of a graph.
-
-        Args:
-            graph: The order.
-            kind: As of `PocGraph.wiring`.
-        """
-        if self._wires.all_hear:  # few parts have many edges: those that changed count
-            return self.rewire_to(graph.wire_list(kind))
-        return self.rewire(graph.wires(kind))
+        messages = self.wiring.rewire(edges)
+        self._stale = self._stale or bool(messages)  # the next wave is a fence
+        return messages
 
     def rewire_whole(self) -> list[wire.Message]:
-        """Return the whole wiring of every cell that has or had out-edges."""
+        """Return the whole wiring of every part that has or had out-edges."""
         self._stale = True
-        return self._wires.rewire_whole()
-
-    def _fenced(self, wirings: list[wire.Message]) -> list[wire.Message]:
-        """Let the next wave be a fence, if there are any wirings."""
-        self._stale = self._stale or bool(wirings)
-        return wirings
+        return self.wiring.rewire_whole()
 
     def start(
         self,
@@ -157,7 +122,7 @@ class WaveControl:
         cells = sorted({literal >> 1 for literal in signal})
         # Cells learn from announcements alone which waves they may forget.
         late = number - self._fence > _UNANNOUNCED
-        many = self._wires.all_hear or 2 * len(cells) > self._sensors
+        many = self.wiring.workers or 2 * len(cells) > self._sensors
         if kind == "state" or self._stale or late or many:
             self._fence, self._stale = number, False
             return [wave.start(below, number)]
@@ -173,7 +138,7 @@ class WaveControl:
         Raises:
             MessageError: The report cannot be right, or is by a wiring not in force.
         """
-        cells = self._wires.cells_of(report)
+        cells = self.wiring.cells_of(report)
         wave = self._flying.get(report.wave)
         if wave is None:
             if report.wave >= self._next:
@@ -182,11 +147,8 @@ class WaveControl:
                     f"{wire.topic(report.key)}: {rule}, got {report.wave}"
                 )
             return None
-        self._wires.check_epoch(report, cells)
-        if isinstance(report, wire.WorkerReport):
-            wave.tally(report, cells)
-        else:
-            wave.report(report)
+        self.wiring.check_epoch(report)
+        wave.report(report, cells)
         if not wave.is_settled:
             return None
         del self._flying[wave.number]
@@ -207,7 +169,7 @@ class WaveControl:
         """
         wave = self._flying[number]
         signal = wave.signal or signal
-        silent = self._wires.named(wave.silent(signal, self._wires.targets))
+        silent = self.wiring.named(wave.silent(signal, self.wiring.targets))
         lack = f"missing credit {float(wave.missing):.6g}, silent cells"
         self._rounds[number].what = f"wave {number} (tick {wave.tick})"
         self._rounds[number].ask_again(silent, lack, rule="settle")

@@ -128,15 +128,14 @@ def test_cells_follow_a_relation_that_changes(
     kind: WiringKind, run: tuple[int, list[Edges]]
 ) -> None:
     sensors, relations = run
-    packing, plain = WaveControl(sensors), WaveControl(sensors)
+    control = WaveControl(sensors)
     cells = Listener()
     for edges in relations:
         graph = PocGraph.of_rows(packed(sensors, edges))
         expected = wiring_of(2 * sensors, edges, kind)
         assert pairs(graph.wires(kind)) == expected
         assert graph.wire_count(kind) == len(expected)
-        messages = packing.rewire(graph.wires(kind))
-        assert messages == plain.rewire(to_words(graph.wiring(kind)))
+        messages = control.rewire(graph.wire_list(kind))
         cells.hear(messages)
         assert cells.edges == expected
 
@@ -154,7 +153,7 @@ def test_cells_follow_what_is_learned(
     conductor, cells = WaveControl(sensors), Listener()
     for bits in seen:
         if snapshot.learn(bits):
-            cells.hear(conductor.rewire(snapshot.poc_graph().wires(kind)))
+            cells.hear(conductor.rewire(snapshot.poc_graph().wire_list(kind)))
         edges = edges_of(snapshot.poc_graph().edges)
         assert cells.edges == wiring_of(2 * sensors, edges, kind)
 
@@ -179,7 +178,7 @@ def test_words_do_not_show_in_a_learned_order_with_classes(
         if not snapshot.learn(next(seen)) or step % 8:
             continue
         graph = snapshot.poc_graph()
-        told.hear(conductor.rewire(graph.wires()))
+        told.hear(conductor.rewire(graph.wire_list()))
         closed = graph.edges | np.eye(2 * sensors, dtype=np.bool_)
         for via in range(2 * sensors):
             closed |= closed[:, via, None] & closed[via]

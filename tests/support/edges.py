@@ -16,6 +16,11 @@ def edge_matrix(literals: int, pairs: Iterable[tuple[int, int]]) -> NDArray[np.b
     return matrix
 
 
+def edge_list(pairs: Iterable[tuple[int, int]]) -> NDArray[np.int64]:
+    """Return pairs of literals as a list of edges, as a wiring takes it."""
+    return np.array(sorted(a << 32 | b for a, b in pairs), np.int64)
+
+
 def edges_of(matrix: NDArray[np.bool_]) -> Edges:
     """Return the edges of a matrix as a set."""
     return {(a, b) for a, b in np.argwhere(matrix).tolist()}

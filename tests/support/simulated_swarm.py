@@ -12,7 +12,7 @@ from neurosnap import wire
 from neurosnap.agent.random_walk import Walker
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.protocol.coordinator import Coordinator
-from neurosnap.protocol.sent_wiring import WorkerWires
+from neurosnap.protocol.sent_wiring import SentWiring
 from neurosnap.sensorium import unpack
 from tests.support.run_options import core_options
 from tests.support.swarm_parts import Host, Row, hosting, keys_of, observation
@@ -142,7 +142,7 @@ def counting_swarm(
         Walker(2, seed),
     )
     if workers:
-        core._control._wires = WorkerWires(sensors, workers, frame)
+        core._control.wiring = SentWiring(sensors, workers, frame)
     return SimulatedSwarm(
         core, rows, SimulatedHub(seed, Faults(duplicate=0.1)), workers, deaf
     )

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.fabric.in_memory import MemoryHub
-from neurosnap.poc.order.literals import to_words
 from neurosnap.protocol.wave_control import WaveControl
 from neurosnap.sensorium import pack
+from tests.support.edges import edge_list, edges_of
 from tests.support.swarm_parts import Host, hosting, keys_of
 
 if TYPE_CHECKING:
@@ -175,12 +175,12 @@ class Network:
         assert whole == (number in self.settled)
 
     def rewire(self, edges: NDArray[np.bool_]) -> None:
-        for message in self.conductor.rewire(to_words(edges)):
+        for message in self.conductor.rewire(edge_list(edges_of(edges))):
             self._coordinator.publish(message)
 
     def rewire_at_once(self, edges: NDArray[np.bool_]) -> None:
         """Wire the cells without the hub, where it is one that loses messages."""
-        for message in self.conductor.rewire(to_words(edges)):
+        for message in self.conductor.rewire(edge_list(edges_of(edges))):
             host = next(h for h in self.hosts.values() if message.key in keys_of(h))
             assert host.receive([message]) == []
 

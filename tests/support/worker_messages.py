@@ -50,5 +50,4 @@ def pulses_in(message: wire.PulseBatch) -> list[tuple[int, int, int, int]]:
 
 
 def fired_in(tally: wire.WorkerReport) -> dict[int, int]:
-    hops = wire.numbers("hops", tally.hops)
-    return dict(zip(wire.fired(tally), hops, strict=True))
+    return dict(zip(*wire.fired(tally), strict=True))

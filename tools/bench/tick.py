@@ -81,7 +81,7 @@ def _run(sensors: int, ticks: int, before: int) -> _Seconds:
     for _ in range(before):
         snapshot.learn(next(walk))
     if before:
-        _deliver(control.rewire(snapshot.poc_graph().wires()), cells)
+        _deliver(control.rewire(snapshot.poc_graph().wire_list()), cells)
     spent = _Seconds(ticks)
     for number in range(1, ticks + 1):
         bits = next(walk)
@@ -91,7 +91,7 @@ def _run(sensors: int, ticks: int, before: int) -> _Seconds:
         messages: list[wire.Message] = []
         graph = snapshot.poc_graph()
         if changed:
-            messages = control.rewire(graph.wires())
+            messages = control.rewire(graph.wire_list())
         graph.height()
         graph.wire_count()
         done = time.perf_counter()

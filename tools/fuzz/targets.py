@@ -287,10 +287,9 @@ class WaveTarget:
         return Wave(number(chance, 1), 0, "state", number(chance, 1))
 
     def _take(self, wave: Wave, report: wire.CellReport | wire.WorkerReport) -> None:
-        if isinstance(report, wire.WorkerReport):
-            wave.tally(report, range(_HOSTED))
-        else:
-            wave.report(report)
+        by_worker = isinstance(report, wire.WorkerReport)
+        first = 0 if by_worker else report.cell
+        wave.report(report, range(first, _HOSTED if by_worker else first + 1))
 
     def _tally(
         self, settled: wire.CellReport, chance: random.Random

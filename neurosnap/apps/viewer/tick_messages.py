@@ -151,7 +151,7 @@ class Ticks:
                     if start.kind == "signal":
                         self.asked.add(start.tick)
             self._waves.report(chunk.all("cellreport", wire.CellReport))
-            self._waves.tally(chunk.all("workerreport", wire.WorkerReport))
+            self._waves.report(chunk.all("workerreport", wire.WorkerReport))
 
     def _is_whole(self) -> bool:
         """Return whether all is there that these ticks can have."""

@@ -57,23 +57,14 @@ class Waves:
         """Take note of a wave; some are announced to many."""
         self._starts.setdefault(start.tick, {}).setdefault(start.wave, start)
 
-    def report(self, reports: Iterable[wire.CellReport]) -> None:
-        """Take in what cells reported, on whatever wave."""
+    def report(self, reports: Iterable[wire.CellReport | wire.WorkerReport]) -> None:
+        """Add what cells or workers reported, on whatever wave."""
         for report in reports:
             found = self._at(report.wave)
-            found.hops.update(zip(report.literals, report.hops, strict=False))
+            with suppress(MessageError):  # numbers that are cut off
+                found.hops.update(zip(*wire.fired(report), strict=False))
             found.credit += report.credit
             found.pulses += report.pulses
-
-    def tally(self, tallies: Iterable[wire.WorkerReport]) -> None:
-        """Take in what workers reported, on whatever wave."""
-        for tally in tallies:
-            found = self._at(tally.wave)
-            with suppress(MessageError):  # numbers that are cut off
-                hops = wire.numbers("workerreport: hops", tally.hops)
-                found.hops.update(zip(wire.fired(tally), hops, strict=False))
-            found.credit += tally.credit
-            found.pulses += tally.pulses
 
     def settled(self, tick: int, observed: tuple[int, ...]) -> bool:
         """Return whether nothing more can come of a tick's waves.

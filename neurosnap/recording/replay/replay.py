@@ -349,7 +349,7 @@ class Replay:
         match message:
             case wire.CellReport() | wire.WorkerReport():
                 reached = self._reached.setdefault(message.wave, set())
-                reached.update(wire.fired(message))
+                reached.update(wire.fired(message)[0])
             case wire.Learned():
                 self._check_learned(message)
             case wire.Recalled() if recall is not None:

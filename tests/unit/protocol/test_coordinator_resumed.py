@@ -4,7 +4,6 @@ import random
 from collections.abc import Sequence
 
 import msgspec
-import numpy as np
 import pytest
 
 from neurosnap import wire
@@ -12,9 +11,10 @@ from neurosnap.agent.body import Body
 from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.run_options import RunOptions, SnapshotKind
-from neurosnap.protocol.sent_wiring import CellWires, Wires, WorkerWires
+from neurosnap.protocol.sent_wiring import SentWiring
 from neurosnap.protocol.wave_control import WaveControl
 from tests.support.answering_swarm import AnsweringSwarm
+from tests.support.edges import edge_list
 from tests.support.swarm_parts import observation
 
 SENSORS = ("a", "b", "c", "d")
@@ -133,30 +133,29 @@ def test_a_key_frame_of_another_run_is_refused() -> None:
         Coordinator.of(given, msgspec.structs.replace(frame, snapshot=b"none"))
 
 
-@pytest.mark.parametrize("make", [lambda: CellWires(3), lambda: WorkerWires(3, 2)])
-def test_who_has_missed_the_wiring_after_a_key_frame_is_refused(
-    make: type[Wires],
+@pytest.mark.parametrize("workers", [0, 2])
+def test_a_part_that_missed_the_wiring_after_a_key_frame_is_refused(
+    workers: int,
 ) -> None:
-    """Whoever starts from the key-frame knows of no wiring before it."""
-    wires = make()
-    some = np.array([0 << 32 | 2, 3 << 32 | 1])
-    wires.rewire_to(some)
+    """A part that starts from the key-frame knows of no wiring before it."""
+    wires, fresh = SentWiring(3, workers), SentWiring(3, workers)
+    some = edge_list([(0, 2), (3, 1)])
+    wires.rewire(some)
     before = wires.epochs
     wires.forget()
-    wires.rewire_to(some)
-    fresh = make()
+    wires.rewire(some)
     fresh.start_at(before)
-    fresh.rewire_to(some)
+    fresh.rewire(some)
     assert wires.epochs == fresh.epochs
     for each in (wires, fresh):
         for epoch, fits in ((before[0], False), (each.epochs[0], True)):
             report: wire.CellReport | wire.WorkerReport = (
-                wire.CellReport(1, 0, 0, (0,), (0,), (0,), 0, epoch)
-                if isinstance(each, CellWires)
-                else wire.WorkerReport(1, 0, 0, b"", b"", (0,), 0, epoch)
+                wire.WorkerReport(1, 0, 0, b"", b"", (0,), 0, epoch)
+                if workers
+                else wire.CellReport(1, 0, 0, (0,), (0,), (0,), 0, epoch)
             )
             try:
-                each.check_epoch(report, each.cells_of(report))
+                each.check_epoch(report)
             except ValueError:
                 assert not fits
             else:
@@ -166,7 +165,7 @@ def test_who_has_missed_the_wiring_after_a_key_frame_is_refused(
 def test_waves_go_on_being_numbered() -> None:
     control = WaveControl(3)
     control.start_at(41, (7,))
-    assert (control.waves, control.epochs) == (41, (7,))
+    assert (control.waves, control.wiring.epochs) == (41, (7,))
     (start,) = control.start("state", 5)
     assert isinstance(start, wire.WaveStart)
     assert (start.wave, start.fence, start.settled_below) == (42, 42, 42)

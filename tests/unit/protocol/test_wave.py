@@ -1,4 +1,4 @@
-"""When a wave has settled, whatever order the reports come in."""
+"""When a wave has settled, in whatever order reports come, and what it refuses."""
 
 import random
 from collections.abc import Sequence
@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
-from neurosnap.protocol.wave import Wave, split_evenly
+from neurosnap.protocol.wave import DEEPEST, Wave, split_evenly
+from tests.support.wave_messages import LARGEST, packed
 
 
 def report(
@@ -34,6 +35,10 @@ def report(
     )
 
 
+def give(wave: Wave, report: wire.CellReport) -> None:
+    wave.report(report, range(report.cell, report.cell + 1))
+
+
 def signal_wave(*signal: int) -> Wave:
     return Wave(1, 0, "signal", len(signal), signal)
 
@@ -42,15 +47,15 @@ def test_it_settles_when_all_credit_is_back() -> None:
     wave = signal_wave(0)
     seen = [(wave.is_settled, wave.missing)]
     for one in (report(0, [0], [1], pulses=1), report(1, [2], [1], hops=[1])):
-        wave.report(one)
+        give(wave, one)
         seen.append((wave.is_settled, wave.missing))
     assert seen == [(False, 1), (False, Fraction(1, 2)), (True, 0)]
 
 
 def test_what_it_reached_is_what_was_reported() -> None:
     wave = signal_wave(0)
-    wave.report(report(1, [3, 2], [2, 2], hops=[2, 1], pulses=4))
-    wave.report(report(0, [0], [1], pulses=3))
+    give(wave, report(1, [3, 2], [2, 2], hops=[2, 1], pulses=4))
+    give(wave, report(0, [0], [1], pulses=3))
     assert wave.hops == {0: 0, 2: 1, 3: 2}
     assert wave.depth == 2
     assert wave.pulses == 7
@@ -109,7 +114,7 @@ def test_it_settles_with_the_last_report_and_not_before_in_any_order(
     wave = Wave(1, 0, "state", seeds)
     for count, one in enumerate(data.draw(st.permutations(reports))):
         assert not wave.is_settled, count
-        wave.report(one)
+        give(wave, one)
     assert wave.is_settled
     assert set(wave.hops) == {2 * cell for cell in range(len(reports))}
 
@@ -118,19 +123,19 @@ def test_shares_far_below_what_a_float_can_tell_are_counted() -> None:
     wave = signal_wave(0)
     deep = 5000
     for cell in range(deep):
-        wave.report(report(cell, [2 * cell], [cell + 1]))
+        give(wave, report(cell, [2 * cell], [cell + 1]))
         assert not wave.is_settled
     assert wave.missing == Fraction(1, 2**deep)
-    wave.report(report(deep, [2 * deep], [deep]))
+    give(wave, report(deep, [2 * deep], [deep]))
     assert wave.is_settled
 
 
 def test_a_report_that_comes_again_changes_nothing() -> None:
     wave = signal_wave(0)
     for _ in range(3):
-        wave.report(report(0, [0], [1], pulses=1))
+        give(wave, report(0, [0], [1], pulses=1))
     assert (wave.missing, wave.pulses) == (Fraction(1, 2), 1)
-    wave.report(report(0, [], [1], part=1))
+    give(wave, report(0, [], [1], part=1))
     assert wave.is_settled
 
 
@@ -145,12 +150,12 @@ def test_a_report_that_comes_again_changes_nothing() -> None:
 )
 def test_more_credit_than_was_given_is_refused(wrong: wire.CellReport) -> None:
     wave = signal_wave(0)
-    wave.report(report(0, [0], [1], pulses=1))
+    give(wave, report(0, [0], [1], pulses=1))
     expected = r"^cellreport: must give back at most the credit given out, got cell"
     with pytest.raises(MessageError, match=expected + r" 1, credit \["):
-        wave.report(wrong)
+        give(wave, wrong)
     assert (wave.missing, wave.hops, wave.pulses) == (Fraction(1, 2), {0: 0}, 1)
-    wave.report(report(1, [2], [1]))
+    give(wave, report(1, [2], [1]))
     assert wave.is_settled
 
 
@@ -167,13 +172,99 @@ def test_more_credit_than_was_given_is_refused(wrong: wire.CellReport) -> None:
 )
 def test_a_report_that_cannot_be_right_is_refused(wrong: wire.CellReport) -> None:
     wave = signal_wave(0)
-    wave.report(report(0, [0], [1]))
+    give(wave, report(0, [0], [1]))
     expected = (
         r"^cellreport: must report on wave 1, own literals, each once, got CellReport\("
     )
     with pytest.raises(MessageError, match=expected):
-        wave.report(wrong)
+        give(wave, wrong)
     assert (wave.missing, wave.hops) == (Fraction(1, 2), {0: 0})
+
+
+def gives_back(credit: Sequence[int], **more: int) -> wire.CellReport:
+    fields = {"part": 0, "pulses": 0, "wave": 1, **more}
+    return wire.CellReport(
+        cell=0, literals=(0,), hops=(0,), credit=tuple(credit), **fields
+    )
+
+
+@pytest.mark.parametrize(
+    "report",
+    [
+        gives_back([LARGEST]),
+        gives_back([DEEPEST + 1]),
+        gives_back([40] * (DEEPEST + 1)),
+        gives_back([]),
+        gives_back([1], pulses=LARGEST),
+        gives_back([1], part=LARGEST),
+        gives_back([1], wave=LARGEST),
+    ],
+    ids=["far too deep", "too deep", "many", "none", "pulses", "part", "wave"],
+)
+def test_a_report_that_is_too_large_is_refused(report: wire.CellReport) -> None:
+    wave = Wave(1, 0, "signal", 1, (0,))
+    with pytest.raises(MessageError, match=r"^cellreport: must .*, got .{1,250}$"):
+        give(wave, report)
+    assert wave.missing == 1
+    assert (wave.hops, wave.pulses) == ({}, 0)
+    give(wave, gives_back([0]))
+    assert wave.is_settled
+
+
+def by_worker(literals: bytes, hops: bytes, **more: int) -> wire.WorkerReport:
+    fields = {"wave": 1, "part": 0, "pulses": 0, **more}
+    return wire.WorkerReport(
+        worker=0, literals=literals, hops=hops, credit=(0,), **fields
+    )
+
+
+@pytest.mark.parametrize(
+    "report",
+    [
+        by_worker(packed(0), packed(0)[:3]),
+        by_worker(packed(0)[:3], packed(0)),
+        by_worker(packed(0), packed(0, 0)),
+        by_worker(packed(0, 0), packed(0, 0)),
+        by_worker(packed(-1), packed(0)),
+        by_worker(packed(4), packed(0)),
+        by_worker(packed(0), packed(-1)),
+        by_worker(packed(0), packed(DEEPEST + 1)),
+        by_worker(packed(0), packed(0), pulses=LARGEST),
+    ],
+    ids=[
+        "part of hops",
+        "part of a literal",
+        "uneven",
+        "twice",
+        "negative",
+        "another's",
+        "hops below 0",
+        "deep",
+        "pulses",
+    ],
+)
+def test_a_worker_s_report_that_cannot_be_right_is_refused(
+    report: wire.WorkerReport,
+) -> None:
+    wave = Wave(1, 0, "signal", 1, (0,))
+    with pytest.raises(MessageError, match=r"^workerreport: .*must .*, got .{1,250}$"):
+        wave.report(report, range(2))
+    assert wave.missing == 1
+    assert (wave.hops, wave.pulses) == ({}, 0)
+    wave.report(by_worker(packed(0, 3), packed(0, 1)), range(2))
+    assert wave.is_settled
+    assert wave.hops == {0: 0, 3: 1}
+
+
+def test_the_deepest_share_counts() -> None:
+    wave = Wave(1, 0, "signal", 1, (0,))
+    give(wave, gives_back(range(1, DEEPEST + 1)[::400]))
+    before = wave.missing
+    give(wave, wire.CellReport(1, 1, 0, (), (), (DEEPEST,), 0))
+    assert before - wave.missing == Fraction(1, 2**DEEPEST)
+    with pytest.raises(MessageError, match=r"^cellreport: must give back at most"):
+        give(wave, wire.CellReport(1, 2, 0, (), (), (1,), 0))
+    assert not wave.is_settled
 
 
 EDGES = {0: [2, 5], 2: [6], 5: [], 6: []}
@@ -186,37 +277,37 @@ def targets(literal: int) -> list[int]:
 def test_cells_of_the_signal_are_silent_until_they_report() -> None:
     wave = signal_wave(0, 6)
     assert wave.silent([0, 6], targets) == [0, 3]
-    wave.report(report(3, [6], [1]))
+    give(wave, report(3, [6], [1]))
     assert wave.silent([0, 6], targets) == [0]
 
 
 def test_a_cell_that_reported_only_one_of_its_literals_is_silent_still() -> None:
     wave = signal_wave(0, 7)
-    wave.report(report(3, [6], [3]))
+    give(wave, report(3, [6], [3]))
     assert wave.silent([0, 7], targets) == [0, 3]
 
 
 def test_targets_of_what_fired_are_silent_until_they_report() -> None:
     wave = signal_wave(0)
-    wave.report(report(0, [0], [2], pulses=2))
+    give(wave, report(0, [0], [2], pulses=2))
     assert wave.silent([0], targets) == [1, 2]
-    wave.report(report(1, [2], [2], hops=[1], pulses=1))
+    give(wave, report(1, [2], [2], hops=[1], pulses=1))
     assert wave.silent([0], targets) == [2, 3]
 
 
 def test_a_cell_that_fired_its_other_literal_can_still_be_silent() -> None:
     wave = signal_wave(0, 4)
-    wave.report(report(0, [0], [3], pulses=2))
-    wave.report(report(2, [4], [1]))
+    give(wave, report(0, [0], [3], pulses=2))
+    give(wave, report(2, [4], [1]))
     assert wave.silent([0, 4], {**EDGES, 4: []}.__getitem__) == [1, 2]
 
 
 def test_nobody_is_silent_in_a_settled_wave() -> None:
     wave = signal_wave(0)
-    wave.report(report(0, [0], [2], pulses=2))
-    wave.report(report(1, [2], [3], pulses=1))
-    wave.report(report(2, [5], [1]))
-    wave.report(report(3, [6], [3]))
+    give(wave, report(0, [0], [2], pulses=2))
+    give(wave, report(1, [2], [3], pulses=1))
+    give(wave, report(2, [5], [1]))
+    give(wave, report(3, [6], [3]))
     assert wave.is_settled
     assert wave.silent([0], targets) == []
 

@@ -1,38 +1,27 @@
 """What the conductor tells the cells, and how it counts waves in."""
 
-from typing import Literal, TypeAlias
-
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.errors import AnswerLostError, MessageError
-from neurosnap.poc.order.literals import to_words
-from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.wave_control import WaveControl
-from tests.support.edges import edge_matrix
+from tests.support.edges import edge_list
+from tests.support.wave_messages import packed
 
 SENSORS = 4
-Edges = NDArray[np.bool_]
-WaveKind: TypeAlias = Literal["state", "signal"]
+CHAIN = {(0, 2), (2, 4), (5, 3), (3, 1)}
 
 
-def edges(*pairs: tuple[int, int]) -> Edges:
-    return edge_matrix(2 * SENSORS, pairs)
-
-
-CHAIN = edges((0, 2), (2, 4), (5, 3), (3, 1))
-
-
-def rewire(control: WaveControl, wanted: Edges) -> list[wire.Message]:
-    return control.rewire(to_words(wanted))
+def rewire(control: WaveControl, wanted: set[tuple[int, int]]) -> None:
+    control.rewire(edge_list(wanted))
 
 
 def begin(
-    control: WaveControl, kind: WaveKind, tick: int = 0, signal: tuple[int, ...] = ()
+    control: WaveControl,
+    kind: wire.WaveKind,
+    tick: int = 0,
+    signal: tuple[int, ...] = (),
 ) -> wire.WaveStart:
     """Start a wave that takes one message."""
     (start,) = control.start(kind, tick, signal)
@@ -42,80 +31,6 @@ def begin(
 
 def settled(wave: int, literal: int, *credit: int, epoch: int = 0) -> wire.CellReport:
     return wire.CellReport(wave, literal // 2, 0, (literal,), (0,), credit, 0, epoch)
-
-
-def told(cells: list[Cell]) -> Edges:
-    """Return the edges the cells have."""
-    return edges(*((a, b) for c in cells for a, bs in c._targets.items() for b in bs))
-
-
-# Wiring -------------------------------------------------------------------------------
-
-
-@given(
-    st.lists(
-        st.sets(st.tuples(st.integers(0, 7), st.integers(0, 7)), max_size=12)
-        | st.just("whole"),
-        max_size=8,
-    )
-)
-def test_its_messages_give_the_cells_the_edges(
-    plan: list[set[tuple[int, int]] | str],
-) -> None:
-    control = WaveControl(SENSORS)
-    cells = [Cell(number) for number in range(SENSORS)]
-    wanted = edges()
-    for step in plan:
-        if isinstance(step, str):
-            messages = control.rewire_whole()
-        else:
-            wanted = edges(*step)
-            messages = rewire(control, wanted)
-        for message in messages:
-            assert isinstance(message, wire.Wiring)
-            assert cells[message.cell].receive([message]) == []
-        assert np.array_equal(told(cells), wanted)
-
-
-def test_only_cells_whose_edges_changed_are_told() -> None:
-    control = WaveControl(SENSORS)
-    rewire(control, CHAIN)
-    more = CHAIN | edges((4, 6), (7, 5))
-    assert rewire(control, more) == [
-        wire.Wiring(2, 2, 1, add=(6,)),
-        wire.Wiring(3, 2, 0, add_complement=(5,)),
-    ]
-    assert rewire(control, CHAIN) == [
-        wire.Wiring(2, 3, 2, drop=(6,)),
-        wire.Wiring(3, 3, 2, drop_complement=(5,)),
-    ]
-
-
-def test_edges_that_did_not_change_are_no_message() -> None:
-    control = WaveControl(SENSORS)
-    assert rewire(control, edges()) == []
-    rewire(control, CHAIN)
-    assert rewire(control, CHAIN.copy()) == []
-
-
-def test_it_keeps_edges_of_its_own() -> None:
-    control = WaveControl(SENSORS)
-    mine = CHAIN.copy()
-    rewire(control, mine)
-    mine[0, 6] = True
-    assert rewire(control, mine) == [wire.Wiring(0, 2, 1, add=(6,))]
-
-
-def test_whole_wirings_go_to_every_cell_that_has_or_had_edges() -> None:
-    control = WaveControl(SENSORS)
-    assert control.rewire_whole() == []
-    rewire(control, CHAIN)
-    rewire(control, edges((0, 2)))
-    assert control.rewire_whole() == [
-        wire.Wiring(0, 4, 0, add=(2,)),
-        wire.Wiring(1, 4, 0),
-        wire.Wiring(2, 4, 0),
-    ]
 
 
 # Waves --------------------------------------------------------------------------------
@@ -237,7 +152,7 @@ def test_the_first_wave_after_a_wiring_is_announced_to_all(whole: bool) -> None:
     if whole:
         control.rewire_whole()
     else:
-        rewire(control, edges())
+        rewire(control, set())
     assert told_of(control.start("signal", 1, (0,))) == [(-1, 3)]
     assert told_of(control.start("signal", 1, (0,))) == [(0, 3)]
 
@@ -255,48 +170,6 @@ def test_cells_hear_of_a_wave_now_and_then_so_that_they_can_forget() -> None:
 
 
 # By which wiring a cell acted ---------------------------------------------------------
-
-
-def allows(control: WaveControl, part: int, epoch: int) -> bool:
-    """Tell whether cell 1 may report on the newest wave by an epoch."""
-    report = wire.CellReport(control.waves, 1, part, (), (), (9,), 0, epoch)
-    try:
-        return control.report(report) is None
-    except MessageError as error:
-        return not str(error).endswith(f"got epoch {epoch} from cell 1")
-
-
-def taken(control: WaveControl) -> list[int]:
-    """Return the epochs by which cell 1 may report on the newest wave."""
-    return [epoch for epoch in range(9) if allows(control, epoch, epoch)]
-
-
-def test_a_cell_reports_by_the_edges_in_force_or_is_refused() -> None:
-    control = WaveControl(SENSORS)
-    control.start("state", 1)
-    assert taken(control) == [0]
-    rewire(control, CHAIN)
-    control.start("state", 2)
-    assert taken(control) == [1]
-    rewire(control, CHAIN | edges((0, 6)))  # says nothing to cell 1
-    control.start("state", 3)
-    assert taken(control) == [1]
-    rewire(control, edges())
-    control.start("state", 4)
-    assert taken(control) == [3]
-
-
-def test_a_whole_wiring_changes_the_edges_of_nobody_who_had_them() -> None:
-    control = WaveControl(SENSORS)
-    rewire(control, CHAIN)
-    control.start("signal", 0, (2,))
-    control.start("signal", 0, (0,))
-    control.repeat(2, ())
-    assert control.report(settled(1, 2, 0, epoch=1)) is not None
-    assert taken(control) == [1, 2]
-    rewire(control, edges((2, 6)))
-    control.start("signal", 0, (2,))
-    assert taken(control) == [3]
 
 
 def test_a_report_by_a_lost_wiring_counts_for_nothing_and_a_repeat_mends_it() -> None:
@@ -407,3 +280,50 @@ def test_many_silent_cells_are_named_in_part() -> None:
     named = ", ".join(f"cell/{cell}" for cell in range(10))
     with pytest.raises(AnswerLostError, match=rf"cells: {named} and 5 more$"):
         control.repeat(1, tuple(range(0, 30, 2)))
+
+
+# Workers ------------------------------------------------------------------------------
+
+
+def by_worker(
+    worker: int, fired: dict[int, int], *credit: int, part: int = 0, epoch: int = 0
+) -> wire.WorkerReport:
+    hops = packed(*fired.values())
+    return wire.WorkerReport(1, worker, part, packed(*fired), hops, credit, 0, epoch)
+
+
+def test_every_wave_is_announced_to_all_workers() -> None:
+    control = WaveControl(7, workers=3)
+    rewire(control, CHAIN)
+    for number in (1, 2, 3):
+        start = begin(control, "signal", 0, (4,))
+        assert (start.key, start.wave, start.fence) == ("wavestart", number, number)
+
+
+def test_a_wave_settles_by_the_reports_of_workers() -> None:
+    control = WaveControl(7, workers=3)
+    control.start("signal", 0, (0, 6))
+    assert control.report(by_worker(0, {0: 0, 3: 5}, 2)) is None
+    assert control.report(by_worker(0, {0: 0, 3: 5}, 2)) is None  # once more
+    with pytest.raises(
+        MessageError, match=r"^workerreport: must report on wave 1, own"
+    ):
+        control.report(by_worker(1, {4: 0}, 1))
+    assert control.report(by_worker(1, {6: 0}, 1)) is None
+    wave = control.report(by_worker(0, {}, 2, part=1))
+    assert wave is not None
+    assert wave.hops == {0: 0, 3: 5, 6: 0}
+    assert control.in_flight == ()
+
+
+def test_a_lost_wave_names_the_workers_that_owe_a_report() -> None:
+    control = WaveControl(7, repeats=0, workers=3)
+    rewire(control, {(0, 2), (2, 4), (4, 6), (3, 1), (5, 3), (7, 5), (0, 8), (0, 13)})
+    control.start("signal", 0, (0,))
+    control.report(by_worker(0, {0: 0, 2: 1}, 1, epoch=1))
+    expected = (
+        r"^wave 1 \(tick 0\): must settle within its deadline, got 1 tries; missing"
+        r" credit 0\.5, silent cells: 1 of worker/0, 1 of worker/1, 1 of worker/2$"
+    )
+    with pytest.raises(AnswerLostError, match=expected):
+        control.repeat(1, ())

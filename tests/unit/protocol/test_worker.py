@@ -163,7 +163,7 @@ def test_readings_are_kept_by_tick() -> None:
     worker = wired()
     worker.receive([observation(1, 3), observation(2, 4), observation(1, 5)])
     out = worker.receive([state_wave(1, 1, credit=4), state_wave(2, 2, credit=4)])
-    found = [set(wire.fired(m)) for m in out if isinstance(m, wire.WorkerReport)]
+    found = [set(wire.fired(m)[0]) for m in out if isinstance(m, wire.WorkerReport)]
     assert found == [{6, 9, 11}, {7, 8, 11}]
 
 
