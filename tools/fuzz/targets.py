@@ -287,9 +287,10 @@ class WaveTarget:
         return Wave(number(chance, 1), 0, "state", number(chance, 1))
 
     def _take(self, wave: Wave, report: wire.CellReport | wire.WorkerReport) -> None:
-        by_worker = isinstance(report, wire.WorkerReport)
-        first = 0 if by_worker else report.cell
-        wave.report(report, range(first, _HOSTED if by_worker else first + 1))
+        if isinstance(report, wire.WorkerReport):
+            wave.report(report, range(_HOSTED))
+        else:
+            wave.report(report, range(report.cell, report.cell + 1))
 
     def _tally(
         self, settled: wire.CellReport, chance: random.Random

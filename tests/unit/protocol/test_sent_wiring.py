@@ -76,8 +76,10 @@ def worker_wirings(*steps: Pairs | None, workers: int = WORKERS) -> list[wire.Me
 def _last(wiring: SentWiring, steps: tuple[Pairs | None, ...]) -> list[wire.Message]:
     messages: list[wire.Message] = []
     for step in steps:
-        whole = step is None
-        messages = wiring.rewire_whole() if whole else wiring.rewire(edge_list(step))
+        if step is None:
+            messages = wiring.rewire_whole()
+        else:
+            messages = wiring.rewire(edge_list(step))
     return messages
 
 
