@@ -92,7 +92,7 @@ TAMPERED: dict[str, tuple[Change, str]] = {
             lambda o: o.tick == 12,
             lambda o: {"bits": flipped(o.bits, 1)},
         ),
-        r"tick 12: /(wiring|wave|state) ",
+        r"tick 12: /(wiring|wavestart|state) ",
     ),
     "observation's length": (
         changing(
