@@ -17,7 +17,6 @@ from gymnasium.spaces import Discrete
 
 from neurosnap.agent.binary_sensors import BinarySensors, Environment
 from neurosnap.agent.sensor import Sensor, one_hot, thresholds
-from neurosnap.agent.tile_map import TileMap
 from neurosnap.errors import InvalidValueError, MissingExtraError
 from neurosnap.system.distribution import must_have
 
@@ -70,7 +69,6 @@ class Maze(gymnasium.Env[np.int64, np.int64]):
         initial_state_distrib: ``(states,)``: it begins at the first.
         s: The state it is in.
         cells: What each state is.
-        tile_map: What it looks like before anything was done.
 
     Raises:
         InvalidValueError: There is no such layout or action, or no action.
@@ -102,7 +100,6 @@ class Maze(gymnasium.Env[np.int64, np.int64]):
         inner = getattr(envs, kind)(**arguments, render_mode=render_mode)
         inner.reset(seed=seed)
         self.size = inner.width, inner.height
-        self.tile_map = _tile_map(inner)
         numbers = [ACTIONS.index(one) for one in actions]
         self.P, self.cells, states = _explored(inner, numbers)
         self.render_mode = render_mode
@@ -231,13 +228,6 @@ def _explored(
                 cells.append(_cell(maze))
             table[state][place] = [(1.0, number[key], float(over), bool(over))]
     return table, cells, states
-
-
-def _tile_map(maze: Any) -> TileMap:  # noqa: ANN401
-    columns = maze.width
-    tiles = ["floor" if one is None else str(one.type) for one in maze.grid.grid]
-    rows = (tiles[first : first + columns] for first in range(0, len(tiles), columns))
-    return TileMap(tuple(map(tuple, rows)))
 
 
 def _saved(maze: Any) -> _State:  # noqa: ANN401

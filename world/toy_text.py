@@ -14,7 +14,6 @@ from gymnasium.envs.toy_text.taxi import TaxiEnv
 
 from neurosnap.agent.binary_sensors import BinarySensors, Environment
 from neurosnap.agent.sensor import one_hot, rewarded, thresholds
-from neurosnap.agent.tile_map import TileMap
 
 _LETTERS = {b"S": "start", b"F": "frozen", b"H": "hole", b"G": "goal"}
 _STOPS = ("red", "green", "yellow", "blue")
@@ -59,51 +58,6 @@ class Fare(NamedTuple):
     """One of the stops."""
 
 
-class _Lake(FrozenLakeEnv):
-    @property
-    def tile_map(self) -> TileMap:
-        """What it looks like."""
-        rows: Any = self.desc
-        return TileMap(
-            tuple(tuple(_LETTERS[bytes(one)] for one in row) for row in rows)
-        )
-
-
-class _Cliff(CliffWalkingEnv):
-    @property
-    def tile_map(self) -> TileMap:
-        """What it looks like."""
-        rows, columns = self.shape
-        last = ("start", *["cliff"] * (columns - 2), "goal")
-        return TileMap((*[("ground",) * columns] * (rows - 1), last))
-
-
-class _Town(TaxiEnv):
-    @property
-    def tile_map(self) -> TileMap:
-        """What it looks like: in Gymnasium's map a colon lets through, a bar does not.
-
-        Every second letter is a tile.
-        """
-        lines = self.desc[1:-1].tolist()
-        stops = dict(zip(self.locs, _STOPS, strict=True))
-        return TileMap(
-            rows=tuple(
-                tuple(
-                    stops.get((row, column), "ground")
-                    for column in range(self.max_col + 1)
-                )
-                for row in range(len(lines))
-            ),
-            walls=tuple(
-                ((row, column), (row, column + 1))
-                for row, line in enumerate(lines)
-                for column in range(self.max_col)
-                if line[2 * column + 2] == b"|"
-            ),
-        )
-
-
 def frozen_lake(
     render_mode: str | None = None,
     desc: list[str] | None = None,
@@ -143,7 +97,7 @@ def frozen_lake(
         is_slippery: Whether a move may go sideways; not, unless asked for.
         senses_reward: Whether there is the sensor ``rewarded``.
     """
-    lake = _Lake(render_mode, desc, map_name, is_slippery)
+    lake = FrozenLakeEnv(render_mode, desc, map_name, is_slippery)
     sensors = (
         *thresholds("row", range(1, lake.nrow), of=Attribute("row")),
         *thresholds("column", range(1, lake.ncol), of=Attribute("column")),
@@ -186,7 +140,7 @@ def cliff_walking(
         render_mode: As in Gymnasium, and so is the other.
         is_slippery: Whether a move may go sideways.
     """
-    cliff = _Cliff(render_mode, is_slippery)
+    cliff = CliffWalkingEnv(render_mode, is_slippery)
     rows, columns = cliff.shape
     sensors = (
         *thresholds("row", range(1, rows), of=Attribute("row")),
@@ -234,7 +188,7 @@ def taxi(
         is_rainy: Whether a move may go sideways.
         senses_reward: Whether there is the sensor ``rewarded``.
     """
-    cab = _Town(render_mode, is_rainy)
+    cab = TaxiEnv(render_mode, is_rainy)
     sensors = (
         *thresholds("row", range(1, cab.max_row + 1), of=Attribute("row")),
         *thresholds("column", range(1, cab.max_col + 1), of=Attribute("column")),
