@@ -37,8 +37,8 @@ from neurosnap.recording.read.recording import Recording, part_path, part_paths
 from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
+from neurosnap.recording.write.copying import salvage
 from neurosnap.recording.write.rotation import Split, SplitWriter
-from neurosnap.recording.write.salvage import salvage
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run

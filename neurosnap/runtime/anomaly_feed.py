@@ -172,11 +172,11 @@ async def _look_on(
                     if rest is not None:
                         tell(told(rest, births.body.sensors))
                 case wire.Decision():
-                    births.take(message)
+                    births.follow(message)
                     for change in _changes(message, births):
                         tell(change)
                 case wire.KeyFrame():  # what was grown before anybody looked on
-                    births.take(message)
+                    births.follow(message)
                 case _:
                     pass
 

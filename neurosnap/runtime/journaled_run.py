@@ -32,10 +32,15 @@ from neurosnap.runtime.parts.job import PartConnection, PartContext
 from neurosnap.runtime.parts.world_process import WayIn, lost_of, synced
 from neurosnap.runtime.request import Outcome, RunRequest
 from neurosnap.runtime.supervisor import Supervisor
-from neurosnap.sensorium import pack
 from neurosnap.sources.live import remote_source
-from neurosnap.sources.live.journal import Journal, journal_of, read_journal, remove
-from neurosnap.sources.live.latest_readings import Bits
+from neurosnap.sources.live.journal import (
+    Journal,
+    JournalRow,
+    journal_of,
+    pack_known,
+    read_journal,
+    remove,
+)
 from neurosnap.sources.live.live_source import LiveSource
 from neurosnap.sources.open import ZENOH, is_live, open_live
 
@@ -296,26 +301,21 @@ class _Counter:
         source = self._source
         try:
             if isinstance(question, remote_source.IntakeRecall):
-                known = source.go_on(question.tick)
-                return remote_source.IntakeAnswer(b"", _packed(known), False)
+                known = pack_known(source.go_on(question.tick))
+                return JournalRow(question.tick, b"", known)
             action = question.action
             seen = source.step(action) if source.given else source.first()
         except NeurosnapError as error:
             return remote_source.IntakeFailed(str(error))
         if seen is None:
             return remote_source.Over()
-        bits, told = pack(seen.bits), _packed(seen.known)
-        return remote_source.IntakeAnswer(bits, told, seen.begins, seen.paused)
+        return JournalRow.of(seen, source.given)
 
     async def wait_closed(self) -> None:
         """Wait until the world has heard that the source is closed, but not long."""
         for task in (*self._serving, self._keeping):
             if task is not None and not task.done():
                 await asyncio.wait((task,), timeout=_LAST)
-
-
-def _packed(known: Bits | None) -> bytes:
-    return b"" if known is None else pack(known)
 
 
 async def _question(reader: asyncio.StreamReader) -> remote_source.Question:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.protocol import Observed
-from neurosnap.sources.tables.csv_file import CsvFile, CsvRows, Row
+from neurosnap.sources.tables.csv_file import CsvFile, Row, TableRows
 
 
 class CsvSource:
@@ -27,7 +27,7 @@ class CsvSource:
     def __init__(self, path: str) -> None:
         self._path = path
         self._rows: Iterator[Row] | None = None
-        rows = CsvRows(CsvFile(path), Wanted())
+        rows = TableRows(CsvFile(path), Wanted())
         self.sensors = rows.sensors
         self.orders: tuple[int, ...] = (0,) * len(self.sensors)
         self.actions: tuple[str, ...] = ()
@@ -44,7 +44,7 @@ class CsvSource:
         Raises:
             InvalidValueError: The file has changed since it was opened.
         """
-        rows = CsvRows(CsvFile(self._path), Wanted())
+        rows = TableRows(CsvFile(self._path), Wanted())
         if rows.sensors != self.sensors:
             raise self._changed()
         self._rows = _told(rows)
@@ -79,6 +79,6 @@ class CsvSource:
         return InvalidValueError(self._path, rule, "other contents")
 
 
-def _told(rows: CsvRows) -> Iterator[Row]:
+def _told(rows: TableRows) -> Iterator[Row]:
     """Yield the rows in which something is known."""
     return (row for row in rows.rows() if row.known is None or row.known.any())

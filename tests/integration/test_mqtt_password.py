@@ -92,7 +92,7 @@ async def test_a_password_changed_under_way_is_named_and_waited_for(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     caplog.set_level(logging.DEBUG)
-    monkeypatch.setattr("neurosnap.sources.mqtt.retry.LONGEST", 0.5)
+    monkeypatch.setattr("neurosnap.sources.mqtt.connection.LONGEST", 0.5)
     passwords, secret = tmp_path / "passwords", tmp_path / "secret"
     secret.write_text(f"{OLD}\n")
     file, log = tmp_path / "house.toml", tmp_path / "house.mcap"

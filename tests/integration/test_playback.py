@@ -19,7 +19,7 @@ from neurosnap.fabric.zenoh.hub import open_hub
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.learning import snapshot_at
-from neurosnap.recording.replay.playback import Played, play, play_on
+from neurosnap.recording.replay.playback import Played, Playing, play, play_on
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
@@ -131,7 +131,7 @@ async def test_everything_arrives_as_it_was(
 ) -> None:
     sent = deliveries(recording)
     async with stage(recording, endpoint) as (fabric, watcher):
-        played = await play(recording, fabric, asyncio.Event(), rate=1000.0)
+        played = await play(recording, fabric, asyncio.Event(), Playing(rate=1000.0))
         await watcher.wait_for(len(sent))
     assert (played.messages, played.ticks) == (len(sent), TICKS)
     assert played.seconds > 0
@@ -169,9 +169,8 @@ async def test_playing_on_an_endpoint_step_by_step(
             recording,
             endpoint,
             asyncio.Event(),
-            rate=1e-9,  # steps have no pace
-            step=step,
-            on_progress=shown.append,
+            # Steps have no pace.
+            Playing(rate=1e-9, step=step, on_progress=shown.append),
         )
         await asyncio.wait(watchers)
         watchers[0].result()
@@ -187,7 +186,7 @@ async def test_a_start_further_on_sends_what_was_learned_first(
     expected = from_tick(recording, start)
     async with stage(recording, endpoint) as (fabric, watcher):
         played = await play(
-            recording, fabric, asyncio.Event(), rate=1000.0, start=start
+            recording, fabric, asyncio.Event(), Playing(rate=1000.0, start=start)
         )
         await watcher.wait_for(1 + len(expected))
     assert played.ticks == TICKS - start + 1
@@ -203,7 +202,9 @@ async def test_a_step_that_says_no_ends_it(recording: Recording, endpoint: str) 
     async def until_five(tick: int) -> bool:
         return tick < 5
 
-    played = await play_on(recording, endpoint, asyncio.Event(), step=until_five)
+    played = await play_on(
+        recording, endpoint, asyncio.Event(), Playing(step=until_five)
+    )
     before = len(deliveries(recording)) - len(from_tick(recording, 5))
     assert (played.ticks, played.messages) == (4, before)
 
@@ -220,7 +221,7 @@ async def test_it_stops_in_the_middle_of_a_wait(
     async with asyncio.timeout(PATIENCE):
         # At this rate the second message would be due in years.
         played = await play_on(
-            recording, endpoint, stop, rate=1e-12, on_progress=on_progress
+            recording, endpoint, stop, Playing(rate=1e-12, on_progress=on_progress)
         )
     assert played.ticks == 1
     assert played.messages < len(deliveries(recording)) - len(from_tick(recording, 2))
@@ -245,7 +246,7 @@ async def test_it_keeps_the_pace_that_was_recorded(
 
     async def at(rate: float) -> Played:
         stop = asyncio.Event()
-        return await play_on(Recording.open(log), endpoint, stop, rate=rate)
+        return await play_on(Recording.open(log), endpoint, stop, Playing(rate=rate))
 
     as_recorded = await at(1.0)
     twice_as_slow = await at(0.5)
@@ -262,7 +263,7 @@ async def test_a_rate_that_is_no_speed_is_refused(
 ) -> None:
     rule = rf"^rate: must be positive and finite, got {rate}$"
     with pytest.raises(InvalidValueError, match=rule):
-        await play_on(recording, endpoint, asyncio.Event(), rate=rate)
+        await play_on(recording, endpoint, asyncio.Event(), Playing(rate=rate))
 
 
 @pytest.mark.parametrize("start", [-3, 0, TICKS + 1])
@@ -271,7 +272,7 @@ async def test_a_start_that_is_not_there_is_refused(
 ) -> None:
     rule = rf"^from: must be in \[1, {TICKS}\], got {start}$"
     with pytest.raises(InvalidValueError, match=rule):
-        await play_on(recording, endpoint, asyncio.Event(), start=start)
+        await play_on(recording, endpoint, asyncio.Event(), Playing(start=start))
 
 
 async def test_a_port_in_use_is_named(recording: Recording) -> None:
@@ -318,6 +319,6 @@ async def test_a_recording_cut_short_plays_as_far_as_it_goes(
     cut = Recording.open(log)
     assert cut.cut is not None
     async with stage(cut, endpoint) as (fabric, watcher):
-        await play(cut, fabric, asyncio.Event(), rate=1000.0)
+        await play(cut, fabric, asyncio.Event(), Playing(rate=1000.0))
         await watcher.wait_for(len(kept))
     assert watcher.heard == kept

@@ -17,6 +17,7 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.run_options import RunOptions, SnapshotKind
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.learning import snapshot_at
+from neurosnap.recording.replay.playback import Playing
 from neurosnap.recording.replay.playback import play as play_back
 from neurosnap.recording.replay.replay import Replay
 from neurosnap.recording.replay.resume import find_resume_point
@@ -291,7 +292,7 @@ class Listener:
 
 async def test_a_recording_of_workers_plays_back(log: Path) -> None:
     recording, listener = Recording.open(log), Listener()
-    await play_back(recording, listener, asyncio.Event(), rate=1e6)  # type: ignore[arg-type]
+    await play_back(recording, listener, asyncio.Event(), Playing(rate=1e6))  # type: ignore[arg-type]
     assert listener.heard == [recorded.delivery for recorded in recording.messages()]
 
 

@@ -20,7 +20,7 @@ from neurosnap.fabric.security.make_keys import make_keys
 from neurosnap.fabric.security.roles import RIGHTS, Role
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.replay.playback import play_on
+from neurosnap.recording.replay.playback import Playing, play_on
 from neurosnap.recording.write.writer import Writer
 from tests.support.fabrics import Seen
 from tests.support.patience import PATIENCE
@@ -108,7 +108,9 @@ async def test_a_recording_plays_to_who_has_a_certificate(
     credentials = read_credentials(keys, "hub")
     async with asyncio.TaskGroup() as group:
         playing = group.create_task(
-            play_on(recording, endpoint, stop, step=step, credentials=credentials)
+            play_on(
+                recording, endpoint, stop, Playing(step=step), credentials=credentials
+            )
         )
         async with (
             ZenohFabric(

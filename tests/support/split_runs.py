@@ -11,7 +11,7 @@ from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording, part_paths
-from neurosnap.recording.write.rotation import SplitWriter
+from neurosnap.recording.write.rotation import Split, SplitWriter
 from tests.support.inline_runs import (
     ACTIONS,
     implying_rows,
@@ -22,6 +22,8 @@ from tests.support.scripted_sources import Scripted
 
 TICKS = 60
 EVERY = 10
+SMALL = Split(1)
+"""Every key-frame begins another file."""
 
 
 def options(workers: int = 0, ticks: int = TICKS) -> RunOptions:
@@ -48,11 +50,15 @@ def overtaking(recorded: Iterable[Recorded], seed: int) -> list[Recorded]:
 
 
 def write(
-    whole: Path, log: Path, recorded: Iterable[Recorded], step: int = 1
+    whole: Path,
+    log: Path,
+    recorded: Iterable[Recorded],
+    step: int = 1,
+    split: Split = SMALL,
 ) -> dict[int, Path]:
     """Record messages again, `step` nanoseconds apart, as if they came now."""
     old = Recording.open(whole)
-    with SplitWriter(log, old.metadata) as writer:
+    with SplitWriter(log, old.metadata, split=split) as writer:
         for count, one in enumerate(recorded):
             now = 10**18 + count * step
             writer.add(one.delivery, now)

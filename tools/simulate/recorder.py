@@ -29,14 +29,14 @@ class _Writer(Writer):
         super().__init__(path, compression=compression, chunk=chunk)
         self._check_space = check_space
 
-    def put(
+    def write(
         self, message: wire.Message, delivery: wire.Delivery, log_time: int
     ) -> None:
         try:
             self._check_space()
         except OSError as error:
             raise self._failed(error) from error
-        super().put(message, delivery, log_time)
+        super().write(message, delivery, log_time)
 
 
 class Recorder:

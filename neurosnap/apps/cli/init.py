@@ -175,7 +175,7 @@ def _listened(broker: MqttBroker, topic: str, seconds: float) -> "Survey":
     survey = Survey()
 
     def receive(name: str, data: bytes, _retained: bool) -> None:
-        if survey.take(name, data):
+        if survey.add(name, data):
             screen.print(f"heard {visible(name)}", markup=False, soft_wrap=True)
 
     async def work(stop: asyncio.Event) -> None:

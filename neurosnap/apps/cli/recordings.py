@@ -34,7 +34,7 @@ from neurosnap.runtime.network import Network
 
 if TYPE_CHECKING:
     from neurosnap.apps.export.write import Exported
-    from neurosnap.recording.write.salvage import Salvaged
+    from neurosnap.recording.write.copying import Salvaged
 
 
 @app.command(rich_help_panel=RECORDINGS)
@@ -117,7 +117,7 @@ def play(
     """Publish a recording over Zenoh again, as it was when it was recorded."""
     from neurosnap.apps.cli.recording_info import shown
     from neurosnap.recording.read.recording import Recording
-    from neurosnap.recording.replay.playback import play_on
+    from neurosnap.recording.replay.playback import Playing, play_on
 
     with errors():
         network = convert(Network, listen=listen, tls=tls, insecure=insecure)
@@ -130,11 +130,13 @@ def play(
                     recording,
                     network.listen,
                     stop,
-                    rate=rate,
-                    start=start,
-                    step=_asking(stop) if step else None,
-                    on_begin=lambda: screen.print(f"playing on {where}", markup=False),
-                    on_progress=on_progress,
+                    Playing(
+                        rate,
+                        start,
+                        _asking(stop) if step else None,
+                        lambda: screen.print(f"playing on {where}", markup=False),
+                        on_progress,
+                    ),
                     credentials=network.credentials("hub"),
                     insecure=network.insecure,
                 )
@@ -178,7 +180,7 @@ def export(
     """Convert a recording to a table or a graph, or save what is intact of it."""
     from neurosnap.apps.export.write import export as write
     from neurosnap.apps.export.write import form_of
-    from neurosnap.recording.write.salvage import salvage
+    from neurosnap.recording.write.copying import salvage
 
     with errors():
         kind = "csv" if out is None else form_of(out)

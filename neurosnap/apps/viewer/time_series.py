@@ -166,7 +166,7 @@ class TimeSeries:
             taken.append(frame)
         for message in sorted(taken, key=lambda each: each.tick):
             with suppress(ValueError):  # no agent's key-frame
-                self.births.take(message)
+                self.births.follow(message)
 
     def _read_errors(self, first: int, last: int, found: NDArray[np.float32]) -> None:
         row, graph, error = self.columns.index("err"), None, math.nan

@@ -7,7 +7,8 @@ import functools
 import io
 import stat
 import struct
-from collections.abc import Callable, Iterator
+import zlib
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, Literal, TypeAlias, TypeVar
@@ -16,7 +17,7 @@ import msgspec
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Header
+from mcap.records import Channel, Header, Metadata
 
 from neurosnap.errors import NoRecordingError, RecordingError
 
@@ -306,3 +307,56 @@ def heads(file: BinaryIO, start: int, end: int) -> Iterator[Head]:
         if at > end:
             raise ValueError(f"a record must end by byte {end}, got {at}")
         yield opcode, body, at
+
+
+# Metadata --------------------------------------------------------------------------
+# The format has one checksum for all of the data, at their end: in a file that is
+# damaged anywhere, or has no end, nothing else says whether metadata is right. So each
+# has a checksum of its own. Metadata without one is damage.
+
+CHECKSUM = "crc"
+"""The fact that is the checksum of the others."""
+
+
+def checksum(name: str, facts: Mapping[str, str]) -> str:
+    """Return the CRC-32 of metadata, in hexadecimal digits; `CHECKSUM` is left out."""
+    texts = sorted((k, v) for k, v in facts.items() if k != CHECKSUM)
+    return f"{zlib.crc32(msgspec.json.encode([name, texts])):08x}"
+
+
+def sealed_facts(name: str, facts: Mapping[str, str]) -> dict[str, str]:
+    """Return metadata with its checksum."""
+    return {**facts, CHECKSUM: checksum(name, facts)}
+
+
+def read_facts(body: bytes) -> tuple[str, dict[str, str]]:
+    """Return name and content of metadata, verified by its checksum.
+
+    Raises:
+        ValueError: It is not what was written.
+    """
+    metadata: Metadata = parse(Metadata.read, body)
+    name, facts = metadata.name, dict(metadata.metadata)
+    noted = facts.pop(CHECKSUM, None)
+    if noted is None:
+        raise ValueError("no checksum")
+    if noted != (computed := checksum(name, facts)):
+        raise ValueError(f"checksum {computed} for {noted}")
+    return name, facts
+
+
+def file_metadata(layout: Layout, offset: int, body: bytes) -> None:
+    """File metadata.
+
+    Args:
+        layout: What it is of.
+        offset: Where the record starts.
+        body: Of the record.
+
+    Raises:
+        ValueError: It is not what was written.
+    """
+    name, facts = read_facts(body)
+    if name == GAP:
+        layout.gaps.append(Gap(offset, facts.get("why", "")))
+    layout.metadata[name] = facts

@@ -15,7 +15,6 @@ from mcap.opcode import Opcode
 
 from neurosnap.errors import RecordingError
 from neurosnap.recording.format.chunks import unpack
-from neurosnap.recording.format.facts import read_facts
 from neurosnap.recording.format.records import (
     CHUNK_HEAD,
     HEAD,
@@ -23,6 +22,7 @@ from neurosnap.recording.format.records import (
     MALFORMED,
     Chunk,
     heads,
+    read_facts,
 )
 
 _WINDOW = 1 << 20

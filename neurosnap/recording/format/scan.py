@@ -26,7 +26,6 @@ from mcap.records import Attachment
 
 from neurosnap.errors import RecordingError
 from neurosnap.recording.format.chunks import unpack
-from neurosnap.recording.format.facts import take_facts
 from neurosnap.recording.format.records import (
     CRC,
     DATA_END,
@@ -43,6 +42,7 @@ from neurosnap.recording.format.records import (
     Layout,
     check_magic,
     damaged,
+    file_metadata,
     heads,
     library_of,
     opened,
@@ -191,7 +191,7 @@ def _file_record(
             number = len(layout.chunks) + 1
             layout.chunks.append(chunk_at(number, at, length, start))
         case Opcode.METADATA:
-            take_facts(layout, at, file.read(length))
+            file_metadata(layout, at, file.read(length))
         case Opcode.ATTACHMENT:
             _file_attachment(layout, at, file.read(length))
         case _:

@@ -12,7 +12,6 @@ from typing import BinaryIO
 from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, MetadataIndex
 
-from neurosnap.recording.format.facts import take_facts
 from neurosnap.recording.format.records import (
     CRC,
     DATA_END,
@@ -29,6 +28,7 @@ from neurosnap.recording.format.records import (
     Layout,
     channel_of,
     damaged,
+    file_metadata,
     heads,
     parse,
 )
@@ -127,7 +127,7 @@ def _take_noted(
     got = "another record"
     if record.startswith(head):
         try:
-            take_facts(layout, at, record[HEAD.size :])
+            file_metadata(layout, at, record[HEAD.size :])
         except ValueError as error:
             got = str(error)
         else:

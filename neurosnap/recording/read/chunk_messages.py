@@ -20,6 +20,18 @@ UNREADABLE = (msgspec.MsgspecError, UnicodeDecodeError, RecursionError)
 """What decoding raises; deep nesting is the last."""
 
 
+def decoded(text: str, kind: type[M], where: str, rule: str) -> M:
+    """Return what a text says in JSON.
+
+    Raises:
+        RecordingError: It is not what a writer writes.
+    """
+    try:
+        return msgspec.json.decode(text, type=kind)
+    except UNREADABLE as error:
+        raise RecordingError(f"{where}: {rule}, got {error}") from error
+
+
 class Recorded(NamedTuple):
     """A message as it was recorded."""
 

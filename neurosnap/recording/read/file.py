@@ -36,9 +36,9 @@ from neurosnap.recording.format.records import (
 from neurosnap.recording.format.scan import scan, scan_growth, scan_index
 from neurosnap.recording.read.chunk_messages import (
     EVER,
-    UNREADABLE,
     ChunkMessages,
     Recorded,
+    decoded,
 )
 
 
@@ -161,13 +161,9 @@ class RecordingFile:
             return {}
         if noted is None:
             return None
-        try:
-            return msgspec.json.decode(noted["first"], type=dict[str, int])
-        except (KeyError, *UNREADABLE) as error:
-            rule = "must hold a number for each sender"
-            raise RecordingError(
-                f"{self.path}: {SHARE}: {rule}, got {error}"
-            ) from error
+        rule = "must hold a number for each sender"
+        where = f"{self.path}: {SHARE}"
+        return decoded(noted.get("first", ""), dict[str, int], where, rule)
 
     @property
     def places(self) -> dict[str, Place]:
@@ -217,13 +213,8 @@ class RecordingFile:
         noted = (self.totals or {}).get(CLOSING)
         if noted is None:
             return None
-        try:
-            return msgspec.json.decode(noted, type=wire.Decision)
-        except UNREADABLE as error:
-            rule = "must hold a decision"
-            raise RecordingError(f"{self.path}: {CLOSING}: {rule}, got {error}") from (
-                error
-            )
+        where = f"{self.path}: {CLOSING}"
+        return decoded(noted, wire.Decision, where, "must hold a decision")
 
     @property
     def cut(self) -> Cut | None:
@@ -288,16 +279,13 @@ class RecordingFile:
         """
         if self.totals is None:
             return Noted(Completeness(0), {})
-        try:
-            return Noted(
-                msgspec.json.decode(self.totals["completeness"], type=Completeness),
-                msgspec.json.decode(self.totals["expected"], type=dict[str, int]),
-            )
-        except (KeyError, *UNREADABLE) as error:
-            rule = "must hold completeness and expected"
-            raise RecordingError(
-                f"{self.path}: {TOTALS}: {rule}, got {error}"
-            ) from error
+        where = f"{self.path}: {TOTALS}", "must hold completeness and expected"
+        completeness = self.totals.get("completeness", "")
+        expected = self.totals.get("expected", "")
+        return Noted(
+            decoded(completeness, Completeness, *where),
+            decoded(expected, dict[str, int], *where),
+        )
 
     def messages(
         self,

@@ -43,8 +43,8 @@ class Gathering:
         self._start: Start | None = None
         self._bands: dict[tuple[str, int], wire.Band] = {}
 
-    def take(self, recorded: Recorded) -> Start | None:
-        """Take in a message; return the key-frame that is whole with it, if one is."""
+    def add(self, recorded: Recorded) -> Start | None:
+        """Add a message; return the key-frame that is whole with it, if one is."""
         match recorded.message:
             case wire.KeyFrame() as frame:
                 self._start = Start(frame, recorded.sequence, recorded.log_time)
@@ -72,7 +72,7 @@ def starts(recording: Recording) -> Iterator[Start]:
     """
     gathering = Gathering()
     for recorded in recording.messages(("keyframe", "band")):
-        start = gathering.take(recorded)
+        start = gathering.add(recorded)
         if start is not None:
             yield start
 

@@ -28,7 +28,7 @@ from neurosnap.recording.format.completeness import (
     added_up,
 )
 from neurosnap.recording.format.records import Chunk, Cut
-from neurosnap.recording.read.chunk_messages import EVER, Recorded
+from neurosnap.recording.read.chunk_messages import EVER, Recorded, decoded
 from neurosnap.recording.read.file import Noted, RecordingFile, identity
 
 
@@ -152,13 +152,8 @@ class Recording:
         Raises:
             RecordingError: It says nothing of its run, or nothing valid.
         """
-        try:
-            return msgspec.json.decode(self.metadata["options"], type=RunOptions)
-        except (KeyError, msgspec.MsgspecError) as error:
-            rule = "must be those of a run"
-            raise RecordingError(
-                f"{self.path}: options: {rule}, got {error}"
-            ) from error
+        where, rule = f"{self.path}: options", "must be those of a run"
+        return decoded(self.metadata.get("options", ""), RunOptions, where, rule)
 
     @property
     def resumed(self) -> tuple[int, ...]:
@@ -167,14 +162,9 @@ class Recording:
         Raises:
             RecordingError: It says so in a way that is not valid.
         """
-        raw = self.metadata.get("resumed", "[]")
-        try:
-            return msgspec.json.decode(raw, type=tuple[int, ...])
-        except msgspec.MsgspecError as error:
-            rule = "must be a list of ticks"
-            raise RecordingError(
-                f"{self.path}: resumed: {rule}, got {raw!r}"
-            ) from error
+        where, rule = f"{self.path}: resumed", "must be a list of ticks"
+        said = self.metadata.get("resumed", "[]")
+        return decoded(said, tuple[int, ...], where, rule)
 
     @property
     def part(self) -> int | None:

@@ -50,8 +50,8 @@ class Births:
         self.body = body
         self.listed: tuple[RecordedBirth, ...] = ()
 
-    def take(self, message: wire.Decision | wire.KeyFrame) -> None:
-        """Take in a message. Those of the coordinator come in its order.
+    def follow(self, message: wire.Decision | wire.KeyFrame) -> None:
+        """Follow a message. Those of the coordinator come in its order.
 
         What follows a gap is left to the next key-frame.
 
@@ -149,7 +149,7 @@ def births_of(recording: Recording) -> Births:
     if births.body.room:
         for message in _messages(recording):
             try:
-                births.take(message)
+                births.follow(message)
             except ValueError as error:
                 place = f"{recording.path}: key-frame of tick {message.tick}"
                 raise RecordingError(f"{place}: must hold an agent, {error}") from error

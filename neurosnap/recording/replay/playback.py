@@ -1,13 +1,14 @@
 """Plays a recording back over Zenoh, message by message.
 
-Whoever watches ``neurosnap/<swarm>/**`` sees the run again, at any speed or step by
-step. Nothing is derived here, and nothing but the recording decides what is sent.
+A program that watches ``neurosnap/<swarm>/**`` sees the run again, at any speed or step
+by step. Nothing is derived here, and nothing but the recording decides what is sent.
 """
 
 import asyncio
 import itertools
 import time
 from collections.abc import Awaitable, Callable, Iterator
+from typing import NamedTuple
 
 import msgspec
 
@@ -36,23 +37,37 @@ class Played(msgspec.Struct):
     seconds: float = 0.0
 
 
+class Playing(NamedTuple):
+    """How a recording is played, and who is told."""
+
+    rate: float = 1.0
+    """How many times as fast as it was recorded; ignored with `step`."""
+    start: int = 1
+    """The first tick."""
+    step: Callable[[int], Awaitable[bool]] | None = None
+    """Awaited before each tick with its number; false ends it."""
+    on_begin: Callable[[], None] = lambda: None
+    """Called once before the first message, when nothing is wrong."""
+    on_progress: Callable[[int], None] = lambda _: None
+    """Told each tick."""
+
+
+AS_IT_WAS = Playing()
+
+
 async def play_on(
     recording: Recording,
     endpoint: str,
     stop: asyncio.Event,
+    playing: Playing = AS_IT_WAS,
     *,
-    rate: float = 1.0,
-    start: int = 1,
-    step: Callable[[int], Awaitable[bool]] | None = None,
-    on_begin: Callable[[], None] = lambda: None,
-    on_progress: Callable[[int], None] = lambda _: None,
     credentials: Credentials | None = None,
     insecure: bool = False,
 ) -> Played:
-    """Open a hub on `endpoint` and play to whoever connects; see `play`.
+    """Open a hub on `endpoint` and play to all programs that connect; see `play`.
 
-    With `credentials`, the hub's, whoever connects needs some of the same authority;
-    without, the endpoint must be on this machine unless `insecure` says otherwise.
+    With `credentials`, the hub's, a program that connects needs some of the same
+    authority; without, the endpoint must be on this machine unless `insecure`.
 
     Raises:
         InvalidValueError: The endpoint breaks the rule of `check_endpoint`.
@@ -69,16 +84,7 @@ async def play_on(
             credentials=credentials,
             insecure=insecure,
         ) as fabric:
-            return await play(
-                recording,
-                fabric,
-                stop,
-                rate=rate,
-                start=start,
-                step=step,
-                on_begin=on_begin,
-                on_progress=on_progress,
-            )
+            return await play(recording, fabric, stop, playing)
     finally:
         await asyncio.to_thread(hub.close)
 
@@ -87,32 +93,24 @@ async def play(
     recording: Recording,
     fabric: ZenohFabric,
     stop: asyncio.Event,
-    *,
-    rate: float = 1.0,
-    start: int = 1,
-    step: Callable[[int], Awaitable[bool]] | None = None,
-    on_begin: Callable[[], None] = lambda: None,
-    on_progress: Callable[[int], None] = lambda _: None,
+    playing: Playing = AS_IT_WAS,
 ) -> Played:
-    """Publish what was recorded, from tick `start` to the end or until `stop`.
+    """Publish what was recorded, from the first tick to the end or until `stop`.
 
     Before a start further on, the snapshot of the tick before goes out as a key-frame,
-    so that whoever watches knows what had been learned.
+    so that it is known what had been learned.
 
     Args:
         recording: What to play.
         fabric: Entered by the caller, with the recorded run's swarm id.
         stop: Ends it.
-        rate: How many times as fast as it was; ignored with `step`.
-        start: The first tick.
-        step: Awaited before each tick with its number; false ends it.
-        on_begin: Called once before the first message, when nothing is wrong.
-        on_progress: Told each tick.
+        playing: How.
 
     Raises:
-        InvalidValueError: There is no tick `start`, or `rate` is no speed.
+        InvalidValueError: There is no such tick to start with, or the rate is no speed.
         RecordingError: The recording is damaged.
     """
+    rate, start, step, on_begin, on_progress = playing
     if not 0 < rate < float("inf"):
         raise InvalidValueError("rate", "must be positive and finite", rate)
     last = last_tick(recording)
@@ -123,7 +121,7 @@ async def play(
     if start > 1:
         snapshot = learned_at(recording, start - 1)
         fabric.publish(wire.KeyFrame(start - 1, snapshot.to_bytes()))
-    pace = _TickSchedule(rate)
+    pace = _Pace(rate)
     for count, recorded in enumerate(_from(recording, start)):
         message = recorded.message
         if isinstance(message, wire.Observation):
@@ -137,12 +135,10 @@ async def play(
             await asyncio.sleep(0)
         if stop.is_set():
             break
-        if not wire.is_part(
-            message.sender
-        ):  # a stranger's, recorded once: it has no key
-            continue
-        fabric.forward(recorded.delivery)
-        played.messages += 1
+        # A stranger's message, recorded once, has no key.
+        if wire.is_part(message.sender):
+            fabric.forward(recorded.delivery)
+            played.messages += 1
     played.seconds = time.perf_counter() - began
     return played
 
@@ -158,7 +154,7 @@ def _from(recording: Recording, start: int) -> Iterator[Recorded]:
     return messages if start == 1 else itertools.dropwhile(before, messages)
 
 
-class _TickSchedule:
+class _Pace:
     """Waits until it is a message's turn."""
 
     def __init__(self, rate: float) -> None:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from neurosnap import wire
 
 
-class HeardWave(NamedTuple):
+class Arrival(NamedTuple):
     """A message that came."""
 
     message: wire.Message
@@ -20,7 +20,7 @@ class HeardWave(NamedTuple):
     """When it came, nanoseconds since the epoch."""
 
 
-class SaidMessage(NamedTuple):
+class Progress(NamedTuple):
     """How far the coordinator has come, by what it has said."""
 
     tick: int = 0
@@ -34,7 +34,7 @@ class SaidMessage(NamedTuple):
     frame: int = 0
     """The tick of its last key-frame."""
 
-    def after(self, message: wire.Message) -> "SaidMessage":
+    def after(self, message: wire.Message) -> "Progress":
         """Return how far it is with one more message of anybody."""
         match message:
             case wire.WaveStart(wave=wave) if wave > self.wave:
@@ -87,8 +87,8 @@ class CausalOrder:
 
     def __init__(self, patience: int) -> None:
         self._patience = patience
-        self._said = SaidMessage()
-        self._early: list[HeardWave] = []
+        self._said = Progress()
+        self._early: list[Arrival] = []
         self._behind: set[str] = set()  # who has something in there
 
     @property
@@ -96,8 +96,8 @@ class CausalOrder:
         """The last tick of which the observation was asked for."""
         return self._said.tick
 
-    def take(self, heard: HeardWave) -> Iterator[HeardWave]:
-        """Take in a message; yield what there is nothing to wait for any more."""
+    def add(self, heard: Arrival) -> Iterator[Arrival]:
+        """Add a message; yield those that need not wait any longer."""
         if self._keep(heard, heard.log_time):
             return
         yield heard
@@ -105,8 +105,8 @@ class CausalOrder:
         if self._said != said:
             yield from self.due(heard.log_time)
 
-    def due(self, now: int) -> Iterator[HeardWave]:
-        """Yield what has nothing to wait for any more, or has waited long enough.
+    def due(self, now: int) -> Iterator[Arrival]:
+        """Yield the messages that need not wait any longer, or have waited long enough.
 
         Args:
             now: The clock that messages came by, nanoseconds since the epoch.
@@ -115,7 +115,7 @@ class CausalOrder:
             if not self._keep(early, now):
                 yield early
 
-    def rest(self) -> list[HeardWave]:
+    def rest(self) -> list[Arrival]:
         """Return what waits, and let it wait no longer."""
         early, self._early, self._behind = self._early, [], set()
         return early
@@ -129,7 +129,7 @@ class CausalOrder:
         ]
         return max(numbers, default=0)
 
-    def _keep(self, heard: HeardWave, now: int) -> bool:
+    def _keep(self, heard: Arrival, now: int) -> bool:
         """Keep a message that has to wait, or is behind one of its sender's."""
         sender = heard.message.sender
         may_wait = now <= heard.log_time + self._patience

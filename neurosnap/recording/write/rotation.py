@@ -34,7 +34,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType, TracebackType
-from typing import Annotated, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import msgspec
 
@@ -42,12 +42,11 @@ from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.fabric.protocol import Place
 from neurosnap.protocol.resume_point import ResumePoint
-from neurosnap.protocol.run_options import SMALLEST
 from neurosnap.recording.format.completeness import Completeness, added_up
 from neurosnap.recording.format.records import CLOSING
 from neurosnap.recording.read.recording import part_path, part_paths
-from neurosnap.recording.write.carry_over import begin_recording, facts_of
-from neurosnap.recording.write.causal_order import CausalOrder, HeardWave, SaidMessage
+from neurosnap.recording.write.causal_order import Arrival, CausalOrder, Progress
+from neurosnap.recording.write.copying import begin_recording, facts_of
 from neurosnap.recording.write.fsync_thread import FsyncThread
 from neurosnap.recording.write.writer import Writer
 
@@ -61,37 +60,11 @@ that a message waits for the word it answers."""
 class Split(msgspec.Struct, frozen=True):
     """How a recording is spread over files."""
 
-    size: Annotated[int, msgspec.Meta(ge=SMALLEST)]
+    size: int
     """Bytes after which the next key-frame begins another file. It has more than that
     by what is recorded from one key-frame to the next."""
-    keep: Annotated[int, msgspec.Meta(ge=0)] = 0
+    keep: int = 0
     """How many of them are kept, the newest; 0: all."""
-
-
-def split_of(metadata: Mapping[str, str]) -> Split | None:
-    """Return how to split a recording, from the run's metadata; None: not at all.
-
-    Raises:
-        RecordingError: What is written there is not valid.
-    """
-    try:
-        size = int(metadata.get("split", "0"))
-        keep = int(metadata.get("keep", "0"))
-        return msgspec.convert({"size": size, "keep": keep}, Split) if size else None
-    except ValueError as error:
-        raise RecordingError(f"split: must be sizes, got {error}") from error
-
-
-def sync_of(metadata: Mapping[str, str]) -> float:
-    """Return how often a run wants its recording synced, in seconds; 0: at the end.
-
-    Raises:
-        RecordingError: What is written there is not valid.
-    """
-    try:
-        return float(metadata.get("sync", "0"))
-    except ValueError as error:
-        raise RecordingError(f"sync: must be seconds, got {error}") from error
 
 
 class _Boundary(NamedTuple):
@@ -109,10 +82,10 @@ class SplitWriter:
 
     Args:
         log: Where to write; the further files are called after it.
-        metadata: What to write of the run into each of them. It says how to spread
-            them, as `split_of` reads it.
+        metadata: What to write of the run into each of them.
         past: What the recording takes over, for a run that is resumed.
-        split: How to spread them; None: as is written of the run.
+        split: How to spread it over files; None if it is one.
+        sync_every: Seconds between two calls of `sync` that the run wants; 0: none.
         new_writer: Makes a file.
 
     Raises:
@@ -126,12 +99,12 @@ class SplitWriter:
         past: ResumePoint | None = None,
         *,
         split: Split | None = None,
+        sync_every: float = 0.0,
         new_writer: Callable[[Path], Writer] = Writer,
     ) -> None:
         self._log = Path(log)
-        self._split = split or split_of(metadata)
-        self.sync_every = sync_of(metadata)
-        """Seconds between two calls of `sync` that the run wants; 0: none."""
+        self._split = split
+        self.sync_every = sync_every
         self._make = new_writer
         self._number = 0 if past is None else past.part
         self._begins = 0 if past is None else past.begins
@@ -202,12 +175,12 @@ class SplitWriter:
         """
         message = self._newest.read(delivery)
         if message is not None and self._split is None:
-            self._newest.put(message, delivery, log_time)
+            self._newest.write(message, delivery, log_time)
         elif message is not None:
-            self._write_all(self._causes.take(HeardWave(message, delivery, log_time)))
+            self._write_all(self._causes.add(Arrival(message, delivery, log_time)))
         return message
 
-    def _write_all(self, several: Iterable[HeardWave]) -> None:
+    def _write_all(self, several: Iterable[Arrival]) -> None:
         for heard in several:
             self._write(*heard)
 
@@ -221,9 +194,9 @@ class SplitWriter:
             if log_time > self._boundary.closes:
                 self._close()
             elif self._belongs_before(message, delivery.sequence, self._older):
-                self._older.put(message, delivery, log_time)
+                self._older.write(message, delivery, log_time)
                 return
-        self._newest.put(message, delivery, log_time)
+        self._newest.write(message, delivery, log_time)
 
     def _is_full(self, frame: wire.KeyFrame, delivery: wire.Delivery) -> bool:
         """Tell whether a key-frame is to begin another file.
@@ -278,7 +251,7 @@ class SplitWriter:
             return False
         tick, wave = self._boundary.decision.tick, self._boundary.wave
         # The newest file begins with the key-frame of the tick, and its bands.
-        said = SaidMessage(tick, wave, (tick + 1, 0), learn=tick, frame=tick - 1)
+        said = Progress(tick, wave, (tick + 1, 0), learn=tick, frame=tick - 1)
         if not said.is_before(message):
             return True
         self._pass(sender, sequence, older)
@@ -341,7 +314,7 @@ class SplitWriter:
         return [path for n, path in part_paths(self._log).items() if n <= oldest]
 
     def flush(self, now: int) -> None:
-        """Give what there is to the operating system; see `Writer.flush`.
+        """Flush what was written to the operating system; see `Writer.flush`.
 
         Args:
             now: By the clock of `add`; what waits for longer than `LATE` goes along.

@@ -28,7 +28,6 @@ from neurosnap.errors import InvalidValueError, MessageError, RecordingError
 from neurosnap.fabric.protocol import Place
 from neurosnap.recording.format import schemas
 from neurosnap.recording.format.completeness import Completeness, RunningNumbers
-from neurosnap.recording.format.facts import sealed_facts
 from neurosnap.recording.format.records import (
     GAP,
     LIMIT,
@@ -38,6 +37,7 @@ from neurosnap.recording.format.records import (
     SHARE,
     SNAPSHOT,
     TOTALS,
+    sealed_facts,
 )
 from neurosnap.system.distribution import version
 from neurosnap.system.durable import sync_folder
@@ -170,7 +170,7 @@ class Writer:
         """
         message = self.read(delivery)
         if message is not None:
-            self.put(message, delivery, log_time)
+            self.write(message, delivery, log_time)
 
     def read(self, delivery: wire.Delivery) -> wire.Message | None:
         """Return what was delivered; None: it is foreign, and counted as that."""
@@ -189,7 +189,7 @@ class Writer:
             return None
         return message
 
-    def put(
+    def write(
         self, message: wire.Message, delivery: wire.Delivery, log_time: int
     ) -> None:
         """Write one message that was read already, unless it came before.

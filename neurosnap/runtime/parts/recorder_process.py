@@ -10,7 +10,7 @@ import msgspec
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.write.recorder import run_recorder
-from neurosnap.recording.write.rotation import SplitWriter
+from neurosnap.recording.write.rotation import Split, SplitWriter
 from neurosnap.runtime.parts.job import Job, PartContext
 from neurosnap.sources.live.journal import cut, journal_of
 from neurosnap.system.distribution import version
@@ -29,10 +29,20 @@ class RecorderJob(msgspec.Struct, frozen=True):
     """What it takes over, of a run that is resumed."""
     parts: tuple[str, ...]
     """Whose last words it waits for."""
+    split: Split | None = None
+    """How it is spread over files; None if it is one."""
+    sync: float = 0.0
+    """Seconds between two syncs to disk; 0: at the end only."""
 
     async def run(self, part: PartContext) -> None:
         """Record everything, after what there is of a resumed run."""
-        with SplitWriter(self.path, self.metadata, self.past) as writer:
+        with SplitWriter(
+            self.path,
+            self.metadata,
+            self.past,
+            split=self.split,
+            sync_every=self.sync,
+        ) as writer:
             async with part.connection.fabric() as fabric:
                 balance = await run_recorder(
                     writer,
@@ -62,7 +72,15 @@ def recorder_job(
         swarm: The swarm's id.
         heard: The parts whose last words it waits for.
     """
-    return RecorderJob(str(log), {**describe(options), "swarm": swarm}, past, heard)
+    facts = {**describe(options), "swarm": swarm}
+    return RecorderJob(
+        str(log), facts, past, heard, split=split_of(options), sync=options.sync
+    )
+
+
+def split_of(options: RunOptions) -> Split | None:
+    """Return how a run's recording is spread over files; None if it is one file."""
+    return Split(options.split, options.keep) if options.split else None
 
 
 def describe(options: RunOptions) -> dict[str, str]:

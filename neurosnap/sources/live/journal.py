@@ -32,11 +32,15 @@ import threading
 import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, TypeAlias
+from typing import Annotated, Self, TypeAlias
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, NeurosnapError
+from neurosnap.sensorium import pack, unpack
+from neurosnap.sources.protocol import Observed
 from neurosnap.system.durable import sync_folder
 
 SUFFIX = ".journal"
@@ -61,18 +65,35 @@ class Begin(msgspec.Struct, frozen=True, array_like=True, tag="begin"):
 
 
 class JournalRow(msgspec.Struct, frozen=True, array_like=True, tag="row"):
-    """The readings of one tick."""
+    """The readings of one tick, as they are kept and handed over."""
 
     number: Number
     """The tick."""
     bits: bytes
     """What the sensors read, packed."""
     known: bytes
-    """Which of the readings are known, packed."""
-    begins: bool
+    """Which of the readings are known, packed; empty if all are."""
+    begins: bool = False
     """It follows no action, since nobody listened before it."""
     paused: bool = False
     """Nothing is to be learned from it."""
+
+    @classmethod
+    def of(cls, seen: Observed, number: int = 0) -> Self:
+        """Return the row of an observation."""
+        known = pack_known(seen.known)
+        return cls(number, pack(seen.bits), known, seen.begins, seen.paused)
+
+    def observed(self, sensors: int) -> Observed:
+        """Return the observation; what is live has no ends, so it was cut off."""
+        known = unpack(self.known, sensors) if self.known else None
+        bits = unpack(self.bits, sensors)
+        return Observed(bits, known, self.begins, self.begins, self.paused)
+
+
+def pack_known(known: NDArray[np.bool_] | None) -> bytes:
+    """Return which readings are known as bits; nothing if all are."""
+    return b"" if known is None else pack(known)
 
 
 class Acted(msgspec.Struct, frozen=True, array_like=True, tag="acted"):
@@ -228,38 +249,38 @@ class Journal:
         self._dirty = False
         self._begin()
 
-    def row(
-        self, bits: bytes, known: bytes, *, begins: bool, paused: bool = False
-    ) -> JournalRow:
-        """Write down the next row, and return it.
+    def write(self, row: JournalRow) -> JournalRow:
+        """Write down a row as the next one, whatever its number; return it so.
 
         Raises:
             NeurosnapError: The disk does not take it.
         """
         if self._rows >= _ROWS:
             self._begin()
-        row = JournalRow(self.last + 1, bits, known, begins, paused)
-        self._write(row)
+        row = msgspec.structs.replace(row, number=self.last + 1)
+        self._append(row)
         self.last += 1
         self._rows += 1
         return row
 
-    def act(self, tick: int) -> bool:
-        """Note that the action of a tick is about to be carried out.
+    def begin_action(self, tick: int) -> bool:
+        """Write down that the action of a tick is about to be carried out.
 
         Returns:
-            It may be: it was not noted before.
+            It may be: it was not begun before.
 
         Raises:
             NeurosnapError: The disk does not take it.
         """
         if tick <= self.acted:
             return False
-        self._write(Acted(tick))
+        self._append(Acted(tick))
         self.acted = tick
         return True
 
-    def after(self, tick: int) -> tuple[JournalRow | None, Sequence[JournalRow], int]:
+    def rows_after(
+        self, tick: int
+    ) -> tuple[JournalRow | None, Sequence[JournalRow], int]:
         """Return the rows after a tick; the next one to come follows them.
 
         Where they do not follow on that tick, since some were lost, those there are get
@@ -289,10 +310,7 @@ class Journal:
         """
         self.last = tick
         self._begin()
-        kept = [
-            self.row(row.bits, row.known, begins=row.begins, paused=row.paused)
-            for row in rows
-        ]
+        kept = [self.write(row) for row in rows]
         self.sync()
         return kept
 
@@ -337,9 +355,9 @@ class Journal:
         self.close()
         self._descriptor = descriptor
         self._size = self._rows = 0
-        self._write(Begin(self._sensors, self.last + 1, self.acted))
+        self._append(Begin(self._sensors, self.last + 1, self.acted))
 
-    def _write(self, record: Record) -> None:
+    def _append(self, record: Record) -> None:
         """Write a record, or nothing of it."""
         data = framed(_encoder.encode(record))
         written = 0

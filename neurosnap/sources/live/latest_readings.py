@@ -97,22 +97,22 @@ class LatestReadings:
         self.ahead = 0
         """Readings stamped more than `TOLERANCE` later than they came."""
 
-    def begin(self, now: float) -> None:
-        """Take note that listening begins; before, silence means nothing."""
+    def start_listening(self, now: float) -> None:
+        """Let silence count from now on; before, it means nothing."""
         self._silent_from = np.where(self._seen, now + self._span, np.inf)
 
-    def deafen(self) -> None:
-        """Take note that nobody listens: who is there cannot be told until `begin`."""
+    def stop_listening(self) -> None:
+        """Let silence mean nothing until `start_listening`: nothing is received."""
         self._silent_from[:] = np.inf
         self._on_until[self._seen] = -np.inf
         for sensor, topics in self._topics.items():
             if self._seen[sensor]:
                 topics.clear()
 
-    def put(
+    def update(
         self, sensor: int, on: bool | None, at: float, now: float, topic: str = ""
     ) -> bool:
-        """Take in one reading. O(1).
+        """Update a sensor by one reading. O(1).
 
         Args:
             sensor: Whose, in [0, N).
@@ -143,9 +143,9 @@ class LatestReadings:
         return True
 
     def _combine(self, sensor: int, topic: str, on: bool | None, until: float) -> None:
-        """Take in what one topic of a sensor says. O(1)."""
+        """Update a sensor by what one of its topics says. O(1)."""
         topics = self._topics[sensor]
-        topics.put(topic, on, until)
+        topics.update(topic, on, until)
         # A topic that is no longer seen is off, which ends `all`; one that is stale is
         # unknown, and does not.
         ends = self._seen[sensor] and self._all[sensor]
@@ -153,8 +153,8 @@ class LatestReadings:
         self._on_until[sensor] = last(True)
         self._off_until[sensor] = topics.last_until(False)
 
-    def put_all(self, on: Bits, some: Bits, at: float, now: float) -> Bits:
-        """Take in a reading of every sensor, as `put` would one after the other. O(N).
+    def update_all(self, on: Bits, some: Bits, at: float, now: float) -> Bits:
+        """Update every sensor, as `update` would one after the other. O(N).
 
         Args:
             on: ``(N,)``, what they read; False where they do not know.
@@ -224,8 +224,8 @@ class CombinedTopics:
     def __init__(self) -> None:
         self._until: dict[bool, dict[str, float]] = {False: {}, True: {}}
 
-    def put(self, topic: str, on: bool | None, until: float) -> None:
-        """Take in a reading, which replaces the topic's last one.
+    def update(self, topic: str, on: bool | None, until: float) -> None:
+        """Update a topic by a reading, which replaces its last one.
 
         Args:
             topic: Whose.

@@ -27,7 +27,6 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from neurosnap.errors import NeurosnapError, ShapeError
-from neurosnap.sensorium import pack, unpack
 from neurosnap.sources.live.journal import Journal, JournalRow
 from neurosnap.sources.live.latest_readings import TOLERANCE, Bits, LatestReadings
 from neurosnap.sources.live.statistics import Refusals, Statistics
@@ -46,11 +45,11 @@ class Feeder(Protocol):
     """Brings readings to a source, from a thread of its own."""
 
     def start(self, source: "LiveSource") -> None:
-        """Begin, and return without waiting for anybody; called once.
+        """Begin, and return without waiting; called once.
 
-        From then on it may call, from any thread, the source's `put`, `put_all`,
-        `give`, `refuse`, `hears`, `pause`, `end` and `fail`; what it cannot do it tells
-        by `fail`.
+        From then on it may call, from any thread, the source's `receive`,
+        `receive_all`, `receive_whole`, `refuse`, `listens`, `pause`, `end` and `fail`;
+        what it cannot do it reports by `fail`.
         """
 
     def stop(self) -> None:
@@ -191,12 +190,13 @@ class LiveSource:
         with self._condition:
             if self.journal is None:
                 return None
-            before, rows, missing = self.journal.after(tick)
+            before, rows, missing = self.journal.rows_after(tick)
             if missing:
                 self._missing += missing
                 _logger.warning("journal: readings missing from it: %d", missing)
-            shown = None if before is None else self._read(before)
-            self._waiting = deque(map(self._read, rows))
+            count = len(self.sensors)
+            shown = None if before is None else before.observed(count)
+            self._waiting = deque(row.observed(count) for row in rows)
             self._shown = self._waiting[-1] if rows else shown
             if not self._started and self._shown is not None:
                 self._pauses = self._shown.paused
@@ -206,7 +206,7 @@ class LiveSource:
             return None if shown is None else shown.known
 
     def let_go(self) -> None:
-        """Let whoever waits for a row get None; from any thread."""
+        """Wake a caller that waits for a row; it gets None. From any thread."""
         with self._condition:
             self._turn += 1
             self._away = False
@@ -250,9 +250,9 @@ class LiveSource:
         return patience
 
     def close(self) -> None:
-        """Let go whoever waits, and stop the feeder; from any thread, also twice.
+        """Wake a waiting caller and stop the feeder; from any thread, also twice.
 
-        What was lost until then is told of, once.
+        What was lost until then is logged, once.
         """
         with self._condition:
             told, self._closed = self._closed, True
@@ -272,32 +272,32 @@ class LiveSource:
         """There are all the rows that there are to be."""
         return self._most is not None and self._rows >= self._most
 
-    def put(self, sensor: str, on: bool | None, at: float | None = None) -> None:
-        """Take in one reading; from any thread, and without waiting.
+    def receive(self, sensor: str, on: bool | None, at: float | None = None) -> None:
+        """Receive one reading; from any thread, and without waiting.
 
         Args:
             sensor: Its name.
             on: What it read; None: it does not know.
             at: When, in seconds since the epoch; None: now.
         """
-        self.put_all({sensor: on}, at)
+        self.receive_all({sensor: on}, at)
 
-    def put_all(
+    def receive_all(
         self,
         readings: Mapping[str, bool | None],
         at: float | None = None,
         *,
         topic: str = "",
     ) -> None:
-        """Take in readings that belong together, as `put`: no tick shows half of them.
+        """Receive readings that belong together: no tick shows half of them.
 
         A name that is none of `sensors` is counted and named once: a run has the
         sensors it began with.
 
         Args:
             readings: By name.
-            at: As for `put`.
-            topic: Which topic says so, as for `LatestReadings.put`.
+            at: As for `receive`.
+            topic: Which topic says so, as for `LatestReadings.update`.
         """
         with self._condition:
             now = self._clock()
@@ -306,7 +306,7 @@ class LiveSource:
                 number = self._number.get(sensor)
                 if number is None:
                     self._refusals.refuse_sensor(sensor)
-                elif self._latest.put(number, on, as_of, now, topic):
+                elif self._latest.update(number, on, as_of, now, topic):
                     self._taken += 1
                     self._coalesced += int(self._unshown[number])
                     self._unshown[number] = True
@@ -321,22 +321,22 @@ class LiveSource:
             self._sensitive = False
             self._condition.notify_all()
 
-    def give(
+    def receive_whole(
         self,
         readings: Sequence[bool | None],
         at: float | None = None,
         *,
         spare: bool = False,
     ) -> None:
-        """Take in a whole reading, which gets a tick of its own; from any thread.
+        """Receive a whole reading, which gets a separate tick; from any thread.
 
         Where `WAITING` of them wait already, it is dropped and counted.
 
         Args:
             readings: One a sensor; None: unknown. A reading without any known one is
                 taken in and gets no tick.
-            at: When they were read, as for `put`. Staleness and lateness do not matter
-                for its own tick, only for what is left as the latest.
+            at: When they were read, as for `receive`. Staleness and lateness do not
+                matter for its own tick, only for what is left as the latest.
             spare: It is not dropped: the feeder waits for room before it reads more.
 
         Raises:
@@ -351,7 +351,7 @@ class LiveSource:
             if self.is_full or self._closed:
                 return
             now = self._clock()
-            taken = self._latest.put_all(on, known, self._as_of(at, now), now)
+            taken = self._latest.update_all(on, known, self._as_of(at, now), now)
             self._taken += int(np.count_nonzero(taken))
             self._coalesced += int(np.count_nonzero(taken & self._unshown))
             self._unshown &= ~taken  # a whole reading is shown by a tick of its own
@@ -396,17 +396,17 @@ class LiveSource:
                 if self._away:
                     self._keep_change(self._clock())
 
-    def hears(self, on: bool) -> None:
-        """Take note that the feeder listens from now on, or does not; from any thread.
+    def listens(self, on: bool) -> None:
+        """Note whether the feeder listens from now on; from any thread.
 
         While nobody listens, silence says nothing of a sensor with `seen_within`. A
         feeder listens from its start, unless it says otherwise.
         """
         with self._condition:
             if on:
-                self._latest.begin(self._clock())
+                self._latest.start_listening(self._clock())
             else:
-                self._latest.deafen()
+                self._latest.stop_listening()
             self._condition.notify_all()
 
     def end(self) -> None:
@@ -416,7 +416,7 @@ class LiveSource:
             self._condition.notify_all()
 
     def fail(self, error: BaseException) -> None:
-        """Let whoever waits for a tick get `error`, unless the source is closed.
+        """Let a caller that waits for a tick get `error`, unless the source is closed.
 
         Whole readings that came before have their ticks first.
         """
@@ -460,7 +460,7 @@ class LiveSource:
         if not self.actions or self.journal is None:
             return bool(self.actions)
         with self._condition:
-            return self.journal.act(self.given)
+            return self.journal.begin_action(self.given)
 
     def _is_change(self, seen: tuple[Bits, Bits]) -> bool:
         """Tell whether `seen`, readings and which are known, differs from the last."""
@@ -474,24 +474,19 @@ class LiveSource:
 
     def _row(self, bits: Bits, known: Bits) -> Observed:
         """Return the next row, once it is written down."""
+        sure, begins = None if known.all() else known, self._fresh
+        # What is live has no ends: what begins cut off what was before.
+        row = Observed(bits, sure, begins, begins, self._pauses)
         if self.journal is not None:
-            packed = pack(bits), pack(known)
-            self.journal.row(*packed, begins=self._fresh, paused=self._pauses)
-        self._shown = _observed(bits, known, self._fresh, self._pauses)
-        self._fresh = False
+            self.journal.write(JournalRow.of(row))
+        self._shown, self._fresh = row, False
         self._rows += 1
-        return self._shown
-
-    def _read(self, row: JournalRow) -> Observed:
-        """Return a row that was written down."""
-        count = len(self.sensors)
-        bits, known = unpack(row.bits, count), unpack(row.known, count)
-        return _observed(bits, known, row.begins, row.paused)
+        return row
 
     def _start(self) -> None:
         with self._condition:
             now = self._clock()
-            self._latest.begin(now)
+            self._latest.start_listening(now)
             self._schedule.begin(now)
         with self._feeding:
             self._started = True
@@ -540,11 +535,6 @@ class LiveSource:
         if at is None:
             return now
         return self._stamps.on_our_clock(at, now, self._wall())
-
-
-def _observed(bits: Bits, known: Bits, begins: bool, paused: bool) -> Observed:
-    """Return a row as it is given out: what is live has no ends, so it was cut off."""
-    return Observed(bits, None if known.all() else known, begins, begins, paused)
 
 
 class ClockMapping:

@@ -16,6 +16,7 @@ import msgspec
 
 from neurosnap.errors import NeurosnapError, PartDiedError
 from neurosnap.sensorium import unpack
+from neurosnap.sources.live.journal import JournalRow
 from neurosnap.sources.live.latest_readings import Bits
 from neurosnap.sources.protocol import Observed
 
@@ -35,16 +36,6 @@ class IntakeRecall(msgspec.Struct, frozen=True, array_like=True, tag="recall"):
     tick: int
 
 
-class IntakeAnswer(msgspec.Struct, frozen=True, array_like=True, tag="answer"):
-    """The row; of a `IntakeRecall` what was known only."""
-
-    bits: bytes
-    known: bytes
-    """Packed; empty: all was."""
-    begins: bool
-    paused: bool = False
-
-
 class Over(msgspec.Struct, frozen=True, array_like=True, tag="over"):
     """There is none any more."""
 
@@ -56,7 +47,8 @@ class IntakeFailed(msgspec.Struct, frozen=True, array_like=True, tag="failed"):
 
 
 Question: TypeAlias = Ask | IntakeRecall
-Reply: TypeAlias = IntakeAnswer | Over | IntakeFailed
+Reply: TypeAlias = JournalRow | Over | IntakeFailed
+"""To `IntakeRecall` the row says only what was known."""
 
 HEAD = struct.Struct("<I")
 """The length of a message."""
@@ -107,7 +99,7 @@ class RemoteSource:
         match self._ask(IntakeRecall(tick)):
             case IntakeFailed(what=what):
                 raise NeurosnapError(what)
-            case IntakeAnswer(known=known) if known:
+            case JournalRow(known=known) if known:
                 return unpack(known, len(self.sensors))
             case _:
                 return None
@@ -141,11 +133,8 @@ class RemoteSource:
                 return None
             case IntakeFailed(what=what):
                 raise NeurosnapError(what)
-            case IntakeAnswer(bits=bits, known=known, begins=begins, paused=paused):
-                count = len(self.sensors)
-                known_ = unpack(known, count) if known else None
-                # What is live has no ends: what begins cut off what was before.
-                return Observed(unpack(bits, count), known_, begins, begins, paused)
+            case JournalRow() as row:
+                return row.observed(len(self.sensors))
 
     def close(self) -> None:
         """Let go whoever waits; from any thread, also twice."""

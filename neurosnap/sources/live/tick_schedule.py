@@ -1,36 +1,13 @@
 """Decides when a tick is due: by the clock, or on a change.
 
 Both are pure: they are told the time, in seconds on a clock that never goes back, and
-say how long to wait. Whoever asks gives no tick while nothing at all is known.
+return for how many seconds to wait for the next tick if nothing changes: 0 if it is
+due, None if it never is. A source gives no tick while nothing at all is known.
 """
 
-from typing import Protocol
+from typing import TypeAlias
 
 from neurosnap.errors import InvalidValueError
-
-
-class TickSchedule(Protocol):
-    """Says when the next tick is due."""
-
-    skipped: int
-    """Ticks that were due and never given."""
-
-    def begin(self, now: float) -> None:
-        """Begin at `now`; nothing else is asked before."""
-
-    def wait(self, now: float, changed: bool) -> float | None:
-        """Return for how many seconds to wait for the next tick, if nothing changes.
-
-        Args:
-            now: The time.
-            changed: Something differs from what the last tick gave.
-
-        Returns:
-            0: It is due. None: It never is, unless something changes.
-        """
-
-    def given(self, now: float) -> None:
-        """Take note that a tick was given, due or not."""
 
 
 class Clocked:
@@ -55,9 +32,10 @@ class Clocked:
         self._began = 0.0
         self._next = 0
         self.skipped = 0
+        """Ticks that were due and never given."""
 
     def begin(self, now: float) -> None:
-        """Let the first tick be due `now`."""
+        """Let the first tick be due `now`; nothing else is asked before."""
         self._began, self._next = now, 0
 
     def wait(self, now: float, changed: bool) -> float | None:
@@ -109,7 +87,12 @@ class OnChange:
         self._last = None
 
     def wait(self, now: float, changed: bool) -> float | None:
-        """Return the time left until a change may show, or none has to."""
+        """Return the time left until a change may show, or none has to.
+
+        Args:
+            now: The time.
+            changed: Something differs from what the last tick gave.
+        """
         if self._last is None:
             return 0.0 if changed else None
         span = self._least if changed else self._most
@@ -118,6 +101,10 @@ class OnChange:
     def given(self, now: float) -> None:
         """Count both intervals from `now`."""
         self._last = now
+
+
+TickSchedule: TypeAlias = Clocked | OnChange
+"""Says when the next tick is due."""
 
 
 def new_schedule(

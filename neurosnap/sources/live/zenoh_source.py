@@ -135,6 +135,6 @@ def hand_over(source: LiveSource, key: str, payload: zenoh.ZBytes) -> None:
         if not named:
             hand_in(source, text, spare=False)
         else:
-            source.put(sensor, *read_on(text))
+            source.receive(sensor, *read_on(text))
     except InvalidValueError as error:
         source.refuse(str(within(key, error)))

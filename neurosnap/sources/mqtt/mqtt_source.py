@@ -101,7 +101,7 @@ class MqttFeeder:
     def start(self, source: LiveSource) -> None:
         """Begin to connect; what the link fails of, see there, the source fails of."""
         self._source = source
-        source.hears(False)
+        source.listens(False)
         self._thread.start()
 
     def stop(self) -> None:
@@ -147,7 +147,7 @@ class MqttFeeder:
                 readings[sensor.name] = self._readers[number].read(payload)
             except InvalidValueError as error:
                 self._source.refuse(f"{sensor.name}: {error}")
-        self._source.put_all(readings, topic=topic)
+        self._source.receive_all(readings, topic=topic)
 
     def _pause(self, data: bytes) -> None:
         """Pause learning, or let it go on, as a command says."""
@@ -161,7 +161,7 @@ class MqttFeeder:
 
     def _connected(self, on: bool) -> None:
         if self._source is not None:
-            self._source.hears(on)
+            self._source.listens(on)
 
     def _fail(self, error: Exception) -> None:
         if self._source is not None:

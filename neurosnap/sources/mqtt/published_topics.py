@@ -1,4 +1,4 @@
-"""The topics and texts that a run publishes under.
+"""What a run publishes under which topics, and how Home Assistant shows it as a device.
 
 Below the prefix, everything retained:
 
@@ -23,16 +23,31 @@ Below the prefix, everything retained:
 
 Nothing but ``progress`` holds the tick, so that what stays the same need not be
 published again; and that is published once its ticks are a hundredth more.
+
+Home Assistant discovers the device by one retained message, in the form of 2024.11 and
+later: the device, who says so, and its components under ids of their own. Whether the
+device is there follows from the run's status topic and its last will. An empty message
+takes the device away. What is believed of a sensor is another entity than the sensor
+itself, which Home Assistant may well have: its name and its id say so, and like
+everything but anomalies it is a diagnosis, which is not put on a dashboard unasked.
+
+References:
+    https://www.home-assistant.io/integrations/mqtt/#device-discovery-payload
+    https://www.home-assistant.io/integrations/binary_sensor.mqtt/
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, TypeAlias
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.errors import ShapeError
+from neurosnap.sources.mqtt.options import DeviceClass, MqttPublish
+from neurosnap.system.distribution import HOME, version
 
 _OTHER = re.compile(r"[^A-Za-z0-9_-]+")
 
@@ -127,3 +142,177 @@ def predictions(
     unread = np.flatnonzero(~known & (literals[0::2] | literals[1::2]))
     said = {names[k]: "ON" if literals[2 * k] else "OFF" for k in unread.tolist()}
     return msgspec.json.encode(said)
+
+
+Components: TypeAlias = dict[str, dict[str, Any]]
+"""By id, what each is."""
+
+# What is no reading is the payload None to Home Assistant.
+_BELIEF = "{{ 'None' if value == 'unknown' else value }}"
+
+_DIAGNOSIS = "diagnostic"
+_PROGRESS = (
+    ("ticks", "Ticks", "counter"),
+    ("implications", "Implications", "graph-outline"),
+    ("read", "Sensors read", "access-point"),
+)
+"""How far learning is: id and key, name and icon of each entity."""
+_SWITCH: dict[str, Any] = {
+    "platform": "switch",
+    "name": "Learning",
+    "entity_category": "config",
+    "icon": "mdi:school",
+    "payload_on": ON.decode(),
+    "payload_off": OFF.decode(),
+    "retain": True,  # so that a run that starts again is still paused
+}
+_NOT_IN_ID = re.compile(r"[^a-z0-9]+")
+
+
+def discovery_topic(publish: MqttPublish) -> str:
+    """Return where the device is announced."""
+    return f"{publish.discovery_prefix}/device/{node(publish)}/config"
+
+
+def node(publish: MqttPublish) -> str:
+    """Return the device's id: two runs with the same prefix are the same device."""
+    return slugs([publish.prefix])[0]
+
+
+def discovery(
+    publish: MqttPublish,
+    topics: Topics,
+    names: Sequence[str],
+    *,
+    acts: bool,
+    pauses: bool = False,
+    judges: bool = False,
+    classes: Mapping[str, DeviceClass] = MappingProxyType({}),
+) -> bytes:
+    """Return the announcement.
+
+    A sensor that a later run does not have must be taken away by hand there, or by a
+    run with `MqttPublish.forget`.
+
+    Args:
+        publish: The device's name and id.
+        topics: Where its components' states are.
+        names: The sensors' names, as shown to people.
+        acts: Whether it decides anything.
+        pauses: Whether learning can be paused.
+        judges: Whether the health of its sensors is followed.
+        classes: What sensors sense, by their names, where that was said.
+    """
+    unique = node(publish)
+    components = _beliefs(topics, names, classes) | _learning(topics)
+    if judges:
+        components |= _health(topics, names)
+    if pauses:
+        components["learning"] = _SWITCH | {
+            "state_topic": topics.learning,
+            "command_topic": topics.learning_set,
+        }
+    if acts:
+        template = "{{ value_json.action }}"
+        components["decision"] = _diagnosis(
+            "Decision", "source-branch", topics.decision, template
+        ) | {"json_attributes_topic": topics.decision}
+    for identity, component in components.items():
+        component["unique_id"] = f"{unique}_{identity}"
+        entity = _entity_id(unique, identity)
+        component["default_entity_id"] = f"{component['platform']}.{entity}"
+    device = {
+        "identifiers": [unique],
+        "name": publish.device,
+        "manufacturer": "neurosnap",
+        "model": "Universal Memory Architecture",
+        "sw_version": version(),
+    }
+    if publish.page is not None:
+        device["configuration_url"] = publish.page
+    announced = {
+        "device": device,
+        "origin": {"name": "neurosnap", "sw_version": version(), "support_url": HOME},
+        "availability": [{"topic": topics.status}],
+        "qos": 1,
+        "components": components,
+    }
+    return msgspec.json.encode(announced)
+
+
+def _beliefs(
+    topics: Topics, names: Sequence[str], classes: Mapping[str, DeviceClass]
+) -> Components:
+    """Return the components that say what is believed, and the anomaly."""
+    components: Components = {}
+    for slug, name, topic in zip(topics.slugs, names, topics.sensors, strict=True):
+        components[f"sensor_{slug}"] = {
+            "platform": "binary_sensor",
+            "name": f"{name} (believed)",
+            "entity_category": _DIAGNOSIS,
+            "state_topic": topic,
+            "value_template": _BELIEF,
+            **({"device_class": classes[name]} if name in classes else {}),
+        }
+    last = "{{ value_json.last | tojson }}"
+    components["anomaly"] = _problem("Anomaly", topics.anomaly, last)
+    components["predictions"] = _diagnosis(
+        "Predictions", "crystal-ball", topics.predictions, "{{ value_json | count }}"
+    ) | {"json_attributes_topic": topics.predictions}
+    return components
+
+
+def _learning(topics: Topics) -> Components:
+    """Return the components that say how far learning is."""
+    return {
+        key: _diagnosis(name, icon, topics.progress, f"{{{{ value_json.{key} }}}}")
+        | {"state_class": "measurement"}
+        for key, name, icon in _PROGRESS
+    }
+
+
+def _health(topics: Topics, names: Sequence[str]) -> Components:
+    """Return the components that say which sensors seem broken."""
+    components: Components = {}
+    last = "{{ {'alarm': value_json.last} | tojson }}"
+    for slug, name, topic in zip(topics.slugs, names, topics.health, strict=True):
+        problem = _problem(f"{name} (sensor)", topic, last)
+        components[f"health_{slug}"] = problem | {"entity_category": _DIAGNOSIS}
+    components["health"] = _diagnosis(
+        "Sensors known", "heart-pulse", topics.known, "{{ value_json.known }}"
+    ) | {"state_class": "measurement", "json_attributes_topic": topics.known}
+    return components
+
+
+def _diagnosis(name: str, icon: str, topic: str, template: str) -> dict[str, Any]:
+    """Return a component that says something of the run."""
+    return {
+        "platform": "sensor",
+        "name": name,
+        "entity_category": _DIAGNOSIS,
+        "icon": f"mdi:{icon}",
+        "state_topic": topic,
+        "value_template": template,
+    }
+
+
+def _problem(name: str, topic: str, attributes: str) -> dict[str, Any]:
+    """Return a component that is on while something is wrong."""
+    return {
+        "platform": "binary_sensor",
+        "device_class": "problem",
+        "name": name,
+        "state_topic": topic,
+        "value_template": "{{ value_json.now }}",
+        "json_attributes_topic": topic,
+        "json_attributes_template": attributes,
+    }
+
+
+def _entity_id(unique: str, identity: str) -> str:
+    """Return an entity's id without its platform, which can be no other device's.
+
+    Such an id has small letters, digits, and single ``_`` between them. Where two come
+    out the same, Home Assistant numbers them.
+    """
+    return _NOT_IN_ID.sub("_", f"{unique}_{identity}".lower()).strip("_")

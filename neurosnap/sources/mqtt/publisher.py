@@ -19,13 +19,14 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.health.news import Standing
 from neurosnap.sensorium import unpack
 from neurosnap.sources.mqtt.connection import MqttLink
-from neurosnap.sources.mqtt.home_assistant import discovery, discovery_topic
 from neurosnap.sources.mqtt.options import DeviceClass, MqttBroker, MqttPublish
 from neurosnap.sources.mqtt.published_topics import (
     OFF,
     ON,
     Topics,
     beliefs,
+    discovery,
+    discovery_topic,
     predictions,
 )
 
@@ -38,8 +39,8 @@ _STEPS = 100
 class MqttPublisher:
     """Publishes one run.
 
-    The methods that take something in may be called from any thread, one at a time,
-    before `serve` as well; they do not wait.
+    Its methods but `serve` may be called from any thread, one at a time, before `serve`
+    as well; they do not wait.
 
     Args:
         broker: Where to.
@@ -102,7 +103,7 @@ class MqttPublisher:
         self.anomaly(None)
 
     def state(self, state: wire.State, known: NDArray[np.bool_] | None = None) -> None:
-        """Take in a tick's state. O(N).
+        """Publish what is believed by a tick's state. O(N).
 
         Args:
             state: What the coordinator published.
@@ -132,13 +133,13 @@ class MqttPublisher:
             self._say(self._topics.progress, **said_, of=count)
 
     def learning(self, paused: bool) -> None:
-        """Take in whether what came last is learned from."""
+        """Publish whether what came last is learned from."""
         if paused != self._paused:
             self._paused = paused
             self._link.hold(self._topics.learning, OFF if paused else ON)
 
     def decision(self, decision_: wire.Decision) -> None:
-        """Take in a decision; one that is none, where nothing is decided, is left out.
+        """Publish a decision; one that is none, where nothing is decided, is left out.
 
         Raises:
             InvalidValueError: There is no such choice.
@@ -153,7 +154,7 @@ class MqttPublisher:
         self._say(self._topics.decision, action=action, why=decision_.why)
 
     def anomaly(self, record: Mapping[str, object] | None) -> None:
-        """Take in that there is an anomaly now, or that there is none.
+        """Publish that there is an anomaly now, or that there is none.
 
         Args:
             record: What JSON can hold; None: there is none, and the last one stays to
@@ -165,7 +166,7 @@ class MqttPublisher:
         self._say(self._topics.anomaly, now=now, last=self._last or {})
 
     def health(self, standing: Standing) -> None:
-        """Take in how the sensors are; beside the others, by one thread at a time."""
+        """Publish how the sensors are; beside the others, by one thread at a time."""
         alarms = {alarm.sensor: alarm.line() for alarm in standing.alarms}
         for place, name in enumerate(self._names):
             alarm = alarms.get(name)

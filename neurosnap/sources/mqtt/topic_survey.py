@@ -62,7 +62,7 @@ _NO_NAME = re.compile(r"\W+")
 
 
 class HeardTopic(msgspec.Struct):
-    """What came of one topic."""
+    """What was received on one topic."""
 
     topic: str
     messages: int = 0
@@ -74,15 +74,15 @@ class HeardTopic(msgspec.Struct):
 
 
 class Survey:
-    """Takes in messages, and says what they look like."""
+    """Collects messages, and says what they look like."""
 
     def __init__(self) -> None:
         self._heard: dict[str, HeardTopic] = {}
         self.passed_over = 0
         """Messages of topics beyond `MOST_TOPICS`."""
 
-    def take(self, topic: str, data: bytes) -> bool:
-        """Take in one message. O(its length).
+    def add(self, topic: str, data: bytes) -> bool:
+        """Add one message. O(its length).
 
         Returns:
             Whether its topic is a new one.

@@ -1,16 +1,17 @@
-"""Reads CSV files of readings: a column a sensor, a row a tick.
+"""Reads tables of readings, a column a sensor and a row a tick, and CSV files of them.
 
-Cells stand between commas, semicolons or tabs, in UTF-8. They are 0 and 1, false and
-true, off and on, or say that nothing is known. Rows of nothing but 0 and 1 are read
-without a look at each cell. A file is read as it is gone through, and never held in
-memory. A cell may be in quotes, but may not go over several lines: no name and no
-reading does.
+Cells are 0 and 1, false and true, off and on, or say that nothing is known. A file is
+read as it is gone through, and never held in memory.
+
+In a CSV file cells stand between commas, semicolons or tabs, in UTF-8. Rows of nothing
+but 0 and 1 are read without a look at each cell. A cell may be in quotes, but may not
+go over several lines: no name and no reading does.
 """
 
 import csv
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +24,29 @@ from neurosnap.system.csv_text import as_written
 OnProgress: TypeAlias = Callable[[int, int], object]
 """Told how much is read, and of how much."""
 
+_BITS = frozenset({"0", "1"})
+_ZERO, _ONE = ord("0"), ord("1")
+_HEADER = "must be a header of sensor names"
 _MARK = b"\xef\xbb\xbf"
 _REPORT = 1 << 20
 """Bytes between two reports."""
+
+
+class TableFile(Protocol):
+    """A file with a header, and lines of as many cells below it."""
+
+    path: str
+    header: list[str]
+    delimiter: str
+    """What stands between the cells of a line; empty where lines are cells."""
+
+    def lines(
+        self, on_progress: OnProgress | None = None
+    ) -> Iterator[tuple[int, bytes | list[str]]]:
+        """Yield the number of each line below the header, and its text or its cells."""
+
+    def cells(self, line: int, data: bytes | list[str]) -> list[str]:
+        """Return the cells of a line."""
 
 
 class CsvFile:
@@ -38,10 +59,11 @@ class CsvFile:
         path: The same.
         delimiter: What stands between cells: that one of the three which the header has
             most of.
-        header: Its first line's cells.
+        header: Its first line's cells. An apostrophe that keeps a spreadsheet from
+            running one as a formula is left out (`neurosnap.system.csv_text`).
 
     Raises:
-        InvalidValueError: It cannot be read, or has no text.
+        InvalidValueError: It cannot be read, or has no text, or no header.
     """
 
     def __init__(self, path: str) -> None:
@@ -53,7 +75,10 @@ class CsvFile:
             )
         outside = b"".join(data.split(b'"')[::2])
         self.delimiter = max(",;\t", key=lambda sign: outside.count(sign.encode()))
-        self.header = self._parsed(line, data)
+        self.header = [as_written(name) for name in self._parsed(line, data)]
+        if _BITS.issuperset(self.header):
+            # Readings without a header would lose their first row unnoticed.
+            raise InvalidValueError(f"{path}:1", _HEADER, self.header)
 
     def lines(
         self, on_progress: OnProgress | None = None
@@ -68,14 +93,14 @@ class CsvFile:
         next(lines, None)
         return lines
 
-    def cells(self, line: int, data: bytes) -> list[str]:
+    def cells(self, line: int, data: bytes | list[str]) -> list[str]:
         """Return the cells of a line, without white space at their ends.
 
         Raises:
             ShapeError: It has another number of cells than the header.
             InvalidValueError: It is no CSV, or not UTF-8.
         """
-        cells = self._parsed(line, data)
+        cells = self._parsed(line, data) if isinstance(data, bytes) else data
         if len(cells) != len(self.header):
             rule = f"must have {len(self.header)} cells, as many as the header"
             raise ShapeError(f"{self.path}:{line}", rule, len(cells))
@@ -122,10 +147,6 @@ def _lines(
         raise InvalidValueError("source", rule, path) from error
 
 
-_BITS = frozenset({"0", "1"})
-_ZERO, _ONE = ord("0"), ord("1")
-
-
 class Row(NamedTuple):
     """One row."""
 
@@ -137,12 +158,10 @@ class Row(NamedTuple):
     """``(N,)``; None: all are."""
 
 
-class CsvRows:
-    """The readings in a CSV file.
+class TableRows:
+    """The readings in a table.
 
-    A first column that is called ``time``, or has no name, holds no sensor. An
-    apostrophe that keeps a spreadsheet from running a name as a formula is left out
-    (`neurosnap.system.csv_text`).
+    A first column that is called ``time``, or has no name, holds no sensor.
 
     Args:
         file: The file.
@@ -156,20 +175,17 @@ class CsvRows:
         InvalidValueError: The header breaks a rule.
     """
 
-    def __init__(self, file: CsvFile, wanted: Wanted) -> None:
+    def __init__(self, file: TableFile, wanted: Wanted) -> None:
         self._file, self._wanted = file, wanted
         header, where = file.header, f"{file.path}:1"
         self._skipped = _skipped(header, wanted, where)
         self.timed = self._skipped is not None and header[self._skipped] != ""
         self._names = [
-            (place, as_written(name))
-            for place, name in enumerate(header)
-            if place != self._skipped
+            (place, name) for place, name in enumerate(header) if place != self._skipped
         ]
         names = [name for _, name in self._names]
-        if not names or _BITS.issuperset(names):
-            # Readings without a header would lose their first row unnoticed.
-            raise InvalidValueError(where, "must be a header of sensor names", header)
+        if not names:
+            raise InvalidValueError(where, _HEADER, header)
         wanted.check(names, where)
         readers = [reader.name for _, reader in self._readers()]
         try:
@@ -187,7 +203,9 @@ class CsvRows:
         words = all(reader.comparison is None for _, reader in readers)
         all_of_them = words and len(readers) == len(self._names)
         for line, data in self._file.lines(on_progress):
-            row = self._plain(data) if all_of_them else None
+            row = None
+            if all_of_them and isinstance(data, bytes):
+                row = self._plain(data)
             yield row or self._row(line, self._file.cells(line, data), readers)
 
     def _readers(self) -> list[tuple[int, Reader]]:
@@ -199,7 +217,7 @@ class CsvRows:
         ]
 
     def _plain(self, data: bytes) -> Row | None:
-        """Return a row in which all cells are 0 or 1; None: it is not that plain."""
+        """Return a row of CSV in which all cells are 0 or 1; None if it is another."""
         delimiter = self._file.delimiter.encode()
         time = b""
         if self._skipped == 0:

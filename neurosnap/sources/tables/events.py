@@ -5,7 +5,7 @@ events a sensor reads what it read last. Events that change nothing are no ticks
 
 Events come from two kinds of text:
 
-- A log is a CSV file with time, sensor and value. The header says which column is
+- A log is a table with time, sensor and value. The header says which column is
   which, in any order; Home Assistant's own history export calls them ``last_changed``,
   ``entity_id`` and ``state``.
 - The intervals of a home, as published for research: when each sensor was on, and how
@@ -23,7 +23,7 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.columns import GrowingColumns
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.meaning import Reader, Wanted
-from neurosnap.sources.tables.csv_file import CsvFile, OnProgress
+from neurosnap.sources.tables.csv_file import OnProgress, TableFile
 from neurosnap.sources.tables.readings import Readings, utc
 
 _UNKNOWN = -1
@@ -52,6 +52,17 @@ class Events:
         self._times.append(time)
         self._who.append(self._sensors.setdefault(name, len(self._sensors)))
         self._said.append(_UNKNOWN if value is None else int(value))
+
+    def read(self, time: float, reader: Reader, text: str, where: str) -> None:
+        """Take in an event by what the data say of it.
+
+        Raises:
+            InvalidValueError: They say neither on nor off.
+        """
+        try:
+            self.add(time, reader.name, reader.read(text))
+        except ValueError as error:
+            raise InvalidValueError(where, str(error), text) from None
 
     def readings(self) -> Readings:
         """Return the readings; sensors are in the order of their names.
@@ -116,7 +127,7 @@ def roles(header: list[str], time: str | None = None) -> tuple[int, int, int] | 
 
 
 def read_event_log(
-    file: CsvFile,
+    file: TableFile,
     places: tuple[int, int, int],
     wanted: Wanted,
     on_progress: OnProgress | None = None,
@@ -127,7 +138,7 @@ def read_event_log(
         file: The log.
         places: As `roles` returns them.
         wanted: Which sensors to read.
-        on_progress: Told how many bytes are read.
+        on_progress: Told how much is read.
 
     Raises:
         InvalidValueError: A line breaks a rule.
@@ -142,19 +153,15 @@ def read_event_log(
             readers[name] = wanted.readers(name)
         if not readers[name]:
             continue
-        time = seconds(cells[when], f"{file.path}:{line}: {file.header[when]}")
+        where = f"{file.path}:{line}"
+        time = _seconds(cells[when], f"{where}: {file.header[when]}")
         for reader in readers[name]:
-            try:
-                value = reader.read(cells[what])
-            except ValueError as error:
-                where = f"{file.path}:{line}: {name}"
-                raise InvalidValueError(where, str(error), cells[what]) from None
-            events.add(time, reader.name, value)
+            events.read(time, reader, cells[what], f"{where}: {name}")
     wanted.check(list(readers), file.path)
     return events.readings()
 
 
-def seconds(text: str, where: str) -> float:
+def _seconds(text: str, where: str) -> float:
     """Return a moment in seconds since 1970; without a zone it is one of UTC."""
     try:
         number = float(text)
@@ -174,11 +181,11 @@ def read_home_intervals(path: str, wanted: Wanted) -> Readings:
     """Return the readings of a home; its sensors are called ``s`` and their number.
 
     Args:
-        path: Where the file is.
+        path: Where the file is; it can be read.
         wanted: Which sensors to read.
 
     Raises:
-        InvalidValueError: It cannot be read, or a line breaks a rule.
+        InvalidValueError: A line breaks a rule.
     """
     try:
         lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
@@ -186,9 +193,6 @@ def read_home_intervals(path: str, wanted: Wanted) -> Readings:
         raise InvalidValueError(
             path, "must be UTF-8 text", error.object[:40]
         ) from error
-    except OSError as error:
-        rule = f"must be a file that can be read ({error.strerror})"
-        raise InvalidValueError("source", rule, path) from error
     spans: dict[str, list[tuple[float, float]]] = {}
     for number, line in enumerate(lines, start=1):
         if not line.strip():

@@ -12,7 +12,7 @@ from pathlib import Path
 import msgspec
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.sources.meaning import Reader, Wanted, plain_unit
+from neurosnap.sources.meaning import Wanted, plain_unit
 from neurosnap.sources.tables.csv_file import OnProgress
 from neurosnap.sources.tables.events import Events
 from neurosnap.sources.tables.readings import Readings
@@ -94,7 +94,8 @@ def _read(
     events = Events()
     for number, state, time in _states(database, on_progress):
         for reader in readers.get(number, ()):
-            _add(events, reader, entities[number], state, time, path)
+            # An entity that was removed has no state.
+            events.read(time, reader, state or "", f"{path}: {entities[number]}")
     return events.readings()
 
 
@@ -119,14 +120,3 @@ def _states(
         if on_progress is not None and done % _REPORT == 0:
             on_progress(done, total)
         yield row
-
-
-def _add(
-    events: Events, reader: Reader, name: str, state: str | None, time: float, path: str
-) -> None:
-    """Take in one state; an entity that was removed has none."""
-    try:
-        value = reader.read(state or "")
-    except ValueError as error:
-        raise InvalidValueError(f"{path}: {name}", str(error), state) from None
-    events.add(time, reader.name, value)

@@ -1,17 +1,24 @@
 """Opens a file of readings, of whatever kind it is."""
 
+from collections.abc import Iterator
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
-from neurosnap.errors import InvalidValueError
+from neurosnap.errors import InvalidValueError, MissingExtraError
 from neurosnap.poc.learning.columns import GrowingColumns
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.meaning import Wanted
-from neurosnap.sources.tables import home_assistant_db, parquet_rows
-from neurosnap.sources.tables.csv_file import CsvFile, CsvRows, OnProgress
+from neurosnap.sources.tables import home_assistant_db
+from neurosnap.sources.tables.csv_file import CsvFile, OnProgress, TableFile, TableRows
 from neurosnap.sources.tables.events import read_event_log, read_home_intervals, roles
 from neurosnap.sources.tables.readings import Readings
+from neurosnap.system.distribution import must_have
 
 _INTERVALS = ".sensors"
+_PARQUET = b"PAR1"
+_ROWS = 4096  # of a Parquet file that are read at a time
 
 
 def open_readings(
@@ -20,8 +27,9 @@ def open_readings(
     """Return the readings in a file.
 
     What a file is, is told by its first bytes: a database of Home Assistant, Parquet,
-    else text. Text whose name ends with ``.sensors`` holds the intervals of a home; a
-    CSV file is a log of events if its header has the columns of one, or else a table.
+    else text. Text whose name ends with ``.sensors`` holds the intervals of a home. A
+    Parquet or CSV file is a log of events if its header has the columns of one, or else
+    a table.
 
     Args:
         path: Where it is.
@@ -37,12 +45,15 @@ def open_readings(
     beginning = first_bytes(path)
     if beginning.startswith(home_assistant_db.MAGIC):
         readings = home_assistant_db.read_home_assistant(path, wanted, on_progress)
-    elif beginning.startswith(parquet_rows.MAGIC):
-        readings = parquet_rows.read_parquet(path, wanted, on_progress)
+    elif beginning.startswith(_PARQUET):
+        parquet = _ParquetFile(path)
+        if wanted.time is None and parquet.time is not None:
+            wanted = replace(wanted, time=parquet.time)
+        readings = _read_table(parquet, wanted, on_progress)
     elif path.lower().endswith(_INTERVALS):
         readings = read_home_intervals(path, wanted)
     else:
-        readings = _read_csv(path, wanted, on_progress)
+        readings = _read_table(CsvFile(path), wanted, on_progress)
     if not readings.columns.ticks:
         raise InvalidValueError(path, "must hold readings", "none")
     return readings
@@ -62,13 +73,87 @@ def first_bytes(path: str) -> bytes:
         raise InvalidValueError("source", rule, path) from error
 
 
-def _read_csv(path: str, wanted: Wanted, on_progress: OnProgress | None) -> Readings:
-    file = CsvFile(path)
+def _read_table(
+    file: TableFile, wanted: Wanted, on_progress: OnProgress | None
+) -> Readings:
     if places := roles(file.header, wanted.time):
         return read_event_log(file, places, wanted, on_progress)
-    rows = CsvRows(file, wanted)
+    rows = TableRows(file, wanted)
     growing, times = GrowingColumns(Sensorium(rows.sensors)), list[str]()
     for row in rows.rows(on_progress):
         growing.append(row.bits, row.known)
         times.append(row.time)
     return Readings(growing.columns(), times if rows.timed else None)
+
+
+class _ParquetFile:
+    """A Parquet file: columns of booleans, numbers or words; what is missing is empty.
+
+    Args:
+        path: Where it is.
+
+    Attributes:
+        time: The first column of dates, which holds the time; None if there is none.
+            The others are left out.
+
+    Raises:
+        MissingExtraError: pyarrow is not installed.
+        InvalidValueError: It cannot be read.
+    """
+
+    delimiter = ""
+
+    def __init__(self, path: str) -> None:
+        try:
+            import pyarrow as pa
+            import pyarrow.parquet as pq
+        except ImportError as error:
+            rule = must_have("pyarrow", "export")
+            raise MissingExtraError(f"{path}: {rule}") from error
+        self.path = path
+        self._failures = (pa.ArrowException, OSError)
+        try:
+            self._file: Any = pq.ParquetFile(path)
+        except self._failures as error:
+            raise self._wrong(error) from error
+        schema = self._file.schema_arrow
+        dates = [each.name for each in schema if pa.types.is_temporal(each.type)]
+        self.time: str | None = next(iter(dates), None)
+        self.header = [name for name in schema.names if name not in dates[1:]]
+
+    def lines(
+        self, on_progress: OnProgress | None = None
+    ) -> Iterator[tuple[int, list[str]]]:
+        """Yield the number of each row, from 1, and its cells.
+
+        Raises:
+            InvalidValueError: While iterating: it cannot be read.
+        """
+        done, total = 0, self._file.metadata.num_rows
+        try:
+            for batch in self._file.iter_batches(_ROWS, columns=self.header):
+                columns = [batch.column(name).to_pylist() for name in self.header]
+                for cells in zip(*columns, strict=True):
+                    done += 1
+                    yield done, [_text(cell) for cell in cells]
+                if on_progress is not None:
+                    on_progress(done, total)
+        except self._failures as error:
+            raise self._wrong(error) from error
+
+    def cells(self, line: int, data: bytes | list[str]) -> list[str]:
+        """Return the cells of a row, which are there already."""
+        return [*map(str, data)]
+
+    def _wrong(self, error: Exception) -> InvalidValueError:
+        return InvalidValueError(self.path, "must be a Parquet file", str(error))
+
+
+def _text(value: object) -> str:
+    """Return a cell as CSV would have it; dates without a zone are in UTC."""
+    if value is None or isinstance(value, bool):
+        return "" if value is None else str(int(value))
+    if isinstance(value, datetime):
+        zoned = value if value.tzinfo else value.replace(tzinfo=UTC)
+        return zoned.astimezone(UTC).isoformat(" ")
+    return str(value)

@@ -4,9 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from neurosnap.recording.write import rotation
-from neurosnap.recording.write.rotation import Split
-from tests.support.split_runs import made
+from tests.support.split_runs import SMALL, made
 
 
 @pytest.fixture(scope="session", params=[0, 2], ids=["cells", "workers"])
@@ -19,5 +17,7 @@ def whole(
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let every key-frame begin another file."""
-    monkeypatch.setattr(rotation, "split_of", lambda _: Split(1))
+    """Let every key-frame of a run begin another file."""
+    monkeypatch.setattr(
+        "neurosnap.runtime.parts.recorder_process.split_of", lambda _: SMALL
+    )

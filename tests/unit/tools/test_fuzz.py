@@ -14,8 +14,7 @@ from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.protocol.message_checks import check_readings
-from neurosnap.recording.format.facts import sealed_facts
-from neurosnap.recording.format.records import RUN
+from neurosnap.recording.format.records import RUN, sealed_facts
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.parts.job import decoded

@@ -21,8 +21,9 @@ from neurosnap.apps.export.write import Form, export, form_of
 from neurosnap.errors import InvalidValueError, NeurosnapError, RecordingError
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.learning import snapshot_at
-from neurosnap.recording.write import rotation
+from neurosnap.recording.write.rotation import Split
 from neurosnap.recording.write.writer import Writer
+from neurosnap.runtime.parts import recorder_process
 from neurosnap.sources.csv_source import CsvSource
 from tests.support.export_runs import NAMES, TICKS, recorded, rows
 
@@ -165,7 +166,7 @@ def without_times(path: Path) -> list[dict[str, str]]:
 def test_several_files_are_exported_like_one(
     log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(rotation, "split_of", lambda _: rotation.Split(1))
+    monkeypatch.setattr(recorder_process, "split_of", lambda _: Split(1))
     split = recorded(tmp_path / "log.mcap")
     files = list(part_paths(split).values())
     assert len(files) > 2
@@ -190,7 +191,7 @@ def test_what_a_recording_lacks_is_told(log: Path, tmp_path: Path) -> None:
         for each in old.messages():
             message = each.message
             if not (isinstance(message, wire.State) and message.tick in (5, 8)):
-                writer.put(message, each.delivery, each.log_time)
+                writer.write(message, each.delivery, each.log_time)
         writer.finish({}, {})
     done = export(tmp_path / "log.mcap", "csv", tmp_path / "out.csv")
     assert (done.ticks, done.incomplete, done.whole) == (TICKS, 2, False)
@@ -214,7 +215,7 @@ def test_what_is_not_of_such_a_run_is_an_error(
     with Writer(tmp_path / "log.mcap") as writer:
         writer.start(Recording.open(log).metadata)
         delivery = wire.Delivery(message.key, 0, sent, wire.encode(message))
-        writer.put(message, delivery, 1)
+        writer.write(message, delivery, 1)
         writer.finish({}, {})
     with pytest.raises(RecordingError, match=said):
         export(tmp_path / "log.mcap", "csv")

@@ -11,8 +11,14 @@ from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.fabric.protocol import Place
 from neurosnap.recording.format.chunks import unpack
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.format.facts import sealed_facts
-from neurosnap.recording.format.records import PLACES, PROFILE, RUN, TOTALS, Chunk
+from neurosnap.recording.format.records import (
+    PLACES,
+    PROFILE,
+    RUN,
+    TOTALS,
+    Chunk,
+    sealed_facts,
+)
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer

@@ -17,8 +17,7 @@ from mcap.stream_reader import StreamReader
 from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.format.facts import sealed_facts
-from neurosnap.recording.format.records import LIMIT, RUN, TOTALS
+from neurosnap.recording.format.records import LIMIT, RUN, TOTALS, sealed_facts
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write import writer
 from tests.support.recordings import EACH, delivered, record, traffic

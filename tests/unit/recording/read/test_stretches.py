@@ -20,8 +20,8 @@ from neurosnap.recording.read.ticks import ticks
 from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.recording.replay.resume import find_resume_point, past_of, whole_ticks
 from neurosnap.recording.replay.verify import verify
+from neurosnap.recording.write.copying import salvage
 from neurosnap.recording.write.rotation import Split, SplitWriter
-from neurosnap.recording.write.salvage import salvage
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run

@@ -48,7 +48,7 @@ def test_each_birth_is_listed_with_its_tick_and_history() -> None:
         birth(6, TWO, FIRST + 1),
         wire.Decision(8, 0, "", retires=FIRST),
     ):
-        births.take(message)
+        births.follow(message)
     assert shown(births) == [
         (4, FIRST, "push&door&dark", 4, True, 8),
         (6, FIRST + 1, "push&~door&~dark", 6, True, None),
@@ -63,28 +63,28 @@ def test_each_birth_is_listed_with_its_tick_and_history() -> None:
 
 def test_a_birth_that_is_grown_again_is_told_apart() -> None:
     births = Births(BODY)
-    births.take(birth(1, ONE, FIRST))
-    births.take(wire.Decision(2, 0, "", retires=FIRST))
-    births.take(birth(3, ONE, FIRST + 1))
+    births.follow(birth(1, ONE, FIRST))
+    births.follow(wire.Decision(2, 0, "", retires=FIRST))
+    births.follow(birth(3, ONE, FIRST + 1))
     assert births.names[FIRST:] == ("push&door&dark", "push&door&dark#2")
 
 
 def test_the_last_tick_of_a_run_is_known_from_its_key_frame() -> None:
     births = Births(BODY)
-    births.take(wire.Decision(1, 0, ""))
-    births.take(frame(2, BODY.grow((0, ONE))))
+    births.follow(wire.Decision(1, 0, ""))
+    births.follow(frame(2, BODY.grow((0, ONE))))
     assert shown(births) == [(2, FIRST, "push&door&dark", None, True, None)]
 
 
 def test_behind_a_gap_it_goes_on_from_the_next_key_frame() -> None:
     grown = BODY.grow((0, ONE)).grow((0, TWO))
     births = Births(BODY)
-    births.take(wire.Decision(1, 0, ""))
-    births.take(birth(9, TWO, FIRST + 1))  # what was grown before it is missing
+    births.follow(wire.Decision(1, 0, ""))
+    births.follow(birth(9, TWO, FIRST + 1))  # what was grown before it is missing
     assert births.listed == ()
-    births.take(frame(12, grown.retire(0)))
-    births.take(wire.Decision(12, 0, "said again"))
-    births.take(birth(14, (0, 3), FIRST + 2))
+    births.follow(frame(12, grown.retire(0)))
+    births.follow(wire.Decision(12, 0, "said again"))
+    births.follow(birth(14, (0, 3), FIRST + 2))
     assert shown(births) == [
         (12, FIRST, "push&door&dark", None, False, 12),
         (12, FIRST + 1, "push&~door&~dark", None, False, None),

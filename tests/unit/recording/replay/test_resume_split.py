@@ -16,6 +16,7 @@ from tests.support.course import course
 from tests.support.recorded_messages import first
 from tests.support.split_runs import (
     EVERY,
+    SMALL,
     TICKS,
     last_of,
     made,
@@ -75,7 +76,6 @@ def test_a_key_frame_is_no_proof_that_all_before_it_is_there(
     assert whole_ticks(log) == past.tick
 
 
-@pytest.mark.usefixtures("small")
 def test_nor_is_the_key_frame_that_another_file_begins_with(
     whole: Path, tmp_path: Path
 ) -> None:
@@ -83,7 +83,7 @@ def test_nor_is_the_key_frame_that_another_file_begins_with(
     recorded = list(Recording.open(whole).messages())
     place, _ = first(recorded, wire.KeyFrame, lambda frame: frame.tick == 2 * EVERY)
     lost, log = last_of(recorded, 2 * EVERY), tmp_path / "log.mcap"
-    with SplitWriter(log, Recording.open(whole).metadata) as writer:
+    with SplitWriter(log, Recording.open(whole).metadata, split=SMALL) as writer:
         for number, one in enumerate(recorded[: place + 1]):
             if number != lost:
                 writer.add(one.delivery, one.log_time)
@@ -114,7 +114,6 @@ def test_what_is_restored_is_derived_from_the_last_key_frame_alone(
     assert (core.tick, core.in_flight) == (3 * EVERY + 5, ())
 
 
-@pytest.mark.usefixtures("small")
 def test_behind_a_file_without_end_nothing_counts(whole: Path, tmp_path: Path) -> None:
     """What a file lacks at its end, the next one is based on."""
     paths = write(whole, tmp_path / "log.mcap", Recording.open(whole).messages())
@@ -125,7 +124,6 @@ def test_behind_a_file_without_end_nothing_counts(whole: Path, tmp_path: Path) -
     assert 2 * EVERY <= past.tick < 3 * EVERY
 
 
-@pytest.mark.usefixtures("small")
 def test_without_its_first_files_a_world_that_acts_cannot_go_on(
     whole: Path, tmp_path: Path
 ) -> None:

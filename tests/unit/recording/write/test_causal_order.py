@@ -7,21 +7,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap import wire
-from neurosnap.recording.write.causal_order import CausalOrder, HeardWave
+from neurosnap.recording.write.causal_order import Arrival, CausalOrder
 from tests.support.hypothesis_settings import examples
 
 PATIENCE = 10
 
 
-def heard(messages: Iterable[wire.Message]) -> list[HeardWave]:
+def heard(messages: Iterable[wire.Message]) -> list[Arrival]:
     """Number the messages of each sender."""
     numbers: dict[str, int] = {}
-    found: list[HeardWave] = []
+    found: list[Arrival] = []
     for message in messages:
         number = numbers.get(message.sender, 0)
         numbers[message.sender] = number + 1
         delivery = wire.Delivery(message.key, number, 0, wire.encode(message))
-        found.append(HeardWave(message, delivery, len(found)))
+        found.append(Arrival(message, delivery, len(found)))
     return found
 
 
@@ -37,7 +37,7 @@ def decision(tick: int) -> wire.Decision:
     return wire.Decision(tick, -1, "")
 
 
-def run(ticks: int) -> list[HeardWave]:
+def run(ticks: int) -> list[Arrival]:
     """A run in the order in which it was said."""
     said: list[wire.Message] = [decision(0)]
     for tick in range(1, ticks + 1):
@@ -58,9 +58,9 @@ def test_whoever_overtakes_whom_causes_come_first(
         who = one.message.sender
         due[who] = max(due.get(who, 0.0), place + chance.random() * reach)
         keyed.append((due[who], place, one))
-    causes, came = CausalOrder(PATIENCE), list[HeardWave]()
+    causes, came = CausalOrder(PATIENCE), list[Arrival]()
     for _, _, one in sorted(keyed, key=lambda entry: entry[:2]):
-        came += causes.take(one)
+        came += causes.add(one)
     assert causes.rest() == []
     assert sorted(came, key=lambda one: one.log_time) == said
     places = {
@@ -88,15 +88,15 @@ def test_whoever_overtakes_whom_causes_come_first(
 def test_what_is_in_order_does_not_wait() -> None:
     causes = CausalOrder(PATIENCE)
     for one in run(3):
-        assert list(causes.take(one)) == [one]
+        assert list(causes.add(one)) == [one]
 
 
 def test_a_lost_word_is_not_waited_for_behind_the_next() -> None:
     causes = CausalOrder(PATIENCE)
     early, next_start = heard([settled(1), start(2)])
-    assert list(causes.take(early)) == []
+    assert list(causes.add(early)) == []
     assert (causes.upcoming("cell/0"), causes.upcoming("cell/1")) == (1, 0)
-    assert list(causes.take(next_start)) == [next_start, early]
+    assert list(causes.add(next_start)) == [next_start, early]
     assert causes.upcoming("cell/0") == 0
 
 
@@ -104,7 +104,7 @@ def test_what_is_behind_one_that_waits_waits_as_well() -> None:
     causes = CausalOrder(PATIENCE)
     waiting = heard([settled(1), wire.Fault("cell/0", "odd")])
     for one in waiting:
-        assert list(causes.take(one)) == []
+        assert list(causes.add(one)) == []
     assert causes.upcoming("cell/0") == 2
     assert causes.rest() == waiting
     assert causes.rest() == []
@@ -114,7 +114,7 @@ def test_a_word_that_does_not_come_is_not_waited_for_for_ever() -> None:
     causes = CausalOrder(PATIENCE)
     far, behind, other = heard([settled(9), wire.Fault("cell/0", "odd"), settled(9, 1)])
     for one in (far, behind, other):
-        assert list(causes.take(one)) == []
+        assert list(causes.add(one)) == []
     assert list(causes.due(far.log_time + PATIENCE)) == []
     assert list(causes.due(far.log_time + PATIENCE + 1)) == [far, behind]
     assert list(causes.due(other.log_time + PATIENCE + 1)) == [other]
@@ -125,7 +125,7 @@ def test_a_clock_that_was_set_back_lets_nobody_overtake_himself() -> None:
     causes = CausalOrder(PATIENCE)
     first, second = heard([settled(9), settled(9)])
     later = first._replace(log_time=1000)
-    assert list(causes.take(later)) == []
-    assert list(causes.take(second)) == []
+    assert list(causes.add(later)) == []
+    assert list(causes.add(second)) == []
     assert list(causes.due(500)) == []
     assert list(causes.due(1000 + PATIENCE + 1)) == [later, second]

@@ -79,16 +79,16 @@ async def test_a_recording_is_synced_as_often_as_its_run_wants(
 ) -> None:
     monkeypatch.setattr(recorder, "_FLUSH", 0.0)
     fabric = MemoryHub().fabric("recorder")
-    for sync, most in (("0.0001", 10**6), ("0", 0), ("3600", 0)):
-        folder = tmp_path / sync
+    for sync, most in ((0.0001, 10**6), (0.0, 0), (3600.0, 0)):
+        folder = tmp_path / str(sync)
         folder.mkdir()
-        with SplitWriter(folder / "log.mcap", {"sync": sync}) as writer:
+        with SplitWriter(folder / "log.mcap", {}, sync_every=sync) as writer:
             del synced[:]
             flushing = asyncio.create_task(recorder._flush(writer, fabric))
             if most:
                 # The file each time, and its name in the folder once.
                 await until(lambda: synced.count("log.mcap") > 3)
-                assert synced.count(sync) == 1
+                assert synced.count(str(sync)) == 1
             else:
                 for _ in range(100):
                     await asyncio.sleep(0)
@@ -109,7 +109,7 @@ async def test_a_slow_disk_holds_nobody_up(
         fsync(descriptor)
 
     monkeypatch.setattr(os, "fsync", wait)
-    with SplitWriter(log, {"sync": "1"}) as writer:
+    with SplitWriter(log, {}, sync_every=1.0) as writer:
         for number in range(10):
             add(writer, number)
             writer.flush(NOW)
@@ -143,7 +143,7 @@ async def test_a_run_whose_recording_does_not_reach_the_disk_fails(
     monkeypatch.setattr(recorder, "_FLUSH", 0.0)
     monkeypatch.setattr(os, "fsync", full)
     log = tmp_path / "log.mcap"
-    with SplitWriter(log, {"sync": "0.0001"}) as writer:
+    with SplitWriter(log, {}, sync_every=0.0001) as writer:
         async with MemoryHub().fabric("recorder") as fabric:
             with pytest.raises(RecordingError, match="must reach the disk"):
                 await run_recorder(writer, fabric, asyncio.Event(), parts=("world",))

@@ -20,16 +20,22 @@ from neurosnap.recording.read.recording import (
     part_paths,
 )
 from neurosnap.recording.replay.verify import verify
-from neurosnap.recording.write import rotation
-from neurosnap.recording.write.rotation import Split, SplitWriter, split_of
+from neurosnap.recording.write.rotation import Split, SplitWriter
 from neurosnap.recording.write.writer import Writer
-from neurosnap.runtime.parts.recorder_process import describe as facts_of
-from tests.support.split_runs import EVERY, TICKS, content, options, overtaking, write
+from neurosnap.runtime.parts.recorder_process import split_of
+from tests.support.split_runs import (
+    EVERY,
+    SMALL,
+    TICKS,
+    content,
+    options,
+    overtaking,
+    write,
+)
 
 # Each by itself, and all together -----------------------------------------------------
 
 
-@pytest.mark.usefixtures("small")
 @pytest.mark.parametrize("seed", [None, 0, 1])
 def test_every_file_is_a_run_and_all_together_are_the_run(
     whole: Path, tmp_path: Path, seed: int | None
@@ -83,11 +89,10 @@ def test_every_file_is_a_run_and_all_together_are_the_run(
     assert "\tlog.mcap\n\tlog_0001.mcap\n" in said
 
 
-@pytest.mark.usefixtures("small")
 def test_every_file_says_where_parts_are(whole: Path, tmp_path: Path) -> None:
     old, places = Recording.open_file(whole), {"world": Place("oak", 4711)}
     log = tmp_path / "log.mcap"
-    with SplitWriter(log, old.metadata) as writer:
+    with SplitWriter(log, old.metadata, split=SMALL) as writer:
         writer.note_places(places)
         for count, one in enumerate(old.messages()):
             writer.add(one.delivery, 10**18 + count)
@@ -117,7 +122,6 @@ def decided_otherwise(one: Recorded) -> wire.Message:
     return msgspec.structs.replace(message, why="for fun")
 
 
-@pytest.mark.usefixtures("small")
 @pytest.mark.parametrize(
     ("change", "rule"),
     [
@@ -142,7 +146,6 @@ def test_what_is_tampered_with_is_found_in_its_file(
     assert not verify(paths[0]).same
 
 
-@pytest.mark.usefixtures("small")
 def test_a_closing_decision_that_is_none_is_refused(
     whole: Path, tmp_path: Path
 ) -> None:
@@ -156,21 +159,16 @@ def test_a_closing_decision_that_is_none_is_refused(
 # Which are kept, what they are called -------------------------------------------------
 
 
-def test_the_newest_are_kept(
-    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(rotation, "split_of", lambda _: Split(1, keep=2))
-    log = tmp_path / "log.mcap"
-    paths = write(whole, log, Recording.open_file(whole).messages())
+def test_the_newest_are_kept(whole: Path, tmp_path: Path) -> None:
+    log, messages = tmp_path / "log.mcap", Recording.open_file(whole).messages()
+    paths = write(whole, log, messages, split=Split(1, keep=2))
     assert list(paths) == [TICKS // EVERY - 1, TICKS // EVERY]
     verdict = verify(log)  # though the first is gone
     assert (verdict.same, verdict.complete) == (True, True)
     assert (verdict.start, verdict.ticks) == (TICKS - EVERY, EVERY)
 
 
-def test_a_file_that_is_missing_between_is_noticed(
-    whole: Path, tmp_path: Path, small: None
-) -> None:
+def test_a_file_that_is_missing_between_is_noticed(whole: Path, tmp_path: Path) -> None:
     paths = write(whole, tmp_path / "log.mcap", Recording.open_file(whole).messages())
     paths[3].unlink()
     verdict = verify(paths[0])
@@ -182,7 +180,6 @@ def test_a_file_that_is_missing_between_is_noticed(
     assert "log_0004.mcap: the file before it is missing" in verdict.damage[0]
 
 
-@pytest.mark.usefixtures("small")
 def test_a_gap_that_one_of_them_notes_is_the_runs(whole: Path, tmp_path: Path) -> None:
     recorded = list(Recording.open_file(whole).messages())
     paths = write(whole, tmp_path / "log.mcap", recorded)
@@ -201,7 +198,6 @@ def test_a_gap_that_one_of_them_notes_is_the_runs(whole: Path, tmp_path: Path) -
     assert not verify(paths[0]).complete
 
 
-@pytest.mark.usefixtures("small")
 @pytest.mark.parametrize("number", [1, 3])  # the next one, or one behind it
 def test_a_file_in_the_way_is_not_overwritten(
     whole: Path, tmp_path: Path, number: int
@@ -211,7 +207,7 @@ def test_a_file_in_the_way_is_not_overwritten(
     other.write_bytes(b"another's")
     rule = rf"must not exist yet, got .*log_000{number}"
     with pytest.raises(RecordingError, match=rule):
-        SplitWriter(log, Recording.open(whole).metadata)
+        SplitWriter(log, Recording.open(whole).metadata, split=SMALL)
     assert other.read_bytes() == b"another's"
     assert list(tmp_path.iterdir()) == [other]
 
@@ -225,12 +221,6 @@ def test_files_have_names_in_order() -> None:
     ] == [log] * 4
 
 
-@pytest.mark.parametrize("text", ["-1", "65535", "many"])
-def test_a_wrong_size_is_refused(text: str) -> None:
-    with pytest.raises(RecordingError, match=r"^split: must be sizes, got "):
-        split_of({"split": text})
-
-
 def test_options_know_the_smallest_file() -> None:
     given = msgspec.structs.asdict(options())
     with pytest.raises(
@@ -242,5 +232,5 @@ def test_options_know_the_smallest_file() -> None:
     with pytest.raises(InvalidValueError, match=r"^keep: must go with a source that"):
         RunOptions(**{**given, "split": 65536, "keep": 2})
     still = {**given, "body": Body(own=("s0",)), "split": 65536, "keep": 2}
-    assert split_of(facts_of(RunOptions(**still))) == Split(65536, 2)
-    assert split_of({}) is None
+    assert split_of(RunOptions(**still)) == Split(65536, 2)
+    assert split_of(options()) is None

@@ -13,11 +13,11 @@ from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording, part_path, part_paths
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
-from neurosnap.recording.write import rotation
-from neurosnap.recording.write.rotation import LATE, Split, SplitWriter
+from neurosnap.recording.write.rotation import LATE, SplitWriter
 from tests.support.split_runs import (
     EVERY,
     NOW,
+    SMALL,
     TICKS,
     content,
     last_of,
@@ -33,7 +33,7 @@ def rewrite(
     whole: Path, log: Path, heard: Iterable[Recorded], *, more: Iterable[str] = ()
 ) -> Completeness:
     """Record what was heard, and end it as if that was all, and one more of `more`."""
-    with SplitWriter(log, Recording.open_file(whole).metadata) as writer:
+    with SplitWriter(log, Recording.open_file(whole).metadata, split=SMALL) as writer:
         senders = set(more)
         for one in heard:
             writer.add(one.delivery, NOW)
@@ -42,7 +42,6 @@ def rewrite(
         return writer.finish({}, ends)
 
 
-@pytest.mark.usefixtures("small")
 def test_what_is_lost_is_missing_once_and_what_comes_again_is_left_out(
     whole: Path, tmp_path: Path
 ) -> None:
@@ -71,7 +70,6 @@ def test_what_is_lost_is_missing_once_and_what_comes_again_is_left_out(
     assert not verify(paths[0]).complete
 
 
-@pytest.mark.usefixtures("small")
 def test_a_file_does_not_wait_for_whoever_is_silent(
     whole: Path, tmp_path: Path
 ) -> None:
@@ -96,13 +94,12 @@ def never_started(wave: int = 2**31 - 1) -> list[wire.Delivery]:
     return said(settled, wire.Fault("cell/0", "odd"))
 
 
-@pytest.mark.usefixtures("small")
 def test_what_answers_nothing_is_on_disk_after_a_while_or_at_the_end(
     tmp_path: Path,
 ) -> None:
     deliveries = never_started()
     for log, ends in ((tmp_path / "late.mcap", False), (tmp_path / "end.mcap", True)):
-        with SplitWriter(log, {}) as writer:
+        with SplitWriter(log, {}, split=SMALL) as writer:
             for delivery in deliveries:
                 writer.add(delivery, NOW)
             writer.flush(NOW + LATE)
@@ -116,7 +113,6 @@ def test_what_answers_nothing_is_on_disk_after_a_while_or_at_the_end(
         assert [one.delivery for one in recording.messages()] == deliveries
 
 
-@pytest.mark.usefixtures("small")
 def test_what_waits_does_not_hide_why_a_recording_is_given_up(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -126,7 +122,7 @@ def test_what_waits_does_not_hide_why_a_recording_is_given_up(
     rule = r"must take what is recorded, got No space"
     with (
         pytest.raises(RecordingError, match=rule),
-        SplitWriter(tmp_path / "log.mcap", {}) as writer,
+        SplitWriter(tmp_path / "log.mcap", {}, split=SMALL) as writer,
     ):
         for delivery in never_started():
             writer.add(delivery, NOW)
@@ -134,7 +130,6 @@ def test_what_waits_does_not_hide_why_a_recording_is_given_up(
         writer.flush(NOW)
 
 
-@pytest.mark.usefixtures("small")
 def test_what_is_lost_where_files_meet_is_missing_in_the_older(
     whole: Path, tmp_path: Path
 ) -> None:
@@ -187,7 +182,6 @@ def frame(tick: int) -> wire.KeyFrame:
     return wire.KeyFrame(tick, b"", waves=tick)
 
 
-@pytest.mark.usefixtures("small")
 @pytest.mark.parametrize(
     ("messages", "files"),
     [
@@ -201,7 +195,7 @@ def test_a_key_frame_begins_a_file_with_what_follows_it(
     tmp_path: Path, messages: list[wire.Message], files: int
 ) -> None:
     log = tmp_path / "log.mcap"
-    with SplitWriter(log, {}) as writer:
+    with SplitWriter(log, {}, split=SMALL) as writer:
         for delivery in said(*messages):
             writer.add(delivery, NOW)
         writer.finish({}, {"coordinator": len(messages)})
@@ -223,7 +217,6 @@ def test_a_run_that_goes_on_where_a_file_begins_says_so_in_that_file(
     assert (verdict.start, verdict.ticks) == (2 * EVERY, EVERY)
 
 
-@pytest.mark.usefixtures("small")
 def test_who_died_behind_a_key_frame_may_lack_in_the_file_before(
     whole: Path, tmp_path: Path
 ) -> None:
@@ -260,9 +253,7 @@ def test_faults_go_where_their_sender_is(whole: Path, tmp_path: Path) -> None:
                 one._replace(message=fault, payload=wire.encode(fault), log_time=0)
             )
         order.append(one._replace(sequence=one.sequence + mine))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rotation, "split_of", lambda _: Split(1))
-        paths = write(whole, tmp_path / "log.mcap", order)
+    paths = write(whole, tmp_path / "log.mcap", order)
     held = {
         number
         for number, path in paths.items()

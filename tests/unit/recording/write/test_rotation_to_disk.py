@@ -11,9 +11,8 @@ from neurosnap.errors import RecordingError
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
-from neurosnap.recording.write import rotation
 from neurosnap.recording.write.rotation import Split, SplitWriter
-from tests.support.split_runs import EVERY, upto
+from tests.support.split_runs import EVERY, SMALL, upto
 
 
 class Disk:
@@ -41,14 +40,13 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> Iterator[Disk]:
     made.takes.set()
 
 
-@pytest.mark.usefixtures("small")
 def test_recording_goes_on_while_the_disk_takes_a_file(
     whole: Path, tmp_path: Path, disk: Disk
 ) -> None:
     old, log = Recording.open_file(whole), tmp_path / "log.mcap"
     recorded = list(old.messages())
     shares = upto(recorded, 2 * EVERY)
-    with SplitWriter(log, old.metadata) as writer:
+    with SplitWriter(log, old.metadata, split=SMALL) as writer:
         for count, one in enumerate(shares):
             writer.add(one.delivery, 10**18 + count)
         assert disk.asked.wait(10)
@@ -66,13 +64,12 @@ def test_recording_goes_on_while_the_disk_takes_a_file(
     assert (verify(log).same, verify(log).complete) == (True, True)
 
 
-@pytest.mark.usefixtures("small")
 def test_a_file_that_the_disk_does_not_take_ends_the_recording(
     whole: Path, tmp_path: Path, disk: Disk
 ) -> None:
     old, log = Recording.open_file(whole), tmp_path / "log.mcap"
     disk.error = OSError(errno.EIO, "no disk")
-    with SplitWriter(log, old.metadata) as writer:
+    with SplitWriter(log, old.metadata, split=SMALL) as writer:
         for count, one in enumerate(upto(list(old.messages()), 2 * EVERY)):
             writer.add(one.delivery, 10**18 + count)
         disk.takes.set()
@@ -81,11 +78,10 @@ def test_a_file_that_the_disk_does_not_take_ends_the_recording(
 
 
 def test_files_are_deleted_once_a_newer_one_is_saved(
-    whole: Path, tmp_path: Path, disk: Disk, monkeypatch: pytest.MonkeyPatch
+    whole: Path, tmp_path: Path, disk: Disk
 ) -> None:
-    monkeypatch.setattr(rotation, "split_of", lambda _: Split(1, keep=1))
     old, log = Recording.open_file(whole), tmp_path / "log.mcap"
-    with SplitWriter(log, old.metadata) as writer:
+    with SplitWriter(log, old.metadata, split=Split(1, keep=1)) as writer:
         for count, one in enumerate(upto(list(old.messages()), 2 * EVERY)):
             writer.add(one.delivery, 10**18 + count)
         assert disk.asked.wait(10)

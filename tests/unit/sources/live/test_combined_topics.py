@@ -74,7 +74,7 @@ def test_a_sensor_reads_what_the_list_of_all_that_was_said_does(
     for topic, on, step in said:
         now += step
         past.append(Said(topic, on, now))
-        latest.put(0, on, now, now, topic)
+        latest.update(0, on, now, now, topic)
         assert shown(latest, now) == expected(way, past, now, stale)
     now += wait
     assert shown(latest, now) == expected(way, past, now, stale)
@@ -99,18 +99,18 @@ def test_topics_that_are_seen_combine_as_their_presence_does(
 ) -> None:
     """What was heard before the connection was lost says nothing any more."""
     latest = LatestReadings(["phone"], seen_within=seen, combine=[way])
-    latest.begin(0.0)
+    latest.start_listening(0.0)
     past: list[Said] = []
     now = since = 0.0
     for number, (topic, on, step) in enumerate(said):
         now += step
         if number == away:
-            latest.deafen()
+            latest.stop_listening()
             assert shown(latest, now) is None
-            latest.begin(now)
+            latest.start_listening(now)
             past, since = [], now
         past.append(Said(topic, on, now))
-        latest.put(0, on, now, now, topic)
+        latest.update(0, on, now, now, topic)
         assert shown(latest, now) == expected_seen(way, past, now, seen, since)
     now += wait
     assert shown(latest, now) == expected_seen(way, past, now, seen, since)
@@ -118,18 +118,18 @@ def test_topics_that_are_seen_combine_as_their_presence_does(
 
 def test_a_whole_reading_says_all_there_is_to_say() -> None:
     latest = LatestReadings(["motion"], combine=["any"])
-    latest.put(0, True, 0.0, 0.0, "kitchen")
-    latest.put_all(np.array([False]), np.array([True]), 1.0, 1.0)
-    latest.put(0, False, 2.0, 2.0, "bath")
+    latest.update(0, True, 0.0, 0.0, "kitchen")
+    latest.update_all(np.array([False]), np.array([True]), 1.0, 1.0)
+    latest.update(0, False, 2.0, 2.0, "bath")
     assert shown(latest, 2.0) is False
 
 
 def test_of_topics_without_end_the_oldest_are_forgotten() -> None:
     topics = CombinedTopics()
     for number in range(REMEMBERED + 2):
-        topics.put(str(number), number % 2 == 0, float(number))
+        topics.update(str(number), number % 2 == 0, float(number))
     assert topics.first_until(True) == 2.0
     assert topics.first_until(False) == 3.0
     assert topics.last_until(True) == REMEMBERED
-    topics.put(str(REMEMBERED), None, 9e9)
+    topics.update(str(REMEMBERED), None, 9e9)
     assert topics.last_until(True) == REMEMBERED - 2

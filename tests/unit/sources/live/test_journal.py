@@ -64,7 +64,7 @@ def test_any_bytes_are_records_or_none(data: bytes) -> None:
 def written(folder: Path, count: int) -> Journal:
     journal = Journal(folder, NAMES)
     for number in range(count):
-        journal.row(bytes([number % 4]), b"\3", begins=number == 0)
+        journal.write(row(number + 1))
     return journal
 
 
@@ -85,7 +85,7 @@ def test_rows_are_read_again_by_whoever_comes_next(folder: Path) -> None:
     written(folder, 3).close()
     journal = Journal(folder, NAMES)
     assert journal.last == 3
-    journal.row(b"\0", b"\3", begins=True)
+    journal.write(JournalRow(0, b"\0", b"\3", True))
     journal.close()
     kept = read_journal(folder)
     assert kept.sensors == ("door", "motion")
@@ -100,7 +100,7 @@ def test_only_the_owner_may_read_it(folder: Path) -> None:
 
 def test_who_goes_on_gets_the_rows_after_its_tick(folder: Path) -> None:
     journal = written(folder, 600)  # in several files
-    before, rows, missing = journal.after(590)
+    before, rows, missing = journal.rows_after(590)
     assert before == row(590)
     assert rows == [row(number) for number in range(591, 601)]
     assert missing == 0
@@ -116,7 +116,7 @@ def test_files_are_cut_off_once_all_their_rows_are_safe(folder: Path) -> None:
     assert numbers(folder)[0] == 257
     cut(folder, 600)
     assert numbers(folder)[0] == 513  # the last file is being written
-    assert journal.after(512)[1][0] == row(513)
+    assert journal.rows_after(512)[1][0] == row(513)
     journal.close()
 
 
@@ -154,7 +154,7 @@ def test_what_is_missing_is_counted_and_the_rest_follows_on(folder: Path) -> Non
     first, *_ = sorted(folder.iterdir())
     first.unlink()
     journal = Journal(folder, NAMES)
-    _, rows, missing = journal.after(250)
+    _, rows, missing = journal.rows_after(250)
     assert missing == 6
     assert [each.number for each in rows] == [*range(251, 251 + 344)]
     assert rows[0].bits == row(257).bits
@@ -167,21 +167,21 @@ def test_a_recording_that_is_further_than_the_journal_goes_on_behind_it(
     folder: Path,
 ) -> None:
     journal = written(folder, 3)
-    before, rows, missing = journal.after(10)
+    before, rows, missing = journal.rows_after(10)
     assert (before, rows, missing) == (None, [], 0)
-    journal.row(b"\1", b"\3", begins=False)
+    journal.write(JournalRow(0, b"\1", b"\3", False))
     journal.close()
     assert numbers(folder)[-1] == 11
 
 
 def test_an_action_is_noted_once_whoever_notes_it(folder: Path) -> None:
     journal = written(folder, 1)
-    assert journal.act(1)
-    assert not journal.act(1)
+    assert journal.begin_action(1)
+    assert not journal.begin_action(1)
     journal.close()
     again = Journal(folder, NAMES)
-    assert not again.act(1)
-    assert again.act(2)
+    assert not again.begin_action(1)
+    assert again.begin_action(2)
     again.close()
 
 
@@ -212,8 +212,8 @@ def test_a_full_disk_is_named_and_leaves_whole_rows(
             r"^journal: must be writable, got No space left on device for '.*journal'"
         )
         with pytest.raises(NeurosnapError, match=rule):
-            journal.row(b"\0", b"\3", begins=False)
-    journal.row(b"\2", b"\3", begins=False)
+            journal.write(JournalRow(0, b"\0", b"\3", False))
+    journal.write(JournalRow(0, b"\2", b"\3", False))
     journal.close()
     assert read_journal(folder).rows == (row(1), row(2), row(3))
 
@@ -259,7 +259,7 @@ def test_a_power_cut_costs_no_row_that_was_synced(
     folder, left = tmp_path / "run.mcap.journal", tmp_path / "left"
     journal, safe, first = Journal(folder, NAMES), 0, 1
     for number in range(1, chance.randrange(300, 900)):
-        journal.row(bytes([(number - 1) % 4]), b"\3", begins=number == 1)
+        journal.write(row(number))
         if chance.random() < 0.02:
             journal.sync()
             safe = number
@@ -273,4 +273,6 @@ def test_a_power_cut_costs_no_row_that_was_synced(
     assert first + len(found) > safe
     # A run that goes on with it writes behind what is left.
     with contextlib.closing(Journal(left, NAMES)) as again:
-        assert again.row(b"\1", b"\3", begins=True).number == first + len(found)
+        assert again.write(JournalRow(0, b"\1", b"\3", True)).number == first + len(
+            found
+        )

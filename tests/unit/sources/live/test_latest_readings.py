@@ -75,14 +75,14 @@ def test_a_board_shows_what_the_list_of_all_readings_says(
     wait: float,
 ) -> None:
     latest = LatestReadings(NAMES, stale_after=stale, seen_within=seen)
-    latest.begin(began)
+    latest.start_listening(began)
     came: list[Came] = []
     now = began
     for sensor, on, offset, step in comings:
         now += step
         one = Came(sensor, on, now + offset, now)
         came.append(one)
-        taken = latest.put(sensor, on, one.at, now)
+        taken = latest.update(sensor, on, one.at, now)
         assert taken is not is_late(came, one)
     now += wait
     bits, known = latest.observation(now)
@@ -99,11 +99,11 @@ def test_nothing_changes_before_the_next_change_and_something_may_then(
     seen: list[float | None],
 ) -> None:
     latest = LatestReadings(NAMES, stale_after=stale, seen_within=seen)
-    latest.begin(0.0)
+    latest.start_listening(0.0)
     now = 0.0
     for sensor, on, offset, step in comings:
         now += step
-        latest.put(sensor, on, now + offset, now)
+        latest.update(sensor, on, now + offset, now)
     shown = np.array(latest.observation(now))
     turn = latest.next_change(now)
     assert turn is None or turn > now
@@ -142,12 +142,12 @@ def test_all_at_once_is_as_one_after_the_other(
         bits = np.array([reading is True for reading in readings])
         some = np.array([reading is not None for reading in readings])
         taken = [
-            singly.put(k, reading, now + offset, now)
+            singly.update(k, reading, now + offset, now)
             for k, reading in enumerate(readings)
         ]
-        assert once.put_all(bits, some, now + offset, now).tolist() == taken
+        assert once.update_all(bits, some, now + offset, now).tolist() == taken
         for latest in (once, singly):
-            latest.put(sensor, on, now + other, now)
+            latest.update(sensor, on, now + other, now)
         shown = [np.array(latest.observation(now)) for latest in (once, singly)]
         assert np.array_equal(shown[0], shown[1])
         assert once.next_change(now) == singly.next_change(now)

@@ -45,7 +45,7 @@ def run(
 ) -> list[tuple[float, Shown]]:
     """Return the ticks and their times; the world is busy for a while after each."""
     for when, sensor, on in puts:
-        time.at(when, lambda s=sensor, o=on: source.put(NAMES[s], o))  # type: ignore[misc]
+        time.at(when, lambda s=sensor, o=on: source.receive(NAMES[s], o))  # type: ignore[misc]
     time.at(END, source.close)
     ticks: list[tuple[float, Shown]] = []
     seen = source.first()
@@ -147,11 +147,11 @@ def test_every_reading_is_shown_replaced_or_waiting(
 def test_whole_readings_have_a_tick_each_and_the_board_shows_after_them() -> None:
     time = FakeTime()
     source = source_of(time, OnChange())
-    source.give([True, None])
-    source.give([True, None])
-    source.give([None, None])  # says nothing, so there is nothing to show
-    source.give([False, True])
-    source.put("door", True)
+    source.receive_whole([True, None])
+    source.receive_whole([True, None])
+    source.receive_whole([None, None])  # says nothing, so there is nothing to show
+    source.receive_whole([False, True])
+    source.receive("door", True)
     source.end()
     ticks = [shown(seen) for seen in [source.first()] if seen is not None]
     while (seen := source.step(-1)) is not None:
@@ -166,15 +166,17 @@ def test_whole_readings_have_a_tick_each_and_the_board_shows_after_them() -> Non
 
 def test_what_a_whole_reading_replaces_was_not_shown() -> None:
     source = source_of(FakeTime(), OnChange())
-    source.put("door", True)
-    source.give([False, True], at=EPOCH)
-    source.put("motion", False)
+    source.receive("door", True)
+    source.receive_whole([False, True], at=EPOCH)
+    source.receive("motion", False)
     assert source.first() is not None  # the whole one
-    source.put("motion", True)
-    source.give([True, True], at=EPOCH - 10.0)  # late: the latest keeps its own
+    source.receive("motion", True)
+    source.receive_whole(
+        [True, True], at=EPOCH - 10.0
+    )  # late: the latest keeps its own
     assert source.step(-1) is not None
     assert source.step(-1) is not None
-    source.put("motion", False)
+    source.receive("motion", False)
     said = source.statistics()
     assert (said.taken, said.coalesced, said.late) == (6, 2, 2)
 
@@ -182,7 +184,7 @@ def test_what_a_whole_reading_replaces_was_not_shown() -> None:
 def test_what_comes_while_nobody_looks_is_bounded_and_the_rest_is_counted() -> None:
     source = source_of(FakeTime(), OnChange())
     for number in range(WAITING + 7):
-        source.give([number % 2 == 0, True])
+        source.receive_whole([number % 2 == 0, True])
     source.end()
     first = source.first()
     assert first is not None
@@ -199,9 +201,9 @@ def test_what_was_lost_is_told_of_once_and_only_if_there_is_any(
     time = FakeTime()
     source = source_of(time, Clocked(1.0))
     for _ in range(WAITING + 7):
-        source.give([True, True])
-    source.put("door", True, at=EPOCH - 5.0)
-    source.put("door", True, at=EPOCH + 5.0)
+        source.receive_whole([True, True])
+    source.receive("door", True, at=EPOCH - 5.0)
+    source.receive("door", True, at=EPOCH + 5.0)
     assert source.first() is not None
     time.pass_until(3.5)
     assert source.step(-1) is not None
@@ -219,8 +221,8 @@ def test_what_was_lost_is_told_of_once_and_only_if_there_is_any(
 
 def test_what_came_before_a_failure_is_shown_before_it() -> None:
     source = source_of(FakeTime(), OnChange())
-    source.give([True, False])
-    source.give([False, True])
+    source.receive_whole([True, False])
+    source.receive_whole([False, True])
     source.fail(FabricError("hub: gone"))
     ticks = [source.first(), source.step(-1)]
     assert [None if seen is None else seen.bits.tolist() for seen in ticks] == [
@@ -234,9 +236,9 @@ def test_what_came_before_a_failure_is_shown_before_it() -> None:
 def test_the_last_change_is_shown_at_the_end_whatever_the_pace() -> None:
     time = FakeTime()
     source = source_of(time, OnChange(min_interval=50.0))
-    source.put("door", True)
+    source.receive("door", True)
     assert source.first() is not None
-    source.put("door", False)
+    source.receive("door", False)
     source.end()
     seen = source.step(-1)
     assert seen is not None
@@ -251,20 +253,20 @@ def test_only_the_first_tick_begins_and_so_does_one_that_goes_on() -> None:
         return seen.begins
 
     source = source_of(FakeTime(), Clocked(1.0))
-    source.put("door", True)
+    source.receive("door", True)
     said = [begins(source.first()), begins(source.step(0)), begins(source.first())]
     assert said == [True, False, True]
     assert not source.resumed
 
     source = source_of(FakeTime(), Clocked(1.0))
-    source.put("door", True)
+    source.receive("door", True)
     assert [begins(source.step(0)) for _ in range(3)] == [True, False, False]
     assert source.resumed
 
 
 def test_starting_over_shows_the_board_again() -> None:
     source = source_of(FakeTime(), OnChange())
-    source.put("door", True)
+    source.receive("door", True)
     once, twice = source.first(), source.first()
     assert once is not None
     assert twice is not None
@@ -279,7 +281,7 @@ def test_actions_are_carried_out_before_their_consequence() -> None:
         actions=["ring", "wait"],
         actuate=done.append,
     )
-    source.put("door", True)
+    source.receive("door", True)
     assert source.first() is not None
     source.close()
     assert source.step(1) is None
@@ -289,9 +291,9 @@ def test_actions_are_carried_out_before_their_consequence() -> None:
 def test_stamps_are_times_since_the_epoch() -> None:
     time = FakeTime(500.0)
     source = source_of(time, OnChange(), stale_after=10.0)
-    source.put("door", True, at=EPOCH + 495.0)
-    source.put("door", False, at=EPOCH + 494.0)
-    source.put("motion", True, at=EPOCH + 480.0)
+    source.receive("door", True, at=EPOCH + 495.0)
+    source.receive("door", False, at=EPOCH + 494.0)
+    source.receive("motion", True, at=EPOCH + 480.0)
     time.at(600.0, source.close)
     seen = source.first()
     assert seen is not None
@@ -309,11 +311,11 @@ def test_a_wall_clock_that_is_put_right_is_followed() -> None:
         timing=Timing(time.clock, lambda: wall[0], time),
     )
     wall[0] = 9000.0
-    source.put("door", True, at=8999.0)
+    source.receive("door", True, at=8999.0)
     assert source.first() is not None
     assert source.statistics().ahead == 0
     time.pass_until(9.5)
-    source.put("motion", True)
+    source.receive("motion", True)
     seen = source.step(-1)
     assert seen is not None
     assert shown(seen) == ((False, True), (False, True))
@@ -324,8 +326,8 @@ def test_a_sensor_that_appears_under_way_is_named_once(
 ) -> None:
     source = source_of(FakeTime(), OnChange())
     for number in range(300):
-        source.put("lamp", True)
-        source.put(f"lamp{number}", True)
+        source.receive("lamp", True)
+        source.receive(f"lamp{number}", True)
     named = [r.getMessage() for r in caplog.records]
     assert named[0] == (
         "sensor: must be one the run began with, got 'lamp'"
@@ -355,7 +357,7 @@ def test_a_flood_of_bad_input_is_a_line_a_second(
 def test_a_reading_must_be_whole() -> None:
     source = source_of(FakeTime(), OnChange())
     with pytest.raises(ShapeError, match=r"^readings: must be 2, one a sensor, got 3$"):
-        source.give([True, True, True])
+        source.receive_whole([True, True, True])
 
 
 # Threads ------------------------------------------------------------------------------
@@ -422,7 +424,7 @@ def test_a_flood_is_coalesced_and_the_latest_wins() -> None:
     steps.start()
     count = 20_000
     for number in range(count):
-        source.put(NAMES[number % 2], number % 3 == 0)
+        source.receive(NAMES[number % 2], number % 3 == 0)
     source.end()
     steps.join(30)
     assert not steps.is_alive()
@@ -449,7 +451,7 @@ def test_whole_readings_that_wait_for_room_all_come_in_order() -> None:
             if number == WAITING:
                 filled.set()
             source.wait_for_room()
-            source.give([number % 2 == 0, number % 3 == 0], spare=True)
+            source.receive_whole([number % 2 == 0, number % 3 == 0], spare=True)
         source.end()
 
     feeding = threading.Thread(target=feed)
@@ -469,7 +471,7 @@ def test_whole_readings_that_wait_for_room_all_come_in_order() -> None:
 
 def test_a_whole_reading_that_came_before_the_first_tick_has_one_tick() -> None:
     source = LiveSource(LatestReadings(NAMES), OnChange())
-    source.give([True, False])
+    source.receive_whole([True, False])
     assert source.first() is not None
     source.end()
     assert source.step(-1) is None
@@ -482,7 +484,7 @@ def test_who_waits_for_room_is_let_go() -> None:
         LatestReadings(NAMES), OnChange(), timing=Timing(condition=lock)
     )
     for _ in range(WAITING):
-        source.give([True, True])
+        source.receive_whole([True, True])
     late = threading.Thread(target=source.wait_for_room)
     late.start()
     assert lock.waiting.wait(10)

@@ -69,7 +69,7 @@ def taken(source: LiveSource, count: int) -> list[list[bool]]:
 
 def give(source: LiveSource, *numbers: int) -> None:
     for row in bits(*numbers):
-        source.give(row)
+        source.receive_whole(row)
 
 
 def bits(*numbers: int) -> list[list[bool]]:
@@ -104,8 +104,8 @@ def test_so_it_is_for_another_source_on_the_same_journal(kept: Kept) -> None:
 def test_what_was_known_at_the_tick_is_told(kept: Kept) -> None:
     source = kept.source()
     source.go_on(0)
-    source.give([True, None])
-    source.give([True, True])
+    source.receive_whole([True, None])
+    source.receive_whole([True, True])
     taken(source, 2)
     known = source.go_on(1)
     assert known is not None
@@ -117,11 +117,11 @@ def test_each_change_that_nobody_asks_for_is_kept(kept: Kept) -> None:
     time = FakeTime()
     source = kept.source(OnChange(), time)
     source.go_on(0)
-    source.put("door", True)
-    source.put("motion", False)
+    source.receive("door", True)
+    source.receive("motion", False)
     assert taken(source, 1) == bits(1)
     for moment, on in [(1.0, False), (2.0, True), (2.0, True), (2.0, False)]:
-        time.at(moment, lambda on=on: source.put("door", on))  # type: ignore[misc]
+        time.at(moment, lambda on=on: source.receive("door", on))  # type: ignore[misc]
     time.at(5.0, source.let_go)
     source.keep_changes()
     source.go_on(1)
@@ -132,9 +132,9 @@ def test_ticks_by_the_clock_do_not_pile_up_while_nobody_asks(kept: Kept) -> None
     time = FakeTime()
     source = kept.source(Clocked(0.1), time)
     source.go_on(0)
-    source.put_all({"door": True, "motion": True})
+    source.receive_all({"door": True, "motion": True})
     assert taken(source, 1) == bits(3)
-    time.at(50.0, lambda: source.put("door", False))
+    time.at(50.0, lambda: source.receive("door", False))
     time.at(100.0, source.let_go)
     source.keep_changes()
     assert kept.rows() == 2
@@ -144,10 +144,10 @@ def test_what_nobody_asks_for_is_bounded(kept: Kept) -> None:
     time = FakeTime()
     source = kept.source(OnChange(), time)
     source.go_on(0)
-    source.put_all({"door": True, "motion": True})
+    source.receive_all({"door": True, "motion": True})
     taken(source, 1)
     for number in range(2 * WAITING):
-        time.at(number + 1.0, lambda n=number: source.put("door", n % 2 == 1))  # type: ignore[misc]
+        time.at(number + 1.0, lambda n=number: source.receive("door", n % 2 == 1))  # type: ignore[misc]
     time.at(3.0 * WAITING, source.let_go)
     source.keep_changes()
     assert kept.rows() == 1 + WAITING
@@ -206,12 +206,12 @@ def test_a_pause_is_a_tick_and_is_given_again(kept: Kept) -> None:
         return seen.paused
 
     source = kept.source()
-    source.put("door", True)
+    source.receive("door", True)
     said = [shown(source)]
     source.pause(True)
     source.pause(True)  # says nothing new
     said.append(shown(source))
-    source.put("door", False)
+    source.receive("door", False)
     said.append(shown(source))
     assert said == [False, True, True]
     assert [row.paused for row in read_journal(kept.folder).rows] == said
@@ -219,7 +219,7 @@ def test_a_pause_is_a_tick_and_is_given_again(kept: Kept) -> None:
     again = kept.source()
     again.go_on(1)
     said = [shown(again), shown(again)]
-    again.put("motion", True)  # it was paused when it died, and is still
+    again.receive("motion", True)  # it was paused when it died, and is still
     said.append(shown(again))
     again.pause(False)
     said.append(shown(again))

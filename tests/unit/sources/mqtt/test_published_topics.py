@@ -9,11 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.errors import ShapeError
-from neurosnap.sources.mqtt.home_assistant import discovery, discovery_topic
 from neurosnap.sources.mqtt.options import MqttPublish
 from neurosnap.sources.mqtt.published_topics import (
     Topics,
     beliefs,
+    discovery,
+    discovery_topic,
     predictions,
     slugs,
 )

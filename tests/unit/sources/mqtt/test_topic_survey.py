@@ -20,7 +20,7 @@ def survey(*messages: tuple[str, object]) -> Survey:
     found = Survey()
     for topic, said in messages:
         text = said if isinstance(said, str | bytes) else json.dumps(said)
-        found.take(topic, text if isinstance(text, bytes) else text.encode())
+        found.add(topic, text if isinstance(text, bytes) else text.encode())
     return found
 
 

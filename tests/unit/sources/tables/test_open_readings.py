@@ -275,7 +275,7 @@ def test_parquet_with_gaps_and_dates(tmp_path: Path) -> None:
     readings = open_readings(str(path), wanted)
     assert shown(readings) == {"door": "1?", "hall>21": "01", "lamp": "10", "fan": "01"}
     assert readings.moment(2) == "2026-07-01 12:01:00+00:00"
-    with pytest.raises(InvalidValueError, match=r"parquet: hall, row 1: must be 0 or"):
+    with pytest.raises(InvalidValueError, match=r"parquet:1: hall: must be 0 or"):
         open_readings(str(path))
 
 

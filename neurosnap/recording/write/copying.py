@@ -1,26 +1,72 @@
-"""Writes the provable rest of a damaged recording to a new file.
+"""Copies recordings: the beginning into a resumed run, or the rest of a damaged one.
 
-The new file is whole as a file. Where the old one lacks messages it has a note between
-its chunks, so that whoever reads it derives nothing across, and says what is missing.
+A salvaged recording is whole as a file. Where the old one lacks messages it has a note
+between its chunks, so that a reader derives nothing across, and says what is missing.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import zip_longest
 from pathlib import Path
 
 import msgspec
 
+from neurosnap.protocol.resume_point import ResumePoint, first_number
 from neurosnap.recording.format.completeness import Completeness, RunningNumbers
+from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.file import RecordingFile
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.read.stretches import lost_behind
-from neurosnap.recording.write.carry_over import copy_into
+from neurosnap.recording.read.stretches import lost_behind, pieces
 from neurosnap.recording.write.writer import Writer
 
 SALVAGED = "salvaged"
 """Among what is written of a run: the recording it was salvaged from."""
 _OF_ITS_FILE = ("part", "begins", "split", "keep")
 _BALANCE = ("completeness", "expected")
+
+
+def facts_of(metadata: Mapping[str, str], past: ResumePoint | None) -> dict[str, str]:
+    """Return what is written of a run, where it is resumed with that it is."""
+    if past is None:
+        return dict(metadata)
+    resumed = msgspec.json.encode(past.resumed).decode()
+    return {**metadata, "resumed": resumed}
+
+
+def begin_recording(
+    writer: Writer, metadata: Mapping[str, str], past: ResumePoint | None
+) -> None:
+    """Start a recording: with what is taken over, where a run is resumed."""
+    writer.start(facts_of(metadata, past))
+    if past is None:
+        return
+    old = RecordingFile.open(Path(past.log))
+    _begin_shares(writer, old.share or {}, past.part)
+    _copy_into(
+        writer, old, lambda one: one.sequence < first_number(past, one.message.sender)
+    )
+
+
+def _copy_into(
+    writer: Writer,
+    old: RecordingFile,
+    keeps: Callable[[Recorded], bool] = lambda _: True,
+    lost: str = "",
+) -> None:
+    """Write the messages of a file, and note where some are missing before.
+
+    Args:
+        writer: Started.
+        old: The file.
+        keeps: Which of its messages to take.
+        lost: Why some are missing before the first; empty: none are.
+    """
+    for piece in pieces(old):
+        lost = lost or piece.lost
+        for recorded in filter(keeps, piece.messages()):
+            if lost:
+                writer.note_gap(lost)
+                lost = ""
+            writer.write(recorded.message, recorded.delivery, recorded.log_time)
 
 
 class Salvaged(msgspec.Struct, frozen=True):
@@ -51,7 +97,11 @@ def salvage(log: Path, out: Path) -> Salvaged:
     with Writer(out) as writer:
         try:
             writer.start(_facts(recording))
-            _begin(writer, recording.files[0])
+            first = recording.files[0]
+            if first.share is None:
+                writer.sequences = RunningNumbers(anywhere=True)
+            else:
+                _begin_shares(writer, first.share, first.part)
             lost = _copy(writer, recording.files)
             lost = "; ".join((lost, *recording.unread)).strip("; ")
             if lost:
@@ -66,14 +116,11 @@ def salvage(log: Path, out: Path) -> Salvaged:
     return Salvaged(str(out), completeness, recording.lost)
 
 
-def _begin(writer: Writer, first: RecordingFile) -> None:
+def _begin_shares(writer: Writer, share: Mapping[str, int], part: int | None) -> None:
     """Let the senders' shares begin as in the first file there is."""
-    if (share := first.share) is None:
-        writer.sequences = RunningNumbers(anywhere=True)
-        return
     for sender, number in share.items():
         writer.sequences.begin(sender, number)
-    if first.part:
+    if part:
         writer.note_share()
 
 
@@ -81,7 +128,7 @@ def _copy(writer: Writer, files: Sequence[RecordingFile]) -> str:
     """Write the messages of all files; return why some are missing behind the last."""
     lost = ""
     for file, after in zip_longest(files, files[1:]):
-        copy_into(writer, file, lost=lost)
+        _copy_into(writer, file, lost=lost)
         lost = lost_behind(file, after)
     return lost
 
