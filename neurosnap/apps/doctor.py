@@ -1,7 +1,7 @@
 """Checks whether this machine can run a swarm of a thousand cells.
 
-Every finding says what to do about itself. A check never hangs and never raises: what
-might do either runs in a process of its own, and an error is a finding too. Packages
+Every finding says how to fix it. A check never hangs and never raises: what might do
+either runs in a separate process, and an error is a finding too. Packages
 are imported where they are used, so that a missing one is found and does not end it.
 """
 
@@ -58,7 +58,7 @@ class Finding(msgspec.Struct, frozen=True):
     """Whether it will do."""
     found: str
     """What there is."""
-    mend: str = ""
+    fix: str = ""
     """What to do about it, one sentence; advice where it will do as it is."""
 
 
@@ -82,7 +82,7 @@ def _safely(name: str, check: Callable[[], list[Finding]]) -> list[Finding]:
         return check()
     except Exception as error:  # noqa: BLE001 - whatever it is, it is the finding
         found = f"could not be examined: {type(error).__name__}: {error}"
-        return [Finding(name, False, found, "Mend what the error names and try again.")]
+        return [Finding(name, False, found, "Fix what the error names and try again.")]
 
 
 # Software ----------------------------------------------------------------------------
@@ -146,8 +146,8 @@ def _numbers(version: str) -> tuple[int, ...]:
 def check_platform() -> list[Finding]:
     """Say what is different elsewhere than on Linux."""
     linux = sys.platform == "linux"
-    mend = "Elsewhere than on Linux, look for left-over cells after a launcher crashed."
-    return [Finding("platform", True, sys.platform, _unless(linux, mend))]
+    fix = "Elsewhere than on Linux, look for left-over cells after a launcher crashed."
+    return [Finding("platform", True, sys.platform, _unless(linux, fix))]
 
 
 # Limits ------------------------------------------------------------------------------
@@ -159,19 +159,19 @@ def check_files() -> list[Finding]:
     from neurosnap.runtime.child_processes import allow_files
 
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    mend, ok = "", True
+    fix, ok = "", True
     try:
         allow_files(CELLS + _SERVICES)
     except SwarmError as error:
         ok = False
-        mend = (
+        fix = (
             "Raise it with `ulimit -Hn 20000` as root, or for good with"
             f" `* hard nofile 20000` in /etc/security/limits.conf; {error}."
         )
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
     found = f"soft {_shown(soft)}, hard {_shown(hard)}"
-    return [Finding(f"open files, {CELLS:,} cells", ok, found, mend)]
+    return [Finding(f"open files, {CELLS:,} cells", ok, found, fix)]
 
 
 def check_processes() -> list[Finding]:
@@ -183,11 +183,11 @@ def check_processes() -> list[Finding]:
         return [Finding(what, True, "no limit")]
     tightest = min(room, key=lambda name: room[name])
     ok = room[tightest] >= needed
-    mend = (
+    fix = (
         f"Raise {tightest} by at least {needed - room[tightest]:,}, or run fewer cells."
     )
     found = f"room for {room[tightest]:,} of {needed:,} ({tightest})"
-    return [Finding(what, ok, found, _unless(ok, mend))]
+    return [Finding(what, ok, found, _unless(ok, fix))]
 
 
 def check_memory() -> list[Finding]:
@@ -195,17 +195,17 @@ def check_memory() -> list[Finding]:
     free = free_memory()
     fit = max(0, free - BYTES_BESIDE) // BYTES_A_CELL
     ok = fit >= CELLS
-    mend = f"Free some memory, or run at most {fit:,} cells."
+    fix = f"Free some memory, or run at most {fit:,} cells."
     found = f"{free / 1e9:.1f} GB free, room for about {fit:,} cells"
-    return [Finding(f"memory, {CELLS:,} cells", ok, found, _unless(ok, mend))]
+    return [Finding(f"memory, {CELLS:,} cells", ok, found, _unless(ok, fix))]
 
 
 def check_cores() -> list[Finding]:
     """Say how many cores there are; any number will do."""
     count = len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count()
     cores = count or 1
-    mend = f"With a second core, {CELLS:,} cells come up about twice as fast."
-    return [Finding("cores", True, str(cores), _unless(cores > 1, mend))]
+    fix = f"With a second core, {CELLS:,} cells come up about twice as fast."
+    return [Finding("cores", True, str(cores), _unless(cores > 1, fix))]
 
 
 # Files and sockets -------------------------------------------------------------------
@@ -217,57 +217,57 @@ def check_port() -> list[Finding]:
         try:
             trial.bind(("127.0.0.1", 0))
         except OSError as error:
-            mend = "Bring up the loopback interface: `ip link set lo up`."
-            return [Finding("loopback port", False, str(error), mend)]
+            fix = "Bring up the loopback interface: `ip link set lo up`."
+            return [Finding("loopback port", False, str(error), fix)]
         return [Finding("loopback port", True, f"port {trial.getsockname()[1]} free")]
 
 
 def check_temporary() -> list[Finding]:
     """Write to the temporary folder; see that a socket's path fits in there."""
-    mend = "Set TMPDIR to a short path of a folder you may write to."
+    fix = "Set TMPDIR to a short path of a folder you may write to."
     try:
         with tempfile.TemporaryDirectory(prefix="neurosnap-") as folder:
             path = Path(folder) / "hub"
             path.write_bytes(b"\0")
     except OSError as error:
-        return [Finding("temporary folder", False, str(error), mend)]
+        return [Finding("temporary folder", False, str(error), fix)]
     length = len(os.fsencode(path))
     ok = length <= _LONGEST_SOCKET
     found = f"{tempfile.gettempdir()}, sockets take {length} of {_LONGEST_SOCKET} bytes"
-    return [Finding("temporary folder", ok, found, _unless(ok, mend))]
+    return [Finding("temporary folder", ok, found, _unless(ok, fix))]
 
 
 def check_logs() -> list[Finding]:
     """Write where recordings go by default."""
     logs = Path.cwd() / "logs"
     folder = logs if logs.is_dir() else Path.cwd()
-    mend = f"Give `--out` a place you may write to, or make {folder} writable."
-    return [_writable("recordings", folder, mend)]
+    fix = f"Give `--out` a place you may write to, or make {folder} writable."
+    return [_writable("recordings", folder, fix)]
 
 
 def check_cache() -> list[Finding]:
     """Write where the compiled kernels are kept."""
-    mend = "Set NUMBA_CACHE_DIR to a writable folder, or each start compiles anew."
+    fix = "Set NUMBA_CACHE_DIR to a writable folder, or each start compiles anew."
     from neurosnap.poc.order import kernels
     from neurosnap.system.compiled import kept_in
 
     try:
         folder = kept_in(kernels.spread)
     except RuntimeError as error:  # Numba, where it finds no place at all
-        return [Finding("compiled kernels", False, str(error), mend)]
+        return [Finding("compiled kernels", False, str(error), fix)]
     if folder is None:
         return [Finding("compiled kernels", True, "not compiled (NUMBA_DISABLE_JIT)")]
-    return [_writable("compiled kernels", folder, mend)]
+    return [_writable("compiled kernels", folder, fix)]
 
 
-def _writable(what: str, folder: Path, mend: str) -> Finding:
+def _writable(what: str, folder: Path, fix: str) -> Finding:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         # Not `os.access`: on a read-only or full disk it says yes.
         with tempfile.NamedTemporaryFile(dir=folder) as trial:
             trial.write(b"\0")
     except OSError as error:
-        return Finding(what, False, str(error), mend)
+        return Finding(what, False, str(error), fix)
     return Finding(what, True, str(folder))
 
 
@@ -275,11 +275,11 @@ def check_keys(folder: Path) -> list[Finding]:
     """See when the first certificate of a folder expires."""
     from neurosnap.fabric.security.load_keys import expiry, near
 
-    mend = "Make keys with `neurosnap init keys`, or copy the folder whole."
+    fix = "Make keys with `neurosnap init keys`, or copy the folder whole."
     try:
         until = expiry(folder)
     except NeurosnapError as error:
-        return [Finding("keys", False, str(error), mend)]
+        return [Finding("keys", False, str(error), fix)]
     now = datetime.now(UTC)
     advice = "Make new ones with `neurosnap init keys`." if near(until, now) else ""
     found = f"the first expires on {until:%F %H:%M} UTC"
@@ -291,17 +291,17 @@ def check_keys(folder: Path) -> list[Finding]:
 
 def check_zenoh() -> list[Finding]:
     """Open a hub and two clients on a unix socket and send a message round."""
-    mend = "Reinstall it: `python -m pip install --force-reinstall eclipse-zenoh`."
-    return [_in_child("Zenoh", "send_round", mend)]
+    fix = "Reinstall it: `python -m pip install --force-reinstall eclipse-zenoh`."
+    return [_in_child("Zenoh", "send_round", fix)]
 
 
 def check_fork_server() -> list[Finding]:
     """Start a child as the cells are started."""
-    mend = "Allow processes to be started: look at limits, seccomp and the container."
-    return [_in_child("fork server", "start_child", mend)]
+    fix = "Allow processes to be started: look at limits, seccomp and the container."
+    return [_in_child("fork server", "start_child", fix)]
 
 
-def _in_child(what: str, function: str, mend: str) -> Finding:
+def _in_child(what: str, function: str, fix: str) -> Finding:
     """Run one of the functions below in a fresh interpreter that may hang or crash."""
     # Not here: after a session was opened, no child of a fork can open one, and a fork
     # server started here would lack what the supervisor loads into its own.
@@ -316,12 +316,12 @@ def _in_child(what: str, function: str, mend: str) -> Finding:
             check=False,
         )
     except subprocess.TimeoutExpired:
-        return Finding(what, False, f"no answer within {_PATIENCE:g} s", mend)
+        return Finding(what, False, f"no answer within {_PATIENCE:g} s", fix)
     except OSError as error:
-        return Finding(what, False, str(error), mend)
+        return Finding(what, False, str(error), fix)
     if done.returncode != 0:
         last = (done.stderr.strip().splitlines() or [f"code {done.returncode}"])[-1]
-        return Finding(what, False, last, mend)
+        return Finding(what, False, last, fix)
     return Finding(what, True, f"works, {time.perf_counter() - began:.1f} s")
 
 
@@ -376,8 +376,8 @@ def start_child() -> None:
         raise RuntimeError(f"a child must end with 0, got {child.exitcode}")
 
 
-def _unless(ok: bool, mend: str) -> str:
-    return "" if ok else mend
+def _unless(ok: bool, fix: str) -> str:
+    return "" if ok else fix
 
 
 def _shown(limit: int) -> str:

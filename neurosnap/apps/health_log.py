@@ -1,4 +1,4 @@
-"""The health of a home's sensors over readings that are there as a whole."""
+"""The health of a home's sensors over readings in a file."""
 
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -18,9 +18,9 @@ class Raised(msgspec.Struct, frozen=True):
     line: str
     """The alarm in words."""
     ended: str | None
-    """When the sensor was well again, or the next alarm of it began; None: in force."""
+    """When the sensor was well again, or its next alarm began; None if in force."""
     became: str | None
-    """The kind of that next alarm; None: the sensor is well again, or still is not."""
+    """The kind of that next alarm; None if there is none."""
 
 
 class SensorHealth(msgspec.Struct, frozen=True):

@@ -100,16 +100,16 @@ class Recording:
         """Iterate over anomalies, grown sensors and alarms, in order.
 
         Args:
-            support: The occasions an anomaly must rest on; None: as the run says.
+            support: The occasions an anomaly must rest on; None for the run's.
         """
         return recorded(self.file, support)
 
     def snapshot_at(self, tick: int | None = None) -> Snapshot:
-        """Return what was learned by a tick; None: by the last."""
+        """Return what was learned by a tick, or by the last."""
         return snapshot_at(self.file, tick)[1]
 
     def order_at(self, tick: int | None = None) -> PocGraph:
-        """Return the order that was learned by a tick; None: by the last."""
+        """Return the order that was learned by a tick, or by the last."""
         return self.snapshot_at(tick).poc_graph()
 
     def relations_at(self, tick: int | None = None) -> Sequence[Relation]:
@@ -162,8 +162,8 @@ class Recording:
         """Go on with the run after its last whole tick, in a new recording.
 
         Args:
-            out: Where to record; None: a new file in ``logs``.
-            ticks: How many ticks there are to be in all; None: 300 more.
+            out: Where to record; None for a new file in ``logs``.
+            ticks: How many ticks there are to be in all; None for 300 more.
         """
         request = resumed(self.path, ticks)
         given = None if out is None else free_path(Path(out))
@@ -185,7 +185,7 @@ def run(
     Args:
         source: The id of a world, a CSV file of readings, or a TOML file that describes
             the whole run.
-        out: Where to record; None: a new file in ``logs``, or as the TOML file says.
+        out: Where to record; None for a new file in ``logs``, or as the TOML file says.
         arguments: What the world is made with.
         settings: Other keys of the TOML file, with dots, such as ``network.listen``.
         watcher: Functions that are called meanwhile.
@@ -250,7 +250,7 @@ def _carry_out(request: RunRequest, watcher: Watcher = SILENT) -> Recording:
 def _awaited(work: Callable[[], Coroutine[Any, Any, T]]) -> T:
     """Return what a coroutine returns, also where a loop is running already.
 
-    In a notebook one is. A thread of its own has another.
+    In a notebook one is; another thread gets another loop.
     """
     try:
         asyncio.get_running_loop()

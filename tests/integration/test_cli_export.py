@@ -10,7 +10,7 @@ import pytest
 from typer.testing import Result
 
 from neurosnap import wire
-from neurosnap.apps.export import table_files
+from neurosnap.apps.export import write
 from neurosnap.recording.read.recording import Recording
 from tests.support.command_line import call, happy
 
@@ -103,7 +103,7 @@ def test_what_is_wrong_is_told_and_nothing_written(log: Path, tmp_path: Path) ->
 
 def ended(number: signal.Signals, log: Path, out: Path) -> Result:
     """Export, and be sent a signal when half of it is written."""
-    whole = table_files.write_csv
+    whole = write.write_csv
 
     def half(path: Path, columns: Any, rows: Any) -> None:
         whole(path, columns, itertools.islice(rows, TICKS // 2))

@@ -1,8 +1,6 @@
 """`neurosnap replay` plays a recording on the network."""
 
-import signal
 import socket
-import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -14,7 +12,6 @@ from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
 from tests.support.command_line import call, failed, flat, happy, last_json, refused
 from tests.support.command_line_files import cut, record_path
-from tests.support.patience import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -69,13 +66,6 @@ def test_a_recording_plays(log: Path, endpoint: str) -> None:
 
 
 @pytest.mark.zenoh
-def test_enter_plays_a_tick(log: Path, endpoint: str) -> None:
-    # Three times Enter, then the end of the input.
-    facts = happy("play", log, "--step", "--listen", endpoint, stdin="\n\n\n")
-    assert facts["ticks"] == 3
-
-
-@pytest.mark.zenoh
 def test_a_cut_recording_plays_and_says_so(
     log: Path, tmp_path: Path, endpoint: str
 ) -> None:
@@ -114,29 +104,3 @@ def test_a_port_in_use_is_an_error(log: Path) -> None:
     assert f"hub: must be able to listen on {tcp}, got" in said
     assert "Address already in use" in said
     assert ".rs:" not in said
-
-
-@pytest.mark.zenoh
-def test_interrupting_a_step_does_not_wait_for_enter(
-    log: Path, tmp_path: Path, endpoint: str
-) -> None:
-    process = subprocess.Popen(
-        command("play", log, "--step", "--listen", endpoint),
-        cwd=tmp_path,
-        stdin=subprocess.PIPE,  # open, and nobody types
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    with process:
-        try:
-            assert process.stderr is not None
-            shown = ""
-            while "tick 1: Enter" not in shown:
-                letter = process.stderr.read(1)
-                assert letter, shown
-                shown += letter
-            process.send_signal(signal.SIGINT)
-            assert process.wait(PATIENCE) == 0
-        finally:
-            process.kill()

@@ -27,11 +27,10 @@ SEEN = """async () => {
     const { sensors } = page.order.diagram._focus;
     return sensors && [...sensors].sort((a, b) => a - b);
 }"""
-LAID = """async () => {
-    const { page } = await import("/main.js");
-    const items = page.order.diagram._drawing.items;
-    return items.map(({ sensor }) => sensor).sort((a, b) => a - b);
-}"""
+LAID = """() => [...document.querySelectorAll("#drawing [data-sensor]")]
+    .map(({ dataset }) => Number(dataset.sensor)).sort((a, b) => a - b)"""
+EDGES = """() => [...document.querySelectorAll("#drawing [data-edge]")]
+    .map(({ dataset }) => dataset.edge.split("-").map(Number))"""
 SVG = "{http://www.w3.org/2000/svg}"
 READ = 31  # of the run with silent sensors: one is predicted, one unknown
 WAYS = [[1, 5, 9, 14, 20], [TICKS, 3, 20], [20, 21, 22, 20]]
@@ -59,11 +58,7 @@ async def test_the_order_and_its_height_are_those_a_replay_derives(
     async with opened(planner_log) as page:
         for tick in (3, 17, TICKS):
             await go_to(page, tick)
-            drawn = await page.evaluate(
-                """async () => (await import("/main.js")).page.order.diagram._drawing.links
-                    .map(({ edge }) => edge)
-                    .map(({ source, target }) => [source, target])"""
-            )
+            drawn = await page.evaluate(EDGES)
             both = {pair for a, b in drawn for pair in ((a, b), (b ^ 1, a ^ 1))}
             assert both == between_classes(truth[tick].hasse)
             facts = await page.inner_text("#diagram-facts")
@@ -82,8 +77,8 @@ async def test_no_two_nodes_overlap_and_what_is_implied_stands_above(
                 const of = (item) => places.get(item.sensor).y;
                 return [
                     [...places.values()].map(({ x, y, width }) => [x, y, width]),
-                    diagram._drawing.links.filter(({ edge: { source, target } }) =>
-                        source % 2 === 0 && target % 2 === 0,
+                    diagram._lines.map(({ link }) => link).filter(({ edge }) =>
+                        edge.source % 2 === 0 && edge.target % 2 === 0,
                     ).map(({ from, to }) => [of(from), of(to)]),
                 ];
             }"""
@@ -127,29 +122,25 @@ async def test_an_edge_that_is_clicked_shows_its_weights(path_log: Path) -> None
         ]
     )
     async with opened(path_log, "#t=30") as page:
-        edge, place = await page.evaluate(
-            """async () => {
-                const { diagram } = (await import("/main.js")).page.order;
-                const { along } = await import("/order/lines.js");
-                for (const [link, c] of diagram._curves) {
-                    const place = diagram._camera.over(along(c, 0.5));
-                    // Not one that passes behind a node there.
-                    const found = diagram._at(place.x, place.y);
-                    if (found?.link === link) return [link.edge, place];
+        source, target, x, y = await page.evaluate(
+            """() => {
+                for (const line of document.querySelectorAll("#drawing .near")) {
+                    const at = line.getPointAtLength(line.getTotalLength() / 2);
+                    const { x, y } = at.matrixTransform(line.getScreenCTM());
+                    const { edge } = line.parentNode.dataset;
+                    // Not one that passes behind a node or another line there.
+                    const there = document.elementFromPoint(x, y);
+                    if (there.closest("[data-edge]") === line.parentNode)
+                        return [...edge.split("-").map(Number), x, y];
                 }
             }"""
         )
-        box = await page.locator("#drawing").bounding_box()
-        assert box is not None
-        await page.mouse.click(box["x"] + place["x"], box["y"] + place["y"])
+        await page.mouse.click(x, y)
         for tick in (30, 12):
             await go_to(page, tick)
             await page.wait_for_selector(f'#choice-body[data-tick="{tick}"]')
             seen = await page.locator("#edge td").all_inner_texts()
-            a, b = (
-                rows[:tick, edge[end] >> 1] ^ bool(edge[end] & 1)
-                for end in ("source", "target")
-            )
+            a, b = (rows[:tick, end >> 1] ^ bool(end & 1) for end in (source, target))
             counts = [a & b, a & ~b, ~a & b, ~a & ~b]
             assert seen[:4] == [str(int(each.sum())) for each in counts]
             assert float(seen[4]) == pytest.approx(0.08 * tick, abs=1e-4)
@@ -157,7 +148,6 @@ async def test_an_edge_that_is_clicked_shows_its_weights(path_log: Path) -> None
         await page.keyboard.press("Escape")
         await expect(page.locator("#choice")).to_be_hidden()
         for button in ("right", "middle"):
-            x, y = box["x"] + place["x"], box["y"] + place["y"]
             await page.mouse.click(x, y, button=button)
             await expect(page.locator("#choice")).to_be_hidden()
 
@@ -167,27 +157,25 @@ async def test_what_is_shown_already_is_not_painted_again(path_log: Path) -> Non
     async with opened(path_log, "#t=20") as page:
         for tick in (20, 3):  # both orders are known from then on
             await go_to(page, tick)
-        painted = await page.evaluate(
+        changes = await page.evaluate(
             """async () => {
                 const { page } = await import("/main.js");
                 const { order: { diagram }, time: { player } } = page;
-                let [nodes, shown] = [0, 0];
-                const { paint } = diagram._painter;
-                diagram._painter.paint = function (...given) {
-                    nodes += 1;
-                    paint.apply(this, given);
-                };
+                let shown = 0;
                 const show = diagram.show;
                 diagram.show = function (...given) {
                     shown += 1;
                     show.apply(this, given);
                 };
                 player.seek(20);
+                const seen = new MutationObserver(() => {});
+                const what = { attributes: true, childList: true, subtree: true };
+                seen.observe(document.querySelector("#drawing svg"), what);
                 for (let k = 0; k < 3; k += 1) page.move();
-                return [nodes, shown];
+                return [shown, seen.takeRecords().length];
             }"""
         )
-    assert painted == [7, 1]
+    assert changes == [1, 0]
 
 
 async def said(page: Page, sensor: int) -> tuple[str, str, str]:
@@ -216,15 +204,7 @@ async def test_each_kind_of_belief_is_said_in_the_table_and_at_the_node(
         await go_to(page, 32)
         broken = ("off", "contradicted", "contradicted: reads off; s0 says on")
         assert await said(page, 1) == broken
-        box = await page.locator("#drawing").bounding_box()
-        place = await page.evaluate(
-            """async () => {
-                const { diagram } = (await import("/main.js")).page.order;
-                return diagram._camera.over(diagram._laid.places.get(1));
-            }"""
-        )
-        assert box is not None
-        await page.mouse.move(box["x"] + place["x"], box["y"] + place["y"])
+        await page.locator("#drawing [data-sensor='1']").hover()
         await expect(page.locator("#drawing")).to_have_attribute(
             "title", "s1: reads off; s0 says on"
         )
@@ -263,14 +243,8 @@ async def test_a_selected_sensor_leaves_clear_what_is_above_and_below_it(
         farther = await page.evaluate(SEEN)
         assert sensor in near
         assert set(near) < set(farther) <= set(truth) < set(range(40))
-        dim = await page.evaluate(
-            """async () => {
-                const { page: { order: { diagram }, frame } } = await import("/main.js");
-                const { looks } = await import("/order/nodes.js");
-                const look = looks(frame, null, null, null, diagram._focus.sensors);
-                return diagram._drawing.items
-                    .filter((item) => look(item).dim).map(({ sensor }) => sensor);
-            }"""
+        dim = await page.locator("#drawing .node.dim").evaluate_all(
+            "(all) => all.map(({ dataset }) => Number(dataset.sensor))"
         )
         assert set(dim) == set(range(40)) - set(farther)
         await page.keyboard.press("Escape")
@@ -282,15 +256,7 @@ async def test_what_is_looked_at_is_laid_out_alone(planner_log: Path) -> None:
     sensor = 3
     truth = related(planner_log, TICKS, sensor)
     async with opened(planner_log, f"#t={TICKS}") as page:
-        place = await page.evaluate(
-            """async () => {
-                const { diagram } = (await import("/main.js")).page.order;
-                return diagram._camera.over(diagram._laid.places.get(3));
-            }"""
-        )
-        box = await page.locator("#drawing").bounding_box()
-        assert box is not None
-        await page.mouse.dblclick(box["x"] + place["x"], box["y"] + place["y"])
+        await page.locator(f"#drawing [data-sensor='{sensor}']").dblclick()
         assert await page.evaluate(LAID) == truth
         shown = f"{len(truth)} of them shown"
         await expect(page.locator("#diagram-facts")).to_contain_text(shown)
@@ -305,15 +271,13 @@ async def test_what_is_looked_at_is_laid_out_alone(planner_log: Path) -> None:
 @pytest.mark.slow
 async def test_edges_are_left_out_by_kind(planner_log: Path) -> None:
     async with opened(planner_log, f"#t={TICKS}") as page:
-        kinds = await page.evaluate(
-            """async () => {
-                const { page } = await import("/main.js");
-                return page.order.diagram._drawing.links.map(({ kind }) => kind);
-            }"""
-        )
+        kinds = [
+            await page.locator(f"#drawing .link.{kind}").count()
+            for kind in ("excite", "inhibit")
+        ]
         chip = page.locator("#focus-edges button")
-        await expect(chip.nth(0)).to_have_text(f"excites {kinds.count('excite')}")
-        await expect(chip.nth(1)).to_have_text(f"inhibits {kinds.count('inhibit')}")
+        await expect(chip.nth(0)).to_have_text(f"excites {kinds[0]}")
+        await expect(chip.nth(1)).to_have_text(f"inhibits {kinds[1]}")
         await pick(page, 3)
         whole = await page.evaluate(SEEN)
         await chip.nth(0).focus()
@@ -367,9 +331,10 @@ async def test_the_svg_names_every_sensor_and_is_the_same_again(
     texts = [text.text for text in root.iter(f"{SVG}text")]
     assert set(names) <= set(texts)
     assert "?" in texts  # of what is unknown
-    tiles = {f"url(#{tile.get('id')})" for tile in root.iter(f"{SVG}pattern")}
-    hatched = [path for path in root.iter(f"{SVG}path") if path.get("fill") in tiles]
-    assert len(hatched) == 1  # what is predicted
+    (tile,) = root.iter(f"{SVG}pattern")
+    paints = [path.get("fill") for path in root.iter(f"{SVG}path")]
+    assert paints.count(f"url('#{tile.get('id')}')") == 1  # what is predicted
+    assert not any("var(" in str(mark.attrib) for mark in root.iter())
     assert all("NaN" not in str(mark.attrib) for mark in root.iter())
 
 
@@ -382,11 +347,11 @@ async def places(page: Page, tick: int) -> dict[str, Any]:
             const { diagram } = page.order;
             const frame = () => new Promise(requestAnimationFrame);
             while (page.frame.tick !== tick || page.order.graph?.id !== page.frame.graph
-                || diagram._graph?.id !== page.order.graph.id
-                || diagram._places !== diagram._laid.places) await frame();
+                || diagram._graph?.id !== page.order.graph.id) await frame();
             const found = {};
-            for (const [key, place] of diagram._laid.places) {
-                found[key] = [place.x, place.y, diagram._camera.over(place)];
+            for (const [key, node] of diagram._nodes) {
+                const { x, y } = node.getBoundingClientRect();
+                found[key] = [x, y];
             }
             return found;
         }""",
@@ -411,34 +376,6 @@ async def test_it_is_the_same_whichever_way_one_came(
         assert seen[-1] == expected
         others += seen
     assert any(other != expected for other in others)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("still", [False, True])
-async def test_what_moves_glides_unless_one_wants_no_motion(
-    planner_log: Path, still: bool
-) -> None:
-    async with opened(planner_log, "#t=1", still=still) as page:
-        await places(page, 1)
-        shown = await page.evaluate(
-            """async () => {
-                const { Glide } = await import("/order/screen.js");
-                const at = (x) => new Map([["s0", { x, y: 0 }], ["s1", { x: 5, y: 5 }]]);
-                const seen = [];
-                await new Promise((done) => {
-                    const glide = new Glide((places) => {
-                        seen.push(places.get("s0").x);
-                        if (places.get("s0").x === 100) done();
-                    });
-                    glide.start(new Map([["s0", { x: 0, y: 0 }]]), at(100));
-                });
-                return seen;
-            }"""
-        )
-    assert shown == sorted(shown)
-    assert shown[-1] == 100
-    assert shown[0] == (100 if still else 0)
-    assert (len(shown) == 1) == still
 
 
 async def test_of_too_many_sensors_those_are_drawn_that_are_asked_for(

@@ -139,44 +139,27 @@ async def test_everything_arrives_as_it_was(
     assert watcher.heard == sent
 
 
-async def test_playing_on_an_endpoint_step_by_step(
+async def test_playing_on_an_endpoint_reaches_a_program_that_connects(
     recording: Recording, endpoint: str
 ) -> None:
-    expected = from_tick(recording, 1)
-    ticks: list[int] = []
-    async with asyncio.timeout(PATIENCE):
-        watched: list[wire.Delivery] = []
-        enough, connected = asyncio.Event(), asyncio.Event()
+    expected = deliveries(recording)
+    shown: list[int] = []
+    connected = asyncio.Event()
 
-        async def watch() -> None:
-            async with watching(recording.swarm, endpoint) as watcher:
-                connected.set()
-                await watcher.wait_for(len(expected))
-                watched.extend(watcher.heard)
-            enough.set()
+    async def begin() -> None:  # the hub is up by now
+        await connected.wait()
 
-        async def step(tick: int) -> bool:
-            # The hub is up by now, and nothing is played until somebody listens.
-            if not ticks:
-                watchers.append(asyncio.create_task(watch(), name="watch"))
-                await connected.wait()
-            ticks.append(tick)
-            return True
-
-        watchers: list[asyncio.Task[None]] = []
-        shown: list[int] = []
-        played = await play_on(
-            recording,
-            endpoint,
-            asyncio.Event(),
-            # Steps have no pace.
-            Playing(rate=1e-9, step=step, on_progress=shown.append),
+    playing = Playing(1e6, on_begin=begin, on_progress=shown.append)
+    async with asyncio.timeout(PATIENCE), asyncio.TaskGroup() as group:
+        played = group.create_task(
+            play_on(recording, endpoint, asyncio.Event(), playing)
         )
-        await asyncio.wait(watchers)
-        watchers[0].result()
-    assert ticks == shown == list(range(1, TICKS + 1))
-    assert played.messages == len(deliveries(recording))
-    assert watched == expected
+        async with watching(recording.swarm, endpoint) as watcher:
+            connected.set()
+            await watcher.wait_for(len(expected))
+            assert watcher.heard == expected
+    assert shown == list(range(1, TICKS + 1))
+    assert played.result().messages == len(expected)
 
 
 @pytest.mark.parametrize("start", [2, 6, TICKS])
@@ -196,17 +179,6 @@ async def test_a_start_further_on_sends_what_was_learned_first(
     frame = wire.KeyFrame(start - 1, snapshot.to_bytes())
     assert wire.decode(first.key, first.payload) == frame
     assert rest == expected
-
-
-async def test_a_step_that_says_no_ends_it(recording: Recording, endpoint: str) -> None:
-    async def until_five(tick: int) -> bool:
-        return tick < 5
-
-    played = await play_on(
-        recording, endpoint, asyncio.Event(), Playing(step=until_five)
-    )
-    before = len(deliveries(recording)) - len(from_tick(recording, 5))
-    assert (played.ticks, played.messages) == (4, before)
 
 
 async def test_it_stops_in_the_middle_of_a_wait(

@@ -100,16 +100,19 @@ async def test_a_recording_plays_to_who_has_a_certificate(
     heard, seen, stop = Heard(), Seen(), asyncio.Event()
     connected = asyncio.Event()
 
-    async def step(tick: int) -> bool:
+    async def begin() -> None:
         await connected.wait()
-        return True
 
     endpoint = hub.endpoint.replace("127.0.0.1", "0.0.0.0")
     credentials = read_credentials(keys, "hub")
     async with asyncio.TaskGroup() as group:
         playing = group.create_task(
             play_on(
-                recording, endpoint, stop, Playing(step=step), credentials=credentials
+                recording,
+                endpoint,
+                stop,
+                Playing(on_begin=begin),
+                credentials=credentials,
             )
         )
         async with (

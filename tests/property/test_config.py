@@ -14,9 +14,8 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator  # type: ignore[import-untyped]
 
 from neurosnap.apps.config.json_schema import schema
-from neurosnap.apps.config.line_numbers import Keys, LineNumbers
 from neurosnap.apps.config.load import load
-from neurosnap.apps.config.problems import ConfigError, dotted
+from neurosnap.apps.config.problems import ConfigError, Keys, LineNumbers, dotted
 from neurosnap.apps.config.sources import CsvTable, WorldTable
 from neurosnap.apps.config.tables import (
     AgentTable,

@@ -38,7 +38,7 @@ def check(
     tls: str = option("tls", "Without a file: check the keys in this folder, too."),
     form: Format = "text",
 ) -> None:
-    """Find all that would keep a run from starting, and say how to mend it.
+    """Find all that would keep a run from starting, and say how to fix it.
 
     In a TOML file with line numbers; without one, on this machine.
     """

@@ -19,13 +19,22 @@ from neurosnap.apps.cli.shared import (
     print_facts,
     run_async,
     screen,
+    unwinding,
 )
-from neurosnap.apps.cli.stopping import unwinding
 from neurosnap.depth.measure import Sweep
 from neurosnap.depth.probe import Measured
 from neurosnap.errors import InvalidValueError, NeurosnapError, NothingBegunError
 
 _SWEEP = options_of(Sweep)
+Out = Annotated[
+    Path,
+    typer.Option(
+        "--out",
+        "-o",
+        metavar="DIR",
+        help="The folder for depth.csv and its picture, as .png, .svg and .pdf.",
+    ),
+]
 
 
 @app.command(rich_help_panel=RECORDINGS)
@@ -54,15 +63,7 @@ def depth(
             show_default="what the longest chain takes, and twice as many",
         ),
     ] = "",
-    out: Annotated[
-        Path,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="DIR",
-            help="The folder for depth.csv and its picture, as .png, .svg and .pdf.",
-        ),
-    ] = Path(),
+    out: Out = Path(),
     force: Force = False,
     form: Format = "text",
 ) -> None:
@@ -76,16 +77,12 @@ def depth(
     with errors():
         given = {name: context.params[name] for name in _SWEEP}
         tall, sizes = _numbers("heights", heights), _numbers("sensors", sensors or "0")
+        sweep = Sweep(heights=tall, sensors=sizes if sensors else (), **given)
         recording = None if log is None else Recording.open(log)
         if (table := out / "depth.csv").exists() and not force:
             rule = "must not exist yet, or come with --force"
             raise InvalidValueError("out", rule, str(table))
-        if recording is not None:
-            rows = from_recording(recording)
-        else:
-            rows = _swept(
-                Sweep(heights=tall, sensors=sizes if sensors else (), **given)
-            )
+        rows = _swept(sweep) if recording is None else from_recording(recording)
         if not rows:
             raise NeurosnapError("depth: must have a wave to measure, got none")
         out.mkdir(parents=True, exist_ok=True)

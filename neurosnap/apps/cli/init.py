@@ -273,21 +273,13 @@ def keys(
 ) -> None:
     """Make the keys and certificates of a swarm on several machines, for --tls."""
     from neurosnap.fabric.security.make_keys import make_keys
-    from neurosnap.fabric.security.make_keys import revoke as revoke_one
 
     with errors():
         if revoke:
             if host or parts:
                 rule = "must come without --host and --parts"
                 raise InvalidValueError("revoke", rule, revoke)
-            until = revoke_one(folder, revoke)
-            for line in (
-                f"{revoke} has new files in {folder}, valid until {until:%F}",
-                "the old ones count for nothing once the hub has been started again"
-                " with this folder's names.json",
-            ):
-                people(form).print(line, markup=False, soft_wrap=True)
-            print_facts(form, {"revoked": revoke, "until": until})
+            _revoke(folder, revoke, form)
             return
         made = make_keys(folder, host or (), _listed(parts or []), days=days)
         several = f" and {len(made.parts)} parts" if made.parts else ""
@@ -299,6 +291,19 @@ def keys(
         ):
             people(form).print(line, markup=False, soft_wrap=True)
         print_facts(form, made)
+
+
+def _revoke(folder: Path, who: str, form: str) -> None:
+    from neurosnap.fabric.security.make_keys import revoke
+
+    until = revoke(folder, who)
+    for line in (
+        f"{who} has new files in {folder}, valid until {until:%F}",
+        "the old ones count for nothing once the hub has been started again"
+        " with this folder's names.json",
+    ):
+        people(form).print(line, markup=False, soft_wrap=True)
+    print_facts(form, {"revoked": who, "until": until})
 
 
 def _listed(parts: list[str]) -> list[str]:

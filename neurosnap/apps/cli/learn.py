@@ -1,4 +1,4 @@
-"""``neurosnap learn`` and ``health``: what data that are there already tell.
+"""``neurosnap learn`` and ``health``: what existing data say.
 
 A table of relations is made of readings in a file, or of what a run has learned.
 """
@@ -22,8 +22,8 @@ from neurosnap.apps.cli.shared import (
     people,
     print_facts,
     screen,
+    unwinding,
 )
-from neurosnap.apps.cli.stopping import unwinding
 from neurosnap.errors import InvalidValueError
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ def learn(
         ),
     ] = "text",
 ) -> None:
-    """Tell which sensors imply which, in readings or in a recording."""
+    """Report which sensors imply which, in readings or in a recording."""
     from neurosnap.apps.export.learned import learned_from
 
     with errors():
@@ -132,7 +132,7 @@ def learn(
             recorded = threshold is None and learned.recorded
             show(people(form), answered, out, None if recorded else MOST)
             if not answered.rows and learned.sure:
-                hint = "more readings may tell; --threshold shows what a run learns"
+                hint = "more readings may help; --threshold shows what a run learns"
                 people(form).print(hint)
             print_facts(form, learned.facts(answered))
         if learned.recording is not None:
@@ -157,7 +157,7 @@ def health(
     ] = "1/week",
     form: Format = "text",
 ) -> None:
-    """Tell which sensors of a home seem broken, since when, and why."""
+    """Report which sensors of a home seem broken, since when, and why."""
     from neurosnap.apps import health_log
     from neurosnap.recording.read.recording import Recording
 

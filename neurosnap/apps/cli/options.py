@@ -259,7 +259,7 @@ def with_parameters(
 
 
 def was_given(context: typer.Context, flag: str) -> bool:
-    """Tell whether a flag stands on the command line."""
+    """Return whether a flag stands on the command line."""
     source = context.get_parameter_source(flag)
     return source is not None and source.name == "COMMANDLINE"
 

@@ -18,7 +18,6 @@ from rich.progress import (
 )
 from rich.table import Table
 
-from neurosnap.apps.growth_text import changed_line, grown_text
 from neurosnap.health.news import Newsreader
 from neurosnap.protocol.anomaly_messages import few
 from neurosnap.runtime.request import Restart, Watcher
@@ -214,6 +213,11 @@ def outcome(
     elif outcome_.journal:
         kept = "the readings that the recording may lack are kept in"
         console.print(f"{kept} {escape(outcome_.journal)}", soft_wrap=True)
+    _losses(console, outcome_)
+
+
+def _losses(console: Console, outcome_: Outcome) -> None:
+    """Say what the recording lacks, and what of it may be unreadable."""
     balance = outcome_.completeness
     if balance is not None and balance.missing:
         lost = [f"{count} of {who}" for who, count in balance.missing.items()]
@@ -250,7 +254,7 @@ def _implications(
     if pairs and log is not None:
         table = f"with tests and failures: neurosnap learn {shlex.quote(str(log))}"
         console.print(f"  {more}{table}", markup=False, soft_wrap=True)
-    elif more:  # nobody can be asked later
+    elif more:  # there is no recording to ask later
         console.print(f"  {more}all: --format json")
 
 
@@ -330,12 +334,12 @@ def _span(values: Sequence[int]) -> str:
 
 
 def findings(console: Console, found: Sequence[Finding]) -> None:
-    """Print what the doctor found, each with its mend."""
+    """Print what the doctor found, each with how to fix it."""
     for finding in found:
         mark = "[green]ok[/green] " if finding.ok else "[red]bad[/red]"
         console.print(f"{mark} {escape(finding.what)}: {escape(finding.found)}")
         if not finding.ok:
-            console.print(f"    → {escape(finding.mend)}")
+            console.print(f"    → {escape(finding.fix)}")
 
 
 def in_ranges(ranges: Iterable[tuple[int, int]]) -> str:
@@ -343,3 +347,27 @@ def in_ranges(ranges: Iterable[tuple[int, int]]) -> str:
     return ", ".join(
         f"{first}..{last}" if last > first else str(first) for first, last in ranges
     )
+
+
+def changed_line(changed: Changed) -> str:
+    """Return what is said when a sensor is grown, or read no more.
+
+    Example:
+        >>> changed_line(Changed(tick=83, sensor=24, name="press&a&b", retires=False))
+        'tick 83: grew press&a&b'
+    """
+    what = "retired" if changed.retires else "grew"
+    return visible(f"tick {changed.tick}: {what} {changed.name}")
+
+
+def grown_text(grown: int, retired: int, room: int) -> str:
+    """Return how many sensors were grown, and how many may be.
+
+    Example:
+        >>> grown_text(3, 1, 17), grown_text(0, 0, 20), grown_text(1, 0, 0)
+        ('3, 1 of them retired; room for 17 more', 'none; room for 20 more', \
+'1; no room for more')
+    """
+    gone = f", {retired} of them retired" if retired else ""
+    left = f"room for {room} more" if room else "no room for more"
+    return f"{grown or 'none'}{gone}; {left}"

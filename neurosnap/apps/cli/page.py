@@ -50,8 +50,8 @@ async def look(
         stop: Ends it.
         port: 0: that of the last page, or any that is free.
         browser: Whether to open it.
-        grows: Says whether somebody still writes them; None: each if a swarm of this
-            machine is noted to. As long as somebody does, its beginning is waited for.
+        grows: Says whether they are still being written; None for each by the notes of
+            this machine's swarms. As long as one is, its beginning is waited for.
         as_json: Say where as JSON.
 
     Raises:
@@ -129,7 +129,7 @@ async def viewed(
         log: Where it records.
         stop: Ends both.
         work: Returns once `log` is whole.
-        on_end: Told what came of it, while the page is still there.
+        on_end: Given the result, while the page is still there.
         port: As in `look`.
         browser: As in `look`.
 

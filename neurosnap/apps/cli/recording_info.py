@@ -127,7 +127,7 @@ def describe(recording: Recording) -> Info:
 
 
 def _options(metadata: dict[str, str]) -> RunOptions | None:
-    """Return what a run was made of; None: it says nothing of it, or nothing valid."""
+    """Return the options of a run; None if they are missing or not valid."""
     try:
         return msgspec.json.decode(metadata["options"], type=RunOptions)
     except (KeyError, msgspec.MsgspecError):

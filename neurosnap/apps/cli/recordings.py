@@ -1,9 +1,5 @@
 """``neurosnap info``, ``verify``, ``play`` and ``export``, all of a recording."""
 
-import asyncio
-import os
-import sys
-from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -27,8 +23,8 @@ from neurosnap.apps.cli.shared import (
     print_facts,
     run_async,
     screen,
+    unwinding,
 )
-from neurosnap.apps.cli.stopping import unwinding
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.runtime.network import Network
 
@@ -98,10 +94,6 @@ def play(
     start: Annotated[
         int, typer.Option("--from", metavar="TICK", help="The first tick to play.")
     ] = 1,
-    step: Annotated[
-        bool,
-        typer.Option("--step", metavar=FLAG, help="Wait for Enter before each tick."),
-    ] = False,
     listen: Annotated[
         str,
         typer.Option(
@@ -124,19 +116,17 @@ def play(
         network.check()
         recording = Recording.open(log)
         where = f"{network.listen} under neurosnap/{shown(recording.swarm)}/**"
+
+        async def begin() -> None:
+            screen.print(f"playing on {where}", markup=False)
+
         with output.progress(screen, "tick", None) as on_progress:
             played = run_async(
                 lambda stop: play_on(
                     recording,
                     network.listen,
                     stop,
-                    Playing(
-                        rate,
-                        start,
-                        _asking(stop) if step else None,
-                        lambda: screen.print(f"playing on {where}", markup=False),
-                        on_progress,
-                    ),
+                    Playing(rate, start, begin, on_progress),
                     credentials=network.credentials("hub"),
                     insecure=network.insecure,
                 )
@@ -225,39 +215,3 @@ def _show_saved(found: "Salvaged", form: str) -> None:
     print_facts(form, found)
     if found.lost or missing:
         raise typer.Exit(LOST)
-
-
-def _asking(stop: asyncio.Event) -> Callable[[int], Awaitable[bool]]:
-    """Return what asks for Enter before a tick."""
-
-    async def ask(tick: int) -> bool:
-        screen.print(f"tick {tick}: Enter plays it", end=" ")
-        return await _wait_enter(stop)
-
-    return ask
-
-
-async def _wait_enter(stop: asyncio.Event) -> bool:
-    """Wait for Enter; false at the end of the input, or once `stop` is set.
-
-    Not in a thread, since one that waits for a key cannot be told to stop.
-    """
-    loop, wake = asyncio.get_running_loop(), asyncio.Event()
-    try:
-        loop.add_reader(descriptor := sys.stdin.fileno(), wake.set)
-    except OSError:  # neither a terminal nor a pipe: it keeps nobody waiting
-        return bool(sys.stdin.readline())
-    stopping = asyncio.create_task(stop.wait(), name="cli/stop")
-    stopping.add_done_callback(lambda _: wake.set())
-    try:
-        while True:
-            await wake.wait()
-            wake.clear()
-            if stop.is_set():
-                return False
-            key = os.read(descriptor, 1)  # past any buffer, which would hide the rest
-            if key in (b"\n", b""):
-                return key == b"\n"
-    finally:
-        stopping.cancel()
-        loop.remove_reader(descriptor)

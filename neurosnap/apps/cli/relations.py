@@ -46,8 +46,8 @@ Every = Annotated[
 def learned_lines(log: Path, recording: "Recording", found: "Info") -> Iterator[str]:
     """Yield the beginning of a run's table, or where it is to be had.
 
-    Only of what is read in a moment; and of a file that cannot be read whole nothing,
-    for what it lacks is what is told.
+    Only of what is read in a moment; and nothing of a file that cannot be read whole,
+    for then what it lacks is reported.
     """
     from neurosnap.apps.export.learned import learned_from
 
@@ -93,13 +93,13 @@ def show(
 
 
 def write(answered: "Answered", out: Path, source: Path, *, force: bool) -> None:
-    """Write all relations, in the form that the file's name tells.
+    """Write all relations, in the form that its ending asks for.
 
     Raises:
         InvalidValueError: There is a file already, or no folder for it.
         OSError: It cannot be written.
     """
-    from neurosnap.apps.export.output_file import placed
+    from neurosnap.apps.export.write import placed
 
     with placed(out, force=force, reads=[source]) as draft:
         draft.write_text(_text(answered, out.suffix.lower()), encoding="utf-8")

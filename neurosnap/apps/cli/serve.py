@@ -1,12 +1,12 @@
 """``neurosnap serve``: the parts of a swarm that are started by hand, on any machine.
 
-All are told where the hub is and what the swarm is called; what the run is they are
-told by its coordinator (`neurosnap serve coordinator`, or `run --elsewhere`).
+All are given the hub and the name of the swarm; the run itself they get from its
+coordinator (`neurosnap serve coordinator`, or `run --elsewhere`).
 """
 
 import asyncio
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import msgspec
 import typer
@@ -96,7 +96,21 @@ _with_place = with_parameters(
 
 
 @serve.command()
+@with_parameters(
+    tls=(str, option("tls")),
+    insecure=(bool, option("insecure")),
+    audit=(bool, option("audit")),
+    sessions=(
+        int,
+        typer.Option(
+            10_000,
+            rich_help_panel=NETWORK,
+            help="How many parts and programs may be connected at once.",
+        ),
+    ),
+)
 def hub(
+    context: typer.Context,
     listen: Annotated[
         list[str] | None,
         typer.Option(
@@ -116,16 +130,6 @@ def hub(
             " either. May be repeated. Hubs make a tree: one link between any two.",
         ),
     ] = None,
-    tls: str = option("tls"),
-    insecure: bool = option("insecure"),
-    audit: bool = option("audit"),
-    sessions: Annotated[
-        int,
-        typer.Option(
-            rich_help_panel=NETWORK,
-            help="How many parts and programs may be connected at once.",
-        ),
-    ] = 10_000,
     print_config: Annotated[
         bool,
         typer.Option(
@@ -143,47 +147,50 @@ def hub(
     `neurosnap run` starts one itself, unless it is given --connect.
     """
     from neurosnap.fabric.zenoh.denied_log import telling_refusals
-    from neurosnap.fabric.zenoh.hub import follow_links, hub_document, open_hub
+    from neurosnap.fabric.zenoh.hub import hub_document
 
     with errors():
-        endpoints, links = listen or [_HERE], link or []
+        given = context.params
+        endpoints = listen or [_HERE]
+        tls = given["tls"]
         if print_config and tls:
             tls = str(Path(tls).absolute())  # for a router started anywhere
         networks = [
-            convert(Network, listen=endpoint, tls=tls, insecure=insecure)
+            convert(Network, listen=endpoint, tls=tls, insecure=given["insecure"])
             for endpoint in endpoints
         ]
         for network in networks:
             network.check()
-        credentials = networks[0].credentials("hub")
-        document = hub_document(
-            endpoints, sessions, links=links, credentials=credentials, insecure=insecure
-        )
+        secured = {
+            "links": link or [],
+            "credentials": networks[0].credentials("hub"),
+            "insecure": given["insecure"],
+        }
+        document = hub_document(endpoints, given["sessions"], **secured)
         if print_config:
             typer.echo(msgspec.json.format(msgspec.json.encode(document)))
             return
-
-        def tell(text: str) -> None:
-            screen.print(text, markup=False, soft_wrap=True)
-
-        async def serve(stop: asyncio.Event) -> None:
-            session = await asyncio.to_thread(
-                open_hub,
-                endpoints,
-                sessions,
-                links=links,
-                credentials=credentials,
-                insecure=insecure,
-            )
-            try:
-                tell(f"listening on {', '.join(endpoints)}")
-                await follow_links(session, links, stop, tell, credentials)
-            finally:
-                await asyncio.to_thread(session.close)
-
-        with telling_refusals(audit=audit):
-            run_async(serve)
+        with telling_refusals(audit=given["audit"]):
+            run_async(lambda stop: _hub(stop, endpoints, given["sessions"], secured))
         print_facts(form, {"listened": endpoints})
+
+
+async def _hub(
+    stop: asyncio.Event, endpoints: list[str], sessions: int, secured: dict[str, Any]
+) -> None:
+    """Be a hub until `stop` is set."""
+    from neurosnap.fabric.zenoh.hub import follow_links, open_hub
+
+    def report(text: str) -> None:
+        screen.print(text, markup=False, soft_wrap=True)
+
+    session = await asyncio.to_thread(open_hub, endpoints, sessions, **secured)
+    try:
+        report(f"listening on {', '.join(endpoints)}")
+        credentials = secured["credentials"]
+        await follow_links(session, secured["links"], stop, report, credentials)
+    finally:
+        await asyncio.to_thread(session.close)
 
 
 @serve.command()
@@ -279,6 +286,7 @@ def cells(
 @with_run_options(
     *("ticks", "seed", "agent", "target", "snapshot", "threshold", "workers", "tls"),
 )
+@with_parameters(resume=(Resume, None))
 def coordinator(
     context: typer.Context,
     source: Described,
@@ -293,7 +301,6 @@ def coordinator(
     ],
     given: Given = None,
     cells: HostChoice = option("cells", AUTO_HOSTS),
-    resume: Resume = None,
     patience: Patience = 60.0,
     form: Format = "text",
 ) -> None:
@@ -315,7 +322,8 @@ def coordinator(
             raise InvalidValueError("cells", rule, options.cells)
         if prepared.chosen:
             screen.print(prepared.chosen, markup=False, soft_wrap=True)
-        past = None if resume is None else past_of(resume, options)
+        log = context.params["resume"]
+        past = None if log is None else past_of(log, options)
         recorder = [] if prepared.log is None else ["recorder"]
         parts = frozenset(["world", *options.host_names(), *recorder])
         site = Site(prepared.network, swarm=swarm, elsewhere=parts, patience=patience)

@@ -2,10 +2,12 @@
 
 import asyncio
 import signal
+import socket
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from shutil import get_terminal_size
+from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Literal, NoReturn, TypeAlias, TypeVar
 
 import msgspec
@@ -14,7 +16,6 @@ from rich.console import Console
 from rich.text import Text
 
 from neurosnap.apps.cli.options import FLAG, NETWORK
-from neurosnap.apps.cli.stopping import heard
 from neurosnap.apps.config.recording_names import free_path, new_path
 from neurosnap.errors import (
     InvalidValueError,
@@ -23,7 +24,7 @@ from neurosnap.errors import (
     NothingBegunError,
 )
 from neurosnap.system.distribution import version
-from neurosnap.system.signals import INTERRUPTED
+from neurosnap.system.signals import INTERRUPTED, heeded, quit_now, unheeded
 
 if TYPE_CHECKING:
     from neurosnap.recording.read.recording import Recording
@@ -129,7 +130,7 @@ def errors() -> Iterator[None]:
 
 def fail(text: str, code: int) -> NoReturn:
     """Say what went wrong, and end with `code`."""
-    # No markup: somebody's text may hold what rich would read as its own.
+    # No markup: the text may hold what rich would read as markup.
     screen.print(Text.assemble(("error:", "red"), f" {text}"), soft_wrap=True)
     raise typer.Exit(code)
 
@@ -172,7 +173,7 @@ def print_facts(form: str, facts: object) -> None:
 
 
 def print_json(facts: object) -> None:
-    """Print an object for programs, on a line of its own."""
+    """Print an object for programs, on one line."""
     typer.echo(msgspec.json.encode(facts))  # JSON is UTF-8, whatever a terminal is
 
 
@@ -209,3 +210,60 @@ def new_log(source: str, out: Path | None) -> Path:
     path = new_path(source)
     path.parent.mkdir(exist_ok=True)
     return path
+
+
+# Signals while a verb works; before that, see `neurosnap.system.signals`. While a file
+# is written they unwind that, so that no draft stays. While a swarm runs they ask it to
+# end in order, and count for nothing from then on.
+
+
+@contextmanager
+def unwinding() -> Iterator[None]:
+    """Let signals end the block as an exception does, with exit code 128 + number."""
+    before = {number: signal.getsignal(number) for number in heeded()}
+    for number in before:
+        signal.signal(number, _unwind)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _unwind(number: int, frame: FrameType | None) -> NoReturn:
+    raise SystemExit(128 + number)
+
+
+@contextmanager
+def heard(
+    loop: asyncio.AbstractEventLoop, on_signal: Callable[[int], None]
+) -> Iterator[None]:
+    """Have `on_signal` called on the loop with the number of each signal.
+
+    Once the block is left the program has ended in order, and has only to say so: where
+    it would have quit at a signal before, it ignores it then. The loop's own
+    ``add_signal_handler`` would leave a gap in which a signal kills.
+    """
+    before = {number: signal.getsignal(number) for number in heeded()}
+    reading, writing = socket.socketpair()
+    with reading, writing:
+        reading.setblocking(False)
+        writing.setblocking(False)
+
+        def read() -> None:
+            for number in reading.recv(4096):
+                on_signal(number)
+
+        loop.add_reader(reading, read)
+        waker = signal.set_wakeup_fd(writing.fileno(), warn_on_full_buffer=False)
+        for number in before:
+            signal.signal(number, unheeded)
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                # Ignored in earnest: Python gives other handlers back before it ends.
+                quits = handler is quit_now
+                signal.signal(number, signal.SIG_IGN if quits else handler)
+            signal.set_wakeup_fd(waker)
+            loop.remove_reader(reading)

@@ -1,13 +1,14 @@
 """``neurosnap watch``, ``view``, ``ps`` and ``stop``: swarms that run."""
 
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import msgspec
 import typer
 
 from neurosnap.apps.cli import output
-from neurosnap.apps.cli.options import FLAG, NETWORK, option
+from neurosnap.apps.cli.options import FLAG, NETWORK, option, with_parameters
 from neurosnap.apps.cli.page import look
 from neurosnap.apps.cli.shared import (
     SWARMS,
@@ -28,9 +29,26 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.runtime.network import Network
 from neurosnap.sensorium import visible
 
+if TYPE_CHECKING:
+    from neurosnap.runtime.anomaly_feed import Fed
+
 
 @app.command(rich_help_panel=WATCH)
+@with_parameters(
+    connect=(
+        str,
+        typer.Option(
+            "",
+            metavar="ENDPOINT",
+            rich_help_panel=NETWORK,
+            help="Where the hub of a swarm on another machine listens.",
+        ),
+    ),
+    tls=(str, option("tls")),
+    insecure=(bool, option("insecure")),
+)
 def watch(
+    context: typer.Context,
     what: Annotated[
         str | None,
         typer.Argument(
@@ -39,24 +57,14 @@ def watch(
             show_default="the swarm that runs on this machine",
         ),
     ] = None,
-    connect: Annotated[
-        str,
-        typer.Option(
-            metavar="ENDPOINT",
-            rich_help_panel=NETWORK,
-            help="Where the hub of a swarm on another machine listens.",
-        ),
-    ] = "",
-    tls: str = option("tls"),
-    insecure: bool = option("insecure"),
     support: Annotated[
         int | None,
         typer.Option(
             metavar="OCCASIONS",
             min=0,
-            help="Tell only of anomalies that break an implication which was put to the"
-            " test, and held, on this many occasions. 0: tell of all.",
-            show_default="as the run was told",
+            help="Report only anomalies that break an implication which was put to the"
+            " test, and held, on this many occasions. 0: report all.",
+            show_default="as the run says",
         ),
     ] = None,
     form: Annotated[
@@ -69,55 +77,72 @@ def watch(
     """Show anomalies, observations that contradict what was learned, and alarms.
 
     An anomaly names the sensors that may be wrong, and the implications it breaks. An
-    alarm names a sensor that seems broken; it is told when it is well again, too. So
-    is a sensor that is grown, or retired.
+    alarm names a sensor that seems broken; its end is reported, too. So is a sensor
+    that is grown, or retired.
 
     Of a recording those of all ticks are shown; of a swarm, those that come, until
     Ctrl-C. What the run learned too little of to go by is left out: see --support.
     """
-    from neurosnap.agent.growth.changed import Changed
-    from neurosnap.apps.growth_text import changed_line
-    from neurosnap.health.news import News
-    from neurosnap.protocol.anomaly_messages import Told, anomaly_line
-    from neurosnap.recording.read.recording import Recording
-    from neurosnap.runtime import registry
-    from neurosnap.runtime.anomaly_feed import Fed, recorded, without_anomalies
-    from neurosnap.runtime.anomaly_feed import watch as look_on
-
-    def show(told: Fed) -> None:
-        if form == "json":
-            print_json(told)
-        elif isinstance(told, News):
-            typer.echo(visible(told.line()))
-        elif isinstance(told, Changed):
-            typer.echo(changed_line(told))
-        else:
-            typer.echo(anomaly_line(told))
-
     with errors():
         if what is not None and (what.endswith(".mcap") or Path(what).is_file()):
-            recording = Recording.open(Path(what))
-            found = False
-            for told in recorded(recording, support):
-                show(told)
-                found |= isinstance(told, Told)
-            if not found and form == "text":
-                typer.echo(without_anomalies(recording, support))
-            end_by(recording)
-            return
-        if connect and what is None:
-            raise InvalidValueError("swarm", "must be named with --connect", what)
-        swarm, log = what or "", None
-        if not connect:
-            note = registry.find(what) if what else registry.only()
-            swarm, connect = note.swarm, note.endpoint
-            log = Path(note.log) if note.log else None
-        network = convert(Network, connect=connect, tls=tls, insecure=insecure)
-        network.check("watcher")
-        screen.print(f"watching {swarm}; Ctrl-C ends it", markup=False)
-        run_async(
-            lambda stop: look_on(network, swarm, stop, show, support=support, log=log)
-        )
+            _watch_recording(Path(what), support, form)
+        else:
+            _watch_swarm(what, context.params, support, form)
+
+
+def _watch_recording(log: Path, support: int | None, form: str) -> None:
+    from neurosnap.apps.library import Recording
+    from neurosnap.protocol.anomaly_messages import Told
+    from neurosnap.runtime.anomaly_feed import without_anomalies
+
+    recording = Recording(log)
+    found = False
+    for told in recording.anomalies(support):
+        _report(told, form)
+        found |= isinstance(told, Told)
+    if not found and form == "text":
+        typer.echo(without_anomalies(recording.file, support))
+    end_by(recording.file)
+
+
+def _watch_swarm(
+    what: str | None, given: dict[str, Any], support: int | None, form: str
+) -> None:
+    from neurosnap.runtime import registry
+    from neurosnap.runtime.anomaly_feed import watch as look_on
+
+    connect = given["connect"]
+    if connect and what is None:
+        raise InvalidValueError("swarm", "must be named with --connect", what)
+    swarm, log = what or "", None
+    if not connect:
+        note = registry.find(what) if what else registry.only()
+        swarm, connect = note.swarm, note.endpoint
+        log = Path(note.log) if note.log else None
+    secured = {name: given[name] for name in ("tls", "insecure")}
+    network = convert(Network, connect=connect, **secured)
+    network.check("watcher")
+    screen.print(f"watching {swarm}; Ctrl-C ends it", markup=False)
+    show = partial(_report, form=form)
+    run_async(
+        lambda stop: look_on(network, swarm, stop, show, support=support, log=log)
+    )
+
+
+def _report(told: "Fed", form: str) -> None:
+    """Print an anomaly, news of health, or a change of the sensors."""
+    from neurosnap.agent.growth.changed import Changed
+    from neurosnap.health.news import News
+    from neurosnap.protocol.anomaly_messages import anomaly_line
+
+    if form == "json":
+        print_json(told)
+    elif isinstance(told, News):
+        typer.echo(visible(told.line()))
+    elif isinstance(told, Changed):
+        typer.echo(output.changed_line(told))
+    else:
+        typer.echo(anomaly_line(told))
 
 
 @app.command(rich_help_panel=WATCH)

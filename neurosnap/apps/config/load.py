@@ -9,8 +9,14 @@ from typing import Any
 
 import msgspec
 
-from neurosnap.apps.config.line_numbers import Keys, LineNumbers
-from neurosnap.apps.config.problems import ConfigError, ConfigFault, dotted, said_of
+from neurosnap.apps.config.problems import (
+    ConfigError,
+    ConfigFault,
+    Keys,
+    LineNumbers,
+    dotted,
+    said_of,
+)
 from neurosnap.apps.config.tables import Config
 from neurosnap.apps.config.validate import Problem, problems
 
@@ -23,7 +29,7 @@ class Origin:
     """Where the values of a description come from.
 
     Args:
-        path: The file; None: there is none.
+        path: The file; None if there is none.
         text: What is in it.
         given: What the command line says: the names it has there, by key.
     """
@@ -64,9 +70,9 @@ class Origin:
         return ConfigFault(file=str(self._path), line=line, key=dotted(keys), said=said)
 
     def error(self, found: Sequence[Problem]) -> ConfigError:
-        """Return the error that tells of problems, in the order of their lines.
+        """Return the error that reports problems, in the order of their lines.
 
-        It tells of the first 100: where there are more, one mistake was made over and
+        It reports the first 100: where there are more, one mistake was made over and
         over, and to find a line takes a while.
         """
         faults = [self.fault(*problem) for problem in found[:_MOST]]
@@ -98,7 +104,7 @@ def load(
     """Read a description of a run and check every value in it.
 
     Args:
-        path: A TOML file; None: all is in `overrides`.
+        path: A TOML file; None if all is in `overrides`.
         overrides: What goes before the file: values by dotted keys
             (``"snapshot.threshold"``); paths among them are absolute, or relative to
             the file's folder. A table replaces all of its keys.
@@ -147,7 +153,7 @@ def look(
 
 
 def source_kind(path: Path) -> object:
-    """Return what kind of source a file says it describes; None: it does not say.
+    """Return what kind of source a file says it describes; None if it does not say.
 
     Raises:
         ConfigError: The file cannot be read, or is no TOML.

@@ -18,9 +18,8 @@ from msgspec import UNSET
 
 from neurosnap.agent.body import Body
 from neurosnap.agent.default_threshold import default_threshold
-from neurosnap.apps.config.line_numbers import Keys
 from neurosnap.apps.config.load import Loaded
-from neurosnap.apps.config.problems import dotted
+from neurosnap.apps.config.problems import Keys, dotted
 from neurosnap.apps.config.recording_names import LOGS, free_path, new_path
 from neurosnap.apps.config.sources import MqttTable
 from neurosnap.apps.config.tables import (
@@ -74,7 +73,7 @@ class Prepared(msgspec.Struct, frozen=True):
     options: RunOptions
     """What to run."""
     log: Path | None
-    """Where to record, in a folder that may have to be made; None: not at all."""
+    """Where to record, in a folder that may have to be made; None if not at all."""
     supervision: Supervision
     """What happens when a part dies."""
     network: Network
@@ -215,7 +214,7 @@ class _Fitted(NamedTuple):
     arguments: dict[str, Argument]
     target: tuple[str, ...]
     length: int | None
-    """Observations there will be at most; None: no end is known."""
+    """Observations there will be at most; None if no end is known."""
     discrete: bool
     """Whether the source shows the states of a discrete world."""
 
@@ -303,7 +302,7 @@ def _cells(config: Config, count: int) -> tuple[CellKind, int, str]:
 
 
 def _threshold(config: Config, fitted: _Fitted) -> float | str | None:
-    """Return the threshold; None: the discounted snapshot's own default."""
+    """Return the threshold; None for the discounted snapshot's own default."""
     given: float | str | None = config.snapshot.threshold
     if given not in (None, AUTO) or config.snapshot.kind != "empirical":
         return given
@@ -359,7 +358,7 @@ class _Judge:
     def _problem(self, error: InvalidValueError, tables: tuple[str, ...]) -> Problem:
         """Return an error as a problem with the key it is about.
 
-        It is about a key that has its name, or else a text as its value, since whoever
+        It is about a key that has its name, or else a text as its value, since what
         refuses a value may know it by another name; or else about the first table.
         """
         leaves = dict(_leaves(msgspec.to_builtins(self._config), ()))

@@ -8,7 +8,7 @@ from msgspec import inspect
 
 
 def rule_of(kind: inspect.Type, value: object) -> str | None:
-    """Return the rule for a single value that `value` breaks; None: it keeps it.
+    """Return the rule that a single value breaks; None if it keeps it.
 
     Args:
         kind: What it should be. A kind that is not a number, a text, a truth value or

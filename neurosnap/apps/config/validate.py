@@ -14,8 +14,7 @@ from typing import Any, NamedTuple
 import msgspec
 from msgspec import UNSET, inspect
 
-from neurosnap.apps.config.line_numbers import Keys
-from neurosnap.apps.config.problems import dotted
+from neurosnap.apps.config.problems import Keys, dotted
 from neurosnap.apps.config.type_texts import either, name_of, rule_of
 from neurosnap.errors import InvalidValueError
 

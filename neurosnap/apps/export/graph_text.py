@@ -54,7 +54,7 @@ def diagram(
         tick: The tick it was learned by.
         graph: The order.
         sensorium: The names of its sensors.
-        births: What the run has grown; None: all sensors were there from the start.
+        births: What the run has grown; None if all sensors were there from the start.
     """
     grown = () if births is None else births.at(tick)
     room = 0 if births is None else births.body.room - len(grown)

@@ -1,4 +1,4 @@
-"""What readings tell, or what a run has learned: a table or a graph."""
+"""What readings say, or what a run has learned, as a table or a graph."""
 
 from dataclasses import dataclass
 
@@ -97,7 +97,7 @@ def learned_from(
         found: The readings, or the recording.
         threshold: Learn with this threshold; ``sure``: tell only what is sure. None:
             what the run has learned, and of readings what is sure.
-        at: The last tick to go by; None: the last there is.
+        at: The last tick to go by; None for the last.
         on_progress: Told how much is done, and of how much.
 
     Raises:

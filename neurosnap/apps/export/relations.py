@@ -83,7 +83,7 @@ class Answered:
         """Yield the table as text.
 
         Args:
-            most: Rows to show at most; None: all.
+            most: Rows to show at most; None for all.
         """
         shown = self.rows if most is None else self.rows[:most]
         cells = [_HEADS, *(self.cells(row) for row in shown)]

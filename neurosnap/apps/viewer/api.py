@@ -132,7 +132,7 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
     """Where and why a recording that is not whole ends; None where it is whole."""
     swarm: str
     world: Stage | None
-    """None: it cannot be drawn."""
+    """None if it cannot be drawn."""
     columns: tuple[Column, ...]
 
 
@@ -150,10 +150,8 @@ class WaveView(msgspec.Struct, frozen=True, kw_only=True):
     pulses: int
     settled: bool
     """All of its credit came back: the hops are all there are."""
-    steps: list[int] | None = None
-    """The actions, by number, of which it says what they lead to one after the other:
-    one, for a wave that starts in the present state; more where it was imagined. None:
-    it is not about an action, or it cannot be told from what it was imagined."""
+    action: int | None = None
+    """The action, by number, whose consequences it says; None if it is about none."""
     imagined: bool = False
     """It starts in a state that was imagined."""
 
@@ -207,7 +205,7 @@ class Frame(msgspec.Struct, frozen=True, kw_only=True):
     contradicted: list[int]
     """Sensors that are contradicted: the state has neither of their literals."""
     action: str | None
-    """What was decided, by name, several joined by ``+``; None: nothing (yet)."""
+    """What was decided, by name, several joined by ``+``; None if nothing (yet)."""
     choice: int
     """The same as a number, -1 for nothing."""
     why: str
@@ -224,10 +222,10 @@ class Frame(msgspec.Struct, frozen=True, kw_only=True):
     place: int | None
     """Where in the world this is; None if that is not known."""
     image: int | None = None
-    """The tick of the last image at this one or before; None: there is none near."""
+    """The tick of the last image at this one or before; None if there is none near."""
     waves: list[WaveView]
-    """Oldest first; the state's is the last of kind ``state``. Of imagined ones those
-    along the plan are here, and the oldest of the others."""
+    """Oldest first; the state's is the last of kind ``state``. Of imagined ones the
+    oldest are here."""
     left_out: int
     """How many imagined waves there are besides."""
     sensors: int
@@ -238,9 +236,9 @@ class Frame(msgspec.Struct, frozen=True, kw_only=True):
     changed: list[Changed]
     """Which sensors the decision grew and retired."""
     plan: PlanView | None
-    """None: the decision follows none."""
+    """None if the decision follows none."""
     anomaly: AnomalyView | None
-    """None: nothing was contradicted that rests on as many occasions as the run asks
+    """None if nothing was contradicted that rests on as many occasions as the run asks
     for."""
 
 
@@ -375,7 +373,7 @@ class RaisedAlarm(msgspec.Struct, frozen=True):
     sensor: int
     line: str
     until: int | None = None
-    """The observation that told of its end; None: it is in force as far as was read."""
+    """The observation that showed its end; None if it was in force to the last."""
 
 
 class Marks(msgspec.Struct, frozen=True, kw_only=True):
@@ -391,8 +389,8 @@ class Marks(msgspec.Struct, frozen=True, kw_only=True):
     begins: list[int]
     """How many of its ticks begin a trajectory."""
     times: list[float | None]
-    """When the first tick of each was observed, in seconds since 1970; None: not known
-    yet, or not recorded."""
+    """When the first tick of each was observed, in seconds since 1970; None if
+    not known yet, or not recorded."""
     resumed: list[int]
     """The ticks after which the run was taken up again."""
     reached: list[int]
@@ -412,7 +410,7 @@ class Beside(msgspec.Struct, frozen=True):
     """The tick that was looked for."""
 
     tick: int | None
-    """None: there is none, or it was not read yet."""
+    """None if there is none, or it was not read yet."""
 
 
 class RasterPart(msgspec.Struct, frozen=True, kw_only=True):
@@ -439,7 +437,7 @@ class Event(msgspec.Struct, frozen=True, kw_only=True):
 
     The first of a stream has the newest frame, those after it the newest of the frames
     since; a page that wants all of them asks for the others. The frame that came last
-    may come again, as a difference against itself, once more is known of it.
+    may come again, once more is known of it.
     """
 
     ticks: int
@@ -451,17 +449,15 @@ class Event(msgspec.Struct, frozen=True, kw_only=True):
     reset: bool
     """It is another recording than before, of the same run: it went on after a part
     had died. What is known of it has to be asked for again."""
-    frames: list[dict[str, object]]
-    """Each a `Frame` as the difference against the one of the tick `after`: the fields
-    that are not as they were. `bits` and `state` list sensors with what they are now.
-    Where `after` is 0 all fields are there, `bits` and `state` for every sensor."""
+    frames: list[Frame]
+    """Those that are new, or of which more is known."""
 
 
 class Presence(msgspec.Struct, frozen=True):
     """Whether the recording is still there."""
 
     trouble: str | None
-    """What has become of it; None: it is there."""
+    """What has become of it; None if it is there."""
 
 
 class Wrong(msgspec.Struct, frozen=True):

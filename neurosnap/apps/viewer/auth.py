@@ -148,7 +148,7 @@ class Guard:
         return None
 
     def _greeted(self, scope: Scope) -> Response | None:
-        """Return the answer to whoever brings the token, or brings none.
+        """Return the answer to a request with the token, or without any.
 
         The token leaves the address bar at once: it would stay in the history.
         """

@@ -110,7 +110,7 @@ class RunHistory:
             self._health.settle()
             return False
         self._read(first, last)
-        self.read_to = last  # last: whoever looks meanwhile sees whole ticks
+        self.read_to = last  # last: a reader in between sees whole ticks
         self.ended = False
         return True
 

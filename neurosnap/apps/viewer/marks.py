@@ -32,7 +32,7 @@ _EDGE = 8
 
 
 class Found(NamedTuple):
-    """What there is to mark besides, as far as was read."""
+    """Marks from other readers of the run, as far as was read."""
 
     alarms: Sequence[RaisedAlarm] = ()
     """By tick."""

@@ -16,9 +16,8 @@ from starlette.responses import Response, StreamingResponse
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.auth import refusal
 from neurosnap.apps.viewer.comparison import Comparisons
-from neurosnap.apps.viewer.live import news
 from neurosnap.apps.viewer.run_view import RunView
-from neurosnap.apps.viewer.session import ViewSession
+from neurosnap.apps.viewer.session import ViewSession, news
 from neurosnap.apps.viewer.time_series import MOST_COLUMNS, MOST_SENSORS
 from neurosnap.errors import InvalidValueError, NeurosnapError
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.agent.growth.sensor_changes import body_before, changes_in
+from neurosnap.agent.growth.sensor_changes import changes_in
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.learned import SnapshotCache, drawn, graph_id, weighed
 from neurosnap.apps.viewer.tick_messages import Ticks
@@ -301,10 +301,8 @@ class RunView:
         literals = self._unpacked(state)
         decision = ticks.decisions.get(tick)
         choice = -1 if decision is None else decision.action
-        waves = self._imagined.followed(
-            ticks.waves(tick), literals, body_before(body, decision)
-        )
-        shown = first_shown(waves, plan)
+        waves = self._imagined.marked(ticks.waves(tick), literals)
+        shown = first_shown(waves)
         return api.Frame(
             tick=tick,
             bits=_bits(observed),
@@ -366,7 +364,7 @@ class RunView:
             raise RecordingError(f"{place}: /state: {error}") from error
 
     def named(self, choice: int) -> str | None:
-        """Return what a choice is called; None: nothing is done."""
+        """Return what a choice is called; None if nothing is done."""
         if not 0 <= choice < len(self._choices):
             return None
         taken = np.flatnonzero(self._choices[choice]).tolist()

@@ -53,7 +53,7 @@ _STATIC = files("neurosnap.apps.viewer") / "static"
 class _Server(uvicorn.Server):
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Leave signals to whoever serves: they have handlers of their own."""
+        """Leave signals to the caller, who has handlers for them."""
         yield
 
 
@@ -104,9 +104,9 @@ async def serving(
             finally:
                 stop.set()
                 server.should_exit = True
-                # If whoever serves fails, the group cancels its tasks. A cancelled
+                # If the caller fails, the group cancels its tasks. A cancelled
                 # server leaves its socket with the loop, and the next server that
-                # gets the same descriptor would hear nobody.
+                # gets the same descriptor would get no connection.
                 await asyncio.wait([served])
 
 

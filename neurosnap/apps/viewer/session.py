@@ -1,4 +1,4 @@
-"""One recording opened for viewing, shared by concurrent requests.
+"""A recording opened for viewing: shared by concurrent requests, and what is new in it.
 
 A view of the run is used by one thread at a time and may take a while to answer: others
 wait meanwhile, and the event loop does not. A recording that is being written is looked
@@ -7,12 +7,15 @@ file under the same name, and everything begins again.
 """
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Concatenate, ParamSpec, TypeVar
 
+import msgspec
+
 from neurosnap.apps.viewer import api
+from neurosnap.apps.viewer.api import Event, Frame
 from neurosnap.apps.viewer.history import RunHistory
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.errors import RecordingError
@@ -24,7 +27,12 @@ P = ParamSpec("P")
 _IDLE = 0.5
 """Seconds until a history that is up to date looks for more."""
 _EVERY = 0.1
-"""Seconds between two looks at a recording that grows."""
+"""Seconds between two looks at a recording that grows, and two events, at least."""
+_NEWEST = 10
+"""Frames in one event that were not sent before, at most: a page that falls behind asks
+for the others."""
+_HEARTBEAT = 15.0
+"""Seconds of silence, at most."""
 
 
 class ViewSession:
@@ -32,7 +40,7 @@ class ViewSession:
 
     Args:
         log: The recording.
-        grows: Says whether somebody still writes it.
+        grows: Says whether it is still being written.
 
     Raises:
         RecordingError: It cannot be read, or is not a run's.
@@ -44,7 +52,7 @@ class ViewSession:
         self._lock = asyncio.Lock()
         self._looked = 0.0
         self.wanted = asyncio.Event()
-        """Set once somebody looks at it: of several only these are read through."""
+        """Set once it is looked at: of several only these are read through."""
         self._renewed = asyncio.Event()
         """Another recording was opened: there is more to read after all."""
         self._open()
@@ -158,3 +166,79 @@ class ViewSession:
             else:  # nothing more can come
                 await wait_any(self._renewed, stop)
                 self._renewed.clear()
+
+
+async def news(session: ViewSession, stop: asyncio.Event) -> AsyncIterator[bytes]:
+    """Yield server-sent events until the recording has its end, or `stop` is set.
+
+    A recording that cannot be read any further has its end, too.
+    """
+    loop = asyncio.get_running_loop()
+    listener = _PageListener()
+    said = loop.time()
+    while not stop.is_set():
+        try:
+            await session.look()
+            event = await session.ask(listener.event, session.live)
+        except RecordingError as error:
+            # The answer has begun: what is wrong can only be said in it, as its last.
+            event = listener.cut(str(error))
+        if event is not None:
+            said = loop.time()
+            yield b"data: " + msgspec.json.encode(event) + b"\n\n"
+            if not event.live:
+                return
+        elif loop.time() - said > _HEARTBEAT:
+            said = loop.time()
+            yield b": still here\n\n"
+        await wait_at_most(stop, _EVERY)
+
+
+class _PageListener:
+    """What one page was sent last."""
+
+    def __init__(self) -> None:
+        self._run_view: RunView | None = None
+        self._frame: Frame | None = None
+        self._told: tuple[int, int, bool] | None = None
+
+    def event(self, run_view: RunView, live: bool) -> Event | None:
+        """Return what is new; None if nothing is."""
+        reset = self._run_view is not None and run_view is not self._run_view
+        if reset:
+            self._frame = self._told = None
+        now = (run_view.grown, run_view.last, live)
+        if now == self._told:
+            return None
+        changes = self._changes(run_view)
+        said = None if self._told is None else self._told[1:]
+        self._run_view, self._told = run_view, now
+        if not changes and now[1:] == said:
+            return None
+        cut = None if live and not run_view.recording.spoiled else run_view.cut
+        return Event(
+            ticks=run_view.last, live=live, cut=cut, reset=reset, frames=changes
+        )
+
+    def cut(self, why: str) -> Event:
+        """Return that no more can be read."""
+        ticks = 0 if self._run_view is None else self._run_view.last
+        return Event(ticks=ticks, live=False, cut=why, reset=False, frames=[])
+
+    def _changes(self, run_view: RunView) -> list[Frame]:
+        """Return the newest frames that differ from what was sent.
+
+        The last that was sent is looked at again, however far behind it is: its
+        decision may have come since.
+        """
+        told = run_view.last if self._frame is None else self._frame.tick
+        newest = max(told + 1, run_view.last - _NEWEST + 1)
+        changes = []
+        for frame in (
+            *run_view.frames(told, told),
+            *run_view.frames(newest, run_view.last),
+        ):
+            if frame != self._frame:
+                changes.append(frame)
+            self._frame = frame
+        return changes

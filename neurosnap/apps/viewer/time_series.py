@@ -86,7 +86,7 @@ class TimeSeries:
             room[:, : self._filled] = self._values[:, : self._filled]
             self._values = room
         self._values[:, self._filled : needed] = found
-        self._filled = needed  # last: whoever looks meanwhile sees whole ticks
+        self._filled = needed  # last: a reader in between sees whole ticks
 
     def curves(self, first: int, last: int, points: int) -> dict[Column, Points]:
         """Return all columns from one tick to another, thinned out.

@@ -67,7 +67,7 @@ class Scene:
         return err if self._distances is None else (*err, "distance")
 
     def place(self, observed: NDArray[np.bool_]) -> int | None:
-        """Return where the sensors read so; None: nowhere, or that is not all known.
+        """Return where the sensors read so; None if nowhere, or if not all are known.
 
         Args:
             observed: ``(2N,)``, the literals of the sensors whose reading is known.

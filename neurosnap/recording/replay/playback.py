@@ -1,7 +1,7 @@
 """Plays a recording back over Zenoh, message by message.
 
-A program that watches ``neurosnap/<swarm>/**`` sees the run again, at any speed or step
-by step. Nothing is derived here, and nothing but the recording decides what is sent.
+A program that watches ``neurosnap/<swarm>/**`` sees the run again, at any speed.
+Nothing is derived here, and nothing but the recording decides what is sent.
 """
 
 import asyncio
@@ -37,17 +37,19 @@ class Played(msgspec.Struct):
     seconds: float = 0.0
 
 
+async def _nothing() -> None:
+    """Begin at once."""
+
+
 class Playing(NamedTuple):
     """How a recording is played, and who is told."""
 
     rate: float = 1.0
-    """How many times as fast as it was recorded; ignored with `step`."""
+    """How many times as fast as it was recorded."""
     start: int = 1
     """The first tick."""
-    step: Callable[[int], Awaitable[bool]] | None = None
-    """Awaited before each tick with its number; false ends it."""
-    on_begin: Callable[[], None] = lambda: None
-    """Called once before the first message, when nothing is wrong."""
+    on_begin: Callable[[], Awaitable[None]] = _nothing
+    """Awaited once before the first message, when nothing is wrong."""
     on_progress: Callable[[int], None] = lambda _: None
     """Told each tick."""
 
@@ -110,29 +112,24 @@ async def play(
         InvalidValueError: There is no such tick to start with, or the rate is no speed.
         RecordingError: The recording is damaged.
     """
-    rate, start, step, on_begin, on_progress = playing
+    rate, start, on_begin, on_progress = playing
     if not 0 < rate < float("inf"):
         raise InvalidValueError("rate", "must be positive and finite", rate)
     last = last_tick(recording)
     if not 1 <= start <= max(last, 1):
         raise InvalidValueError("from", f"must be in [1, {last}]", start)
-    on_begin()
+    await on_begin()
     played, began = Played(), time.perf_counter()
     if start > 1:
         snapshot = learned_at(recording, start - 1)
         fabric.publish(wire.KeyFrame(start - 1, snapshot.to_bytes()))
     pace = _Pace(rate)
-    for count, recorded in enumerate(_from(recording, start)):
+    for recorded in _from(recording, start):
         message = recorded.message
         if isinstance(message, wire.Observation):
-            if step is not None and not await step(message.tick):
-                break
             played.ticks += 1
             on_progress(message.tick)
-        if step is None:
-            await pace.wait(recorded.log_time, stop)
-        elif count % _BURST == 0:
-            await asyncio.sleep(0)
+        await pace.wait(recorded.log_time, stop)
         if stop.is_set():
             break
         # A stranger's message, recorded once, has no key.

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -21,6 +22,7 @@ from neurosnap.apps.doctor import Finding, examine
 from neurosnap.runtime import preflight
 
 Check = Callable[[], list[Finding]]
+Patch = Callable[[pytest.MonkeyPatch], None]
 
 
 def only(check: Check) -> Finding:
@@ -41,55 +43,124 @@ def package(name: str) -> Finding:
     return finding
 
 
-def require(monkeypatch: pytest.MonkeyPatch, *lines: str) -> None:
-    monkeypatch.setattr(importlib.metadata, "requires", lambda _: list(lines))
+def require(line: str, there: str = "") -> Patch:
+    """Have one package required, of which a version is there."""
+
+    def patch(to: pytest.MonkeyPatch) -> None:
+        to.setattr(importlib.metadata, "requires", lambda _: [line])
+        if there:
+            to.setattr(importlib.metadata, "version", lambda _: there)
+
+    return patch
 
 
-def test_an_old_python_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "version_info", (3, 10, 4))
-    finding = only(doctor.check_python)
-    assert not finding.ok
-    assert finding.found == "3.10.4"
-    assert "3.11" in finding.mend
+def be(what: object, name: str, value: object) -> Patch:
+    return lambda to: to.setattr(what, name, value)
 
 
-def test_a_missing_package_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    require(monkeypatch, "no-such-thing>=2.1")
-    finding = package("no-such-thing")
-    assert not finding.ok
-    assert finding.found == "not installed"
-    assert finding.mend == 'Run `python -m pip install "no-such-thing>=2.1"`.'
+def files(**texts: str) -> Patch:
+    """Let files of the kernel's, by their names, say `texts`; others nothing."""
+    return be(preflight, "_read", lambda path: texts.get(path.name, ""))
 
 
-def test_a_missing_optional_package_is_a_note(monkeypatch: pytest.MonkeyPatch) -> None:
-    require(monkeypatch, 'no-such-thing>=2.1; extra == "plot"')
-    finding = package("no-such-thing")
-    assert finding.ok
-    assert finding.found == "not installed"
-    assert finding.mend
+def user(number: int) -> Patch:
+    return be(os, "geteuid", lambda: number)
 
 
-@pytest.mark.parametrize(
-    ("there", "fine"),
-    [("1.9.9", False), ("1.10rc1", True), ("1.10", True), ("2", True)],
-)
-def test_a_package_that_is_too_old_is_found(
-    monkeypatch: pytest.MonkeyPatch, there: str, fine: bool
+def limit(soft: int, hard: int) -> Patch:
+    return be(resource, "getrlimit", lambda _: (soft, hard))
+
+
+def child(error: Exception) -> Patch:
+    return be(subprocess, "run", failing(error))
+
+
+def ended(code: int, said: str) -> Patch:
+    done = subprocess.CompletedProcess("x", code, stdout="", stderr=said)
+    return be(subprocess, "run", lambda *_, **__: done)
+
+
+class Unbindable(socket.socket):
+    bind = failing(OSError("cannot assign"))
+
+
+def memory(available: int) -> Patch:
+    free = SimpleNamespace(available=available)
+    return be(psutil, "virtual_memory", lambda: free)
+
+
+NEEDED = "no-such-thing>=2.1"
+INSTALL = 'Run `python -m pip install "no-such-thing>=2.1"`.'
+GROUP = {"pids.max": "500", "pids.current": "90"}
+MEMORY = {"memory.max": "2000000000", "memory.current": "1500000000"}
+UNLIMITED = resource.RLIM_INFINITY
+NO_FILE = failing(OSError("read-only file system"))
+SILENT = subprocess.TimeoutExpired("x", 20)
+NAMED = partial(package, "no-such-thing")
+OLD = partial(package, "msgspec")
+ROWS: list[tuple[str, list[Patch], Callable[[], Finding], bool, str, str]] = [
+    # What is wrong, where it is looked for, whether it will do, and what is said.
+    ("old Python", [be(sys, "version_info", (3, 10, 4))],
+     partial(only, doctor.check_python), False, "3.10.4", "3.11"),
+    ("missing package", [require(NEEDED)], NAMED, False, "not installed", INSTALL),
+    ("missing extra", [require(f'{NEEDED}; extra == "plot"')], NAMED, True,
+     "not installed", INSTALL),
+    ("too old", [require("msgspec>=1.10", "1.9.9")], OLD, False,
+     "1.9.9, older than 1.10", "msgspec>=1.10"),
+    ("a candidate will do", [require("msgspec>=1.10", "1.10rc1")], OLD, True,
+     "1.10rc1", ""),
+    ("newer", [require("msgspec>=1.10", "2")], OLD, True, "2", ""),
+    ("broken package", [be(importlib, "import_module", failing(OSError("libz: gone")))],
+     partial(package, "eclipse-zenoh"), False, "does not import: libz: gone", "pip"),
+    ("other platform", [be(sys, "platform", "darwin")],
+     partial(only, doctor.check_platform), True, "darwin", "left-over"),
+    ("few processes", [files(), user(1000), limit(4096, 4096)],
+     partial(only, doctor.check_processes), False, "room for 4,096 of 9,036", "ulimit -u"),
+    ("others' processes",
+     [files(pid_max="32768", loadavg="0.1 0.1 0.1 1/30000 77"), user(0)],
+     partial(only, doctor.check_processes), False,
+     "room for 2,768 of 9,036 (kernel.pid_max (sysctl))", "at least 6,268"),
+    ("control group", [files(cgroup="0::/user/job", **GROUP), user(0)],
+     partial(only, doctor.check_processes), False, "room for 410", "pids.max"),
+    ("old control group", [files(cgroup="7:pids:/user/job", **GROUP), user(0)],
+     partial(only, doctor.check_processes), False, "room for 410", "pids.max"),
+    ("no limit", [files(cgroup="0::/", **{"pids.max": "max"}), user(0)],
+     partial(only, doctor.check_processes), True, "", ""),
+    ("little memory", [memory(1_200_000_000)], partial(only, doctor.check_memory),
+     False, "1.2 GB free, room for about 100 cells", "at most 100 cells"),
+    ("group's memory", [files(cgroup="0::/", **MEMORY)],
+     partial(only, doctor.check_memory), False, "", "at most 0 cells"),
+    ("one core", [be(os, "sched_getaffinity", lambda _: {3})],
+     partial(only, doctor.check_cores), True, "1", "second core"),
+    ("no loopback", [be(socket, "socket", Unbindable)],
+     partial(only, doctor.check_port), False, "cannot assign", "lo"),
+    ("no temporary folder", [be(tempfile, "tempdir", "/is/not/there")],
+     partial(only, doctor.check_temporary), False, "", "TMPDIR"),
+    ("no place for kernels", [be(tempfile, "NamedTemporaryFile", NO_FILE)],
+     partial(only, doctor.check_cache), False, "read-only", "NUMBA_CACHE_DIR"),
+    ("Zenoh hangs", [child(SILENT)], partial(only, doctor.check_zenoh), False,
+     "no answer within 20 s", "eclipse-zenoh"),
+    ("fork server hangs", [child(SILENT)], partial(only, doctor.check_fork_server),
+     False, "no answer within 20 s", "seccomp"),
+    ("Zenoh fails", [ended(1, "Traceback\nZError: no\n")],
+     partial(only, doctor.check_zenoh), False, "ZError: no", "eclipse-zenoh"),
+    ("Zenoh crashes", [ended(-11, "")], partial(only, doctor.check_zenoh), False,
+     "code -11", "eclipse-zenoh"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("row", ROWS, ids=[row[0] for row in ROWS])
+def test_what_is_wrong_is_found_with_how_to_fix_it(
+    row: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    require(monkeypatch, "msgspec>=1.10")
-    monkeypatch.setattr(importlib.metadata, "version", lambda _: there)
-    finding = package("msgspec")
-    assert finding.ok is fine
-    assert finding.found == (there if fine else f"{there}, older than 1.10")
-
-
-def test_a_package_that_does_not_import_is_found(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(importlib, "import_module", failing(OSError("libz.so: gone")))
-    finding = package("eclipse-zenoh")
-    assert not finding.ok
-    assert "libz.so: gone" in finding.found
+    _, patches, look, ok, found, fix = row
+    for patch in patches:
+        patch(monkeypatch)
+    finding = look()
+    assert finding.ok is ok
+    assert finding.found.startswith(found)
+    assert fix in finding.fix
+    assert bool(finding.fix) == bool(fix)
 
 
 def test_all_the_projects_packages_are_looked_at() -> None:
@@ -97,119 +168,23 @@ def test_all_the_projects_packages_are_looked_at() -> None:
     assert {"package eclipse-zenoh", "package matplotlib (optional)"} <= found
 
 
-def test_another_platform_is_a_note(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "platform", "darwin")
-    finding = only(doctor.check_platform)
-    assert finding.ok
-    assert "left-over" in finding.mend
-
-
-def test_a_low_limit_of_open_files_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(resource, "getrlimit", lambda _: (256, 1024))
+@pytest.mark.parametrize(
+    ("hard", "ok", "found"),
+    [
+        (1024, False, "soft 256, hard 1,024"),
+        (UNLIMITED, True, "soft 256, hard unlimited"),
+    ],
+)
+def test_the_limit_of_open_files_is_looked_at_and_stays(
+    monkeypatch: pytest.MonkeyPatch, hard: int, ok: bool, found: str
+) -> None:
+    limit(256, hard)(monkeypatch)
     asked: list[tuple[int, int]] = []
     monkeypatch.setattr(resource, "setrlimit", lambda _, limits: asked.append(limits))
     finding = only(doctor.check_files)
-    assert not finding.ok
-    assert finding.found == "soft 256, hard 1,024"
-    assert "ulimit -Hn" in finding.mend
-    assert "limits.conf" in finding.mend
-    assert asked == [(256, 1024)]
-
-
-def test_a_low_soft_limit_will_do_and_stays(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(resource, "getrlimit", lambda _: (256, resource.RLIM_INFINITY))
-    asked: list[tuple[int, int]] = []
-    monkeypatch.setattr(resource, "setrlimit", lambda _, limits: asked.append(limits))
-    finding = only(doctor.check_files)
-    assert finding.ok
-    assert finding.found == "soft 256, hard unlimited"
-    assert asked[-1] == (256, resource.RLIM_INFINITY)
-
-
-def files(monkeypatch: pytest.MonkeyPatch, **texts: str) -> None:
-    """Let files of the kernel's, by their names, say `texts`; others nothing."""
-    monkeypatch.setattr(preflight, "_read", lambda path: texts.get(path.name, ""))
-
-
-def test_a_low_limit_of_processes_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    files(monkeypatch)
-    monkeypatch.setattr(os, "geteuid", lambda: 1000)
-    monkeypatch.setattr(resource, "getrlimit", lambda _: (4096, 4096))
-    finding = only(doctor.check_processes)
-    assert not finding.ok
-    assert finding.found.startswith("room for 4,096 of 9,036")
-    assert "ulimit -u" in finding.mend
-
-
-def test_what_others_use_is_not_free(monkeypatch: pytest.MonkeyPatch) -> None:
-    files(monkeypatch, pid_max="32768", loadavg="0.1 0.1 0.1 1/30000 77")
-    monkeypatch.setattr(os, "geteuid", lambda: 0)
-    finding = only(doctor.check_processes)
-    assert not finding.ok
-    assert finding.found == "room for 2,768 of 9,036 (kernel.pid_max (sysctl))"
-
-
-@pytest.mark.parametrize("line", ["0::/user/job", "7:pids:/user/job"])
-def test_a_low_limit_of_the_control_group_is_found(
-    monkeypatch: pytest.MonkeyPatch, line: str
-) -> None:
-    files(monkeypatch, cgroup=line, **{"pids.max": "500", "pids.current": "90"})
-    monkeypatch.setattr(os, "geteuid", lambda: 0)
-    finding = only(doctor.check_processes)
-    assert not finding.ok
-    assert "room for 410" in finding.found
-    assert "pids.max" in finding.mend
-
-
-def test_no_limit_of_processes_is_fine(monkeypatch: pytest.MonkeyPatch) -> None:
-    files(monkeypatch, cgroup="0::/", **{"pids.max": "max"})
-    monkeypatch.setattr(os, "geteuid", lambda: 0)
-    assert only(doctor.check_processes).ok
-
-
-def test_little_memory_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    free = SimpleNamespace(available=1_200_000_000)
-    monkeypatch.setattr(psutil, "virtual_memory", lambda: free)
-    finding = only(doctor.check_memory)
-    assert not finding.ok
-    assert finding.found == "1.2 GB free, room for about 100 cells"
-    assert "at most 100 cells" in finding.mend
-
-
-def test_the_control_groups_memory_counts(monkeypatch: pytest.MonkeyPatch) -> None:
-    group = {"memory.max": "2000000000", "memory.current": "1500000000"}
-    files(monkeypatch, cgroup="0::/", **group)
-    finding = only(doctor.check_memory)
-    assert not finding.ok
-    assert "at most 0 cells" in finding.mend
-
-
-def test_one_core_is_a_note(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {3})
-    finding = only(doctor.check_cores)
-    assert finding.ok
-    assert finding.found == "1"
-    assert finding.mend
-
-
-def test_a_missing_loopback_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Unbindable(socket.socket):
-        bind = failing(OSError("cannot assign"))
-
-    monkeypatch.setattr(socket, "socket", Unbindable)
-    finding = only(doctor.check_port)
-    assert not finding.ok
-    assert "cannot assign" in finding.found
-    assert "lo" in finding.mend
-
-
-def test_an_unwritable_temporary_folder_is_found(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "is" / "not" / "there"))
-    finding = only(doctor.check_temporary)
-    assert not finding.ok
-    assert "TMPDIR" in finding.mend
+    assert (finding.ok, finding.found) == (ok, found)
+    assert ok or "limits.conf" in finding.fix
+    assert asked[-1] == (256, hard)
 
 
 def test_a_temporary_folder_too_deep_for_sockets_is_found(
@@ -221,7 +196,7 @@ def test_a_temporary_folder_too_deep_for_sockets_is_found(
     finding = only(doctor.check_temporary)
     assert not finding.ok
     assert "of 107 bytes" in finding.found
-    assert "short" in finding.mend
+    assert "short" in finding.fix
 
 
 def test_a_folder_that_takes_no_recording_is_found(
@@ -229,48 +204,10 @@ def test_a_folder_that_takes_no_recording_is_found(
 ) -> None:
     (tmp_path / "logs").mkdir()
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(
-        tempfile, "NamedTemporaryFile", failing(OSError("read-only file system"))
-    )
+    monkeypatch.setattr(tempfile, "NamedTemporaryFile", NO_FILE)
     finding = only(doctor.check_logs)
-    assert not finding.ok
-    assert finding.found == "read-only file system"
-    assert str(tmp_path / "logs") in finding.mend
-
-
-def test_kernels_without_a_place_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(
-        tempfile, "NamedTemporaryFile", failing(PermissionError("denied"))
-    )
-    finding = only(doctor.check_cache)
-    assert not finding.ok
-    assert "NUMBA_CACHE_DIR" in finding.mend
-
-
-@pytest.mark.parametrize("check", [doctor.check_zenoh, doctor.check_fork_server])
-def test_a_child_that_hangs_is_found(
-    monkeypatch: pytest.MonkeyPatch, check: Check
-) -> None:
-    monkeypatch.setattr(subprocess, "run", failing(subprocess.TimeoutExpired("x", 20)))
-    finding = only(check)
-    assert not finding.ok
-    assert finding.found == "no answer within 20 s"
-    assert finding.mend
-
-
-@pytest.mark.parametrize(
-    ("code", "said", "found"),
-    [(1, "Traceback\nZError: no\n", "ZError: no"), (-11, "", "code -11")],
-)
-def test_a_child_that_fails_is_found(
-    monkeypatch: pytest.MonkeyPatch, code: int, said: str, found: str
-) -> None:
-    done = subprocess.CompletedProcess("x", code, stdout="", stderr=said)
-    monkeypatch.setattr(subprocess, "run", lambda *_, **__: done)
-    finding = only(doctor.check_zenoh)
-    assert not finding.ok
-    assert finding.found == found
-    assert "eclipse-zenoh" in finding.mend
+    assert (finding.ok, finding.found) == (False, "read-only file system")
+    assert str(tmp_path / "logs") in finding.fix
 
 
 @pytest.mark.zenoh

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from neurosnap.agent.body import Body
 from neurosnap.apps.export.columns import Column, Table
-from neurosnap.apps.export.table_files import write_csv
+from neurosnap.apps.export.write import write_csv
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import visible
 from neurosnap.sources.csv_source import CsvSource

@@ -2,9 +2,7 @@
 // that is done often has a key, and one of them lists the rest.
 
 import { keep, keepSoon, tickAsked, told } from "./base/address.js";
-import { theme } from "./base/colours.js";
 import { find, flash, make, tabs } from "./base/dom.js";
-import { saveSvg } from "./order/svg_picture.js";
 
 const TYPED = 'input:not([type="range"]), select, textarea, dialog[open]';
 const MOVES = /^(Arrow\w+|Home|End)$/;
@@ -13,11 +11,11 @@ const MOVES = /^(Arrow\w+|Home|End)$/;
 export function bind(page) {
   const { player, range } = page.time;
   const { diagram } = page.order;
-  const toggleTheme = theme(() => page.recolour());
   const toggleTaller = () => {
     const tall = find("taller").closest("main").classList.toggle("tall");
     find("taller").setAttribute("aria-pressed", tall);
   };
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => page.recolour());
   const help = () => find("keys").showModal();
   const acts = [
     ["fit", () => diagram.fit()],
@@ -27,11 +25,8 @@ export function bind(page) {
     ["taller", toggleTaller],
     ["help", help],
     ["range-compare", () => page.compareRange()],
-    ["order-changed", () => page.compare.withTick()],
     ["anomaly-back", () => page.toAnomaly(-1)],
     ["anomaly-on", () => page.toAnomaly(1)],
-    ["birth-back", () => page.toBirth(-1)],
-    ["birth-on", () => page.toBirth(1)],
   ];
   for (const [id, act] of acts) find(id).addEventListener("click", act);
   tabs(
@@ -59,8 +54,6 @@ export function bind(page) {
     { keys: ["End"], says: "the last tick", act: () => player.step(Infinity) },
     { keys: ["n"], says: "the next anomaly or alarm", act: () => page.toAnomaly(1) },
     { keys: ["p"], says: "the anomaly or alarm before", act: () => page.toAnomaly(-1) },
-    { keys: ["b"], says: "the next birth of a sensor", act: () => page.toBirth(1) },
-    { keys: ["B"], says: "the birth before", act: () => page.toBirth(-1) },
     { keys: ["["], says: "look at a range that begins here", act: () => range.setEnd(0, player.tick) },
     { keys: ["]"], says: "let the range end here", act: () => range.setEnd(1, player.tick) },
     { keys: ["x"], says: "look at all ticks again", act: () => range.set(null) },
@@ -71,7 +64,6 @@ export function bind(page) {
     { keys: ["f"], says: "lay out only what is looked at, or all", act: () => page.order.focus.toggle() },
     { keys: ["0"], says: "see the whole order", act: () => diagram.fit() },
     { keys: ["t"], says: "more room for plots and tables", act: toggleTaller },
-    { keys: ["l"], says: "light or dark", act: toggleTheme },
     { keys: ["Escape"], says: "select nothing", act: () => page.choose(null) },
     { keys: ["?"], says: "this help", act: help },
   ]);
@@ -80,7 +72,10 @@ export function bind(page) {
 /** Save the picture of the order at the tick that is shown. */
 function savePicture({ run: { log }, frame, order, voice }) {
   if (frame === null) voice.tell("there is no tick to save");
-  else saveSvg(order.diagram, `${log}, tick ${frame.tick}`, `${log.replace(/\.mcap$/, "")}-tick-${frame.tick}.svg`);
+  else {
+    const name = `${log.replace(/\.mcap$/, "")}-tick-${frame.tick}.svg`;
+    order.diagram.save(`Learned order of ${log}, tick ${frame.tick}`, name);
+  }
 }
 
 /** Copy the address of what is shown: it holds no token. */
@@ -91,7 +86,7 @@ async function copyLink({ time, voice }) {
     voice.tell("link copied");
     flash(find("link"), "Copied");
   } catch {
-    flash(find("link"), "In the address bar"); // the browser lets nobody copy
+    flash(find("link"), "In the address bar"); // the browser does not let it be copied
   }
 }
 

@@ -1,7 +1,7 @@
-// The page: who is told what. Everything shown follows from the player's position; this
+// The page as a whole. Everything shown follows from the player's position; this
 // is where a position becomes a frame, and a frame goes to all that show it.
 
-import { choiceAsked, keepChoice, keepWave, tickAsked, told, viewAsked, waveAsked } from "./base/address.js";
+import { choiceAsked, keepChoice, keepWave, tickAsked, waveAsked } from "./base/address.js";
 import * as api from "./base/api.js";
 import { find, flash, write } from "./base/dom.js";
 import { explain } from "./base/terms.js";
@@ -10,14 +10,14 @@ import { OrderView } from "./order/order_view.js";
 import { FrameCache } from "./run/frames.js";
 import { GrowthView } from "./run/growth.js";
 import { HealthView } from "./run/health.js";
-import { attend, chooseRun, follow, Lateness, patched } from "./run/live.js";
+import { attend, chooseRun, follow, Lateness } from "./run/live.js";
 import { AlarmCard, AnomalyCard } from "./tick/anomalies.js";
 import { Reasons } from "./tick/belief.js";
 import { ChoiceView } from "./tick/choice.js";
 import { FactsView } from "./tick/facts.js";
 import { Outline } from "./tick/outline.js";
 import { Notices, Voice } from "./tick/voice.js";
-import { deepTick, WaveView } from "./tick/wave.js";
+import { WaveView } from "./tick/wave.js";
 import { ImageView, WorldView } from "./tick/world.js";
 import { CompareView } from "./time/compare.js";
 import { TimeView } from "./time/time_view.js";
@@ -29,9 +29,9 @@ const fetchRun = notices.watched("run", api.fetchRun);
 const fetchFrames = notices.watched("frames", api.fetchFrames);
 const fetchBeside = notices.watched("marks", api.fetchBeside);
 const fetchPresence = notices.watched("presence", api.fetchPresence);
-const said = () => {}; // what failed was said where it was asked
+const said = () => {}; // the failure was reported where it was asked
 
-/** Everything there is on the page of one run. */
+/** All parts of the page of one run. */
 class Page {
   constructor(run) {
     this.run = run;
@@ -66,7 +66,6 @@ class Page {
     });
     this.order = new OrderView(names, this.growth, {
       fetchGraph: notices.watched("graph", api.fetchGraph),
-      fetchDifference: api.fetchDifference,
       choose: (thing) => this.choose(thing),
       goTo,
       rename: (named) => this.rename(named),
@@ -78,8 +77,8 @@ class Page {
     this.world = new WorldView(run.world);
     this.image = new ImageView(run);
     this.voice = new Voice(names);
-    this.outline = new Outline(find("sensors"), names, this.growth, goTo);
-    this.choice = new ChoiceView(names, this.growth, {
+    this.outline = new Outline(find("sensors"), names, goTo);
+    this.choice = new ChoiceView(names, {
       pick: (thing) => this.choose(thing),
       fetchEdge: api.fetchEdge,
     });
@@ -119,7 +118,7 @@ class Page {
       });
   }
 
-  /** Show what there is of the tick one is at; null: it was not recorded. */
+  /** Show a frame; null if its tick was not recorded. */
   arrive(frame) {
     document.body.ariaBusy = false;
     const missing = `tick ${this.time.player.tick} was not recorded`;
@@ -147,15 +146,13 @@ class Page {
     if (isFirst) this.restore();
   }
 
-  /** Select what the link selects, and look where it looks. */
+  /** Select what the link selects. */
   restore() {
-    const [choice, view, wave] = [choiceAsked(this.names), viewAsked(), waveAsked()];
+    const [choice, wave] = [choiceAsked(this.names), waveAsked()];
     if (typeof choice === "string") notices.say("asked", `there is no ${choice} here`);
     else if (choice?.sensor !== undefined) this.goTo(choice.sensor);
     else if (choice) this.choose(choice);
-    if (view) this.order.diagram.look(view);
     if (wave) this.wave.take(wave);
-    else if (this.opensDeep) this.wave.openDeepest();
   }
 
   /** Show what stays the same as long as the tick does. */
@@ -163,7 +160,7 @@ class Page {
     const { frame } = this;
     const { playing } = this.time.player;
     const before = this.frameCache.peek(frame.tick - 1);
-    this.order.show(frame, before, this.wave.shown, playing, this.isCalm);
+    this.order.show(frame, this.wave.shown, playing);
     this.showWave();
     this.facts.show(frame, before);
     this.anomaly.show(frame);
@@ -187,16 +184,8 @@ class Page {
   /** More is known of what was grown. */
   learnBirths() {
     this.rename(this.growth.births);
-    this.outline.rename();
-    this.choice.rename();
     this.showWhat();
     if (this.frame) this.showTick();
-  }
-
-  /** Go to the nearest birth before (-1) or after (1) this tick. */
-  toBirth(way) {
-    const tick = this.growth.beside(this.time.player.tick, way);
-    if (tick !== null) this.time.player.seek(tick);
   }
 
   /** Go to the nearest anomaly or alarm before (-1) or after (1) this tick. */
@@ -235,15 +224,9 @@ class Page {
     this.showDiagram();
   }
 
-  /** Whether there is time to see what moves. */
-  get isCalm() {
-    const { playing, speed } = this.time.player;
-    return !playing || speed <= SLOW;
-  }
-
   showDiagram() {
     if (this.frame === null) return;
-    this.order.paint(this.frame, this.wave.shown, this.isCalm);
+    this.order.paint(this.frame, this.wave.shown);
     this.showWave();
   }
 
@@ -275,7 +258,6 @@ class Page {
   }
 
   recolour() {
-    this.order.diagram.recolour();
     this.choice.recolour();
     this.time.recolour();
   }
@@ -328,26 +310,18 @@ class Page {
   }
 
   take(event) {
-    for (const change of event.frames) {
-      const frame = patched(change, (tick) => this.frameCache.peek(tick));
-      if (frame) this.frameCache.add(frame);
-    }
+    for (const frame of event.frames) this.frameCache.add(frame);
     const { ticks, live, cut } = event;
     this.setRun({ ...this.run, ticks, live, cut });
   }
 
   // Setting up -----------------------------------------------------------------------
 
-  async begin() {
+  begin() {
     bind(this);
     explain();
-    let asked = tickAsked();
-    if (asked === null && !this.run.live && told().get("wave") === null) {
-      asked = await deepTick(this.run, fetchFrames).catch(said);
-      this.opensDeep = (asked ?? null) !== null;
-    }
-    asked ??= null;
-    this.time.player.position = asked ?? this.run.first;
+    const asked = tickAsked();
+    this.time.player.position = asked ?? Math.max(this.run.first, this.run.ticks);
     this.time.player.following = asked === null && this.run.live;
     this.setRun(this.run);
     chooseRun().then((runs) => this.compare.offer(runs, api.run), said);
@@ -372,7 +346,7 @@ class Page {
 async function open() {
   try {
     const page = new Page(await fetchRun());
-    await page.begin();
+    page.begin();
     return page;
   } catch (error) {
     notices.say("page", error.message);

@@ -36,26 +36,34 @@ def code(log: Path, folder: Path, verb: tuple[str, ...]) -> int:
     return call(name, log, *given).exit_code
 
 
-@pytest.mark.parametrize("verb", VERBS, ids=lambda verb: verb[0])
-def test_what_is_not_whole_ends_with_three(
-    whole: Path, tmp_path: Path, verb: tuple[str, ...]
-) -> None:
+@pytest.fixture(scope="module")
+def contents(whole: Path) -> dict[str, bytes]:
     data = whole.read_bytes()
     chunk = Recording.open(whole).files[0].layout.chunks[9]
     spoiled = bytearray(data)
     spoiled[chunk.offset + 50] ^= 1
-    summary = data[:-100] + b"?" + data[-99:]
-    for name, content, ended in (
-        ("whole", data, 0),
-        ("spoiled", bytes(spoiled), 3),
-        ("cut", data[: len(data) * 3 // 4], 3),
-        ("summary", summary, 3),
-    ):
+    return {
+        "whole": data,
+        "spoiled": bytes(spoiled),
+        "cut": data[: len(data) * 3 // 4],
+        "summary": data[:-100] + b"?" + data[-99:],
+    }
+
+
+@pytest.mark.parametrize("verb", VERBS, ids=lambda verb: verb[0])
+def test_what_is_not_whole_ends_with_three(
+    contents: dict[str, bytes], tmp_path: Path, verb: tuple[str, ...]
+) -> None:
+    # That all verbs end with 0 of a whole one is tested with each of them.
+    some = (
+        contents if verb in VERBS[:2] else {n: contents[n] for n in ("spoiled", "cut")}
+    )
+    for name, content in some.items():
         folder = tmp_path / name
         folder.mkdir()
         log = folder / "run.mcap"
         log.write_bytes(content)
-        assert code(log, folder, verb) == ended, name
+        assert code(log, folder, verb) == (0 if name == "whole" else 3), name
 
 
 def test_a_replay_that_verified_nothing_fails(whole: Path, tmp_path: Path) -> None:

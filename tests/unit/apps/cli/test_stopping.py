@@ -8,7 +8,7 @@ import pytest
 
 PROGRAM = """
 import asyncio, os, signal
-from neurosnap.apps.cli.stopping import heard
+from neurosnap.apps.cli.shared import heard
 from neurosnap.system.signals import quit_at_once
 
 class Last:

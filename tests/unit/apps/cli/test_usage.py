@@ -7,111 +7,50 @@ import pytest
 from neurosnap.apps.config.recording_names import new_path
 from tests.support.command_line import call
 
-WORLD = """
-[source]
-kind = "world"
-id = "neurosnap/Path-v0"
-"""
+WORLD = "neurosnap/Path-v0"
+TOML = f'[source]\nkind = "world"\nid = "{WORLD}"\n'
+UNRECORDED = ("run", WORLD, "--set", "recording.record=false")
+NO_RECORDING = "must go with a recording, and nothing is recorded, got"
+NO_FOLDER = "out: must name a file that does not exist yet, not a folder, got"
+NO_MQTT = 'broker: must go with a TOML file that says kind = "mqtt" under [source], got'
+NO_LOG = "log: must exist, got 'none.mcap'"
+READING = ("info", "verify", "resume", "learn", "export", "watch", "view", "depth")
+ROWS: dict[tuple[str, ...], str] = {
+    (*UNRECORDED, "--out", "x.mcap"): f"out: {NO_RECORDING}",
+    (*UNRECORDED, "--set", "recording.split=1MiB"): f"recording.split: {NO_RECORDING}",
+    ("run", WORLD, "--target", "3"): (
+        "target: must go with a planner or an excited agent, got ('3',)"
+    ),
+    ("run", WORLD, "--out", "."): f"{NO_FOLDER} '.'",
+    ("run", WORLD, "--out", "folder"): f"{NO_FOLDER} 'folder'",
+    ("run", WORLD, "--out", ""): "out: must have 1 or more characters, got ''",
+    ("run", "folder"): (
+        "source: must be a registered environment id or a CSV file, not a folder, got"
+    ),
+    ("run", "none.csv"): "source: must be a file that can be",
+    ("run", WORLD, "--broker", "embedded"): f"{NO_MQTT} 'embedded'",
+    ("run", "world.toml", "--broker", "here.test"): f"{NO_MQTT} 'here.test'",
+    ("info", "folder"): "log: must be a file, got 'folder'",
+    **{(verb, "none.mcap"): NO_LOG for verb in READING},
+}
 
 
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+@pytest.mark.parametrize("given", ROWS, ids=" ".join)
+def test_wrong_usage_is_refused(
+    given: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "folder").mkdir()
-    (tmp_path / "world.toml").write_text(WORLD)
-    return tmp_path
-
-
-def refused(*arguments: object) -> str:
-    """Return what is said of wrong usage."""
-    result = call(*arguments)
+    (tmp_path / "world.toml").write_text(TOML)
+    result = call(*given)
     assert (result.exit_code, result.stdout) == (2, "")
-    return result.stderr.removeprefix("error: ").removesuffix("\n")
-
-
-@pytest.mark.parametrize(
-    "flag",
-    [
-        ("--out", "x.mcap", "out"),
-        ("--set", "recording.split=1MiB", "recording.split"),
-    ],
-)
-def test_a_flag_about_a_recording_is_refused_where_there_is_none(
-    flag: tuple[str, str, str],
-) -> None:
-    said = refused(
-        "run", "neurosnap/Path-v0", "--set", "recording.record=false", *flag[:2]
-    )
-    rule = f"{flag[2]}: must go with a recording, and nothing is recorded, got"
-    assert said.startswith(rule)
-
-
-def test_a_target_is_refused_for_who_goes_nowhere() -> None:
-    said = refused("run", "neurosnap/Path-v0", "--target", "3")
-    assert said == "target: must go with a planner or an excited agent, got ('3',)"
-
-
-@pytest.mark.parametrize("out", [".", "folder"])
-def test_a_recording_is_not_a_folder(out: str) -> None:
-    said = refused("run", "neurosnap/Path-v0", "--out", out)
-    rule = "must name a file that does not exist yet, not a folder"
-    assert said == f"out: {rule}, got '{out}'"
-
-
-def test_a_recording_has_a_name() -> None:
-    said = refused("run", "neurosnap/Path-v0", "--out", "")
-    assert said == "out: must have 1 or more characters, got ''"
-
-
-def test_a_source_is_not_a_folder() -> None:
-    said = refused("run", "folder")
-    rule = "must be a registered environment id or a CSV file, not a folder"
-    assert said == f"source: {rule}, got 'folder'"
-
-
-@pytest.mark.parametrize("source", ["neurosnap/Path-v0", "world.toml"])
-@pytest.mark.parametrize("broker", ["embedded", "here.test"])
-def test_a_broker_is_for_mqtt_alone(source: str, broker: str) -> None:
-    rule = 'must go with a TOML file that says kind = "mqtt" under [source]'
-    assert (
-        refused("run", source, "--broker", broker) == f"broker: {rule}, got '{broker}'"
-    )
-
-
-@pytest.mark.parametrize(
-    "verb",
-    [
-        ("info",),
-        ("verify",),
-        ("resume",),
-        ("learn",),
-        ("export",),
-        ("watch",),
-        ("view",),
-        ("depth",),
-    ],
-)
-def test_a_recording_that_is_not_there_is_wrong_usage_like_a_missing_csv(
-    verb: tuple[str, ...],
-) -> None:
-    name, *flags = verb
-    said = refused(name, "none.mcap", *flags)
-    assert said == "log: must exist, got 'none.mcap'"
-
-
-def test_a_recording_that_is_a_folder_is_wrong_usage() -> None:
-    assert refused("info", "folder") == "log: must be a file, got 'folder'"
-
-
-def test_a_missing_csv_is_wrong_usage() -> None:
-    assert refused("run", "none.csv").startswith("source: must be a file that can be")
+    assert result.stderr.startswith(f"error: {ROWS[given]}")
 
 
 @pytest.mark.parametrize(
     ("source", "name"),
     [
         ("mqtt:", "mqtt"),
-        ("zenoh:", "zenoh"),
         ("-", "stdin"),
         ("gymnasium:CartPole-v1", "gymnasium-cartpole-v1"),
         ("a/Größe 2: <neu>?.csv", "größe-2-neu"),

@@ -6,11 +6,10 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import pytest
 from jsonschema import Draft202012Validator  # type: ignore[import-untyped]
 
-from neurosnap.apps.config.json_schema import _in_toml, schema
+from neurosnap.apps.config.json_schema import schema
 from neurosnap.apps.config.load import load
 from neurosnap.apps.config.prepare import prepare
 from neurosnap.apps.config.problems import dotted
@@ -95,20 +94,3 @@ def test_the_example_is_right_and_has_every_table() -> None:
     assert text.startswith("#:schema swarm.schema.json\n")
     Draft202012Validator(schema()).validate(tomllib.loads(text))
     assert prepare(load(path)).options.agent == "planner"
-
-
-class Optional(msgspec.Struct):
-    """What may be null in JSON."""
-
-    one: int | None = None
-    two: int | str | None = None
-    table: dict[str, int] = {}
-
-
-def test_what_toml_cannot_say_is_not_in_the_schema() -> None:
-    made = _in_toml(msgspec.json.schema(Optional))
-    assert made["$defs"]["Optional"]["properties"] == {
-        "one": {"type": "integer"},
-        "two": {"anyOf": [{"type": "integer"}, {"type": "string"}]},
-        "table": {"type": "object", "additionalProperties": {"type": "integer"}},
-    }

@@ -125,23 +125,6 @@ def test_a_wrong_one_is_refused(tmp_path: Path, text: str, says: str) -> None:
     assert says in str(refused.value)
 
 
-@pytest.mark.parametrize(
-    "table",
-    [
-        'kind = "zenoh"\nsensors = ["a"]',
-        'kind = "stdin"\nsensors = ["a"]',
-        'kind = "mqtt"\nsensors = [{ name = "a", topic = "a" }]\n[source.tick]',
-    ],
-)
-def test_intervals_that_do_not_go_together_are_found_with_nothing_opened(
-    tmp_path: Path, table: str
-) -> None:
-    path = tmp_path / "swarm.toml"
-    path.write_text(f"[source]\n{table}\nmin_interval = 3\nmax_interval = 2\n")
-    with pytest.raises(ConfigError, match=r"max_interval: must be above 0, and min_"):
-        load(path)
-
-
 def test_packages_that_are_missing_are_missed_by_the_kind_of_the_source(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

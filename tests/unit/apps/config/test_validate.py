@@ -5,8 +5,7 @@ from typing import Annotated, Literal
 import msgspec
 import pytest
 
-from neurosnap.apps.config.line_numbers import LineNumbers
-from neurosnap.apps.config.problems import dotted
+from neurosnap.apps.config.problems import LineNumbers, dotted
 from neurosnap.apps.config.tables import Config
 from neurosnap.apps.config.validate import known_keys, problems
 from neurosnap.errors import InvalidValueError

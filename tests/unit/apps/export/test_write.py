@@ -123,7 +123,7 @@ def test_large_tables_are_written_in_groups(
     log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     export(log, "parquet", tmp_path / "one.parquet")
-    monkeypatch.setattr("neurosnap.apps.export.table_files._CELLS", 200)
+    monkeypatch.setattr("neurosnap.apps.export.write._CELLS", 200)
     export(log, "parquet", tmp_path / "many.parquet")
     assert pq.ParquetFile(tmp_path / "many.parquet").num_row_groups > 3
     one, many = (pq.read_table(tmp_path / f"{n}.parquet") for n in ("one", "many"))

@@ -411,4 +411,4 @@ def test_the_doctor_looks_at_keys(tmp_path: Path) -> None:
         name: check_keys(tmp_path / name)[0] for name in ("long", "soon", "old", "x")
     }
     assert [each.ok for each in found.values()] == [True, True, False, False]
-    assert [bool(each.mend) for each in found.values()] == [False, True, True, True]
+    assert [bool(each.fix) for each in found.values()] == [False, True, True, True]

@@ -38,9 +38,7 @@ export function tickAsked() {
   return /^\d+$/.test(tick) ? Number(tick) : null;
 }
 
-// What a link brings besides its tick: what is selected, which wave, how near one looks.
-
-const PLACES = 4; // significant digits of where one looks
+// What a link brings besides its tick: what is selected, and which wave.
 
 /** Keep in the address what is selected: a sensor by its name, an edge by its literals. */
 export function keepChoice(thing, names) {
@@ -51,12 +49,6 @@ export function keepChoice(thing, names) {
 
 /** Keep which wave is looked at; empty: the state's. */
 export const keepWave = (which) => keepSoon({ wave: which || null });
-
-/** Keep where one looks: the place in the middle and the scale; null: at all of it. */
-export function keepView(view) {
-  const digits = (value) => String(Number(value.toPrecision(PLACES)));
-  keepSoon({ look: view && [view.x, view.y, view.scale].map(digits).join(",") });
-}
 
 /** What the address says is selected; a text says why it cannot be. */
 export function choiceAsked(names) {
@@ -74,10 +66,3 @@ export function choiceAsked(names) {
 
 /** The wave in the address; null: it says none. */
 export const waveAsked = () => told().get("wave");
-
-/** Where the address says to look; null: it does not. */
-export function viewAsked() {
-  const values = (told().get("look") ?? "").split(",").map(Number);
-  const isPlace = values.length === 3 && values.every(Number.isFinite) && values[2] > 0;
-  return isPlace ? { x: values[0], y: values[1], scale: values[2] } : null;
-}

@@ -3,7 +3,7 @@
 
 import { told } from "./address.js";
 
-/** What there is to say where nobody answers. */
+/** What is said where no answer comes. */
 export const GONE = "the server does not answer; has it been stopped?";
 
 /** The number of the recording that is looked at; the address says it. */

@@ -14,6 +14,13 @@ export function make(tag, attributes = {}, ...content) {
   return element;
 }
 
+/** Make a button that reads like a link. */
+export function link(text, act, className = "link") {
+  const button = make("button", { type: "button", className }, text);
+  button.addEventListener("click", act);
+  return button;
+}
+
 /** Make an element of a drawing. */
 export function shape(tag, attributes = {}) {
   const element = document.createElementNS("http://www.w3.org/2000/svg", tag);

@@ -14,7 +14,7 @@ const TERMS = {
   complement: "The other half of a sensor, written with a star: a* is on where a is off.",
   height: "The number of edges on the longest chain of implications. It limits how deep a wave can go.",
   layer: "How many edges the longest chain from a sensor upwards has. Layer 0 is at the top: it implies nothing more.",
-  wave: "Cells that are on tell those that they imply, these tell the next, until nobody is new.",
+  wave: "Cells that are on tell those that they imply, these tell the next, until none is new.",
   depth: "How many hops a wave took until its last cell was told.",
   longest: "The longest chain of implications that begins in what was read: the most hops that this wave could take.",
   pulses: "The messages that cells sent each other in a wave.",

@@ -1,14 +1,19 @@
 // The diagram: the learned order in layers, the state in its nodes, and a wave on its way
 // over them. Nothing is laid out again while the order is the same.
 
+import { make, shape } from "../base/dom.js";
+import { drawn } from "../base/literals.js";
 import { MOST, restricted } from "./focus.js";
-import { drawingOf, HEIGHT, layOut } from "./layered_drawing.js";
-import { curve, distance, waysOf } from "./lines.js";
-import { NodePainter, widthOf } from "./nodes.js";
-import { paintLines, paintNodes, paintWave } from "./painting.js";
-import { Camera, Glide, Canvases, point } from "./screen.js";
+import { drawingOf, layOut } from "./layered_drawing.js";
+import { lineOf, pulsesOf, stripesOf, tiesOf } from "./lines.js";
+import { dress, looks, nodeOf, widthOf } from "./nodes.js";
 
-const NEAR = 7; // pixels from a line that still mean it
+const [SMALLEST, LARGEST] = [0.02, 4]; // scales
+const MARGIN = 14;
+const NUMBERS = 20; // room beside the drawing, where the layers are numbered
+const FOOT = 20; // the legend stands below
+const STILL = 4; // pixels within which a press is a click
+const HATCH = "M-1 1L1 -1M0 6L6 0M5 7L7 5";
 
 /** A learned order, drawn into an element. */
 export class Diagram {
@@ -18,94 +23,66 @@ export class Diagram {
    * @param {(thing: object|null) => void} on.pick told what was clicked: `{sensor}`,
    *   `{edge}` or null
    * @param {() => void} on.alone told to lay out only what is looked at
-   * @param {() => void} on.aim told when one looks elsewhere
-   * @param {(item: object) => string} on.tell what to say of an item under the pointer
+   * @param {(sensor: number) => string} on.tell what to say of a sensor under the pointer
    */
   constructor(home, on) {
+    this._home = home;
     this._on = on;
-    this._canvases = new Canvases(home);
-    this._camera = new Camera();
-    this._painter = new NodePainter();
+    this._camera = { x: 0, y: 0, scale: 1 }; // the place in the middle, and how large it is
+    this._whole = true; // the camera sees everything, and keeps doing so
     this._graph = null;
     this._seen = null; // the part of it that is laid out
     this._focus = { sensors: null, edges: new Set(["excite", "inhibit", "same"]), alone: false };
-    this._drawing = { items: [], links: [] };
-    this._laid = layOut([], [], widthOf); // where items stand
-    this._places = this._laid.places; // where they are drawn: on their way, for a moment
-    this._curves = new Map();
-    this._glide = new Glide((places) => this._draw(places));
-    this._ways = [];
+    this._laid = layOut([], [], widthOf);
+    this._lines = [];
+    this._nodes = new Map(); // by sensor
     this._frame = null;
     this._wave = null;
     this._chosen = null;
     this._sought = null;
-    this._shown = new Map(); // how each item was painted last
-    this._whole = true; // the camera sees everything, and keeps doing so
-    new ResizeObserver(() => this._resize()).observe(home);
-    point(home, {
-      move: (across, down) => this._aim((camera) => camera.move(across, down)),
-      zoom: (factor, x, y) => this._aim((camera) => camera.zoom(factor, x, y)),
-      click: (x, y) => this._click(this._at(x, y)),
-      over: (x, y) => this._over(home, this._at(x, y)),
-    });
-    home.addEventListener("dblclick", ({ offsetX, offsetY }) => {
-      const at = this._at(offsetX, offsetY);
-      if (at?.item) on.alone();
-      else this.fit();
-    });
+    const hatch = shape("pattern", { id: "hatch", width: 6, height: 6, patternUnits: "userSpaceOnUse" });
+    hatch.append(shape("path", { class: "hatch", d: HATCH }));
+    this._layers = ["stripes", "ties", "links", "nodes", "pulses"].map((name) => shape("g", { class: name }));
+    this._view = shape("g");
+    this._view.append(hatch, ...this._layers);
+    // Its own middle is that of the element: what is seen there stays there at every size.
+    const middle = shape("svg", { x: "50%", y: "50%", overflow: "visible" });
+    middle.append(this._view);
+    this._picture = shape("svg", { "aria-hidden": true });
+    this._picture.append(middle);
+    home.append(this._picture);
+    new ResizeObserver(() => this._whole && this.fit()).observe(home);
+    this._listen(home);
   }
 
   /** How many sensors are laid out, and how many there would be if there were room. */
   get count() {
-    return { items: this._drawing.items.length, sensors: this._seen?.nodes.length ?? 0 };
-  }
-
-  /** All that is painted. @returns {import("./painting.js").Scene} */
-  get scene() {
-    return {
-      bands: this._laid.bands,
-      places: this._places,
-      curves: this._curves,
-      ways: this._ways,
-      frame: this._frame,
-      wave: this._wave,
-      chosen: this._chosen,
-      sought: this._sought,
-      focus: this._focus,
-    };
-  }
-
-  /** What it takes up, in places of the drawing. */
-  get box() {
-    return this._laid.box;
+    return { items: this._nodes.size, sensors: this._seen?.nodes.length ?? 0 };
   }
 
   /**
    * Show a tick.
    *
-   * @param {object|null} graph the order; null: none is known yet
+   * @param {object|null} graph the order; null if none is known yet
    * @param {object} frame
    * @param {object|null} wave what of a wave to show instead of the state: `hops`, the
    *   hops of each literal it reaches, and `at`, how many it has gone, with fractions
-   * @param {boolean} glides whether what moves is seen to move: there is time for it
    */
-  show(graph, frame, wave, glides = true) {
-    const moving = wave !== null || this._wave !== null;
+  show(graph, frame, wave) {
     this._frame = frame;
     this._wave = wave;
     if (graph !== null && graph.id !== this._graph?.id) {
       this._graph = graph;
-      this._arrange(glides);
-      return;
+      this._arrange();
+    } else {
+      this._dressNodes();
     }
-    this._paintNodes();
-    if (moving) this._paintPulses();
   }
 
   /** Mark what is selected: `{sensor}`, `{edge}`, or null. */
   choose(thing) {
     this._chosen = thing;
-    this._paint();
+    this._dress();
   }
 
   /** Show what is looked at, as `Focus.of` has it; the rest is faint or left out. */
@@ -115,163 +92,201 @@ export class Diagram {
     const same = key(focus) === key(this._focus);
     this._focus = { ...focus, edges: new Set(focus.edges) };
     if (same || this._graph === null) return;
-    if (!laidOut) {
-      this._paint();
-      return;
+    if (laidOut) {
+      this._whole = true;
+      this._arrange();
+    } else {
+      this._dress();
     }
-    this._whole = true;
-    this._arrange();
   }
 
-  /** Mark the sensors a search has found; null: there is no search. */
+  /** Mark the sensors a search has found; null if there is no search. */
   seek(sensors) {
     this._sought = sensors;
-    this._paint();
+    this._dress();
   }
+
+  // Looking --------------------------------------------------------------------------
 
   /** Bring a sensor into view. */
   reveal(sensor) {
-    const place = this._laid.places.get(sensor);
-    if (place === undefined) return; // it is not read, or not drawn
-    const { width, height } = this._canvases;
-    if (this._camera.sees(place, width, height)) return;
-    this._aim((camera) => camera.centre(place, width, height));
+    const node = this._nodes.get(sensor);
+    if (node === undefined) return; // it is not read, or not drawn
+    const [seen, home] = [node.getBoundingClientRect(), this._home.getBoundingClientRect()];
+    const isInside = seen.left >= home.left && seen.right <= home.right;
+    const isBetween = seen.top >= home.top && seen.bottom <= home.bottom;
+    if (isInside && isBetween && this._camera.scale >= 0.5) return;
+    const { x, y } = this._laid.places.get(sensor);
+    this.look({ x, y, scale: Math.max(this._camera.scale, 0.8) });
   }
 
-  /** Make everything larger by a factor. */
-  zoom(factor) {
-    const { width, height } = this._canvases;
-    this._aim((camera) => camera.zoom(factor, width / 2, height / 2));
+  /** Make everything larger by a factor, around a place that stays where it is. */
+  zoom(factor, place = this._camera) {
+    const { x, y } = this._camera;
+    const scale = Math.min(Math.max(this._camera.scale * factor, SMALLEST), LARGEST);
+    const by = this._camera.scale / scale;
+    this.look({ x: place.x + (x - place.x) * by, y: place.y + (y - place.y) * by, scale });
   }
 
-  /** Where one looks: the place in the middle, and the scale; null: at all of it. */
-  get view() {
-    const { width, height } = this._canvases;
-    return this._whole ? null : this._camera.view(width, height);
+  /** Look at a place, `x` and `y`, at a scale, and stay there. */
+  look(camera) {
+    this._whole = false;
+    this._aim(camera);
   }
 
-  /** Look there. */
-  look(view) {
-    const { width, height } = this._canvases;
-    this._aim((camera) => camera.look(view, width, height));
-  }
-
-  /** See everything. */
+  /** See everything, at not much more than its own size. */
   fit() {
-    if (!this._whole) {
-      this._whole = true;
-      this._on.aim();
-    }
-    this._camera.fit(this._laid.box, this._canvases.width, this._canvases.height);
-    this._paint();
+    const { left, right, top, bottom } = this._laid.box;
+    const { clientWidth: width, clientHeight: height } = this._home;
+    const across = (width - 2 * MARGIN) / (right - left + NUMBERS);
+    const down = (height - FOOT - 2 * MARGIN) / (bottom - top);
+    const scale = Math.max(Math.min(across, down, 1.25), SMALLEST);
+    this._aim({ x: (left - NUMBERS + right) / 2, y: (top + bottom + FOOT / scale) / 2, scale });
+    this._whole = true;
   }
 
-  /** The scheme of colours has changed. */
-  recolour() {
-    this._painter.renew();
-    this._paint();
+  _aim(camera) {
+    this._camera = camera;
+    const { x, y, scale } = camera;
+    this._view.setAttribute("transform", `scale(${scale}) translate(${-x} ${-y})`);
+    this._picture.classList.toggle("far", scale < 0.5); // a name is only grey noise
   }
 
-  // Arranging ------------------------------------------------------------------------
+  // Drawing --------------------------------------------------------------------------
 
-  _arrange(glides = true) {
-    const from = new Map();
-    for (const [key, place] of this._places) from.set(key, this._camera.over(place));
+  _arrange() {
     this._seen = this._focus.alone ? restricted(this._graph, this._focus) : this._graph;
     const isLegible = this._seen.nodes.length <= MOST;
-    this._drawing = isLegible ? drawingOf(this._seen) : { items: [], links: [] };
-    const { items, links } = this._drawing;
+    const { items, links } = isLegible ? drawingOf(this._seen) : { items: [], links: [] };
     this._laid = layOut(items, links, widthOf);
-    this._ways = waysOf(links);
-    const { width, height } = this._canvases;
-    if (this._whole) this._camera.fit(this._laid.box, width, height);
-    // The camera may have turned: they set out from where they were on the screen.
-    for (const [key, place] of from) from.set(key, this._camera.under(place));
-    this._glide.start(glides ? from : new Map(), this._laid.places);
+    const { places, bands, box } = this._laid;
+    this._lines = links.map((link) => lineOf(link, places));
+    this._nodes = new Map([...places].map(([sensor, place]) => [sensor, nodeOf(place)]));
+    const [stripes, ties, lines, nodes] = this._layers;
+    stripes.replaceChildren(...stripesOf(bands, box.left - NUMBERS));
+    ties.replaceChildren(...tiesOf(places));
+    lines.replaceChildren(...this._lines.map(({ line }) => line));
+    nodes.replaceChildren(...this._nodes.values());
+    if (this._whole) this.fit();
+    this._dress();
   }
 
-  /** Draw items at certain places, and the lines between them. */
-  _draw(places) {
-    this._places = places;
-    this._curves = new Map(this._drawing.links.map((link) => [link, curve(link, places)]));
-    this._paint();
+  /** Mark what is selected, found and looked at. */
+  _dress() {
+    this._layers[1].toggleAttribute("hidden", !this._focus.edges.has("same"));
+    for (const { link, line } of this._lines) line.setAttribute("class", this._lookOf(link));
+    this._dressNodes();
   }
 
-  _resize() {
-    const { width, height } = this._canvases.resize();
-    if (this._whole) {
-      this.fit();
-    } else {
-      this._camera.move(width / 2, height / 2); // what is in the middle stays there
-      this._paint();
-    }
-  }
-
-  /** Move the camera by hand; it stays where it was put. */
-  _aim(move) {
-    this._whole = false;
-    move(this._camera);
-    this._paint();
-    this._on.aim();
-  }
-
-  // Painting -------------------------------------------------------------------------
-
-  _paint() {
-    this._paintLines();
-    this._shown.clear();
-    this._canvases.wipe(this._canvases.nodes);
-    this._paintNodes();
-    this._paintPulses();
-  }
-
-  _paintLines() {
-    const { lines } = this._canvases;
-    this._canvases.wipe(lines);
-    paintLines(lines, this.scene, this._sheet);
-  }
-
-  _paintNodes() {
+  _dressNodes() {
     if (this._frame === null) return;
-    paintNodes(this._canvases.nodes, this.scene, this._sheet, this._shown);
+    const lookOf = looks(this._frame, this._wave, this._chosen, this._sought, this._focus.sensors);
+    for (const [sensor, node] of this._nodes) dress(node, lookOf(this._laid.places.get(sensor).item));
+    const pulses = this._layers.at(-1);
+    if (this._wave) pulses.replaceChildren(...pulsesOf(this._lines, this._wave));
+    else if (pulses.firstChild) pulses.replaceChildren();
   }
 
-  _paintPulses() {
-    this._canvases.wipe(this._canvases.pulses);
-    paintWave(this._canvases.pulses, this.scene, this._sheet);
+  /** How a line looks, as the classes of its element. */
+  _lookOf({ from, to, edge, kind }) {
+    const { sensors, edges } = this._focus;
+    const { sensor, edge: chosen } = this._chosen ?? {};
+    const ends = [from.sensor, to.sensor];
+    const isChosen = chosen ? chosen.source === edge.source && chosen.target === edge.target : ends.includes(sensor);
+    const isFar = sensors !== null && !ends.every((end) => sensors.has(end));
+    const isFaint = isFar || (this._sought !== null && !ends.some((end) => this._sought.has(end)));
+    return [`link ${kind}`, !edges.has(kind) && "gone", isChosen ? "chosen" : isFaint && "faint"].filter(Boolean).join(" ");
   }
 
-  get _sheet() {
-    const { width, dots } = this._canvases;
-    return { camera: this._camera, width, dots, painter: this._painter };
+  // The pointer: dragging moves the drawing, the wheel makes it larger, a click means what
+  // is under it.
+
+  _listen(home) {
+    let held = null;
+    home.addEventListener("pointerdown", ({ button, clientX: x, clientY: y, pointerId, target }) => {
+      if (button !== 0) return;
+      held = { x, y, target, moved: false };
+      home.setPointerCapture(pointerId);
+    });
+    home.addEventListener("pointermove", ({ clientX: x, clientY: y, target }) => {
+      if (held === null) {
+        this._over(thingAt(target));
+        return;
+      }
+      const [across, down] = [x - held.x, y - held.y];
+      if (!held.moved && Math.hypot(across, down) < STILL) return;
+      const { x: atX, y: atY, scale } = this._camera;
+      this.look({ x: atX - across / scale, y: atY - down / scale, scale });
+      held = { x, y, moved: true };
+    });
+    home.addEventListener("pointerup", () => {
+      if (held !== null && !held.moved) this._on.pick(thingAt(held.target));
+      held = null;
+    });
+    home.addEventListener("pointercancel", () => (held = null));
+    home.addEventListener("dblclick", ({ clientX, clientY }) => {
+      const thing = thingAt(document.elementFromPoint(clientX, clientY));
+      if (thing?.sensor === undefined) this.fit();
+      else this._on.alone();
+    });
+    const onWheel = (event) => {
+      event.preventDefault(); // the page itself does not scroll
+      const { left, top, width, height } = home.getBoundingClientRect();
+      const { x, y, scale } = this._camera;
+      const [across, down] = [event.clientX - left - width / 2, event.clientY - top - height / 2];
+      this.zoom(Math.exp(-event.deltaY / 400), { x: x + across / scale, y: y + down / scale });
+    };
+    home.addEventListener("wheel", onWheel, { passive: false });
   }
 
-  // Clicking -------------------------------------------------------------------------
-
-  _click(thing) {
-    if (thing?.item) this._on.pick({ sensor: thing.item.sensor });
-    else this._on.pick(thing && { edge: thing.link.edge });
+  /** Say what is under the pointer, which may be too small to read. */
+  _over(thing) {
+    const said = thing?.sensor === undefined ? "" : this._on.tell(thing.sensor);
+    if (this._home.title !== said) this._home.title = said;
   }
 
-  /** Name what is under the pointer, which may be too small to read; tell if anything is. */
-  _over(home, thing) {
-    const name = thing?.item ? this._on.tell(thing.item) : "";
-    if (home.title !== name) home.title = name;
-    return thing !== null;
-  }
+  // A picture that is kept -----------------------------------------------------------
 
-  /** What is at a place on the screen: `{item}`, `{link}`, or null. */
-  _at(x, y) {
-    const under = this._camera.under(x, y);
-    for (const place of this._laid.places.values()) {
-      const across = Math.abs(under.x - place.x) <= place.width / 2;
-      if (across && Math.abs(under.y - place.y) <= HEIGHT / 2) return { item: place.item };
-    }
-    let [nearest, least] = [null, NEAR / this._camera.scale];
-    for (const [link, c] of this._curves) {
-      const off = distance(c, under);
-      if (off < least) [nearest, least] = [link, off];
-    }
-    return nearest && { link: nearest };
+  /** Save all that is laid out as an SVG file, at the size its names are read at. */
+  save(what, name) {
+    const { left, right, top, bottom } = this._laid.box;
+    const [x, y] = [left - NUMBERS - MARGIN, top - MARGIN];
+    const [width, height] = [right + MARGIN - x, bottom + MARGIN - y];
+    const file = shape("svg", { viewBox: `${x} ${y} ${width} ${height}`, width, height });
+    const title = shape("title");
+    title.textContent = what;
+    const copy = this._view.cloneNode(true);
+    copy.removeAttribute("transform");
+    inked(this._view, copy);
+    file.append(title, copy);
+    const text = new XMLSerializer().serializeToString(file);
+    const address = URL.createObjectURL(new Blob([text], { type: "image/svg+xml" }));
+    make("a", { href: address, download: name }).click();
+    URL.revokeObjectURL(address);
   }
+}
+
+/** What an element of the drawing stands for: `{sensor}`, `{edge}`, or null. */
+function thingAt(element) {
+  const { sensor, edge } = element?.closest("[data-sensor], [data-edge]")?.dataset ?? {};
+  if (sensor !== undefined) return { sensor: Number(sensor) };
+  return edge === undefined ? null : { edge: drawn(...edge.split("-").map(Number)) };
+}
+
+// What the style sheet says of a drawing, as a file by itself has to say it.
+const INKS = [
+  "fill", "stroke", "stroke-width", "stroke-dasharray", "opacity", "font-family", "font-size",
+  "text-anchor", "dominant-baseline",
+];
+
+/** Give a copy of a drawing the colours of the drawing itself; leave out what is not seen. */
+function inked(original, copy) {
+  const style = getComputedStyle(original);
+  if (style.display === "none" || style.visibility === "hidden") {
+    copy.remove();
+    return;
+  }
+  for (const name of INKS) copy.setAttribute(name, style.getPropertyValue(name).replaceAll('"', "'"));
+  const copies = [...copy.children];
+  [...original.children].forEach((child, k) => inked(child, copies[k]));
 }

@@ -1,16 +1,10 @@
-// The lines between items: where they run, what they look like, and which is under the
-// pointer. An excitatory line ends in an arrow, an inhibitory one is dashed and ends in
-// a bar.
+// The lines between items: where they run, and what they are made of. An excitatory line ends
+// in an arrow, an inhibitory one is dashed and ends in a bar. The style sheet has the colours.
 
-import { font } from "../base/colours.js";
+import { shape } from "../base/dom.js";
 import { complementOf, isComplement } from "../base/literals.js";
 import { HEIGHT } from "./layered_drawing.js";
-
-/** How wide the part of an item is that stands for the complement. */
-export const CAP = 16;
-
-const FAINT = 0.08; // how much is seen of a link of what is not looked at
-const PIECES = 16; // straight ones, that a curve is taken for
+import { CAP } from "./nodes.js";
 
 /** Where on an item a literal is. */
 function anchor(place, literal) {
@@ -18,7 +12,7 @@ function anchor(place, literal) {
 }
 
 /** The curve of a link: its four control points. */
-export function curve(link, places) {
+function curve(link, places) {
   const [from, to] = [places.get(link.from.sensor), places.get(link.to.sensor)];
   const { source, target } = link.edge;
   const [x0, x3] = [anchor(from, source), anchor(to, target)];
@@ -34,7 +28,7 @@ export function curve(link, places) {
 }
 
 /** A place on a curve, `t` of the way along. */
-export function along(c, t) {
+function along(c, t) {
   const s = 1 - t;
   const [a, b, d, e] = [s * s * s, 3 * s * s * t, 3 * s * t * t, t * t * t];
   return {
@@ -43,155 +37,91 @@ export function along(c, t) {
   };
 }
 
-/** Paint a link along its curve. */
-export function paintLink(context, link, c, colours, strong, faint = false) {
-  const colour = colours[link.kind];
-  context.strokeStyle = colour;
-  context.fillStyle = colour;
-  context.globalAlpha = faint ? FAINT : strong ? 1 : 0.8;
-  context.lineWidth = strong ? 2.4 : 1.1;
-  context.setLineDash(link.kind === "inhibit" ? [5, 3] : []);
-  context.beginPath();
-  context.moveTo(c.x0, c.y0);
-  context.bezierCurveTo(c.x1, c.y1, c.x2, c.y2, c.x3, c.y3);
-  context.stroke();
-  context.setLineDash([]);
-  paintEnd(context, link.kind, c);
-  context.globalAlpha = 1;
-}
-
-function paintEnd(context, kind, c) {
+/** The line of a link, and a wider one, which is not seen, to point at. */
+export function lineOf(link, places) {
+  const c = curve(link, places);
   const back = along(c, 0.93);
-  const angle = Math.atan2(c.y3 - back.y, c.x3 - back.x);
-  context.save();
-  context.translate(c.x3, c.y3);
-  context.rotate(angle);
-  context.beginPath();
-  if (kind === "excite") {
-    context.moveTo(0, 0);
-    context.lineTo(-8, -3.6);
-    context.lineTo(-8, 3.6);
-    context.closePath();
-    context.fill();
-  } else {
-    context.lineWidth = 2.4;
-    context.moveTo(-2, -5);
-    context.lineTo(-2, 5);
-    context.stroke();
-  }
-  context.restore();
-}
-
-/** How far a place is from a curve. */
-export function distance(c, { x, y }) {
-  let [least, at] = [Infinity, along(c, 0)];
-  for (let k = 1; k <= PIECES; k += 1) {
-    const next = along(c, k / PIECES);
-    const [dx, dy] = [next.x - at.x, next.y - at.y];
-    const length = dx * dx + dy * dy || 1;
-    const t = Math.min(Math.max(((x - at.x) * dx + (y - at.y) * dy) / length, 0), 1);
-    least = Math.min(least, Math.hypot(x - at.x - t * dx, y - at.y - t * dy));
-    at = next;
-  }
-  return least;
+  const angle = (180 * Math.atan2(c.y3 - back.y, c.x3 - back.x)) / Math.PI;
+  const d = `M${c.x0} ${c.y0}C${c.x1} ${c.y1} ${c.x2} ${c.y2} ${c.x3} ${c.y3}`;
+  const line = shape("g", { "data-edge": `${link.edge.source}-${link.edge.target}` });
+  line.append(
+    shape("path", { class: "near", d }),
+    shape("path", { class: "line", d }),
+    shape("path", {
+      class: "end",
+      d: link.kind === "excite" ? "M0 0L-8 -3.6V3.6z" : "M-2 -5V5",
+      transform: `translate(${c.x3} ${c.y3}) rotate(${angle})`,
+    }),
+  );
+  return { link, curve: c, line };
 }
 
 // Pulses between one hop of a wave and the next, on their way along the lines: round ones
 // excite, square ones inhibit.
 
-/** Return every way a pulse can go; an edge's contrapositive runs against its line. */
-export function waysOf(links) {
-  return links.flatMap((link) => {
-    const { source, target } = link.edge;
-    const against = { source: complementOf(target), target: complementOf(source) };
-    return [{ link, source, target, back: false }, { link, ...against, back: true }];
-  });
-}
-
-/** Paint the pulses that lead to what a wave reaches with its next hop. */
-export function paintPulses(context, ways, curves, { hops, at }, colours) {
+/** Return the pulses that lead to what a wave reaches with its next hop. */
+export function pulsesOf(lines, { hops, at }) {
   const [now, gone] = [Math.floor(at), at % 1];
-  context.lineWidth = 1.5;
-  context.strokeStyle = colours["on-wave"];
-  context.fillStyle = colours.wave;
-  for (const { link, source, target, back } of ways) {
-    if (hops.get(source) !== now || hops.get(target) !== now + 1) continue;
-    const { x, y } = along(curves.get(link), back ? 1 - gone : gone);
-    context.beginPath();
-    if (isComplement(target)) context.rect(x - 4, y - 4, 8, 8);
-    else context.arc(x, y, 4.5, 0, 2 * Math.PI);
-    context.fill();
-    context.stroke();
-  }
+  return lines.flatMap(({ link, curve: c }) => {
+    const { source, target } = link.edge;
+    // An edge's contrapositive runs against its line.
+    const ways = [[source, target, gone], [complementOf(target), complementOf(source), 1 - gone]];
+    const taken = ways.filter(([from, to]) => hops.get(from) === now && hops.get(to) === now + 1);
+    return taken.map(([, to, share]) => {
+      const { x, y } = along(c, share);
+      return isComplement(to)
+        ? shape("rect", { x: x - 4, y: y - 4, width: 8, height: 8 })
+        : shape("circle", { cx: x, cy: y, r: 4.5 });
+    });
+  });
 }
 
 // What lies behind the nodes: the layers as stripes, and what ties equivalent sensors
 // together.
 
-const LEGIBLE = 9; // pixels a stripe has to have to be numbered
+const FAR = 1e5; // beyond what is ever seen
 
-/** Paint the layers over the whole width, each with its number. */
-export function paintStripes(context, bands, { scale, top }, width, colours) {
-  context.font = font(10);
-  context.textBaseline = "middle";
-  bands.forEach((band, number) => {
-    const [from, to] = [band.top * scale + top, band.bottom * scale + top];
-    if (number % 2 === 0) {
-      context.fillStyle = colours.band;
-      context.fillRect(0, from, width, to - from);
-    }
-    if (to - from < LEGIBLE) return;
-    context.fillStyle = colours.mute;
-    context.fillText(String(band.layer), 5, (from + to) / 2);
+/** The layers over the whole width, each with its number. */
+export function stripesOf(bands, left) {
+  return bands.flatMap(({ layer, top, bottom }, number) => {
+    const text = shape("text", { class: "layer", x: left, y: (top + bottom) / 2 });
+    text.textContent = layer;
+    if (number % 2) return [text];
+    return [shape("rect", { class: "band", x: -FAR, y: top, width: 2 * FAR, height: bottom - top }), text];
   });
 }
 
-/** Paint a double line through the members of each class; crossed to a complement. */
-export function paintClasses(context, places, colours) {
-  context.strokeStyle = colours.mute;
-  context.lineWidth = 1.3;
-  for (const members of classes(places)) {
+/** A double line through the members of each class; crossed to a complement. */
+export function tiesOf(places) {
+  const found = [];
+  for (const members of Map.groupBy(places.values(), ({ item }) => item.class).values()) {
     // Along each row, and from one row to the next where they begin.
     members.sort((a, b) => a.y - b.y || a.x - b.x);
     let first = members[0];
     for (let k = 1; k < members.length; k += 1) {
       const [one, other] = [members[k - 1], members[k]];
-      if (one.y === other.y) {
-        tie(context, one, other);
-      } else {
-        tie(context, first, other);
-        first = other;
-      }
+      const isLevel = one.y === other.y;
+      found.push(tie(isLevel ? one : first, other));
+      if (!isLevel) first = other;
     }
   }
+  return found.map((d) => shape("path", { class: "tie", d }));
 }
 
-function classes(places) {
-  return Map.groupBy(places.values(), ({ item }) => item.class).values();
-}
-
-function tie(context, one, other) {
+function tie(one, other) {
   const [wide, high] = [other.x - one.x, other.y - one.y];
   const apart = 2.2 / Math.hypot(wide, high);
   const [across, down] = [high * apart, -wide * apart];
-  for (const side of [-1, 1]) {
-    context.beginPath();
-    context.moveTo(one.x + side * across, one.y + side * down);
-    context.lineTo(other.x + side * across, other.y + side * down);
-    context.stroke();
-  }
-  if (one.item.turned !== other.item.turned) cross(context, one, other);
+  const both = [-1, 1].map((side) => `M${one.x + side * across} ${one.y + side * down}l${wide} ${high}`);
+  return both.join("") + (one.item.turned === other.item.turned ? "" : cross(one, other));
 }
 
 /** A stroke through a double line: one is equivalent to the complement of the other. */
-function cross(context, one, other) {
+function cross(one, other) {
   // In the middle of what is seen of it: the nodes lie above the line.
   const level = one.y === other.y;
   const shift = level ? (one.width - other.width) / 4 : 0;
   const [x, y] = [(one.x + other.x) / 2 + shift, (one.y + other.y) / 2];
   const [wide, high] = level ? [3, 7] : [7, 3];
-  context.beginPath();
-  context.moveTo(x - wide, y + high);
-  context.lineTo(x + wide, y - high);
-  context.stroke();
+  return `M${x - wide} ${y + high}l${2 * wide} ${-2 * high}`;
 }

@@ -1,11 +1,10 @@
 // The learned order of the tick that is shown: the diagram, what of it is looked at, and
 // what is said of it in words.
 
-import { keepView } from "../base/address.js";
 import { counted, find, write } from "../base/dom.js";
 import { Diagram } from "./diagram.js";
 import { Focus, MOST, Search } from "./focus.js";
-import { OrderChanges, Orders } from "./orders.js";
+import { Orders } from "./orders.js";
 
 const RARELY = 100; // milliseconds between two orders while it plays
 
@@ -16,7 +15,6 @@ export class OrderView {
    * @param {import("../run/growth.js").GrowthView} growth
    * @param {object} on
    * @param {(tick: number) => Promise<object>} on.fetchGraph
-   * @param {(tick: number, other: string, then: number) => Promise<object>} on.fetchDifference
    * @param {(thing: object|null) => void} on.choose told what was clicked
    * @param {(sensor: number) => void} on.goTo
    * @param {(nodes: object[]) => void} on.rename told the names of the sensors in an order
@@ -36,8 +34,7 @@ export class OrderView {
     this.diagram = new Diagram(find("drawing"), {
       pick: on.choose,
       alone: () => this.focus.layOut(true),
-      aim: () => keepView(this.diagram.view),
-      tell: ({ name, sensor }) => `${name}: ${on.reasons().of(sensor)}`,
+      tell: (sensor) => `${names[sensor]}: ${on.reasons().of(sensor)}`,
     });
     this.focus = new Focus({ isGrown, change: () => this._refocus() });
     this.search = new Search(names, growth, {
@@ -45,7 +42,6 @@ export class OrderView {
       isGrown,
       pick: on.goTo,
     });
-    this.changes = new OrderChanges(on.fetchDifference);
   }
 
   /** The order of a frame, if it is the one that is here; null: it is not. */
@@ -54,20 +50,19 @@ export class OrderView {
   }
 
   /** Show a tick: its order, which while it plays comes now and then, and its state. */
-  show(frame, before, wave, playing, calm) {
+  show(frame, wave, playing) {
     this._frame = frame;
     this._playing = playing;
     this._showOrder();
-    this.paint(frame, wave, calm);
+    this.paint(frame, wave);
     this._describe();
-    this.changes.show(frame, before, playing);
     this.search.show(frame);
   }
 
   /** Paint what changes without the tick: the wave. */
-  paint(frame, wave, calm) {
+  paint(frame, wave) {
     this._wave = wave;
-    this.diagram.show(this.graph, frame, wave, calm);
+    this.diagram.show(this.graph, frame, wave);
     find("drawing").dataset.tick = frame.tick;
   }
 
@@ -97,7 +92,7 @@ export class OrderView {
     this._setGraph(graph);
     if (this._playing) this._arranged = performance.now();
     this._showOrder();
-    this.paint(this._frame, this._wave, true);
+    this.paint(this._frame, this._wave);
     this._describe();
   }
 

@@ -2,9 +2,6 @@
 // for the tick that is wanted now. While it plays and learns, an answer is of a tick that
 // has passed: it is handed on all the same, being nearer than what was there before.
 
-import { run } from "../base/api.js";
-import { counted, find, write } from "../base/dom.js";
-
 const KEPT = 60;
 
 /** Graphs by id. */
@@ -45,65 +42,10 @@ export class Orders {
       if (this._known.size > KEPT) this._known.delete(this._known.keys().next().value);
       arrived(graph);
     } catch {
-      // Whoever wants it next asks again.
+      // The next that wants it asks again.
     } finally {
       this._asking = false;
     }
     this._ask();
-  }
-}
-
-// What a tick taught: how many implications are new since the tick before, and how many are
-// gone. It follows from the two ticks alone, and a click compares them.
-
-/** The button in the head of the diagram. */
-export class OrderChanges {
-  /** @param {(tick: number, other: string, then: number) => Promise<object>} fetchDifference */
-  constructor(fetchDifference) {
-    this._fetch = fetchDifference;
-    this._button = find("order-changed");
-    this._wanted = null;
-  }
-
-  /**
-   * Show a tick.
-   *
-   * @param {object} frame
-   * @param {object|null|undefined} before the frame of the tick before, if it is here
-   * @param {boolean} playing nothing is asked then
-   */
-  show(frame, before, playing) {
-    const { tick, graph } = frame;
-    if (tick === this._tick && !this._skipped) return;
-    [this._tick, this._skipped] = [tick, playing];
-    this._button.hidden = true;
-    this._wanted = null;
-    if (playing || tick < 2 || graph === "" || before?.graph === graph) return;
-    this._wanted = tick;
-    if (!this._asking) this._ask();
-  }
-
-  async _ask() {
-    this._asking = true;
-    while (this._wanted !== null) {
-      const tick = this._wanted;
-      this._wanted = null;
-      try {
-        const found = await this._fetch(tick, run, tick - 1);
-        if (this._tick === tick) this._say(found);
-      } catch {
-        // The tick before cannot be known: then there is nothing to say.
-      }
-    }
-    this._asking = false;
-  }
-
-  _say({ tick, here, there }) {
-    const [more, fewer] = [here, there].map(({ count }) => count);
-    this._button.hidden = more + fewer === 0;
-    const parts = [more ? `+${more}` : "", fewer ? `−${fewer}` : ""].filter(Boolean);
-    write(this._button, `${parts.join(" ")} at this tick`);
-    const words = `${counted(more, "implication")} more and ${fewer} fewer than at tick ${tick - 1}: compare`;
-    this._button.title = words;
   }
 }

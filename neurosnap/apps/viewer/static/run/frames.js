@@ -49,7 +49,7 @@ export class FrameCache {
     const number = Math.floor(tick / BLOCK) + 1;
     const first = number * BLOCK;
     if (first > this.last || this.peek(first) !== undefined) return;
-    this._load(number).catch(() => {}); // whoever needs it asks again, and hears why
+    this._load(number).catch(() => {}); // who needs it asks again, and is told why
   }
 
   /** Keep a frame. */
@@ -68,16 +68,30 @@ export class FrameCache {
    * Fetch the one frame of a block that is wanted now, and then the block, which takes
    * longer: its order is asked for in between.
    */
-  _loadFirst(number, tick) {
+  async _loadFirst(number, tick) {
+    await this._askOnce(`first of ${number}`, tick, tick, () => {
+      setTimeout(() => this._load(number).catch(() => {})); // who needs it is told why
+    });
+  }
+
+  /** Fetch a block, whatever is here of it already. */
+  _load(number) {
+    const [from, to] = [Math.max(1, number * BLOCK), (number + 1) * BLOCK - 1];
+    const told = Math.min(to, this.last);
+    return this._askOnce(number, from, to, () => (this._block(number).told = told));
+  }
+
+  /** Ask for frames, unless they are asked for; one that failed rests before the next. */
+  _askOnce(key, from, to, then) {
     const asked = this._asked;
-    const key = `first of ${number}`;
     if (!asked.has(key)) {
-      const answered = this._fetch(tick, tick).then(
-        ([frame]) => {
+      const answered = this._fetch(from, to).then(
+        (frames) => {
           asked.delete(key);
+          // What was asked of a recording that was since forgotten is of no use.
           if (asked !== this._asked) return;
-          if (frame) this.add(frame);
-          setTimeout(() => this._load(number).catch(() => {})); // who needs it hears why
+          for (const frame of frames) this.add(frame);
+          then();
         },
         (error) => {
           setTimeout(() => asked.delete(key), REST);
@@ -87,30 +101,6 @@ export class FrameCache {
       asked.set(key, answered);
     }
     return asked.get(key);
-  }
-
-  /** Fetch a block, whatever is here of it already. */
-  _load(number) {
-    const asked = this._asked;
-    if (!asked.has(number)) {
-      const [from, to] = [Math.max(1, number * BLOCK), (number + 1) * BLOCK - 1];
-      const told = Math.min(to, this.last);
-      const answered = this._fetch(from, to).then(
-        (frames) => {
-          asked.delete(number);
-          // What was asked of a recording that was since forgotten is of no use.
-          if (asked !== this._asked) return;
-          this._block(number).told = told;
-          for (const frame of frames) this.add(frame);
-        },
-        (error) => {
-          setTimeout(() => asked.delete(number), REST);
-          throw error;
-        },
-      );
-      asked.set(number, answered);
-    }
-    return asked.get(number);
   }
 
   /** A block: its frames, and the tick up to which it has all that were recorded. */

@@ -1,7 +1,7 @@
 // What the run has grown: asked for until all of it is known, and shown as a table.
 
 import { Gathering } from "../base/api.js";
-import { counted, find, make, table } from "../base/dom.js";
+import { counted, find, link, make, table } from "../base/dom.js";
 
 /** The births of a run, and the panel that lists them. */
 export class GrowthView {
@@ -25,7 +25,6 @@ export class GrowthView {
       this._take(grown);
       return grown.done;
     });
-    for (const id of ["birth-back", "birth-on"]) find(id).hidden = !this.grows;
     if (!this.grows) for (const id of ["tab-grown", "grown"]) find(id).remove();
   }
 
@@ -56,13 +55,6 @@ export class GrowthView {
     if (this.grows) await this._gathering.load();
   }
 
-  /** The tick of the nearest birth before (-1) or after (1) a tick; null: there is none. */
-  beside(tick, way) {
-    const ticks = this.births.map((birth) => birth.tick);
-    const there = ticks.filter((one) => (one - tick) * way > 0);
-    return there.length ? Math[way > 0 ? "min" : "max"](...there) : null;
-  }
-
   _take(grown) {
     const text = JSON.stringify(grown);
     if (text === this._shown) return;
@@ -70,7 +62,6 @@ export class GrowthView {
     this.room = grown.room;
     this._done = grown.done;
     this._births = new Map(grown.births.map((birth) => [birth.sensor, birth]));
-    for (const id of ["birth-back", "birth-on"]) find(id).disabled = grown.births.length === 0;
     this._list(grown);
     this._on.change();
   }
@@ -85,20 +76,16 @@ export class GrowthView {
   }
 
   _row({ tick, exact, sensor, name, history, retired }) {
-    const when = make("button", { type: "button" }, `${exact ? "" : "by "}tick ${tick}`);
-    when.addEventListener("click", () => this._on.seek(tick));
-    const open = make("button", { type: "button" }, name);
-    open.addEventListener("click", () => this._on.pick(sensor));
     return [
-      open,
-      when,
+      link(name, () => this._on.pick(sensor), ""),
+      link(`${exact ? "" : "by "}tick ${tick}`, () => this._on.seek(tick), ""),
       history === null ? "not known" : counted(history, "tick"),
       retired === null ? "–" : `tick ${retired}`,
     ];
   }
 }
 
-/** What there is to say of a sensor that is not read; empty: it is read. */
+/** Why a sensor is not read; empty if it is read. */
 export function unread(frame, sensor) {
   if (sensor >= frame.sensors) return "not grown yet";
   return frame.retired.includes(sensor) ? "retired" : "";

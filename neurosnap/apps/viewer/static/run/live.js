@@ -1,36 +1,15 @@
-// A run that is under way: what is new comes as differences, and is put together again.
+// A run that is under way: what is new in it, whether the server is there, and which of its
+// recordings is looked at.
 
 import { keep, told } from "../base/address.js";
 import { fetchRuns, run } from "../base/api.js";
 import { find, make, write } from "../base/dom.js";
 
 /**
- * Return the frame that a change leads to; undefined if what it changes is not known.
- *
- * @param {object} change as the server sends it
- * @param {(tick: number) => object|null|undefined} known the frame of a tick
- */
-export function patched(change, known) {
-  const { after, ...fields } = change;
-  if (after === 0) {
-    const values = (pairs) => pairs.map(([, value]) => value);
-    return { ...fields, bits: values(fields.bits), state: values(fields.state) };
-  }
-  const before = known(after);
-  if (!before) return undefined;
-  const frame = { ...before, ...fields };
-  for (const name of ["bits", "state"]) {
-    frame[name] = [...before[name]];
-    for (const [sensor, value] of fields[name] ?? []) frame[name][sensor] = value;
-  }
-  return frame;
-}
-
-/**
  * Listen until the run has ended.
  *
- * Whoever answers anew does not know what was told before: it may be another recording by
- * then. So a link that is back is told of as a reset.
+ * The server that answers anew does not know what was sent before: it may have another
+ * recording by then. So a link that is back counts as a reset.
  *
  * @param {() => EventSource} open
  * @param {(event: object) => void} onEvent
@@ -63,7 +42,7 @@ const EVERY = 2000; // milliseconds
 /**
  * Ask again and again.
  *
- * @param {() => Promise<object>} ask says itself if nobody answers
+ * @param {() => Promise<object>} ask says itself if no answer comes
  * @param {(trouble: string|null) => void} onTrouble told what has become of the recording;
  *   null: it is there
  */

@@ -1,6 +1,6 @@
 // The card of an anomaly: which sensors may be wrong, and what they break.
 
-import { find, make } from "../base/dom.js";
+import { find, link, make } from "../base/dom.js";
 import { drawn, literalName } from "../base/literals.js";
 
 const SHOWN = 5; // broken implications that are listed
@@ -25,7 +25,7 @@ export class AnomalyCard {
       return;
     }
     const { culprits, others, exact, broken, more, since } = anomaly;
-    const likely = culprits.length ? this._sensors(culprits) : ["nobody"];
+    const likely = culprits.length ? this._sensors(culprits) : ["no sensor"];
     const perhaps = others.length ? [" or ", ...this._sensors(others)] : [];
     const how = `${exact ? "" : " (at least)"} may be wrong`;
     const began = since < tick ? `, since tick ${since}` : "";
@@ -43,21 +43,18 @@ export class AnomalyCard {
     const named = (some) => some.flatMap((sensor, k) => [k ? ", " : "", this._sensor(sensor)]);
     const more = sensors.length - NAMED;
     if (more < 2) return named(sensors);
-    const all = make("button", { type: "button" }, `and ${more} more`);
-    all.addEventListener("click", () => all.replaceWith(", ", ...named(sensors.slice(NAMED))));
+    const rest = () => named(sensors.slice(NAMED));
+    const all = link(`and ${more} more`, () => all.replaceWith(", ", ...rest()), "");
     return [...named(sensors.slice(0, NAMED)), " ", all];
   }
 
   _sensor(sensor) {
-    const open = make("button", { type: "button", className: "link" }, this._names[sensor]);
-    open.addEventListener("click", () => this._pick({ sensor }));
-    return open;
+    return link(this._names[sensor], () => this._pick({ sensor }));
   }
 
   _broken({ source, target, evidence }) {
     const [from, to] = [source, target].map((one) => literalName(this._names, one));
-    const open = make("button", { type: "button", className: "link" }, `${from} → ${to}`);
-    open.addEventListener("click", () => this._pick({ edge: drawn(source, target) }));
+    const open = link(`${from} → ${to}`, () => this._pick({ edge: drawn(source, target) }));
     return make("li", {}, open, ` ${evidence}`);
   }
 }
@@ -101,8 +98,7 @@ export class AlarmCard {
   /** Its line, which begins with the sensor: that is a button. */
   _words({ sensor, line }) {
     const name = this._names[sensor];
-    const open = make("button", { type: "button", className: "link" }, name);
-    open.addEventListener("click", () => this._pick({ sensor }));
+    const open = link(name, () => this._pick({ sensor }));
     return [open, line.slice(name.length)];
   }
 }

@@ -8,7 +8,7 @@ import { unread } from "../run/growth.js";
 const NAMED = 2;
 
 /**
- * What there is of each sensor of a frame.
+ * What each sensor of a frame reads, and what is believed of it.
  *
  * @returns {{condition: string, reads: number|null, predicted: boolean}[]} the condition is
  *   on, off, contradicted or unknown; it is predicted where the state has it and it was

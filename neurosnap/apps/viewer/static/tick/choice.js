@@ -1,6 +1,6 @@
 // What is selected: a sensor with its edges, or an edge with its weights.
 
-import { find, make, write } from "../base/dom.js";
+import { find, link, make, write } from "../base/dom.js";
 import { bitWord, conditions, drawn, few, isComplement, literalName, sensorOf } from "../base/literals.js";
 import { term } from "../base/terms.js";
 import { unread } from "../run/growth.js";
@@ -13,12 +13,10 @@ const NAMED = 8; // members of a class that are listed
 export class ChoiceView {
   /**
    * @param {string[]} names
-   * @param {import("../run/growth.js").GrowthView} growth
    * @param {{pick: (thing: object|null) => void, fetchEdge: Function}} on
    */
-  constructor(names, growth, on) {
+  constructor(names, on) {
     this._names = names;
-    this._growth = growth;
     this._on = on;
     this._thing = null;
     this._edge = new EdgeView(find("choice-body"), names, on.fetchEdge);
@@ -63,7 +61,6 @@ export class ChoiceView {
         make("dt", {}, term("belief")),
         this._why,
         ...(graph ? this._place(sensor, graph) : []),
-        ...this._born(sensor),
       );
       find("choice-body").replaceChildren(facts, ...this._edges(sensor, graph));
       write(find("choice-title"), this._names[sensor]);
@@ -74,21 +71,9 @@ export class ChoiceView {
     write(this._why, reasons.of(sensor));
   }
 
-  /** Names, or what is known of births, have changed. */
+  /** Names have changed. */
   rename() {
     this._graph = undefined;
-  }
-
-  _born(sensor) {
-    const birth = this._growth.of(sensor);
-    if (birth === undefined) return [];
-    const from = birth.history === null ? "" : `, learned from ${birth.history} ticks`;
-    const born = `${birth.exact ? "" : "by "}tick ${birth.tick}${from}`;
-    const facts = [make("dt", {}, "born"), make("dd", {}, born)];
-    if (birth.retired !== null) {
-      facts.push(make("dt", {}, "retired"), make("dd", {}, `tick ${birth.retired}`));
-    }
-    return facts;
   }
 
   _node(sensor, graph) {
@@ -158,23 +143,19 @@ function group(title, edges, sensor, names, pick) {
         const { source, target } = edge;
         const other = sensorOf(source) === sensor ? target : source;
         const whole = `${literalName(names, source)} → ${literalName(names, target)}`;
-        const open = make(
-          "button",
-          { type: "button", className: "link", title: whole },
-          names[sensorOf(other)],
-        );
-        open.addEventListener("click", () => pick(edge));
+        const open = link(names[sensorOf(other)], () => pick(edge));
+        open.title = whole;
         return make("li", {}, open);
       }),
     );
   add(edges.slice(0, FEW));
   const heading = make("h3", {}, `${title} `, make("span", { className: "quiet" }, edges.length));
   if (edges.length <= FEW) return [heading, list];
-  const more = make("button", { type: "button" }, `Show all ${edges.length}`);
-  more.addEventListener("click", () => {
+  const showAll = () => {
     more.remove();
     add(edges.slice(FEW));
     list.children[FEW].querySelector("button").focus();
-  });
+  };
+  const more = link(`Show all ${edges.length}`, showAll, "");
   return [heading, list, more];
 }

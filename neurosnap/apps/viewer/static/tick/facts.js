@@ -1,4 +1,4 @@
-// What there is to say about a tick, in a few lines.
+// The facts of a tick, in a few lines.
 
 import { find, make, write } from "../base/dom.js";
 import { few } from "../base/literals.js";
@@ -15,7 +15,7 @@ export class FactsView {
   constructor(names, { actions, options, room }) {
     this._names = names;
     this._actions = actions;
-    const idle = actions.length ? [] : ["did", "why"]; // nobody decides anything
+    const idle = actions.length ? [] : ["did", "why"]; // nothing is decided
     const without = [...idle, ...(options.imagine ? [] : ["plan"]), ...(room ? [] : ["grown"])];
     const facts = [...WORDS, ...NUMBERS].filter((fact) => !without.includes(fact));
     this._values = new Map(facts.map((fact) => [fact, make("dd", {}, "–")]));

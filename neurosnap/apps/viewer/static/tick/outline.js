@@ -1,7 +1,6 @@
-// The diagram in words: a table with a line for each sensor, for whoever cannot see it,
-// or would rather read.
+// The diagram in words: a table with a line for each sensor.
 
-import { find, make, write } from "../base/dom.js";
+import { find, link, make, write } from "../base/dom.js";
 import { bitWord, conditions, drawn, few, isComplement, literalName, sensorOf } from "../base/literals.js";
 import { term } from "../base/terms.js";
 import { unread } from "../run/growth.js";
@@ -14,23 +13,19 @@ export class Outline {
   /**
    * @param {HTMLElement} home
    * @param {string[]} names
-   * @param {import("../run/growth.js").GrowthView} growth
    * @param {(sensor: number) => void} pick
    */
-  constructor(home, names, growth, pick) {
+  constructor(home, names, pick) {
     this._home = home;
     this._names = names;
-    this._growth = growth;
     this._rows = names.map((name, sensor) => {
-      const open = make("button", { type: "button", title: name }, name);
-      open.addEventListener("click", () => pick(sensor));
+      const open = link(name, () => pick(sensor), "");
+      open.title = name; // there may not be room for all of it
       const cells = ["reads", "state", "belief", "layer", "implies"].map((what) =>
         make("td", { className: what }),
       );
-      const born = make("td", { className: "born" });
-      const last = growth.grows ? [born] : [];
-      const row = make("tr", {}, make("th", { scope: "row" }, open), ...cells, ...last);
-      return { row, cells, open, born };
+      const row = make("tr", {}, make("th", { scope: "row" }, open), ...cells);
+      return { row, cells, open };
     });
     const titles = [
       "Sensor",
@@ -40,7 +35,6 @@ export class Outline {
       term("layer", "Layer"),
       term("implies", "Implies (→), excludes (⊣)"),
     ];
-    if (growth.grows) titles.push("Born");
     home.replaceChildren(
       make(
         "table",
@@ -77,14 +71,12 @@ export class Outline {
     find("outline").dataset.tick = frame.tick;
   }
 
-  /** Names, or what is known of births, have changed. */
+  /** Names have changed. */
   rename() {
     this._graph = null;
-    this._rows.forEach(({ open, born }, sensor) => {
+    this._rows.forEach(({ open }, sensor) => {
       write(open, this._names[sensor]);
-      open.title = this._names[sensor]; // there may not be room for all of it
-      const birth = this._growth.of(sensor);
-      write(born, birth ? `tick ${birth.tick}` : "");
+      open.title = this._names[sensor];
     });
   }
 

@@ -62,7 +62,7 @@ export class Notices {
     document.body.classList.toggle("old", isOld);
   }
 
-  /** Say whether the server is there: whoever gets an answer knows. */
+  /** Say whether the server is there, which every answer shows. */
   link(here) {
     this.say("link", here ? "" : GONE);
   }

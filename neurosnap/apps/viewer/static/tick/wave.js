@@ -7,7 +7,6 @@ import { term } from "../base/terms.js";
 
 const HOP = 450; // milliseconds
 const STATE = ""; // where the others have a name, which is never empty
-const OPENED = "The page opens at the deepest wave near the end.";
 const REST = 0.8; // hops' time that a wave played within a tick stands still at its end
 
 /** The panel of the wave, and the clock it is shown by. */
@@ -24,7 +23,6 @@ export class WaveView {
     this._hops = new Map();
     this._started = null;
     this._drawn = "";
-    this._opened = null; // the tick that the page opened at, for its wave
     find("wave-which").addEventListener("change", (event) => {
       this._which = event.target.value;
       this._take(this._frame);
@@ -67,12 +65,6 @@ export class WaveView {
   /** Whether it starts in a state that was only imagined. */
   get imagined() {
     return this._wave?.imagined ?? false;
-  }
-
-  /** Choose the wave of this tick that goes deepest, because the page opens with it. */
-  openDeepest() {
-    this._opened = this._frame.tick;
-    this.takeDeepest();
   }
 
   /** Choose the wave of this tick that goes deepest, if one goes anywhere. */
@@ -140,17 +132,16 @@ export class WaveView {
   }
 
   /** What a wave has in common with those of other ticks that ask the same. */
-  _keyOf({ kind, signal, steps, imagined, wave }) {
+  _keyOf({ kind, signal, action, imagined, wave }) {
     if (kind === "state") return STATE;
-    if (steps) return steps.map((step) => this._on.actions[step]).join(", ");
-    return imagined ? `wave ${wave}` : literalName(this._on.names, signal[0] ?? 0);
+    const first = this._on.actions[action] ?? literalName(this._on.names, signal[0] ?? 0);
+    return imagined ? `${first}, wave ${wave}` : first;
   }
 
   _nameOf(wave) {
-    const { kind, signal, steps, imagined } = wave;
+    const { kind, signal, imagined } = wave;
     const key = this._keyOf(wave);
     if (kind === "state") return "state";
-    if (imagined && steps) return `imagined, ${counted(steps.length, "step")} ahead: ${key}`;
     if (imagined) return `imagined: ${key}`;
     if (this._on.actions.includes(key)) return `consequences of ${key}`;
     const others = signal.slice(1).map((literal) => literalName(this._on.names, literal));
@@ -209,9 +200,8 @@ export class WaveView {
     write(find("wave-says"), this._words(hop));
     const why = whyShallow(this._frame, this._wave);
     const other = why ? deepest(this._frame.waves) : null;
-    const opened = this._frame.tick === this._opened ? OPENED : "";
-    write(find("wave-why"), why || opened);
-    find("wave-why").hidden = (why || opened) === "";
+    write(find("wave-why"), why);
+    find("wave-why").hidden = why === "";
     find("wave-deepest").hidden = other === null;
     const hops = other && counted(other.depth, "hop");
     write(find("wave-deepest"), other ? `Show ${this._nameOf(other)}, ${hops}` : "");
@@ -247,27 +237,4 @@ function whyShallow(frame, wave) {
   if (unread === 0) return `All ${counted(bits.length, "sensor")} were read: nothing to infer.`;
   const missing = `${counted(unread, "sensor")} ${unread === 1 ? "was" : "were"} not read`;
   return `${missing}, and no reading implies anything of ${unread === 1 ? "it" : "them"}.`;
-}
-
-// What a page begins with where no link says it: a wave that goes deep, if the run has one
-// near its end.
-
-const LOOKED_AT = 60; // ticks at the end
-const DEEP = 3; // hops
-
-/**
- * Find it.
- *
- * @param {{first: number, ticks: number}} run
- * @param {(from: number, to: number) => Promise<object[]>} fetchFrames
- * @returns {Promise<number|null>} the tick, null: there is none
- */
-export async function deepTick({ first, ticks }, fetchFrames) {
-  const frames = await fetchFrames(Math.max(first, ticks - LOOKED_AT + 1), ticks);
-  let [best, tick] = [DEEP - 1, null];
-  for (const frame of frames) {
-    const depth = deepest(frame.waves)?.depth ?? 0;
-    if (depth > best) [best, tick] = [depth, frame.tick];
-  }
-  return tick;
 }

@@ -2,7 +2,7 @@
 // recordings part.
 
 import { Gathering } from "../base/api.js";
-import { counted, find, make, table, write } from "../base/dom.js";
+import { counted, find, link, make, table, write } from "../base/dom.js";
 import { bitWord, drawn, few, literalName } from "../base/literals.js";
 
 const NAMED = 6;
@@ -62,8 +62,8 @@ export class CompareView {
     if (!playing) this._ask();
   }
 
-  /** Compare with a tick of this recording; without: the one before. */
-  withTick(tick = "") {
+  /** Compare with a tick of this recording. */
+  withTick(tick) {
     this._with.value = this._own;
     this._then.value = tick;
     this._choose();
@@ -209,9 +209,3 @@ export class CompareView {
 }
 
 const quiet = (text) => make("p", { className: "quiet" }, text);
-
-function link(text, act) {
-  const button = make("button", { type: "button", className: "link" }, text);
-  button.addEventListener("click", act);
-  return button;
-}

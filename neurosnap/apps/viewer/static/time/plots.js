@@ -8,7 +8,7 @@ import { Chart, INKS } from "./chart.js";
 
 const { uPlot } = window; // its file is no module
 const POINTS = 600;
-const RARELY = 100; // milliseconds between two readings while it plays: nobody reads faster
+const RARELY = 100; // milliseconds between two readings while it plays: none can be read faster
 
 // What belongs together is plotted together; the rest by itself.
 const PLOTS = [
