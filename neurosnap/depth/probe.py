@@ -16,7 +16,7 @@ from neurosnap.errors import MessageError, SwarmError
 from neurosnap.protocol.run_options import WiringKind
 from neurosnap.protocol.wave import Wave
 from neurosnap.protocol.wave_control import WaveControl
-from neurosnap.runtime.parts.coordinator_loop import run_coordinator
+from neurosnap.runtime.parts.coordinator_loop import Deadlines, run_coordinator
 from neurosnap.runtime.parts.job import PartContext, take_part
 
 
@@ -194,8 +194,7 @@ class ProbeJob(msgspec.Struct, frozen=True):
                     fabric,
                     part.stop,
                     parts=self.parts,
-                    deadline=10.0 + 0.05 * count,
-                    patience=60.0 + 0.05 * count,
+                    deadlines=Deadlines(10.0 + 0.05 * count, parts=60.0 + 0.05 * count),
                     on_progress=part.reporter.progress,
                 ),
             )

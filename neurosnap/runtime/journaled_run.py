@@ -208,7 +208,7 @@ async def _keep_up(
     How often is for the run to bound: a world that asks dies with it.
     """
     job = IntakeJob(options, str(folder), address)
-    connection = PartConnection(INTAKE, "", "")
+    connection = PartConnection(INTAKE, "")
     while True:
         try:
             async with Supervisor() as supervisor:

@@ -8,7 +8,7 @@ import msgspec
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.fabric.security.credentials import Credentials, holder
-from neurosnap.fabric.security.endpoint import check_endpoint, nearest
+from neurosnap.fabric.security.endpoint import HubAddress, check_endpoint, nearest
 from neurosnap.fabric.security.roles import Role, role_of
 from neurosnap.fabric.zenoh.discovery import Discovery
 from neurosnap.fabric.zenoh.session import reach
@@ -142,27 +142,17 @@ class Connections:
         Raises:
             InvalidValueError: Its keys are not there, or not fit for use.
         """
-        role = role_of(who)
-        return PartConnection(
-            who,
-            swarm,
-            self._network.endpoint(role, self._own),
-            first,
-            self._credentials(who),
-            self._network.insecure,
-            self._located,
-        )
+        hub = self._hub(who)
+        return PartConnection(who, swarm, hub, first, self._located)
 
     async def await_hub(self, stop: asyncio.Event) -> bool:
         """Wait until the hub answers a coordinator, or `stop`; tell whether it did.
 
         Raises:
             FabricError: It does not.
-            InvalidValueError: As from `to`.
+            InvalidValueError: Its keys are not there, or not fit for use.
         """
-        who: Role = "coordinator"
-        endpoint = self._network.endpoint(who, self._own)
-        session = await reach(who, endpoint, stop, self._credentials(who))
+        session = await reach("coordinator", self._hub("coordinator"), stop)
         if session is None:
             return False
         await asyncio.to_thread(session.close)
@@ -179,16 +169,16 @@ class Connections:
             patience: Seconds to go on trying until the hub answers.
 
         Raises:
-            InvalidValueError: As from `to`.
+            InvalidValueError: Its keys are not there, or not fit for use.
         """
-        return Discovery(
-            swarm,
-            self._network.endpoint("watcher", self._own),
-            stop=stop,
-            credentials=self._credentials("watcher"),
-            insecure=self._network.insecure,
-            patience=patience,
-        )
+        hub = self._hub("watcher")
+        return Discovery(swarm, hub, stop=stop, patience=patience)
+
+    def _hub(self, who: str) -> HubAddress:
+        """Return where a part finds the hub, and what it shows to it."""
+        endpoint = self._network.endpoint(role_of(who), self._own)
+        credentials = self._credentials(who)
+        return HubAddress(endpoint, credentials, self._network.insecure)
 
     def _credentials(self, who: str) -> Credentials | None:
         name = self._network.holder(who)

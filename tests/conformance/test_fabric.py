@@ -9,6 +9,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.errors import FabricError
+from neurosnap.fabric.security.endpoint import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from tests.support.fabrics import Heard, Hub, Network, Seen, ZenohNetwork, listening
 
@@ -126,7 +127,9 @@ async def test_what_is_published_after_a_listener_has_confirmed_arrives(
 
 @pytest.mark.zenoh
 async def test_a_hub_that_does_not_answer_has_confirmed_nothing(hub: Hub) -> None:
-    async with ZenohFabric("cell/1", "silent", hub.endpoint, patience=1.0) as end:
+    async with ZenohFabric(
+        "cell/1", "silent", HubAddress(hub.endpoint), patience=1.0
+    ) as end:
         await end.subscribe(("**",), lambda _: None)
         hold(hub)
         try:

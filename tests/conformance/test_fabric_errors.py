@@ -11,6 +11,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.errors import FabricError, InvalidValueError
+from neurosnap.fabric.security.endpoint import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.hub import open_hub
 from tests.support.fabrics import Heard, Hub, Network, Seen, ZenohNetwork, listening
@@ -118,7 +119,7 @@ async def test_nothing_listens_on_tcp_or_udp(hub: Hub) -> None:
 
 @pytest.mark.zenoh
 async def test_a_hub_that_cannot_be_reached_is_an_error_in_time(endpoint: str) -> None:
-    fabric = ZenohFabric("cell/3", "one", endpoint, patience=0.3)
+    fabric = ZenohFabric("cell/3", "one", HubAddress(endpoint), patience=0.3)
     began = time.monotonic()
     expected = rf"^cell/3: must reach the hub at {endpoint}, got "
     with pytest.raises(FabricError, match=expected):
@@ -129,7 +130,7 @@ async def test_a_hub_that_cannot_be_reached_is_an_error_in_time(endpoint: str) -
 
 @pytest.mark.zenoh
 async def test_a_hub_that_comes_late_is_waited_for(endpoint: str) -> None:
-    fabric = ZenohFabric("cell/3", "one", endpoint, patience=PATIENCE)
+    fabric = ZenohFabric("cell/3", "one", HubAddress(endpoint), patience=PATIENCE)
     entering = asyncio.create_task(fabric.__aenter__())
     await asyncio.sleep(0)
     session = await asyncio.to_thread(open_hub, [endpoint], 3)
@@ -159,6 +160,6 @@ async def test_a_session_leaves_no_thread_of_ours(hub: Hub) -> None:
     before = set(threading.enumerate())
     async with listening(ZenohNetwork(hub, swift=True), "leave/**"):
         during = {thread.name for thread in set(threading.enumerate()) - before}
-    assert "courier/listener" in during
+    assert "inbox/listener" in during
     after = {thread.name for thread in set(threading.enumerate()) - before}
-    assert not {name for name in after if name.startswith("courier")}
+    assert not {name for name in after if name.startswith("inbox")}

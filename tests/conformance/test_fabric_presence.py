@@ -8,6 +8,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.fabric.protocol import Place, PlaceHandler
+from neurosnap.fabric.security.endpoint import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from tests.support.fabrics import Hub, Network, Seen
 from tests.support.patience import PATIENCE
@@ -65,7 +66,7 @@ async def test_a_part_that_is_located_says_where_it_is(hub: Hub) -> None:
     swarm, first, late = secrets.token_hex(4), Seen(), Seen()
 
     def end(who: str, *, located: bool = False) -> ZenohFabric:
-        return ZenohFabric(who, swarm, hub.endpoint, located=located)
+        return ZenohFabric(who, swarm, HubAddress(hub.endpoint), located=located)
 
     def noting(seen: Seen) -> PlaceHandler:
         return lambda who, place: seen(f"{who} at {place}", True)
@@ -91,8 +92,8 @@ async def test_a_part_that_is_located_says_where_it_is(hub: Hub) -> None:
 async def test_a_place_that_cannot_be_is_nobodys(hub: Hub) -> None:
     swarm, placed, seen = secrets.token_hex(4), list[tuple[str, Place]](), Seen()
     async with (
-        ZenohFabric("recorder", swarm, hub.endpoint) as recorder,
-        ZenohFabric("cell/1", swarm, hub.endpoint) as cell,
+        ZenohFabric("recorder", swarm, HubAddress(hub.endpoint)) as recorder,
+        ZenohFabric("cell/1", swarm, HubAddress(hub.endpoint)) as cell,
     ):
         await recorder.locate(lambda who, place: placed.append((who, place)))
         await recorder.watch(seen)

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from neurosnap.errors import FabricError
+from neurosnap.fabric.security.endpoint import HubAddress
 from neurosnap.fabric.zenoh.hub import open_hub
 from neurosnap.fabric.zenoh.session import reach
 from tests.support.commands import Command
@@ -102,7 +103,7 @@ async def test_who_listens_and_lets_nobody_in_is_told_apart_from_nobody(
         async with await asyncio.start_server(refuse, "127.0.0.1", 0) as server:
             port = server.sockets[0].getsockname()[1]
             where = f"tcp/127.0.0.1:{port}"
-            assert await reach("watcher", where, refused) is None
+            assert await reach("watcher", HubAddress(where), refused) is None
     finally:
         logger.removeHandler(told)
     assert caplog.messages == [
@@ -114,4 +115,4 @@ async def test_who_listens_and_lets_nobody_in_is_told_apart_from_nobody(
 async def test_patience_ends(endpoint: str) -> None:
     rule = rf"^watcher: must reach the hub at {endpoint}, got Unable to connect"
     with pytest.raises(FabricError, match=rule):
-        await reach("watcher", endpoint, asyncio.Event(), patience=0.0)
+        await reach("watcher", HubAddress(endpoint), asyncio.Event(), patience=0.0)

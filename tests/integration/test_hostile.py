@@ -20,6 +20,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.fabric.in_memory import MemoryHub
+from neurosnap.fabric.security.endpoint import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.read.recording import Recording
@@ -297,7 +298,7 @@ async def test_in_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     ) -> asyncio.Task[None]:
         async def attack() -> None:
             swarm, endpoint = await found
-            async with ZenohFabric("stranger", swarm, endpoint) as fabric:
+            async with ZenohFabric("stranger", swarm, HubAddress(endpoint)) as fabric:
                 await fabric.subscribe(("**",), stranger.handle)
                 for key in KEYS:  # with no number beside it, nobody even looks
                     fabric._session.put(f"{wire.ROOT}/{swarm}/{key}", b"\xff")

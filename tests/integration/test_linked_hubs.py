@@ -14,6 +14,7 @@ from typing import NamedTuple
 import pytest
 
 from neurosnap import wire
+from neurosnap.fabric.security.endpoint import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
@@ -205,7 +206,7 @@ async def _see(endpoint: str, who: str) -> None:
         if alive and name == who:
             there.set()
 
-    async with ZenohFabric("watcher", SWARM, endpoint) as fabric:
+    async with ZenohFabric("watcher", SWARM, HubAddress(endpoint)) as fabric:
         await fabric.watch(change)
         async with asyncio.timeout(PATIENCE):
             await there.wait()
@@ -225,7 +226,7 @@ async def _cut(hubs: Hubs) -> None:
             if isinstance(message, wire.WaveStart) and message.repeats:
                 again.set()
 
-    async with ZenohFabric("watcher", SWARM, hubs.first) as fabric:
+    async with ZenohFabric("watcher", SWARM, HubAddress(hubs.first)) as fabric:
         await fabric.subscribe(("wavestart", "wavestart/**"), handle)
         await fabric.confirm()
         hubs.link.cut()

@@ -17,6 +17,7 @@ import zenoh
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.fabric.security.credentials import Credentials
+from neurosnap.fabric.security.endpoint import HubAddress
 from neurosnap.fabric.security.make_keys import make_keys
 from neurosnap.fabric.security.roles import Role
 from neurosnap.fabric.zenoh.client import ZenohFabric
@@ -28,7 +29,7 @@ from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.recorder import run_recorder
 from neurosnap.recording.write.rotation import SplitWriter
 from neurosnap.runtime.parts import coordinator_process
-from neurosnap.runtime.parts.coordinator_loop import run_coordinator
+from neurosnap.runtime.parts.coordinator_loop import Deadlines, run_coordinator
 from neurosnap.runtime.parts.hub_and_cell import run_cell
 from neurosnap.runtime.parts.job import take_part
 from neurosnap.runtime.parts.world_process import run_world
@@ -134,7 +135,10 @@ class Hub(msgspec.Struct, frozen=True):
     keys: Path | None = None
     role: Role = "world"
     swarm: str = SWARM
-    insecure: bool = False
+
+    @property
+    def address(self) -> HubAddress:
+        return HubAddress(self.endpoint, self.credentials)
 
     @property
     def credentials(self) -> Credentials | None:
@@ -146,17 +150,16 @@ class Hub(msgspec.Struct, frozen=True):
     def session(self, role: Role) -> zenoh.Session:
         """Open a session as any program would: there is nothing of ours in it."""
         return zenoh.open(
-            connecting(self.endpoint, PATIENCE, self.credentials_of(role))
+            connecting(HubAddress(self.endpoint, self.credentials_of(role)), PATIENCE)
         )
 
     def part(self, who: str, role: Role, *, swift: bool = False) -> ZenohFabric:
         return ZenohFabric(
             who,
             SWARM,
-            self.endpoint,
+            HubAddress(self.endpoint, self.credentials_of(role)),
             patience=PATIENCE,
             swift=swift,
-            credentials=self.credentials_of(role),
         )
 
 
@@ -430,7 +433,7 @@ async def run_swarm(hub: Hub, source: LiveSource, log: Path) -> Completeness:
                 f,
                 over,
                 parts=("recorder", "world", *cells),
-                deadline=options.deadline,
+                deadlines=Deadlines(options.deadline),
             ),
         )
         leave.set()

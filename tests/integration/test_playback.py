@@ -14,6 +14,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import FabricError, InvalidValueError
+from neurosnap.fabric.security.endpoint import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.hub import open_hub
 from neurosnap.protocol.run_options import RunOptions
@@ -99,8 +100,8 @@ async def watching(swarm: str, endpoint: str) -> AsyncIterator[AnomalyDetector]:
     """
     watcher, seen = AnomalyDetector(), asyncio.Event()
     async with (
-        ZenohFabric("watcher", swarm, endpoint) as ears,
-        ZenohFabric("witness", swarm, endpoint) as eyes,
+        ZenohFabric("watcher", swarm, HubAddress(endpoint)) as ears,
+        ZenohFabric("witness", swarm, HubAddress(endpoint)) as eyes,
     ):
         await eyes.watch(lambda who, alive: seen.set() if who == "watcher" else None)
         await ears.subscribe(("**",), watcher.hear, poll=0.01)
@@ -119,7 +120,7 @@ async def stage(
     try:
         async with (
             watching(recording.swarm, endpoint) as watcher,
-            ZenohFabric("player", recording.swarm, endpoint) as fabric,
+            ZenohFabric("player", recording.swarm, HubAddress(endpoint)) as fabric,
         ):
             yield fabric, watcher
     finally:

@@ -18,7 +18,7 @@ from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
 from neurosnap.fabric.protocol import Handler, PlaceHandler, PresenceHandler
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.runtime.parts.coordinator_loop import run_coordinator
+from neurosnap.runtime.parts.coordinator_loop import Deadlines, run_coordinator
 from neurosnap.runtime.parts.hub_and_cell import run_cell
 from neurosnap.runtime.parts.job import take_part
 from neurosnap.runtime.parts.world_process import run_world
@@ -153,8 +153,7 @@ async def by_hand(
                     fabric,
                     asyncio.Event(),
                     parts=["world", *cells],
-                    deadline=options.deadline,
-                    patience=patience,
+                    deadlines=Deadlines(options.deadline, parts=patience),
                 )
             leave.set()
     except BaseExceptionGroup as errors:
@@ -290,7 +289,7 @@ async def test_what_is_no_message_is_reported_and_counted_once(readings: str) ->
     core = Coordinator.of(options_for(readings))
     async with hub.fabric("coordinator") as fabric, hub.fabric("witness") as witness:
         conducting = asyncio.create_task(
-            run_coordinator(core, fabric, stop, parts=[], deadline=10)
+            run_coordinator(core, fabric, stop, parts=[], deadlines=Deadlines(10))
         )
         await asyncio.sleep(0)
         await witness.subscribe(("fault/**",), lambda _: reported.set())
@@ -312,7 +311,9 @@ async def test_a_part_that_goes_without_a_word_is_named(readings: str) -> None:
     async def conduct_it() -> None:
         async with hub.fabric("coordinator") as fabric:
             core = Coordinator.of(options_for(readings))
-            await run_coordinator(core, fabric, stop, parts=["cell/0"], deadline=10)
+            await run_coordinator(
+                core, fabric, stop, parts=["cell/0"], deadlines=Deadlines(10)
+            )
 
     stop = asyncio.Event()
     expected = r"^cell/0: must stay until the run ends, is gone$"

@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 from neurosnap import wire
 from neurosnap.apps.cli import app
 from neurosnap.errors import InvalidValueError
+from neurosnap.fabric.security.endpoint import HubAddress
 from neurosnap.fabric.security.load_keys import read_credentials
 from neurosnap.fabric.security.make_keys import make_keys
 from neurosnap.fabric.security.roles import RIGHTS, Role
@@ -119,16 +120,14 @@ async def test_a_recording_plays_to_who_has_a_certificate(
             ZenohFabric(
                 "watcher",
                 recording.swarm,
-                hub.endpoint,
+                HubAddress(hub.endpoint, read_credentials(keys, "watcher")),
                 patience=PATIENCE,
-                credentials=read_credentials(keys, "watcher"),
             ) as watcher,
             ZenohFabric(
                 "cell/0",
                 recording.swarm,
-                hub.endpoint,
+                HubAddress(hub.endpoint, read_credentials(keys, "cell")),
                 patience=PATIENCE,
-                credentials=read_credentials(keys, "cell"),
             ) as herald,
         ):
             await watcher.subscribe(("**",), heard)

@@ -12,6 +12,7 @@ from itertools import permutations
 from neurosnap import wire
 from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.fabric.protocol import Fabric
+from neurosnap.fabric.security.endpoint import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from tests.support.patience import PATIENCE
 
@@ -81,7 +82,7 @@ class Hub:
     pid: int
 
     def end(self, who: str, swarm: str = "linked") -> ZenohFabric:
-        return ZenohFabric(who, swarm, self.endpoint, patience=PATIENCE)
+        return ZenohFabric(who, swarm, HubAddress(self.endpoint), patience=PATIENCE)
 
 
 @contextmanager
@@ -148,7 +149,7 @@ class ZenohNetwork(Network):
         return ZenohFabric(
             who,
             f"{self._run}-{swarm}",
-            self._far if far else self._endpoint,
+            HubAddress(self._far if far else self._endpoint),
             first=first,
             patience=PATIENCE,
             swift=self._swift,

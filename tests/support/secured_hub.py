@@ -11,6 +11,7 @@ from typing import ClassVar
 from neurosnap import wire
 from neurosnap.fabric.protocol import Handler, PresenceHandler
 from neurosnap.fabric.security.credentials import Credentials
+from neurosnap.fabric.security.endpoint import HubAddress
 from neurosnap.fabric.security.roles import Role, role_of
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from tests.support.patience import PATIENCE
@@ -50,7 +51,7 @@ class Hub:
 
     def end_with(self, who: str, credentials: Credentials) -> ZenohFabric:
         return Noted(
-            who, SWARM, self.endpoint, patience=INTRUSION, credentials=credentials
+            who, SWARM, HubAddress(self.endpoint, credentials), patience=INTRUSION
         )
 
 

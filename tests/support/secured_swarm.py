@@ -12,7 +12,7 @@ from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.write.recorder import run_recorder
 from neurosnap.recording.write.rotation import SplitWriter
 from neurosnap.runtime.parts import coordinator_process
-from neurosnap.runtime.parts.coordinator_loop import run_coordinator
+from neurosnap.runtime.parts.coordinator_loop import Deadlines, run_coordinator
 from neurosnap.runtime.parts.hub_and_cell import run_cell
 from neurosnap.runtime.parts.job import take_part
 from neurosnap.runtime.parts.recorder_process import describe
@@ -60,7 +60,7 @@ async def run_swarm(hub: Hub, options: RunOptions, log: Path) -> Completeness:
                 f,
                 over,
                 parts=("recorder", "world", *cells),
-                deadline=options.deadline,
+                deadlines=Deadlines(options.deadline),
             ),
         )
         leave.set()

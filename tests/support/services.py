@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from neurosnap import wire
 from neurosnap.fabric.protocol import Place
+from neurosnap.fabric.security.endpoint import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording
@@ -61,7 +62,7 @@ def up(endpoint: str, *parts: str, swarm: str = SWARM) -> None:
             if not missing:
                 there.set()
 
-        async with ZenohFabric("watcher", swarm, endpoint) as fabric:
+        async with ZenohFabric("watcher", swarm, HubAddress(endpoint)) as fabric:
             await fabric.watch(change)
             async with asyncio.timeout(PATIENCE):
                 await there.wait()
@@ -81,7 +82,7 @@ def begun(endpoint: str, tick: int, swarm: str = SWARM) -> None:
                 if isinstance(state, wire.State) and state.tick >= tick:
                     far.set()
 
-        async with ZenohFabric("watcher", swarm, endpoint) as fabric:
+        async with ZenohFabric("watcher", swarm, HubAddress(endpoint)) as fabric:
             await fabric.subscribe(("state",), handle)
             async with asyncio.timeout(PATIENCE):
                 await far.wait()

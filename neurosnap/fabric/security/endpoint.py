@@ -6,9 +6,31 @@ What is not known to stay on this machine is taken to leave it. Options in an en
 
 import ipaddress
 
+import msgspec
+
 from neurosnap.errors import InvalidValueError
+from neurosnap.fabric.security.credentials import Credentials
 
 _WILDCARDS = {"0.0.0.0": "127.0.0.1", "[::]": "[::1]"}
+
+
+class HubAddress(msgspec.Struct, frozen=True):
+    """Where a hub listens, and what is shown to it.
+
+    Raises:
+        InvalidValueError: The endpoint breaks the rule of `check_endpoint`.
+    """
+
+    endpoint: str
+    """As Zenoh writes it, ``tls/HOST:PORT``."""
+    credentials: Credentials | None = None
+    """Of the part that connects; None if the hub asks for none."""
+    insecure: bool = False
+    """It may be beyond this machine without credentials."""
+
+    def __post_init__(self) -> None:
+        tls = self.credentials is not None
+        check_endpoint(self.endpoint, tls=tls, insecure=self.insecure)
 
 
 def check_endpoint(endpoint: str, *, tls: bool, insecure: bool = False) -> None:

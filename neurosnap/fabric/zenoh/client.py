@@ -30,10 +30,9 @@ from neurosnap.fabric.protocol import (
     PresenceHandler,
     check_polled,
 )
-from neurosnap.fabric.security.credentials import Credentials
-from neurosnap.fabric.security.endpoint import check_endpoint
+from neurosnap.fabric.security.endpoint import HubAddress
 from neurosnap.fabric.security.roles import DESCRIPTION, FLUSHED, PLACE
-from neurosnap.fabric.zenoh.inbox import DeliveryThread, Door, Inbox, Poll
+from neurosnap.fabric.zenoh.inbox import Inbox, Poll
 from neurosnap.fabric.zenoh.pieces import LARGEST, Assembly, pieces
 from neurosnap.fabric.zenoh.session import connecting
 
@@ -53,46 +52,37 @@ class ZenohFabric:
     Args:
         who: The part's name, as in `Message.sender`.
         swarm: The run's id.
-        endpoint: Where the hub listens.
+        hub: Where the hub listens, and what the part shows to it.
         first: The number of the first message; more than 0 where a run is resumed.
         patience: Seconds to go on trying until the hub answers.
         swift: Handlers run on a thread of their own, not on the event loop: a third
             off the time of a hop. For parts that share nothing with their loop.
-        credentials: The part's, where the hub has some.
-        insecure: May connect beyond this machine without credentials.
         located: Says where it is when it shows as alive; for a swarm that is on
             several machines.
-
-    Raises:
-        InvalidValueError: The endpoint breaks the rule of `check_endpoint`.
     """
 
     def __init__(
         self,
         who: str,
         swarm: str,
-        endpoint: str,
+        hub: HubAddress,
         *,
         first: int = 0,
         patience: float = 60.0,
         swift: bool = False,
-        credentials: Credentials | None = None,
-        insecure: bool = False,
         located: bool = False,
     ) -> None:
-        check_endpoint(endpoint, tls=credentials is not None, insecure=insecure)
         self.who = who
         self.sent = first
         self._prefix = f"{wire.ROOT}/{swarm}/"
-        self._endpoint = endpoint
+        self._hub = hub
         self._patience = patience
         self._swift = swift
-        self._credentials = credentials
         self._located = located
         # Delivery threads and the loop may publish at once; numbers must be unique.
         self._publishing = threading.Lock()
         self._declared: list[Any] = []
-        self._doors: list[Door[Any]] = []
+        self._inboxes: list[Inbox[Any]] = []
         self._polls: list[Poll] = []
 
     async def __aenter__(self) -> Self:
@@ -102,12 +92,12 @@ class ZenohFabric:
             FabricError: The hub cannot be reached.
         """
         self._failure = Failure()
-        config = connecting(self._endpoint, self._patience, self._credentials)
+        config = connecting(self._hub, self._patience)
         try:
             self._session = await self._off_loop(zenoh.open, config)
         except zenoh.ZError as error:
             raise FabricError(
-                f"{self.who}: must reach the hub at {self._endpoint}, got {error}"
+                f"{self.who}: must reach the hub at {self._hub.endpoint}, got {error}"
             ) from error
         return self
 
@@ -135,8 +125,8 @@ class ZenohFabric:
         async with AsyncExitStack() as stack:
             stack.push_async_callback(self._off_loop, self._session.close)
             stack.push_async_callback(self._off_loop, self._flush)
-            for door in self._doors:
-                stack.push_async_callback(self._off_loop, door.close)
+            for inbox in self._inboxes:
+                stack.push_async_callback(self._off_loop, inbox.close)
             for poll in self._polls:
                 stack.callback(poll.finish)
             stack.push_async_callback(self._off_loop, self._undeclare)
@@ -189,18 +179,17 @@ class ZenohFabric:
             channel: Any = zenoh.handlers.FifoChannel(_CHANNEL)
             (subscriber,) = await self._off_loop(self._declare, keys, channel)
             channel = subscriber.handler
-            take = Assembly(cut).take
-            self._polls.append(Poll(channel, take, handler, poll, self._failure))
+            receive = Assembly(cut).receive
+            self._polls.append(Poll(channel, receive, handler, poll, self._failure))
             return
-        kind = DeliveryThread if self._swift else Inbox
-        door: Door[wire.Delivery] = kind(self.who, handler, self._failure.set)
-        self._doors.append(door)
-        take = Assembly(cut).take
+        inbox = Inbox(self.who, handler, self._failure.set, swift=self._swift)
+        self._inboxes.append(inbox)
+        receive = Assembly(cut).receive
 
         def hand_over(sample: zenoh.Sample) -> None:
-            delivery = take(sample)
+            delivery = receive(sample)
             if delivery is not None:
-                door.push(delivery)
+                inbox.push(delivery)
 
         callback = zenoh.handlers.Callback(hand_over, indirect=False)
         await self._off_loop(self._declare, keys, callback)
@@ -307,13 +296,13 @@ class ZenohFabric:
     async def locate(self, handler: PlaceHandler) -> None:
         """Follow the tokens that say where parts are, those already there included."""
 
-        def take(name: str, alive: bool) -> None:
+        def receive(name: str, alive: bool) -> None:
             who, *rest = name.rsplit("/", 2)
             place = Place.read("/".join(rest))
             if alive and place is not None:
                 handler(who, place)
 
-        await self._follow(PLACE, take)
+        await self._follow(PLACE, receive)
 
     async def _follow(self, below: str, handler: PresenceHandler) -> None:
         """Follow the liveliness tokens below a key."""
@@ -324,7 +313,7 @@ class ZenohFabric:
                 handler(name, alive)
 
         inbox: Inbox[tuple[str, bool]] = Inbox(self.who, deliver, self._failure.set)
-        self._doors.append(inbox)
+        self._inboxes.append(inbox)
 
         def hand_over(sample: zenoh.Sample) -> None:
             alive = sample.kind == zenoh.SampleKind.PUT

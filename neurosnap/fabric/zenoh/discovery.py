@@ -13,8 +13,7 @@ import zenoh
 
 from neurosnap import wire
 from neurosnap.fabric.events import wait_any
-from neurosnap.fabric.security.credentials import Credentials
-from neurosnap.fabric.security.endpoint import check_endpoint
+from neurosnap.fabric.security.endpoint import HubAddress
 from neurosnap.fabric.zenoh.inbox import Inbox
 from neurosnap.fabric.zenoh.session import reach
 
@@ -70,32 +69,23 @@ class Discovery:
 
     Args:
         swarm: The id.
-        endpoint: Where the hub listens.
+        hub: Where the hub listens.
         stop: Ends the wait for the hub; then no swarm is seen. None: nothing does.
         patience: Seconds to go on trying until the hub answers.
-        credentials: A watcher's, where the hub has some.
-        insecure: May connect beyond this machine without credentials.
-
-    Raises:
-        InvalidValueError: The endpoint breaks the rule of `check_endpoint`.
     """
 
     def __init__(
         self,
         swarm: str,
-        endpoint: str,
+        hub: HubAddress,
         *,
         stop: asyncio.Event | None = None,
         patience: float = 60.0,
-        credentials: Credentials | None = None,
-        insecure: bool = False,
     ) -> None:
-        check_endpoint(endpoint, tls=credentials is not None, insecure=insecure)
         self._swarm = swarm
-        self._endpoint = endpoint
+        self._hub = hub
         self._stop = stop or asyncio.Event()
         self._patience = patience
-        self._credentials = credentials
         self._there: dict[str, FoundSwarm] = {}  # by name, in the order they came
         # The last that came, until it was returned.
         self._next: FoundSwarm | None = None
@@ -107,9 +97,7 @@ class Discovery:
         Raises:
             FabricError: The hub cannot be reached.
         """
-        self._session = await reach(
-            "watcher", self._endpoint, self._stop, self._credentials, self._patience
-        )
+        self._session = await reach("watcher", self._hub, self._stop, self._patience)
         if self._session is None:
             return self
         # Both ends of what this needs are here, so it cannot fail but by a bug.

@@ -1,25 +1,18 @@
-"""The inbox: hands messages from Zenoh's threads to the rest of the process.
+"""Hands messages from Zenoh's threads to the rest of the process.
 
-Any thread pushes and never blocks. What waits is delivered in bursts, in order, by one
-thread: the event loop's (`Inbox`), or one of its own (`DeliveryThread`) where latency
-counts. Waking an event loop takes two system calls and its selector, a hundred
-microseconds on a small machine, and a wave pays that at every hop; waking a thread
-takes a fifth of it.
-
-Both are bounded: a push beyond the bound is an error for the owner, never a silent
-loss.
+An `Inbox` is filled by any thread, which never blocks, and delivers in bursts, in
+order: on the event loop, or on a thread where latency counts. Waking an event loop
+takes two system calls and its selector, a hundred microseconds on a small machine, and
+a wave pays that at every hop; waking a thread takes a fifth of it. It is bounded: a
+push beyond the bound is an error for the owner, never a silent loss. A `Poll` reads
+every so often.
 """
-# MERGED DOC """A polled subscription: messages wait in Zenoh's channel until read.
-#
-# That costs neither a thread nor the GIL. A full channel holds back the hub, and so the
-# senders: a slow reader slows the run down and loses nothing.
-# """
 
 import asyncio
 import queue
 import threading
 from collections.abc import Callable
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, TypeVar
 
 import zenoh
 
@@ -29,31 +22,20 @@ from neurosnap.fabric.events import Failure
 from neurosnap.fabric.protocol import Handler
 
 T = TypeVar("T")
-T_contra = TypeVar("T_contra", contravariant=True)
 
 _CAPACITY = 1 << 20
-
-
-class Door(Protocol[T_contra]):
-    """What both have in common."""
-
-    def push(self, item: T_contra) -> None:
-        """Leave `item`; any thread, never blocks, ignored when closed."""
-        ...
-
-    def close(self) -> None:
-        """Ignore every later push; deliver what waits."""
-        ...
+_CHUNK = 4096  # deliveries a poll handles before other tasks get their turn
 
 
 class Inbox(Generic[T]):
-    """A bounded queue from any thread into one loop.
+    """A bounded queue from any thread to one that delivers.
 
     Args:
         owner: Whose inbox it is, for the error.
-        deliver: Called on the loop with all that waited, oldest first.
+        deliver: Called with all that waited, oldest first.
         fail: Called on the loop, once, with what `deliver` raised or with an
-            `InboxOverflowError`; the inbox is closed then.
+            `InboxOverflowError`; nothing more is let in then.
+        swift: Deliver on a thread of the inbox, not on the loop.
         capacity: How many items may wait.
     """
 
@@ -62,6 +44,8 @@ class Inbox(Generic[T]):
         owner: str,
         deliver: Callable[[list[T]], None],
         fail: Callable[[BaseException], None],
+        *,
+        swift: bool = False,
         capacity: int = _CAPACITY,
     ) -> None:
         self._owner = owner
@@ -69,125 +53,108 @@ class Inbox(Generic[T]):
         self._fail = fail
         self._capacity = capacity
         self._loop = asyncio.get_running_loop()
-        self._lock = threading.Lock()
-        self._items: list[T] = []
-        self._overflown = False
-        self._closed = False
-
-    def push(self, item: T) -> None:
-        """Leave `item` for the loop; any thread, never blocks, ignored when closed."""
-        with self._lock:
-            if self._closed or self._overflown:
-                return
-            if len(self._items) == self._capacity:
-                self._overflown = True
-                return
-            self._items.append(item)
-            if len(self._items) == 1:
-                # Under the lock: `close` cannot come between the check and the call,
-                # so the loop is still running here.
-                self._loop.call_soon_threadsafe(self._drain)
-
-    def close(self) -> None:
-        """Ignore every later push. What waits is still delivered by the loop."""
-        with self._lock:
-            self._closed = True
-
-    def _drain(self) -> None:
-        error: BaseException | None = None
-        with self._lock:
-            items, self._items = self._items, []
-            if self._overflown:
-                error = InboxOverflowError(self._owner, self._capacity)
-        try:
-            if items:
-                self._deliver(items)
-        except BaseException as raised:  # noqa: BLE001 - goes on to the owner, whole
-            error = raised
-        if error is not None:
-            with self._lock:
-                self._closed = True
-                self._items.clear()  # what came meanwhile
-            self._fail(error)
-
-
-class DeliveryThread(Generic[T]):
-    """A bounded queue with a thread of its own that delivers.
-
-    Args:
-        owner: Whose it is, for the error.
-        deliver: Called on the courier's thread with all that waited, oldest first.
-        fail: Called on the loop, once, with what `deliver` raised or with an
-            `InboxOverflowError`; nothing more is taken in then.
-        capacity: How many items may wait.
-    """
-
-    def __init__(
-        self,
-        owner: str,
-        deliver: Callable[[list[T]], None],
-        fail: Callable[[BaseException], None],
-        capacity: int = _CAPACITY,
-    ) -> None:
-        self._owner = owner
-        self._deliver = deliver
-        self._fail = fail
-        self._capacity = capacity
-        self._loop = asyncio.get_running_loop()
-        self._closed = False
         # Not `queue.Queue`: this one is a single lock in C, safe to use in a callback.
         self._items: queue.SimpleQueue[T | None] = queue.SimpleQueue()
-        self._thread = threading.Thread(target=self._run, name=f"courier/{owner}")
-        self._thread.start()
+        # Written by `close`, by the thread that delivers and by any that pushes too
+        # much. It only ever becomes true, so a push may read it without the lock: what
+        # it then still puts is an item that came while the inbox was closed.
+        self._closed = False
+        self._lock = threading.Lock()  # of `_woken`, and of calls to a loop that runs
+        self._woken = False
+        self._failed = False  # used on the loop alone
+        self._broken = False  # `deliver` has raised; used by what delivers alone
+        self._thread: threading.Thread | None = None
+        if swift:
+            self._thread = threading.Thread(target=self._run, name=f"inbox/{owner}")
+            self._thread.start()
 
     def push(self, item: T) -> None:
-        """Leave `item` for the thread; any thread, never blocks."""
+        """Leave `item`; any thread, never blocks, ignored when closed."""
         if self._closed:
             return
         if self._items.qsize() >= self._capacity:
-            self._end(InboxOverflowError(self._owner, self._capacity))
+            self._overflow()
             return
         self._items.put(item)
+        if self._thread is not None:
+            return
+        # Under the lock: `close` cannot come between the check and the call, so the
+        # loop is still running here.
+        with self._lock:
+            if not self._woken and not self._closed:
+                self._woken = True
+                self._loop.call_soon_threadsafe(self._drain)
+
+    def _overflow(self) -> None:
+        error = InboxOverflowError(self._owner, self._capacity)
+        with self._lock:
+            if not self._closed:
+                self._closed = True
+                self._loop.call_soon_threadsafe(self._report, error)
 
     def close(self) -> None:
-        """Deliver what waits, then end the thread. Blocks until it has ended."""
-        self._closed = True
-        self._items.put(None)
-        self._thread.join()
+        """Ignore every later push. What waits is still delivered.
 
-    def _end(self, error: BaseException) -> None:
-        self._closed = True
-        self._loop.call_soon_threadsafe(self._fail, error)
+        Blocks until the thread has ended, where there is one; otherwise the loop
+        delivers the rest.
+        """
+        with self._lock:
+            self._closed = True
+        if self._thread is not None:
+            self._items.put(None)
+            self._thread.join()
+
+    def _drain(self) -> None:
+        """Deliver what waits, on the loop."""
+        with self._lock:
+            self._woken = False  # first: what is put from now on wakes the loop again
+        batch: list[T] = []
+        self._collect(batch)
+        if batch and not self._broken:
+            self._hand_over(batch)
 
     def _run(self) -> None:
-        while (first := self._items.get()) is not None:
+        """Deliver until the inbox is closed, on its thread."""
+        while not self._broken and (first := self._items.get()) is not None:
             batch = [first]
-            last = False
-            # Nobody else takes items out, so what is not empty can be taken.
-            while not last and not self._items.empty():
-                item = self._items.get()
-                if item is None:
-                    last = True
-                else:
-                    batch.append(item)
-            try:
-                self._deliver(batch)
-            except BaseException as error:  # noqa: BLE001 - goes on to the owner, whole
-                self._end(error)
-                return
-            if last:
+            is_last = self._collect(batch)
+            self._hand_over(batch)
+            if is_last:
                 return
 
+    def _collect(self, batch: list[T]) -> bool:
+        """Move what waits into `batch`; tell whether the inbox was closed after it."""
+        # Only one thread takes items out, so what is not empty can be taken.
+        while not self._items.empty():
+            item = self._items.get()
+            if item is None:
+                return True
+            batch.append(item)
+        return False
 
-_CHUNK = 4096  # deliveries handled before other tasks get their turn
+    def _hand_over(self, batch: list[T]) -> None:
+        try:
+            self._deliver(batch)
+        except BaseException as error:  # noqa: BLE001 - goes on to the owner, whole
+            self._closed = self._broken = True
+            self._loop.call_soon_threadsafe(self._report, error)
+
+    def _report(self, error: BaseException) -> None:
+        if not self._failed:
+            self._failed = True
+            self._fail(error)
 
 
 class Poll:
     """Empties a channel every so often, for readers that need rate and not latency.
 
+    Messages wait in Zenoh's channel until they are read, which costs neither a thread
+    nor the GIL. A full channel holds back the hub, and so the senders: a slow reader
+    slows the run down and loses nothing.
+
     Args:
         channel: Where the samples wait.
-        take: Makes a delivery of a sample, or of the last of several.
+        assemble: Makes a delivery of a sample, or of the last of several.
         handler: Gets them, as in `Fabric.subscribe`.
         every: Seconds between two looks.
         failure: Gets what the handler raises.
@@ -196,13 +163,13 @@ class Poll:
     def __init__(
         self,
         channel: zenoh.Handler[zenoh.Sample],
-        take: Callable[[zenoh.Sample], wire.Delivery | None],
+        assemble: Callable[[zenoh.Sample], wire.Delivery | None],
         handler: Handler,
         every: float,
         failure: Failure,
     ) -> None:
         self._channel = channel
-        self._take = take
+        self._assemble = assemble
         self._handler = handler
         self._every = every
         self._failure = failure
@@ -228,7 +195,7 @@ class Poll:
             if sample is None:
                 break
             samples.append(sample)
-        found = map(self._take, samples)
+        found = map(self._assemble, samples)
         batch = [delivery for delivery in found if delivery is not None]
         if batch:
             self._handler(batch)

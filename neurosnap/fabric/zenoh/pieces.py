@@ -72,8 +72,11 @@ class Assembly:
         self._head: tuple[int, int, int] | None = None  # number, clock, pieces
         self._parts: list[bytes] = []
 
-    def take(self, sample: "zenoh.Sample") -> wire.Delivery | None:
-        """Copy a sample out of Zenoh's hands; None: a stranger's, or not all of it."""
+    def receive(self, sample: "zenoh.Sample") -> wire.Delivery | None:
+        """Return the delivery that a sample completes; None if it completes none.
+
+        It is copied out of Zenoh's hands. A stranger's sample is dropped.
+        """
         beside = sample.attachment
         if beside is None:
             return None

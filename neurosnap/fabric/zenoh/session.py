@@ -18,7 +18,7 @@ import zenoh
 
 from neurosnap.errors import FabricError
 from neurosnap.fabric.events import wait_any, wait_at_most
-from neurosnap.fabric.security.credentials import Credentials
+from neurosnap.fabric.security.endpoint import HubAddress
 from neurosnap.fabric.zenoh.pieces import LARGEST
 
 # What is larger is dropped as it comes in: nobody can fill another's memory.
@@ -71,22 +71,19 @@ def nested(flat: Mapping[str, object]) -> dict[str, Any]:
     return document
 
 
-def connecting(
-    endpoint: str, patience: float, credentials: Credentials | None = None
-) -> zenoh.Config:
+def connecting(hub: HubAddress, patience: float) -> zenoh.Config:
     """Return the configuration of a session that connects to a hub.
 
     Args:
-        endpoint: Where the hub listens.
+        hub: Where it listens.
         patience: Seconds to go on trying until it answers.
-        credentials: The part's, where the hub has some.
     """
     guard: dict[str, object] = {}
-    if credentials is not None:
-        guard["transport__link__tls"] = credentials.to_connect()
+    if hub.credentials is not None:
+        guard["transport__link__tls"] = hub.credentials.to_connect()
     return configuration(
         "client",
-        connect__endpoints=[endpoint],
+        connect__endpoints=[hub.endpoint],
         connect__timeout_ms=int(patience * 1000),
         connect__retry={
             "period_init_ms": 50,
@@ -107,9 +104,8 @@ _LOOK = 1.0  # seconds that a look at whether anybody listens may take
 
 async def reach(
     who: str,
-    endpoint: str,
+    hub: HubAddress,
     stop: asyncio.Event,
-    credentials: Credentials | None = None,
     patience: float = 60.0,
 ) -> zenoh.Session | None:
     """Return a session with a hub, as soon as that answers; None: `stop` was set.
@@ -118,9 +114,8 @@ async def reach(
 
     Args:
         who: Who wants to reach it.
-        endpoint: Where the hub listens.
+        hub: Where the hub listens.
         stop: Ends the wait at once.
-        credentials: The part's, where the hub has some.
         patience: Seconds to go on trying.
 
     Raises:
@@ -129,7 +124,7 @@ async def reach(
     loop = asyncio.get_running_loop()
     began, said = loop.time(), False
     while not stop.is_set():
-        attempt = _Attempt(endpoint, credentials)
+        attempt = _Attempt(hub)
         try:
             await wait_any(attempt.over, stop)
         finally:
@@ -139,11 +134,11 @@ async def reach(
         waited = loop.time() - began
         if waited > patience:
             raise FabricError(
-                f"{who}: must reach the hub at {endpoint}, got {attempt.error}"
+                f"{who}: must reach the hub at {hub.endpoint}, got {attempt.error}"
             )
         if waited > _SAID_AFTER and not said:
             said = True
-            _log.warning("%s", await absence(endpoint))
+            _log.warning("%s", await absence(hub.endpoint))
         await wait_at_most(stop, _PAUSE)
     return None
 
@@ -151,11 +146,11 @@ async def reach(
 class _Attempt:
     """One try, on a thread of its own."""
 
-    def __init__(self, endpoint: str, credentials: Credentials | None) -> None:
+    def __init__(self, hub: HubAddress) -> None:
         self.over = asyncio.Event()
         self.error: zenoh.ZError | None = None
         self._session: zenoh.Session | None = None
-        self._config = connecting(endpoint, 0.0, credentials)
+        self._config = connecting(hub, 0.0)
         self._loop = asyncio.get_running_loop()
         self._left = False
         self._lock = threading.Lock()

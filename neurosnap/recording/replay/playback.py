@@ -16,7 +16,7 @@ from neurosnap import wire
 from neurosnap.errors import InvalidValueError
 from neurosnap.fabric.events import wait_at_most
 from neurosnap.fabric.security.credentials import Credentials
-from neurosnap.fabric.security.endpoint import nearest
+from neurosnap.fabric.security.endpoint import HubAddress, nearest
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.hub import open_hub
 from neurosnap.recording.read.chunk_messages import Recorded
@@ -82,9 +82,7 @@ async def play_on(
         async with ZenohFabric(
             "player",
             recording.swarm,
-            nearest(endpoint),
-            credentials=credentials,
-            insecure=insecure,
+            HubAddress(nearest(endpoint), credentials, insecure),
         ) as fabric:
             return await play(recording, fabric, stop, playing)
     finally:

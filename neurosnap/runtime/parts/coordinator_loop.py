@@ -10,6 +10,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Collection
+from dataclasses import dataclass
 from typing import Protocol
 
 from neurosnap import wire
@@ -59,15 +60,25 @@ class Core(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class Deadlines:
+    """How long a coordinator waits, in seconds."""
+
+    wave: float
+    """For a wave to settle, before it is sent again."""
+    answer: float | None = None
+    """For the world to answer a decision; None if that may take any time."""
+    parts: float = 60.0
+    """For the parts to come up."""
+
+
 async def run_coordinator(
     core: Core,
     fabric: Fabric,
     stop: asyncio.Event,
     *,
     parts: Collection[str],
-    deadline: float,
-    answer: float | None = None,
-    patience: float = 60.0,
+    deadlines: Deadlines,
     on_progress: Callable[[int], None] = lambda _: None,
     on_decision: Callable[[wire.Decision], None] = lambda _: None,
 ) -> float:
@@ -82,10 +93,7 @@ async def run_coordinator(
         fabric: Entered by the caller, and closed by it.
         stop: Ends the run in order.
         parts: Who must be there before it begins, and stay until it ends.
-        deadline: Seconds a wave may take.
-        answer: Seconds the world may take from a decision to its observation; None: as
-            long as it takes.
-        patience: Seconds the parts may take to come up.
+        deadlines: How long it waits for what.
         on_progress: Told the core's tick once the swarm is up, after each burst, and
             while nothing is over its deadline four times a second; on any thread.
         on_decision: Told every decision that is published, likewise.
@@ -99,15 +107,7 @@ async def run_coordinator(
         AnswerLostError: A wave did not settle, a question to the cells' histories was
             not answered, or workers did not learn, and neither did the repeats.
     """
-    shell = _CoordinatorLoop(
-        core,
-        fabric,
-        deadline,
-        WorldDeadline(answer),
-        on_progress,
-        on_decision,
-        parts,
-    )
+    shell = _CoordinatorLoop(core, fabric, parts, deadlines, on_progress, on_decision)
     presence = _Presence(parts, fabric, shell)
     await fabric.subscribe(wire.COORDINATOR_KEYS, shell.handle)
     await fabric.watch(presence.change)
@@ -115,7 +115,7 @@ async def run_coordinator(
     serving = asyncio.create_task(fabric.serve(shell.over), name="coordinator/serve")
     watching = asyncio.create_task(shell.watch(), name="coordinator/deadlines")
     try:
-        await presence.wait_complete(serving, stop, patience)
+        await presence.wait_complete(serving, stop, deadlines.parts)
         began = time.perf_counter()
         if not stop.is_set() and not serving.done():
             shell.begin()
@@ -191,19 +191,18 @@ class _CoordinatorLoop:
         self,
         core: Core,
         fabric: Fabric,
-        deadline: float,
-        answer: WorldDeadline,
+        parts: Collection[str],
+        deadlines: Deadlines,
         on_progress: Callable[[int], None],
         on_decision: Callable[[wire.Decision], None],
-        parts: Collection[str],
     ) -> None:
-        self._answer = answer
+        self._answer = WorldDeadline(deadlines.answer)
         self._parts = frozenset(parts)
         self.over = asyncio.Event()
         self.left: set[str] = set()  # who said a last word
         self._core = core
         self._fabric = fabric
-        self._deadline = deadline
+        self._deadline = deadlines.wave
         self._on_progress = on_progress
         self._on_decision = on_decision
         self._begun = False

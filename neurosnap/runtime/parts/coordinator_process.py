@@ -14,7 +14,7 @@ from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.protocol.totals import Totals
 from neurosnap.recording.replay.resume import restore
-from neurosnap.runtime.parts.coordinator_loop import run_coordinator
+from neurosnap.runtime.parts.coordinator_loop import Deadlines, run_coordinator
 from neurosnap.runtime.parts.job import PartContext, take_part
 from neurosnap.runtime.parts.run_description import RunDescription
 from neurosnap.sources.open import is_live
@@ -93,9 +93,9 @@ class CoordinatorJob(msgspec.Struct, frozen=True):
                     fabric,
                     part.stop,
                     parts=self.parts,
-                    deadline=options.deadline,
-                    answer=answer_within(options),
-                    patience=patience,
+                    deadlines=Deadlines(
+                        options.deadline, answer_within(options), patience
+                    ),
                     on_progress=part.reporter.progress,
                     on_decision=lambda said: part.reporter.changed(core.changes(said)),
                 ),

@@ -54,14 +54,14 @@ class HubJob(msgspec.Struct, frozen=True):
 
     async def run(self, part: PartContext) -> None:
         """Route until the end."""
-        connection = part.connection
+        own = part.connection.address
         with telling_refusals(audit=self.audit):
             session = await asyncio.to_thread(
                 open_hub,
-                [connection.endpoint],
+                [own.endpoint],
                 self.sessions,
-                credentials=connection.credentials,
-                insecure=connection.insecure,
+                credentials=own.credentials,
+                insecure=own.insecure,
             )
             try:
                 part.reporter.ready()

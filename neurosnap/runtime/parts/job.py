@@ -20,7 +20,7 @@ from neurosnap import wire
 from neurosnap.agent.growth.changed import Changed
 from neurosnap.errors import MessageError, NeurosnapError, PartDiedError
 from neurosnap.fabric.protocol import Fabric
-from neurosnap.fabric.security.credentials import Credentials
+from neurosnap.fabric.security.endpoint import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 
 if TYPE_CHECKING:
@@ -173,14 +173,10 @@ class PartConnection(msgspec.Struct, frozen=True):
     """Its name, as in `Message.sender`."""
     swarm: str
     """The run's id."""
-    endpoint: str
-    """Where the hub listens."""
+    hub: HubAddress | None = None
+    """Where its hub is; None if it needs none."""
     first: int = 0
     """The number of its first message."""
-    credentials: Credentials | None = None
-    """What it proves itself with."""
-    insecure: bool = False
-    """It may go over a network without proof."""
     located: bool = False
     """It says where it is, for the swarm is on several machines."""
     local: "MemoryHub | None" = None
@@ -193,13 +189,22 @@ class PartConnection(msgspec.Struct, frozen=True):
         return ZenohFabric(
             self.who,
             self.swarm,
-            self.endpoint,
+            self.address,
             first=self.first,
             swift=swift,
-            credentials=self.credentials,
-            insecure=self.insecure,
             located=self.located,
         )
+
+    @property
+    def address(self) -> HubAddress:
+        """Where the hub is.
+
+        Raises:
+            ValueError: The part has none.
+        """
+        if self.hub is None:
+            raise ValueError(f"{self.who}: must have a hub")
+        return self.hub
 
 
 @dataclass(frozen=True)

@@ -30,8 +30,7 @@ import zenoh
 
 from neurosnap import wire
 from neurosnap.errors import FabricError, InvalidValueError, within
-from neurosnap.fabric.security.credentials import Credentials
-from neurosnap.fabric.security.endpoint import check_endpoint
+from neurosnap.fabric.security.endpoint import HubAddress
 from neurosnap.fabric.security.roles import READING
 from neurosnap.fabric.zenoh.discovery import id_of
 from neurosnap.fabric.zenoh.session import connecting
@@ -49,16 +48,8 @@ class Hub(Protocol):
         """The run's id."""
 
     @property
-    def endpoint(self) -> str:
-        """Where the hub listens."""
-
-    @property
-    def credentials(self) -> Credentials | None:
-        """The part's, where the hub has some."""
-
-    @property
-    def insecure(self) -> bool:
-        """May connect beyond this machine without credentials."""
+    def address(self) -> HubAddress:
+        """Where the hub listens, and what the part shows to it."""
 
 
 class ZenohFeeder:
@@ -66,14 +57,9 @@ class ZenohFeeder:
 
     Args:
         hub: Whom to connect to, as the world.
-
-    Raises:
-        InvalidValueError: The endpoint breaks the rule of `check_endpoint`.
     """
 
     def __init__(self, hub: Hub) -> None:
-        tls = hub.credentials is not None
-        check_endpoint(hub.endpoint, tls=tls, insecure=hub.insecure)
         self._hub = hub
         self._thread: threading.Thread | None = None
         self._open = ExitStack()
@@ -103,7 +89,7 @@ class ZenohFeeder:
                 hand_over(source, key, sample.payload)
 
         try:
-            config = connecting(hub.endpoint, _PATIENCE, hub.credentials)
+            config = connecting(hub.address, _PATIENCE)
             session = zenoh.open(config)
             self._open.callback(session.close)
             for name in names:
@@ -113,7 +99,7 @@ class ZenohFeeder:
                 )
                 self._open.callback(listener.undeclare)
         except zenoh.ZError as error:
-            rule = f"must reach the hub at {hub.endpoint}, got {error}"
+            rule = f"must reach the hub at {hub.address.endpoint}, got {error}"
             source.fail(FabricError(f"readings: {rule}"))
         except BaseException as error:  # noqa: BLE001 - goes on to `step`, whole
             source.fail(error)

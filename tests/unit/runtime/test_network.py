@@ -39,11 +39,15 @@ def test_a_service_needs_its_own_keys_and_the_watchers(
     network = Network(connect=WHERE, tls=tls)
     network.check("watcher")
     connections = Connections(network)
-    assert connections.to("watcher", "demo").credentials is not None
+    assert connections.to("watcher", "demo").address.credentials is not None
     who = role if role in ("world", "recorder") else f"{role}/0"
     own = connections.to(who, "demo", 5)
-    assert own.credentials is not None
-    assert (own.credentials.name, own.endpoint, own.first) == (role, WHERE, 5)
+    assert own.address.credentials is not None
+    assert (own.address.credentials.name, own.address.endpoint, own.first) == (
+        role,
+        WHERE,
+        5,
+    )
     with pytest.raises(InvalidValueError, match=r"coordinator\.pem: must be a file"):
         network.check()
 
@@ -65,12 +69,18 @@ def test_the_keys_of_a_role_are_read_once(keys: Path, tmp_path: Path) -> None:
     connections = Connections(Network(connect=WHERE, tls=tls))
     first = connections.to("cell/0", "demo")
     shutil.rmtree(tls)
-    assert connections.to("cell/1", "demo").credentials is first.credentials
+    assert (
+        connections.to("cell/1", "demo").address.credentials
+        is first.address.credentials
+    )
 
 
 def test_without_a_network_parts_meet_on_the_swarms_own_socket() -> None:
     own = Connections(Network(), "unixsock-stream/own", located=True).to(
         "world", "demo"
     )
-    assert (own.endpoint, own.credentials) == ("unixsock-stream/own", None)
+    assert (own.address.endpoint, own.address.credentials) == (
+        "unixsock-stream/own",
+        None,
+    )
     assert own.located

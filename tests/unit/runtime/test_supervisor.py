@@ -90,7 +90,7 @@ class Starting(ChildProcesses):
 
 
 def jobs(count: int) -> list[tuple[Job, PartConnection]]:
-    connections = [PartConnection(f"cell/{n}", "demo", "") for n in range(count)]
+    connections = [PartConnection(f"cell/{n}", "demo") for n in range(count)]
     return [(NoJob(), connection) for connection in connections]
 
 

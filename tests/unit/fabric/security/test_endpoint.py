@@ -5,8 +5,7 @@ import re
 import pytest
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.fabric.security.endpoint import check_endpoint, nearest
-from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.fabric.security.endpoint import HubAddress, check_endpoint, nearest
 from neurosnap.fabric.zenoh.hub import open_hub
 
 HERE = [
@@ -85,7 +84,7 @@ def test_neither_a_hub_nor_a_part_gets_around_it() -> None:
     with pytest.raises(InvalidValueError, match=r"^endpoint: "):
         open_hub(["tcp/127.0.0.1:0", "tcp/0.0.0.0:0"], 1)
     with pytest.raises(InvalidValueError, match=r"^endpoint: "):
-        ZenohFabric("cell/0", "one", "tcp/hub.example:7447")
+        HubAddress("tcp/hub.example:7447")
 
 
 @pytest.mark.parametrize(

@@ -3,17 +3,14 @@
 import asyncio
 import threading
 from collections.abc import Callable
-from typing import TypeAlias
 
 import pytest
 
 from neurosnap.errors import InboxOverflowError
-from neurosnap.fabric.zenoh.inbox import DeliveryThread, Inbox
+from neurosnap.fabric.zenoh.inbox import Inbox
 from tests.support.patience import PATIENCE
 
-Kind: TypeAlias = type[Inbox[int]] | type[DeliveryThread[int]]
-
-both = pytest.mark.parametrize("kind", [Inbox, DeliveryThread])
+both = pytest.mark.parametrize("swift", [False, True], ids=["loop", "thread"])
 
 
 class Owner:
@@ -50,9 +47,9 @@ class Owner:
 
 
 @both
-async def test_items_of_one_thread_arrive_in_order(kind: Kind) -> None:
+async def test_items_of_one_thread_arrive_in_order(swift: bool) -> None:
     owner = Owner()
-    door = kind("me", owner.deliver, owner.fail)
+    door = Inbox("me", owner.deliver, owner.fail, swift=swift)
 
     def push() -> None:
         for item in range(5000):
@@ -67,9 +64,9 @@ async def test_items_of_one_thread_arrive_in_order(kind: Kind) -> None:
 
 
 @both
-async def test_threads_that_push_at_once_lose_nothing(kind: Kind) -> None:
+async def test_threads_that_push_at_once_lose_nothing(swift: bool) -> None:
     owner = Owner()
-    door = kind("me", owner.deliver, owner.fail)
+    door = Inbox("me", owner.deliver, owner.fail, swift=swift)
 
     def push(first: int) -> None:
         for item in range(first, first + 1000):
@@ -98,23 +95,23 @@ async def test_an_inbox_wakes_the_loop_once_a_burst() -> None:
     assert len(owner.bursts) == 2
 
 
-async def test_an_inbox_delivers_on_the_loop_and_a_courier_on_its_own_thread() -> None:
+async def test_an_inbox_delivers_on_the_loop_and_a_thread_on_its_own_thread() -> None:
     here, there = Owner(), Owner()
     inbox = Inbox("me", here.deliver, here.fail)
-    courier = DeliveryThread("me", there.deliver, there.fail)
+    thread = Inbox("me", there.deliver, there.fail, swift=True)
     inbox.push(1)
-    courier.push(1)
+    thread.push(1)
     await here.until(lambda: bool(here.bursts))
     await there.until(lambda: bool(there.bursts))
-    courier.close()
+    thread.close()
     assert here.threads == {threading.current_thread().name}
-    assert there.threads == {"courier/me"}
+    assert there.threads == {"inbox/me"}
 
 
 @both
-async def test_what_waits_when_it_is_closed_is_delivered(kind: Kind) -> None:
+async def test_what_waits_when_it_is_closed_is_delivered(swift: bool) -> None:
     owner = Owner()
-    door = kind("me", owner.deliver, owner.fail)
+    door = Inbox("me", owner.deliver, owner.fail, swift=swift)
     for item in range(10):
         door.push(item)
     door.close()
@@ -125,9 +122,9 @@ async def test_what_waits_when_it_is_closed_is_delivered(kind: Kind) -> None:
 
 
 @both
-async def test_closing_twice_changes_nothing(kind: Kind) -> None:
+async def test_closing_twice_changes_nothing(swift: bool) -> None:
     owner = Owner()
-    door = kind("me", owner.deliver, owner.fail)
+    door = Inbox("me", owner.deliver, owner.fail, swift=swift)
     door.close()
     door.close()
     door.push(1)
@@ -153,7 +150,7 @@ async def test_an_inbox_that_is_pushed_too_much_is_an_error() -> None:
     assert owner.items == [0, 1, 2]
 
 
-async def test_a_courier_that_is_pushed_too_much_is_an_error() -> None:
+async def test_a_thread_that_is_pushed_too_much_is_an_error() -> None:
     entered, go_on = threading.Event(), threading.Event()
 
     def block(_: list[int]) -> None:
@@ -161,16 +158,16 @@ async def test_a_courier_that_is_pushed_too_much_is_an_error() -> None:
         go_on.wait(10)
 
     owner = Owner(block)
-    courier = DeliveryThread("cell/3", owner.deliver, owner.fail, capacity=3)
+    thread = Inbox("cell/3", owner.deliver, owner.fail, swift=True, capacity=3)
     try:
-        courier.push(0)
+        thread.push(0)
         await asyncio.to_thread(entered.wait, 10)
         for item in range(1, 10):
-            courier.push(item)
+            thread.push(item)
         await owner.until(lambda: bool(owner.failures))
     finally:
         go_on.set()
-        courier.close()
+        thread.close()
     assert owner.items == [0, 1, 2, 3]
     (error,) = owner.failures
     assert isinstance(error, InboxOverflowError)
@@ -192,12 +189,14 @@ class TroubleError(Exception):
 
 
 @both
-async def test_what_a_delivery_raises_goes_to_the_owner_on_the_loop(kind: Kind) -> None:
+async def test_what_a_delivery_raises_goes_to_the_owner_on_the_loop(
+    swift: bool,
+) -> None:
     def refuse(items: list[int]) -> None:
         raise TroubleError(items[0])
 
     owner = Owner(refuse)
-    door = kind("me", owner.deliver, owner.fail)
+    door = Inbox("me", owner.deliver, owner.fail, swift=swift)
     door.push(7)
     await owner.until(lambda: bool(owner.failures))
     door.close()
@@ -208,14 +207,14 @@ async def test_what_a_delivery_raises_goes_to_the_owner_on_the_loop(kind: Kind) 
 
 
 @both
-async def test_nothing_is_delivered_after_a_delivery_raised(kind: Kind) -> None:
+async def test_nothing_is_delivered_after_a_delivery_raised(swift: bool) -> None:
     def refuse(_: list[int]) -> None:
         for item in range(5):
             door.push(item)  # as another thread may, just then
         raise TroubleError
 
     owner = Owner(refuse)
-    door = kind("me", owner.deliver, owner.fail)
+    door = Inbox("me", owner.deliver, owner.fail, swift=swift)
     door.push(7)
     await owner.until(lambda: bool(owner.failures))
     door.push(8)
@@ -235,4 +234,4 @@ async def test_an_inbox_that_overflows_and_fails_says_so_once() -> None:
     for item in range(5):
         inbox.push(item)
     await owner.until(lambda: bool(owner.failures))
-    assert [type(error) for error in owner.failures] == [TroubleError]
+    assert [type(error) for error in owner.failures] == [InboxOverflowError]

@@ -41,8 +41,8 @@ def sent(payload: bytes, key: str = "keyframe", number: int = 7) -> list[Any]:
 
 
 def taken(samples: list[Any]) -> list[wire.Delivery]:
-    take = Assembly(len(PREFIX)).take
-    return [one for sample in samples if (one := take(sample)) is not None]
+    receive = Assembly(len(PREFIX)).receive
+    return [one for sample in samples if (one := receive(sample)) is not None]
 
 
 @pytest.mark.parametrize("key", ["keyframe", "cellreport/cell/3"])
@@ -85,7 +85,7 @@ def test_only_a_key_frame_comes_in_pieces() -> None:
 def test_what_would_be_larger_than_any_key_frame_is_not_gathered() -> None:
     assembly = Assembly(len(PREFIX))
     for sample in sent(bytes(wire.LARGEST_KEYFRAME + 1)):
-        assert assembly.take(sample) is None
+        assert assembly.receive(sample) is None
         assert sum(map(len, assembly._parts)) == 0
 
 

@@ -8,7 +8,7 @@ from neurosnap import wire
 from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
 from neurosnap.runtime.parts import coordinator_loop
 from neurosnap.runtime.parts.coordinator_loop import (
-    WorldDeadline,
+    Deadlines,
     _CoordinatorLoop,
     run_coordinator,
 )
@@ -79,7 +79,7 @@ async def test_late_waves_are_repeated_one_after_the_other(
     monkeypatch.setattr(coordinator_loop, "time", clock)
     fabric = MemoryHub().fabric("coordinator")
     shell_ = _CoordinatorLoop(
-        core, fabric, 1.0, WorldDeadline(None), lambda _: None, lambda _: None, ()
+        core, fabric, (), Deadlines(1.0), lambda _: None, lambda _: None
     )
 
     def settle(wave: int) -> None:
@@ -116,7 +116,7 @@ async def test_whatever_goes_wrong_at_a_deadline_ends_the_run() -> None:
     async with asyncio.timeout(PATIENCE), Broken(MemoryHub(), "coordinator") as fabric:
         with pytest.raises(RuntimeError, match="the session is closed"):
             await run_coordinator(
-                Core(1), fabric, asyncio.Event(), parts=(), deadline=0.02
+                Core(1), fabric, asyncio.Event(), parts=(), deadlines=Deadlines(0.02)
             )
 
 
@@ -128,7 +128,11 @@ async def test_a_run_that_failed_before_it_began_does_not_begin() -> None:
         asyncio.get_running_loop().call_soon(publish, observation)
         with pytest.raises(AssertionError, match="nothing else is expected"):
             await run_coordinator(
-                core, fabric, asyncio.Event(), parts=("cell/0",), deadline=10
+                core,
+                fabric,
+                asyncio.Event(),
+                parts=("cell/0",),
+                deadlines=Deadlines(10),
             )
     assert core.asked == []
 
@@ -146,7 +150,12 @@ async def test_it_says_that_it_goes_on_even_if_nothing_happens(
 
     async with asyncio.timeout(PATIENCE), MemoryHub().fabric("coordinator") as fabric:
         await run_coordinator(
-            core, fabric, stop, parts=(), deadline=100, on_progress=on_progress
+            core,
+            fabric,
+            stop,
+            parts=(),
+            deadlines=Deadlines(100),
+            on_progress=on_progress,
         )
     assert said[:4] == [7] * 4
     assert core.asked == ["begin", "stop"]
