@@ -1,15 +1,26 @@
-"""A run goes on when a part of it dies, and comes to the same."""
+"""A run goes on when parts of it die, here or on another host, and comes to the same.
 
+`test_growing_swarm` has each part die alone, around the births of sensors.
+"""
+
+import asyncio
 from pathlib import Path
 
+import msgspec
 import pytest
 
-from tests.support.disturbed_runs import (
-    ENDLESS,
-    Disturbed,
-    check_same,
-    options_for,
-)
+from neurosnap.protocol.run_options import SMALLEST
+from neurosnap.recording.read.recording import part_paths
+from neurosnap.recording.replay.verify import verify
+from neurosnap.runtime import remote_parts
+from neurosnap.runtime.network import Network
+from neurosnap.runtime.remote_parts import Numbers
+from neurosnap.runtime.request import Outcome, Site
+from neurosnap.runtime.service import Served, serve
+from tests.support.disturbed_runs import ENDLESS, Disturbed, check_same, options_for
+from tests.support.patience import PATIENCE
+from tests.support.ports import free_port
+from tools.soak.__main__ import SERVICES, soak, soak_outside
 
 pytestmark = [
     pytest.mark.zenoh,
@@ -17,26 +28,114 @@ pytestmark = [
     pytest.mark.usefixtures("no_process_is_left"),
 ]
 
-
-VICTIMS = (
+TOGETHER = (
     ("cell/2",),
-    ("hub",),
-    ("recorder",),
-    ("coordinator",),
-    ("world",),
     ("recorder", "coordinator"),
     ("hub", "recorder", "world", "cell/0"),
 )
 """The parts that die together, one row for each life of the run."""
 
 
-def test_a_run_of_which_each_part_dies_comes_to_the_same(tmp_path: Path) -> None:
+def test_a_run_of_which_parts_die_together_comes_to_the_same(tmp_path: Path) -> None:
     options = options_for(ENDLESS)
     calm, log = tmp_path / "calm", tmp_path / "log"
     disturbed = Disturbed(options, log)
-    outcome = disturbed.run(*((20, victims) for victims in VICTIMS))
-    assert len(disturbed.flushed) == len(VICTIMS)
-    for restart, victims in zip(disturbed.restarts, VICTIMS, strict=True):
+    outcome = disturbed.run(*((20, victims) for victims in TOGETHER))
+    for restart, victims in zip(disturbed.restarts, TOGETHER, strict=True):
         assert restart.why.startswith(victims)
     check_same(outcome, disturbed, log, options, calm)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["calm", "log"]
+
+
+def test_a_run_in_several_files_comes_to_the_same(tmp_path: Path) -> None:
+    options = msgspec.structs.replace(
+        options_for(ENDLESS), keyframe_every=50, split=SMALLEST
+    )
+    calm, log = tmp_path / "calm", tmp_path / "log"
+    disturbed = Disturbed(options, log, files=True)
+    outcome = disturbed.run(*((60, (victim,)) for victim in ("recorder", "cell/2")))
+    check_same(outcome, disturbed, log, options, calm)
+    files = part_paths(log)
+    assert verify(log).files == len(files) > 2
+    assert list(files) == list(range(len(files)))
+    for path in list(files.values())[1:]:
+        alone = verify(path)
+        assert (alone.same, alone.complete) == (True, True)
+    assert sorted(tmp_path.iterdir()) == sorted([calm, *files.values()])
+
+
+def test_a_run_with_cells_elsewhere_comes_to_the_same(tmp_path: Path) -> None:
+    options, elsewhere, swarm = options_for(ENDLESS), (1, 3), "demo"
+    calm, log = tmp_path / "calm", tmp_path / "log"
+    victims = ("cell/1",), ("hub", "cell/2")
+    disturbed, served = Disturbed(options, log), list[Served]()
+    where = f"tcp/127.0.0.1:{free_port()}"
+
+    async def both() -> Outcome:
+        async with asyncio.TaskGroup() as group:
+            group.create_task(
+                serve(
+                    remote_parts.cells(Numbers(elsewhere)),
+                    Network(connect=where),
+                    swarm,
+                    asyncio.Event(),
+                    patience=PATIENCE,
+                    on_served=served.append,
+                )
+            )
+            site = Site(
+                Network(listen=where),
+                swarm=swarm,
+                elsewhere=frozenset(f"cell/{cell}" for cell in elsewhere),
+            )
+            lives = ((20, each) for each in victims)
+            return await disturbed.running(*lives, site=site)
+
+    outcome = asyncio.run(both())
+    check_same(outcome, disturbed, log, options, calm)
+    assert [one.swarm for one in served] == ["demo", "demo-1", "demo-2"]
+    assert [bool(one.trouble) for one in served] == [True, True, False]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["calm", "log"]
+
+
+# Short soaks --------------------------------------------------------------------------
+
+EVERY = len(SERVICES) + 1
+PAIRS = EVERY * (EVERY - 1) // 2
+SHARED = {
+    "cells": "worker",
+    "workers": 2,
+    "learning": "spread",
+    "keyframe_every": 20,
+    "band": 2,
+    "split": 1 << 16,
+}
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize(
+    ("changes", "kills", "seed"),
+    [({}, EVERY + PAIRS, 7), (SHARED, EVERY, 11)],
+    ids=["each role and pair", "shared learning"],
+)
+def test_a_short_soak(
+    changes: dict[str, object], kills: int, seed: int, tmp_path: Path
+) -> None:
+    options = msgspec.structs.replace(options_for(1), **changes)
+    found = asyncio.run(soak(options, kills, seed, tmp_path))
+    assert found.fine, found
+    assert found.restarts >= kills == len(found.killings)
+    if not changes:
+        assert set(found.killed.values()) == {1}
+        assert len(found.killed) == kills
+
+
+@pytest.mark.exhaustive
+def test_a_short_soak_of_a_run_that_is_fed_lines(tmp_path: Path) -> None:
+    # This seed leaves the intake alone, whose death may cost what it has just read.
+    found = asyncio.run(soak_outside("worker", 1, 25, tmp_path, rate=50.0))
+    assert found.fine, found
+    assert found.killed == {"recorder+world": 1}
+    assert found.restarts >= 1
+    assert found.fed is not None
+    assert found.fed.lines == found.ticks > 0

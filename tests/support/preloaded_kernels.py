@@ -1,10 +1,12 @@
-"""Loads compiled code into the fork server of the tests, for all that it forks.
+"""Prepares the fork server of the tests: compiled code, and what orphans cost.
 
-Each coordinator, worker and reader of recordings would load it anew: half a second of
-work, in hundreds of swarms.
+Each coordinator, worker and reader of recordings would load the compiled code anew:
+half a second of work, in hundreds of swarms.
 """
 
+import ctypes
 import gc
+import warnings
 
 import numpy as np
 
@@ -25,3 +27,9 @@ chunks._walk(np.frombuffer(b"", np.uint8), np.empty((0, 4), np.int64))
 # A launcher that is forked from here need not walk over all of this again and again.
 gc.collect()
 gc.freeze()
+
+# Processes whose parent has ended become children of the fork server, which waits for
+# them: so `tests.support.processor_time` counts what they cost.
+_PR_SET_CHILD_SUBREAPER = 36
+ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1)
+warnings.filterwarnings("ignore", "forkserver: waitpid returned unexpected pid")
