@@ -14,14 +14,16 @@ for good becomes a fact about the world, and its repair an anomaly.
 """
 
 from collections.abc import Iterable
+from functools import partial
 from itertools import pairwise
 
-import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from neurosnap import wire
+from neurosnap.agent.tick import Sensed
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.poc.learning.evidence import Evidence
+from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
 from neurosnap.poc.learning.history import History
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.order.contradiction import Contradiction, contradiction
@@ -37,49 +39,6 @@ _FADING = 0.02
 _STILL = 0.001
 
 
-class BrokenLink(msgspec.Struct, frozen=True):
-    """A learned implication; literals by name, a star for a complement."""
-
-    source: str
-    target: str
-    evidence: Evidence | None
-    """For and against it, before the observation. None: there is no snapshot to ask, or
-    it is of one sensor, which none weighs."""
-    occasions: int | None = None
-    """On how many occasions it was put to the test before, and held, as
-    `History.occasions_held` counts them. None: there is no history to ask."""
-
-
-class Broken(msgspec.Struct, frozen=True):
-    """A broken implication: its source was observed, and so was not its target."""
-
-    source: str
-    target: str
-    links: tuple[BrokenLink, ...]
-    """What it follows from; just itself wherever all sensors had readings."""
-
-
-class FoundAnomaly(msgspec.Struct, frozen=True):
-    """An observation that contradicts an order."""
-
-    tick: int
-    since: int
-    """The tick it began at: all observations since, or those that were judged by the
-    order held on to, belong to the same anomaly."""
-    broken: tuple[Broken, ...]
-    """The implications that were broken, without those that follow from others: the
-    first `MOST` of them. Where occasions are counted, those come first that rest on
-    most."""
-    more: int
-    """How many more were broken, at least, and are not listed."""
-    culprits: tuple[str, ...]
-    """The fewest sensors that can be wrong, and of such sets the likeliest."""
-    candidates: tuple[str, ...]
-    """All sensors that are in one of the smallest such sets."""
-    exact: bool
-    """Whether the search for them was complete."""
-
-
 class AnomalyDetector:
     """Follows a run and tells its anomalies.
 
@@ -89,7 +48,7 @@ class AnomalyDetector:
     observation: as a rule the world moves and the sensor at fault does not.
 
     Args:
-        sensorium: The names of the sensors.
+        sensors: How many there are.
         hold: For how many ticks after the first anomaly to go on judging by the order
             that it broke; 0: always by the order given.
 
@@ -98,30 +57,25 @@ class AnomalyDetector:
 
     Example:
         >>> from neurosnap.poc.learning.kinds import EmpiricalSnapshot
-        >>> names = Sensorium(["door", "motion"])
-        >>> watcher, snapshot = AnomalyDetector(names), EmpiricalSnapshot(names, 0.25)
+        >>> watcher, snapshot = AnomalyDetector(2), EmpiricalSnapshot(2, 0.25)
         >>> for tick, bits in enumerate([(0, 0), (0, 1), (1, 1), (1, 0)]):
         ...     found = watcher.watch(tick, snapshot.poc_graph(), bits)
         ...     state = snapshot.observe(bits)
-        >>> found.broken[0].source, found.broken[0].target, found.candidates
-        ('door', 'motion', ('door', 'motion'))
+        >>> found.sources, found.targets, found.candidates
+        ((0,), (2,), (0, 1))
     """
 
-    def __init__(self, sensorium: Sensorium, hold: int = 0) -> None:
+    def __init__(self, sensors: int, hold: int = 0) -> None:
         if hold < 0:
             raise InvalidValueError("hold", "must be 0 or more", hold)
-        self._sensorium = sensorium
+        self._names = Sensorium.of(sensors)
         self._hold = hold
         self._held: PocGraph | None = None
         self._until = 0
         self._since: int | None = None
         self._tick = -1
-        self._blame = np.zeros(len(sensorium))
-        self._calm = np.zeros(2 * len(sensorium), np.bool_)
-
-    def rename(self, sensorium: Sensorium) -> None:
-        """Go on with other names for the same sensors: one of them was grown."""
-        self._sensorium = sensorium
+        self._blame = np.zeros(sensors)
+        self._calm = np.zeros(2 * sensors, np.bool_)
 
     def watch(
         self,
@@ -131,7 +85,7 @@ class AnomalyDetector:
         known: NDArray[np.bool_] | None = None,
         snapshot: Snapshot | None = None,
         history: History | None = None,
-    ) -> FoundAnomaly | None:
+    ) -> wire.Anomaly | None:
         """Return what is wrong with an observation, if anything is.
 
         Args:
@@ -169,62 +123,136 @@ class AnomalyDetector:
         if self._hold and self._held is None:
             self._held, self._until = order, tick + self._hold
         self._blame[list(found.candidates)] += 1 / len(found.candidates)
-        return self._told(found, snapshot, history, self._since)
+        return self._anomaly(found, snapshot, history, self._since)
 
     def _observed(
         self, graph: PocGraph, bits: ArrayLike, known: NDArray[np.bool_] | None
     ) -> NDArray[np.bool_]:
         """Return the literals that were observed."""
-        count = len(self._sensorium)
+        count = len(self._blame)
         if graph.sensors != count:
             raise ShapeError("graph", f"must have {count} sensors", graph.sensors)
-        seen = complete(self._sensorium.observation(bits))
+        seen = complete(self._names.observation(bits))
         return seen if known is None else seen & as_known(known, count).repeat(2)
 
     def _suspicion(self, seen: NDArray[np.bool_]) -> NDArray[np.float64]:
         still = ~(seen ^ self._calm)[::2]
         return self._blame + _STILL * still
 
-    def _told(
+    def _anomaly(
         self,
         found: Contradiction,
         snapshot: Snapshot | None,
         history: History | None,
         since: int,
-    ) -> FoundAnomaly:
-        """Return an anomaly in words."""
-        name, names = self._sensorium.name, self._sensorium.names
+    ) -> wire.Anomaly:
+        """Return an anomaly with what speaks for the implications it breaks."""
         chains = found.chains
         held: dict[tuple[int, int], int] = {}
         if history is not None:
             held = _held(
-                {link for chain in chains for link in pairwise(chain)}, history
+                {pair for chain in chains for pair in pairwise(chain)}, history
             )
-            weakest = [min(held[link] for link in pairwise(chain)) for chain in chains]
+            weakest = [min(held[pair] for pair in pairwise(chain)) for chain in chains]
             order = sorted(range(len(chains)), key=lambda k: -weakest[k])
             chains = tuple(chains[k] for k in order)
-
-        def link(a: int, b: int) -> BrokenLink:
-            asked = None if a >> 1 == b >> 1 else snapshot
-            evidence = None if asked is None else asked.evidence(a, b)
-            return BrokenLink(name(a), name(b), evidence, held.get((a, b)))
-
-        return FoundAnomaly(
+        number, links = [], []
+        for place, chain in enumerate(chains[:MOST]):
+            for pair in pairwise(chain):
+                number.append(place)
+                links.append(pair)
+        weighed = [
+            None if snapshot is None or a >> 1 == b >> 1 else snapshot.evidence(a, b)
+            for a, b in links
+        ]
+        return wire.Anomaly(
             tick=self._tick,
             since=since,
-            broken=tuple(
-                Broken(
-                    name(chain[0]),
-                    name(chain[-1]),
-                    tuple(link(*pair) for pair in pairwise(chain)),
-                )
-                for chain in chains[:MOST]
-            ),
-            more=max(0, len(chains) - MOST) + found.more,
-            culprits=tuple(names[s] for s in found.culprits),
-            candidates=tuple(names[s] for s in found.candidates),
+            culprits=found.culprits,
+            candidates=found.candidates,
             exact=found.exact,
+            implications=len(chains) + found.more,
+            number=tuple(number),
+            sources=tuple(a for a, _ in links),
+            targets=tuple(b for _, b in links),
+            support=tuple(0.0 if one is None else float(one.both) for one in weighed),
+            against=tuple(
+                0.0 if one is None else float(one.against) for one in weighed
+            ),
+            learned=tuple(0 if one is None else one.since for one in weighed),
+            occasions=tuple(held[pair] for pair in links) if held else (),
         )
+
+
+class AnomalyJudge:
+    """Judges the observations of a run, and counts the occasions anomalies rest on.
+
+    Args:
+        sensors: How many there are.
+        hold: As of `AnomalyDetector`.
+        counts: Whether to count occasions.
+        remembers: Whether to keep the last readings of all sensors for that. A run
+            whose sensors grow has them anyway, and gives them to `judge`.
+    """
+
+    def __init__(
+        self, sensors: int, hold: int, *, counts: bool, remembers: bool
+    ) -> None:
+        self._counts = counts
+        self._new_detector = partial(AnomalyDetector, sensors, hold)
+        self._detector = self._new_detector()
+        self._history: History | None = None
+        if counts and remembers:
+            self._history = History(sensors)
+
+    def judge(
+        self,
+        observation: wire.Observation,
+        seen: Sensed,
+        snapshot: Snapshot,
+        *,
+        weighs: bool,
+        history: History | None,
+    ) -> wire.Anomaly | None:
+        """Return the anomaly in an observation that is not learned yet, if any.
+
+        Args:
+            observation: The observation; one that is paused counts for no occasion.
+            seen: The same, decoded.
+            snapshot: What was learned before it.
+            weighs: Whether it knows what spoke for and against implications; else
+                that is left out.
+            history: The readings before it, in a run whose sensors grow.
+        """
+        read = history if self._history is None else self._history
+        found = self._detector.watch(
+            observation.tick,
+            snapshot.poc_graph(),
+            seen.bits,
+            seen.known,
+            snapshot if weighs else None,
+            read if self._counts else None,
+        )
+        if self._history is not None:
+            none = np.zeros_like(seen.bits)
+            self._history.enter(seen.bits, none if observation.paused else seen.known)
+        return found
+
+    def to_bytes(self) -> bytes:
+        """Return what it remembers, for a key-frame, and forget everything else."""
+        self._detector = self._new_detector()
+        return b"" if self._history is None else pack_arrays(self._history.arrays())
+
+    def restore(self, data: bytes) -> None:
+        """Be as what `to_bytes` returned says.
+
+        Raises:
+            ValueError: It is damaged, or of other sensors.
+        """
+        if self._history is not None:
+            history = History.from_arrays(unpack_arrays(data))
+            history.check(self._history.on.shape[1])
+            self._history = history
 
 
 def _held(

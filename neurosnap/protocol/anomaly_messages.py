@@ -1,4 +1,4 @@
-"""Conversion between anomalies and messages, and their texts."""
+"""Anomalies in words, and without what rests on too little."""
 
 from collections.abc import Sequence
 
@@ -6,46 +6,13 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
-from neurosnap.protocol.anomaly import FoundAnomaly
-from neurosnap.sensorium import Sensorium, visible
+from neurosnap.sensorium import visible
 
 _COLUMNS = (
     *("number", "sources", "targets", "support", "against", "learned"),
     "occasions",
 )
 """The fields of an anomaly that have an entry a link; the last may be empty."""
-
-
-def announcement(anomaly: FoundAnomaly, sensorium: Sensorium) -> wire.Anomaly:
-    """Return `anomaly` as it goes on the wire: by numbers.
-
-    Args:
-        anomaly: What an `AnomalyDetector` that had a snapshot found.
-        sensorium: The names it uses.
-    """
-    links = [
-        (number, link)
-        for number, broken in enumerate(anomaly.broken)
-        for link in broken.links
-    ]
-    weighed = [link.evidence for _, link in links]
-    return wire.Anomaly(
-        tick=anomaly.tick,
-        since=anomaly.since,
-        culprits=_sensors(anomaly.culprits, sensorium),
-        candidates=_sensors(anomaly.candidates, sensorium),
-        exact=anomaly.exact,
-        implications=len(anomaly.broken) + anomaly.more,
-        number=tuple(number for number, _ in links),
-        sources=tuple(sensorium.literal(link.source) for _, link in links),
-        targets=tuple(sensorium.literal(link.target) for _, link in links),
-        support=tuple(0.0 if each is None else float(each.both) for each in weighed),
-        against=tuple(0.0 if each is None else float(each.against) for each in weighed),
-        learned=tuple(0 if each is None else each.since for each in weighed),
-        occasions=tuple(
-            link.occasions for _, link in links if link.occasions is not None
-        ),
-    )
 
 
 def with_support(anomaly: wire.Anomaly, support: int) -> wire.Anomaly | None:
@@ -168,10 +135,6 @@ def _check_columns(anomaly: wire.Anomaly) -> None:
     counted = _COLUMNS if anomaly.occasions else _COLUMNS[:-1]
     if len({len(getattr(anomaly, name)) for name in counted}) > 1:
         raise MessageError("anomaly: must have an entry a link in its last fields")
-
-
-def _sensors(names: tuple[str, ...], sensorium: Sensorium) -> tuple[int, ...]:
-    return tuple(sensorium.literal(name) >> 1 for name in names)
 
 
 _NAMES, _LINKS = 8, 3

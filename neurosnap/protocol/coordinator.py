@@ -33,7 +33,8 @@ from neurosnap.agent.growth.sensor_changes import changes_in
 from neurosnap.agent.tick import Mind, Sensed, Step, Steps, tick
 from neurosnap.errors import MessageError, ShapeError
 from neurosnap.poc.learning.search import Question
-from neurosnap.protocol.anomaly_judge import AnomalyJudge
+from neurosnap.protocol.anomaly import AnomalyJudge
+from neurosnap.protocol.anomaly_messages import with_support
 from neurosnap.protocol.key_frames import order_of, snapshot_of, with_snapshot
 from neurosnap.protocol.learn_control import LearnControl
 from neurosnap.protocol.message_checks import check_readings
@@ -98,7 +99,14 @@ class Coordinator:
         self._graph: PocGraph = snapshot.poc_graph()
         self._changed = False  # whether the graph did since the last wiring
         self._known = b""  # which readings of the last observation were known
-        self._judge = self._new_judge() if options.watch else None
+        self._judge: AnomalyJudge | None = None
+        if options.watch:
+            self._judge = AnomalyJudge(
+                len(snapshot.sensorium),
+                options.hold,
+                counts=options.support > 0,
+                remembers=not self._grows,
+            )
         # Of the tick under way.
         self._steps: Steps | None = None
         self._observation: wire.Observation
@@ -110,13 +118,6 @@ class Coordinator:
         # At the end of the run.
         self._stopping = False
         self._ending = False  # waits for the last words of workers that learn
-
-    def _new_judge(self) -> AnomalyJudge:
-        options, sensorium = self._options, self._mind.snapshot.sensorium
-        remembers = not self._grows
-        return AnomalyJudge(
-            sensorium, options.hold, options.support, remembers=remembers
-        )
 
     @classmethod
     def of(
@@ -326,16 +327,28 @@ class Coordinator:
         if observation.paused and self._grows:
             rule = "must not be paused in a run that grows sensors"
             return [_fault(f"observation: {rule}, got tick {observation.tick}")]
-        if self._judge is not None:
-            history = self._mind.memory.history if self._grows else None
-            weighs = not self._learning.shares
-            step = observation, self.snapshot, weighs, bits, known, history
-            self._anomaly = self._judge.judge(*step, self.totals)
         self._observation, self._known = observation, observation.known
         self._signal = tuple(np.flatnonzero(selection(bits, known)).tolist())
         self._sensed = Sensed(bits, known, observation.begins, observation.cut)
+        self._anomaly = self._judged()
         self._steps = tick(self._mind, self._sensed)
         return self._go_on(self._steps)
+
+    def _judged(self) -> wire.Anomaly | None:
+        """Return the anomaly in the observation, if any; it is not learned yet."""
+        if self._judge is None:
+            return None
+        found = self._judge.judge(
+            self._observation,
+            self._sensed,
+            self.snapshot,
+            weighs=not self._learning.shares,
+            history=self._mind.memory.history if self._grows else None,
+        )
+        if found is not None:
+            self.totals.anomalies += 1
+            self.totals.told += with_support(found, self._options.support) is not None
+        return found
 
     def _go_on(self, steps: Steps, answer: object = None) -> list[wire.Message]:
         """Let the tick go on; return what asks for what it needs done, or ends it."""
@@ -484,8 +497,6 @@ class Coordinator:
         if grown:
             self._changed = True
             self._count_grown()
-            if self._judge is not None:
-                self._judge.rename(self.snapshot.sensorium)
         self._steps, self._signal = None, ()
         self.totals.ticks += 1
         self.totals.waves = self._control.waves
@@ -530,7 +541,7 @@ class Coordinator:
     def _keyframe(self) -> list[wire.Message]:
         """Return what somebody else may go on from: nothing older matters then."""
         judge, options = self._judge, self._options
-        history = b"" if judge is None else judge.to_bytes(self.snapshot.sensorium)
+        history = b"" if judge is None else judge.to_bytes()
         self._control.forget()
         frame = wire.KeyFrame(
             tick=self.tick,

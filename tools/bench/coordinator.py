@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.protocol.anomaly_judge import AnomalyJudge
+from neurosnap.protocol.anomaly import AnomalyJudge
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.partition import shares
 from neurosnap.protocol.run_options import RunOptions
@@ -62,10 +62,10 @@ class _Judge(AnomalyJudge):
 
     spent = 0.0
 
-    def judge(self, *args: object) -> wire.Anomaly | None:
+    def judge(self, *args: object, **more: object) -> wire.Anomaly | None:
         began = time.perf_counter()
         try:
-            return super().judge(*args)  # type: ignore[arg-type]
+            return super().judge(*args, **more)  # type: ignore[arg-type]
         finally:
             self.spent += time.perf_counter() - began
 
@@ -91,10 +91,7 @@ class _Cores:
         )
         self._core = Coordinator.of(options)
         self._judge = _Judge(
-            self._core.snapshot.sensorium,
-            options.hold,
-            options.support,
-            remembers=True,
+            count, options.hold, counts=options.support > 0, remembers=True
         )
         self._core._judge = self._judge  # noqa: SLF001 - the time it takes is wanted
         hosted = shares(count, _WORKERS)

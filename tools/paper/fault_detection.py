@@ -5,8 +5,9 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.protocol.anomaly import AnomalyDetector, FoundAnomaly
-from neurosnap.sensorium import Sensorium, complete
+from neurosnap import wire
+from neurosnap.protocol.anomaly import AnomalyDetector
+from neurosnap.sensorium import complete
 from tools.paper.learning_error import new_snapshot
 from tools.paper.sensor_faults import (
     PLACES,
@@ -88,19 +89,19 @@ class DetectionEntry(Entry, frozen=True, kw_only=True):
         flags: NDArray[np.uint16],
     ) -> None:
         """Let the learner learn, and each judge flag what it finds."""
-        sensorium = Sensorium.of(read.shape[1])
-        snapshot = new_snapshot(self.threshold, self.decay, len(sensorium))
-        judges = [AnomalyDetector(sensorium, hold) for hold in (0, self.hold)]
+        sensors = read.shape[1]
+        snapshot = new_snapshot(self.threshold, self.decay, sensors)
+        judges = [AnomalyDetector(sensors, hold) for hold in (0, self.hold)]
         for step, bits in enumerate(read):
             believed = snapshot.poc_graph()
             snapshot.learn(bits)
             found = [judge.watch(step, believed, bits) for judge in judges]
-            at_fault = {f"s{sensor}" for sensor in wrong[step].nonzero()[0].tolist()}
+            at_fault = set(wrong[step].nonzero()[0].tolist())
             for judge, anomaly in enumerate(found):
                 flags[step] |= _flags(anomaly, at_fault) << 3 * judge
 
 
-def _flags(anomaly: FoundAnomaly | None, at_fault: set[str]) -> int:
+def _flags(anomaly: wire.Anomaly | None, at_fault: set[int]) -> int:
     """Return the flags of the first judge for what it found."""
     if anomaly is None:
         return 0

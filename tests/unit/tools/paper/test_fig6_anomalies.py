@@ -9,7 +9,7 @@ import pytest
 
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.protocol.anomaly import AnomalyDetector
-from neurosnap.sensorium import Sensorium, complete
+from neurosnap.sensorium import complete
 from tools.paper import fig6_anomalies
 from tools.paper.fault_detection import (
     ALARM,
@@ -105,7 +105,7 @@ def test_flags_are_those_of_a_learner_followed_step_by_step() -> None:
     read = seen(walk.bits, "flipped", episodes)
     snapshot, watcher = (
         EmpiricalSnapshot(20, CELL.threshold),
-        AnomalyDetector(Sensorium.of(20)),
+        AnomalyDetector(20),
     )
     faulty = {t for each in episodes for t in range(each.first, each.end)}
     for step, bits in enumerate(read):
@@ -119,7 +119,7 @@ def test_flags_are_those_of_a_learner_followed_step_by_step() -> None:
         assert bool(flags[step] & ALARM) == (not coherent)
         found = watcher.watch(step, snapshot.poc_graph(), bits)
         if found is not None:
-            at_fault = {f"s{k}" for k in (bits != walk.bits[step]).nonzero()[0]}
+            at_fault = set((bits != walk.bits[step]).nonzero()[0].tolist())
             assert bool(flags[step] & RIGHT) == (set(found.culprits) == at_fault)
             among = at_fault <= set(found.candidates)
             assert bool(flags[step] & AMONG) == among
