@@ -203,6 +203,25 @@ def unpack(data: bytes, count: int) -> NDArray[np.bool_]:
     return flat[:count].astype(np.bool_)
 
 
+def unpack_readings(
+    bits: bytes, known: bytes, count: int
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_] | None]:
+    """Return what `count` sensors read, and which of the readings are known.
+
+    Args:
+        bits: The readings, as `pack` made them.
+        known: Which of them are known, likewise; empty if all are.
+        count: How many sensors there are.
+
+    Returns:
+        ``(N,)`` each, the second None where all readings are known.
+
+    Raises:
+        ShapeError: They are of another number of sensors.
+    """
+    return unpack(bits, count), unpack(known, count) if known else None
+
+
 def complement(literals: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return the complements of a set of literals.
 

@@ -38,11 +38,9 @@ from neurosnap.protocol.anomaly_messages import with_support
 from neurosnap.protocol.key_frames import order_of, snapshot_of, with_snapshot
 from neurosnap.protocol.learn_control import LearnControl
 from neurosnap.protocol.message_checks import check_readings
-from neurosnap.protocol.observations import readings
 from neurosnap.protocol.recall_control import RecallControl
-from neurosnap.protocol.totals import Totals
 from neurosnap.protocol.wave_control import WaveControl
-from neurosnap.sensorium import complement, pack, selection
+from neurosnap.sensorium import complement, pack, selection, unpack_readings
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -58,6 +56,35 @@ if TYPE_CHECKING:
     from neurosnap.protocol.wave import Wave
 
 _WHO = "coordinator"
+
+
+class Totals(msgspec.Struct, kw_only=True):
+    """What a run comes to, as the coordinator counts it."""
+
+    ticks: int = 0
+    """Observations learned from, each with its state."""
+    waves: int = 0
+    """Waves started."""
+    pulses: int = 0
+    """Pulses sent in the waves that settled."""
+    depth: int = 0
+    """The deepest wave's hops."""
+    height: int = 0
+    """The height of the order at the end."""
+    edges: int = 0
+    """Edges of its Hasse wiring, an edge and its contrapositive counted as one."""
+    incoherent: int = 0
+    """Observations that contradicted what was learned."""
+    anomalies: int = 0
+    """Observations that contradicted what was believed before they were learned."""
+    told: int = 0
+    """Those of them that have the support that the run asks for."""
+    faults: int = 0
+    """Messages dropped as bad or unexpected."""
+    grown: int = 0
+    """Sensors that were grown."""
+    retired: int = 0
+    """Those of them that are not read any more."""
 
 
 class Coordinator:
@@ -319,7 +346,9 @@ class Coordinator:
             return [_fault(f"observation: {what}")]
         try:
             check_readings(observation)
-            bits, known = readings(observation, len(self.snapshot.sensorium))
+            bits, known = unpack_readings(
+                observation.bits, observation.known, len(self.snapshot.sensorium)
+            )
         except MessageError as error:
             return [_fault(str(error))]
         except ShapeError as error:

@@ -5,14 +5,19 @@ last of it has come, all of it, in an order that does not depend on when it came
 """
 
 from collections.abc import Iterable, Sequence
+from typing import TypeAlias
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
-from neurosnap.protocol.learned_changes import Pairs, pairs_in
 from neurosnap.protocol.round import Round
+
+Pairs: TypeAlias = tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.uint8]]
+"""``(C,)`` each: the latter sensors of pairs, the former ones, and their codes."""
+_CODES = np.array([0, 1, 2, 3, 4, 8, 12], np.uint8)
 
 
 class LearnControl:
@@ -207,3 +212,60 @@ def weighed(
         against=tuple(against for _, against, _ in several),
         learned=tuple(since for _, _, since in several),
     )
+
+
+def pairs_in(message: wire.Learned, share: range) -> Pairs:
+    """Return what a message says changed.
+
+    Args:
+        message: A worker's.
+        share: The sensors whose pairs with those before them the worker has.
+
+    Raises:
+        MessageError: It cannot be right.
+    """
+    rows = _sensors("rows", message.rows)
+    latter = _sensors("latter", message.latter)
+    former = _sensors("former", message.former)
+    single = np.frombuffer(message.single, np.uint8)
+    if not len(latter) == len(former) == len(single):
+        got = f"{len(latter)}, {len(former)} and {len(single)}"
+        raise MessageError(f"learned: must have as many former as latter, got {got}")
+    for name, sensors in (("rows", rows), ("latter", latter)):
+        beyond = (sensors < share.start) | (sensors >= share.stop)
+        if beyond.any():
+            rule = f"must be in {share.start} to {share.stop - 1}"
+            got = sensors[beyond][0]
+            raise MessageError(f"learned: {name} {rule}, got {got}")
+    if ((former < 0) | (former >= latter)).any():
+        raise MessageError("learned: former must be before latter, got one that is not")
+    sizes = (rows + 1) // 2
+    if len(message.codes) != sizes.sum():
+        rule = f"must be {sizes.sum()} bytes for these rows"
+        raise MessageError(f"learned: codes {rule}, got {len(message.codes)}")
+    packed = np.frombuffer(message.codes, np.uint8)
+    halves = np.stack([packed & 15, packed >> 4], axis=1).reshape(-1)
+    # A row with an odd number of pairs ends with half a byte that says nothing.
+    ends = 2 * np.cumsum(sizes) - 1
+    used = np.ones(halves.size, np.bool_)
+    used[ends[rows % 2 == 1]] = False
+    codes = np.concatenate([halves[used], single])
+    if not np.isin(codes, _CODES).all() or halves[~used].any():
+        raise MessageError("learned: codes must be of pairs, got one that is not")
+    return (
+        np.concatenate([np.repeat(rows, rows), latter]),
+        np.concatenate([*map(np.arange, rows), former]),
+        codes,
+    )
+
+
+def _sensors(name: str, data: bytes) -> NDArray[np.intp]:
+    """Return numbers of sensors.
+
+    Raises:
+        MessageError: There is a part of one in it.
+    """
+    if len(data) % 4:
+        rule = "must be four bytes a number"
+        raise MessageError(f"learned: {name} {rule}, got {len(data)}")
+    return np.frombuffer(data, "<i4").astype(np.intp)

@@ -9,13 +9,11 @@ continues with the numbers it had.
 Cell processes import this module: it needs neither numpy nor numba.
 """
 
-from collections.abc import Collection, Iterable
-from itertools import accumulate, pairwise
-from typing import Generic, NamedTuple, TypeVar
+from collections.abc import Collection
+from typing import Generic, TypeVar
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
-from neurosnap.poc.learning.one_pair import LENGTH
 from neurosnap.protocol.wave import DEEPEST
 
 T = TypeVar("T")
@@ -99,83 +97,6 @@ def check_readings(observation: wire.Observation | wire.Learn) -> None:
         sensor = beyond.bit_length() - 1
         rule = "must be 0 where it is not known"
         raise MessageError(f"observation: {rule}, got sensor {sensor} on")
-
-
-class Counted(NamedTuple):
-    """One of the counts that a question asks for."""
-
-    within: bytes
-    """The ticks, as a ring of bits."""
-    literals: tuple[int, ...]
-    """How often was each read at these?"""
-
-
-def check_recall(recall: wire.Recall) -> list[Counted]:
-    """Refuse a question that contradicts itself.
-
-    Returns:
-        The counts that it asks for.
-
-    Raises:
-        MessageError: It does.
-    """
-    literals = wire.numbers("recall: counted", recall.counted)
-    if sum(recall.sizes) != len(literals):
-        rule = f"must be of {sum(recall.sizes)} literals"
-        raise MessageError(f"recall: counted: {rule}, got {len(literals)}")
-    rings = wire.split_rings("recall: within", recall.within, len(recall.sizes))
-    check_rings("recall", (*rings, recall.on, recall.off), LENGTH)
-    ends = list(accumulate(recall.sizes, initial=0))
-    return [
-        Counted(ring, literals[first:last])
-        for ring, (first, last) in zip(rings, pairwise(ends), strict=True)
-    ]
-
-
-def check_reminder(
-    reminder: wire.Reminder, who: str, cells: range
-) -> list[tuple[int, bytes, bytes]]:
-    """Refuse a history that is not of some of a part's cells, or contradicts itself.
-
-    Returns:
-        Each cell, and its rings: the ticks at which it read on, and off.
-
-    Raises:
-        MessageError: It is.
-    """
-    length, count = reminder.length, len(reminder.cells)
-    if reminder.to != who:
-        raise MessageError(f"reminder: must be for {who}, got {reminder.to:.40}")
-    if length % 64 or length > LENGTH:
-        rule = f"must keep a multiple of 64 ticks, up to {LENGTH}"
-        raise MessageError(f"reminder: {rule}, got {length}")
-    several = set(reminder.cells)
-    if not several <= set(cells) or not 0 < len(several) == count:
-        got = ", ".join(map(str, reminder.cells[:10])) or "none"
-        rule = f"must be of cells of {who}, each once"
-        raise MessageError(f"reminder: {rule}, got {got}")
-    on = wire.split_rings("reminder: on", reminder.on, count)
-    off = wire.split_rings("reminder: off", reminder.off, count)
-    check_rings("reminder", (*on, *off), length)
-    found = list(zip(reminder.cells, on, off, strict=True))
-    for cell, *both in found:
-        reads_on, reads_off = (int.from_bytes(ring, "little") for ring in both)
-        if reads_on & reads_off:
-            rule = f"must have sensor {cell} on or off at a tick"
-            raise MessageError(f"reminder: {rule}, got both")
-    return found
-
-
-def check_rings(name: str, rings: Iterable[bytes], length: int) -> None:
-    """Refuse bits beyond the length of a ring.
-
-    Raises:
-        MessageError: There are some.
-    """
-    longest = max(map(len, rings), default=0)
-    if longest > length // 8:
-        rule = f"must have up to {length} bits a ring"
-        raise MessageError(f"{name}: {rule}, got {8 * longest}")
 
 
 class RecentReadings(Generic[T]):

@@ -13,7 +13,7 @@ from neurosnap import wire
 from neurosnap.poc.learning.history import History
 from neurosnap.poc.learning.search import Count, Question, Weighing
 from neurosnap.poc.order.literals import Words
-from neurosnap.protocol.message_checks import check_recall, check_reminder
+from neurosnap.protocol.cell_history import check_recall, check_reminder
 
 
 def packed(ring: Words) -> bytes:

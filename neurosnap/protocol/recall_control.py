@@ -18,7 +18,7 @@ from neurosnap import wire
 from neurosnap.errors import MessageError
 from neurosnap.poc.learning.history import History
 from neurosnap.poc.learning.search import Answer, Question, Weighed
-from neurosnap.protocol.message_checks import check_rings
+from neurosnap.protocol.cell_history import check_rings
 from neurosnap.protocol.part_history import cells_asked, packed, unpacked
 from neurosnap.protocol.partition import hosts, shares
 from neurosnap.protocol.round import Round

@@ -7,16 +7,21 @@ the key-frame that a run goes on from. For later key-frames it sends its own, wh
 from collections.abc import Iterator
 
 import msgspec
+import numpy as np
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, MessageError, ShapeError
 from neurosnap.poc.learning.bands import Stretch, joined, lacking
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.learning.pairs import pairs_of
+from neurosnap.poc.learning.snapshot import Changes
 from neurosnap.protocol.key_frames import bands_of
-from neurosnap.protocol.learned_changes import pieces_of
 from neurosnap.protocol.message_checks import check_readings
-from neurosnap.protocol.observations import readings
+from neurosnap.sensorium import unpack_readings
+
+PIECE = 1 << 20
+"""Bytes of codes in a message, at most, but for a row that has more."""
+_SINGLE = 9  # bytes that a single pair takes
 
 
 class WorkerLearning:
@@ -71,7 +76,9 @@ class WorkerLearning:
         self._said = []
         check_readings(message)
         try:
-            bits, known = readings(message, len(self._snapshot.sensorium))
+            bits, known = unpack_readings(
+                message.bits, message.known, len(self._snapshot.sensorium)
+            )
         except ShapeError as error:
             raise MessageError(f"learn: {error}") from error
         asked = self._evidence(message)
@@ -157,3 +164,43 @@ class WorkerLearning:
         except InvalidValueError as error:
             raise MessageError(f"learn: {error}") from error
         self._bands, self._said = {}, []
+
+
+def pieces_of(
+    worker: int, tick: int, changes: Changes | None, most: int = PIECE
+) -> list[wire.Learned]:
+    """Return what changed; one message at least.
+
+    Args:
+        worker: Who learned.
+        tick: When.
+        changes: What did; None: nothing.
+        most: Bytes of codes in a message.
+    """
+    pieces: list[wire.Learned] = []
+    if changes is not None:
+        ends = np.cumsum((changes.rows + 1) // 2)
+        begin = 0
+        while begin < len(ends):
+            before = ends[begin - 1] if begin else 0
+            end = max(begin + 1, int(np.searchsorted(ends, before + most, "right")))
+            rows = changes.rows[begin:end].astype("<i4").tobytes()
+            codes = changes.packed[before : ends[end - 1]].tobytes()
+            pieces.append(wire.Learned(worker, tick, rows=rows, codes=codes))
+            begin = end
+        for place in range(0, len(changes.codes), max(1, most // _SINGLE)):
+            cut = slice(place, place + max(1, most // _SINGLE))
+            pieces.append(
+                wire.Learned(
+                    worker,
+                    tick,
+                    latter=changes.latter[cut].astype("<i4").tobytes(),
+                    former=changes.former[cut].astype("<i4").tobytes(),
+                    single=changes.codes[cut].tobytes(),
+                )
+            )
+    pieces = pieces or [wire.Learned(worker, tick)]
+    return [
+        msgspec.structs.replace(piece, part=part, parts=len(pieces))
+        for part, piece in enumerate(pieces)
+    ]

@@ -11,10 +11,10 @@ import msgspec
 from neurosnap.agent.growth.changed import Changed
 from neurosnap.errors import InvalidValueError, MissingExtraError
 from neurosnap.health.news import Standing
+from neurosnap.protocol.coordinator import Totals
 from neurosnap.protocol.option import option
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import CellKind, RunOptions
-from neurosnap.protocol.totals import Totals
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.read.recording import part_path
 from neurosnap.runtime.child_processes import ChildProcesses

@@ -14,11 +14,11 @@ import pytest
 from neurosnap import wire
 from neurosnap.agent.agent import Agent
 from neurosnap.poc.learning.kinds import Snapshot
-from neurosnap.protocol.observations import readings
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.learning import Learning
 from neurosnap.recording.replay.verify import verify
+from neurosnap.sensorium import unpack_readings
 from tests.support.commands import Command
 from tests.support.mosquitto import (
     HOST,
@@ -256,7 +256,9 @@ async def test_processes_that_miss_readings_decide_as_one_agent_does(
     own, decisions, missed = len(options.body.own), [], 0
     for recorded in recording.messages(("observation",)):
         assert isinstance(recorded.message, wire.Observation)
-        bits, known = readings(recorded.message, len(options.sensors))
+        bits, known = unpack_readings(
+            recorded.message.bits, recorded.message.known, len(options.sensors)
+        )
         known = None if known is None else known[:own]
         missed += known is not None and not known.all()
         decisions.append(alone.act(bits[:own], recorded.message.begins, known))

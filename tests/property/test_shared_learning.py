@@ -14,7 +14,8 @@ from neurosnap.poc.learning.kinds import (
     Snapshot,
 )
 from neurosnap.poc.learning.snapshot import OF_PAIRS
-from neurosnap.protocol.learned_changes import pairs_in, pieces_of
+from neurosnap.protocol.learn_control import pairs_in
+from neurosnap.protocol.worker_learning import pieces_of
 
 KINDS = ("fixed", "auto", "by pair", "discounted")
 

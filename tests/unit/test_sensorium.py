@@ -9,7 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.errors import InvalidValueError, ShapeError, UnknownSensorError
-from neurosnap.sensorium import Sensorium, complement, complete, pack, unpack
+from neurosnap.sensorium import (
+    Sensorium,
+    complement,
+    complete,
+    pack,
+    selection,
+    unpack,
+    unpack_readings,
+)
 
 DOORS = Sensorium(["door", "motion"])
 
@@ -144,3 +152,24 @@ def test_a_set_of_literals_has_two_places_a_sensor() -> None:
 def test_importing_it_leaves_numba_alone() -> None:
     code = "import sys, neurosnap.sensorium; sys.exit('numba' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@given(st.lists(st.sampled_from([True, False, None]), min_size=1, max_size=20))
+def test_of_each_known_sensor_one_literal_is_observed(row: list[bool | None]) -> None:
+    bits, known = pack([on is True for on in row]), pack([on is not None for on in row])
+    literals = selection(*unpack_readings(bits, known, len(row)))
+    expected = [on is wanted for on in row for wanted in (True, False)]
+    assert literals.tolist() == expected
+
+
+def test_all_are_known_where_nothing_is_said() -> None:
+    bits, known = unpack_readings(b"\x02", b"", 3)
+    assert bits.tolist() == [False, True, False]
+    assert known is None
+    assert np.flatnonzero(selection(bits, known)).tolist() == [1, 2, 5]
+
+
+@pytest.mark.parametrize(("bits", "known"), [(b"\x08", b""), (b"\x00", b"\x08")])
+def test_another_number_of_sensors_is_refused(bits: bytes, known: bytes) -> None:
+    with pytest.raises(ShapeError, match=r"^packed bits: must be 0 beyond the first 3"):
+        unpack_readings(bits, known, 3)

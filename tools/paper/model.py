@@ -19,11 +19,10 @@ from neurosnap.poc.dual.cubing import Cubing
 from neurosnap.poc.dual.homology import CellComplex
 from neurosnap.poc.dual.realization import Realization, corners
 from neurosnap.poc.order.pocset import PocSet
-from neurosnap.protocol.observations import readings
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.births import births_of
 from neurosnap.recording.replay.learning import snapshot_at
-from neurosnap.sensorium import unpack
+from neurosnap.sensorium import unpack, unpack_readings
 from tools.paper.spaces import EXAMPLES
 
 LIMIT = 256
@@ -142,7 +141,9 @@ def of_recording(path: Path, tick: int | None = None) -> Model:
     for recorded in recording.messages(("observe", "state")):
         match recorded.message:
             case wire.Observation() as observation if observation.tick <= tick:
-                bits, known = readings(observation, count)
+                bits, known = unpack_readings(
+                    observation.bits, observation.known, count
+                )
                 if known is None or known[read].all():
                     seen.append(bits[read])
             case wire.State(tick=now, literals=literals) if now == tick:

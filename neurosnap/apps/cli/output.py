@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from neurosnap.depth.measure import FittedLine
     from neurosnap.depth.probe import Measured
     from neurosnap.health.news import Standing
+    from neurosnap.protocol.coordinator import Totals
     from neurosnap.protocol.run_options import RunOptions
-    from neurosnap.protocol.totals import Totals
     from neurosnap.recording.replay.verify import Verdict
     from neurosnap.runtime.registry import Note, Part
     from neurosnap.runtime.request import Outcome

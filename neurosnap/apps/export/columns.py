@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
 from neurosnap.errors import RecordingError
-from neurosnap.protocol.observations import readings
 from neurosnap.recording.read.ticks import Tick
-from neurosnap.sensorium import unpack
+from neurosnap.sensorium import unpack, unpack_readings
 
 Kind: TypeAlias = Literal["time", "number", "bit", "text"]
 Cell: TypeAlias = int | bool | str | None
@@ -99,7 +98,9 @@ class Table:
         if tick.observation is None:
             return [None] * self._size
         try:
-            bits, known = readings(tick.observation, self._count)
+            bits, known = unpack_readings(
+                tick.observation.bits, tick.observation.known, self._count
+            )
         except ValueError as error:
             raise _wrong(tick, f"must be of {self._count} sensors", error) from error
         cells: list[bool | None] = bits[: self._size].tolist()

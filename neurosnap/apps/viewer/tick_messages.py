@@ -15,11 +15,10 @@ from neurosnap import wire
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.waves import Waves
 from neurosnap.errors import RecordingError, ShapeError
-from neurosnap.protocol.observations import readings
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.chunk_messages import ChunkMessages
 from neurosnap.recording.read.tick_index import TickIndex
-from neurosnap.sensorium import selection, unpack
+from neurosnap.sensorium import selection, unpack, unpack_readings
 
 NOT_RECORDED, UNKNOWN, OFF, ON, OFF_PREDICTED, ON_PREDICTED, CONTRADICTED = range(7)
 """Predicted: not read, but the state has it. Contradicted: the wave reached both
@@ -75,7 +74,9 @@ class Ticks:
             return np.zeros(2 * self._sensors, np.bool_)
         if tick not in self._literals:
             try:
-                found = selection(*readings(observation, self._sensors))
+                found = selection(
+                    *unpack_readings(observation.bits, observation.known, self._sensors)
+                )
             except ShapeError:
                 found = np.zeros(2 * self._sensors, np.bool_)
             self._literals[tick] = found

@@ -12,9 +12,8 @@ from neurosnap.health.budget import NEVER
 from neurosnap.health.follower import Follower
 from neurosnap.health.news import News, news
 from neurosnap.poc.learning.columns import GrowingColumns
-from neurosnap.protocol.observations import readings
 from neurosnap.recording.read.recording import Recording
-from neurosnap.sensorium import Sensorium
+from neurosnap.sensorium import Sensorium, unpack_readings
 from neurosnap.sources.tables.readings import Readings, utc
 
 _SECOND = 1e9
@@ -45,7 +44,7 @@ def own_readings(message: wire.Observation, sent: int, body: Body) -> OwnReading
         ShapeError: It is of another number of sensors.
     """
     own = len(body.own)
-    bits, known = readings(message, body.count)
+    bits, known = unpack_readings(message.bits, message.known, body.count)
     told = np.ones(own, np.bool_) if known is None else known[:own]
     if message.paused:
         told = np.zeros(own, np.bool_)
@@ -110,7 +109,7 @@ def readings_of(recording: Recording, sensorium: Sensorium, last: int) -> Readin
             continue
         if growing.ticks < message.tick <= last:
             skip_to(message.tick - 1)
-            bits, known = readings(message, count)
+            bits, known = unpack_readings(message.bits, message.known, count)
             growing.append(bits, np.zeros_like(bits) if message.paused else known)
             times.append(utc(log_time / _SECOND))
     skip_to(last)

@@ -17,11 +17,11 @@ from neurosnap.errors import (
 )
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.key_frames import snapshot_of
-from neurosnap.protocol.observations import readings
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.keyframes import last_start, starts
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.stretches import last_tick
+from neurosnap.sensorium import unpack_readings
 
 
 class Learning:
@@ -75,7 +75,9 @@ class Learning:
             raise self._lacks(tick)
         place = f"{self._path}: tick {tick}"
         try:
-            bits, known = readings(observation, self._options.body.count)
+            bits, known = unpack_readings(
+                observation.bits, observation.known, self._options.body.count
+            )
         except ShapeError as error:
             raise RecordingError(f"{place}: /observation: {error}") from error
         if observation.paused:

@@ -27,14 +27,13 @@ from neurosnap.errors import NeurosnapError, RecordingError, ShapeError
 from neurosnap.poc.learning.archive import Arrays
 from neurosnap.poc.learning.snapshot import OF_PAIRS
 from neurosnap.protocol.coordinator import Coordinator
-from neurosnap.protocol.observations import readings
 from neurosnap.protocol.part_history import answer_of
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.protocol.worker_learning import WorkerLearning
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.keyframes import Start, last_start
 from neurosnap.recording.read.recording import Recording
-from neurosnap.sensorium import selection, unpack
+from neurosnap.sensorium import selection, unpack, unpack_readings
 
 _INPUTS = ("observation", "cellreport", "workerreport", "recalled", "band", "learned")
 _OUTPUTS = (
@@ -377,7 +376,9 @@ class Replay:
         """Hold what was sensed of the last step against what was decided in it."""
         tick = observation.tick
         try:
-            bits, known = readings(observation, self.options.body.count)
+            bits, known = unpack_readings(
+                observation.bits, observation.known, self.options.body.count
+            )
         except ShapeError as error:
             raise DifferenceError(f"tick {tick}: /observation: {error}") from error
         memory = self.core.memory

@@ -9,10 +9,9 @@ import msgspec
 from neurosnap.errors import SwarmError
 from neurosnap.fabric.events import wait_at_most
 from neurosnap.fabric.protocol import Fabric
-from neurosnap.protocol.coordinator import Coordinator
+from neurosnap.protocol.coordinator import Coordinator, Totals
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.protocol.totals import Totals
 from neurosnap.recording.replay.resume import restore
 from neurosnap.runtime.parts.coordinator_loop import Deadlines, run_coordinator
 from neurosnap.runtime.parts.job import PartContext, take_part

@@ -20,10 +20,10 @@ from neurosnap.fabric.protocol import Fabric
 from neurosnap.health.budget import NEVER
 from neurosnap.health.news import Standing
 from neurosnap.protocol.anomaly_messages import anomaly_line, told, with_support
-from neurosnap.protocol.observations import readings
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.parts.job import PartContext
+from neurosnap.sensorium import unpack_readings
 from neurosnap.sources.open import MQTT, mqtt_options
 
 if TYPE_CHECKING:
@@ -84,7 +84,9 @@ class StatusListener:
         match message:
             case wire.Observation(tick=tick, paused=paused):
                 self._publisher.learning(paused)
-                _, known = readings(message, self._body.count)
+                _, known = unpack_readings(
+                    message.bits, message.known, self._body.count
+                )
                 self._known[tick] = known
                 if len(self._known) > _AHEAD:
                     del self._known[min(self._known)]

@@ -9,7 +9,7 @@ from neurosnap.errors import MessageError
 from neurosnap.poc.learning.bands import head_of
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.protocol.key_frames import bands_of
-from neurosnap.protocol.learned_changes import pairs_in
+from neurosnap.protocol.learn_control import pairs_in
 from neurosnap.protocol.worker_learning import WorkerLearning
 
 SHARES = [range(4), range(4, 6)]

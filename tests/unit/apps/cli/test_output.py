@@ -10,8 +10,8 @@ from rich.console import Console
 from neurosnap.agent.body import Body
 from neurosnap.apps.cli import output
 from neurosnap.protocol.anomaly_messages import Link, Told, anomaly_line
+from neurosnap.protocol.coordinator import Totals
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.protocol.totals import Totals
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.replay.verify import Verdict
 from neurosnap.runtime.request import Outcome
