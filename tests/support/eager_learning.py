@@ -37,7 +37,7 @@ class EagerCounts:
     def learn(self, bits: NDArray[np.uint8]) -> bool:
         """Observe; return whether any code changed."""
         if self.persistence is not None:
-            self.persistence.note(bits, np.ones_like(bits))
+            self.persistence.count(bits, np.ones_like(bits))
         self.clock += 1
         self.marginals += bits
         self.joints += bits[self._latter] & bits[self._former]
@@ -78,7 +78,7 @@ class EagerCounts:
         """Return whether an implication stands that was broken."""
         assert self.persistence is not None
         i, j = int(self._latter[pair]), int(self._former[pair])
-        if not self.persistence.turns[i]:
+        if not self.persistence.spells[1][i]:
             return bool(code == self.codes[pair])
         cell = int(square.argmin())
         a, b, _ = _CELLS[cell]

@@ -34,12 +34,13 @@ unknown readings that holds which holds of every threshold; see
 `neurosnap.poc.learning.snapshot.Snapshot`.
 """
 
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.poc.learning.archive import Arrays, entry
+from neurosnap.poc.learning.update_kernels import Row
 from neurosnap.system.compiled import njit
 
 SHARE: Final = 1 / 32
@@ -58,6 +59,12 @@ TURNS: Final = 32
 _NOTHING = 2
 
 
+Spells: TypeAlias = tuple[NDArray[np.uint32], NDArray[np.uint8]]
+"""What the second test takes besides the weights: ``(2, 2N)``, at how many ticks each
+literal was read, and after how many of them its complement was read next; and ``(N,)``,
+whether it is a sensor's turn to be tested at this tick."""
+
+
 class Persistence:
     """How often each literal was read, and how often it ended.
 
@@ -69,28 +76,26 @@ class Persistence:
         sensors: How many there are.
 
     Attributes:
-        spells: ``(2, 2N)``: at how many ticks each literal was read, and after how many
-            of them its complement was read next.
-        turns: ``(N,)``: whether it is a sensor's turn to be tested at this tick.
+        spells: The counts.
     """
 
     def __init__(self, sensors: int) -> None:
-        self.spells = np.zeros((2, 2 * sensors), np.uint32)
-        self.turns = np.zeros(sensors, np.uint8)
+        counts = np.zeros((2, 2 * sensors), np.uint32)
+        self.spells: Spells = counts, np.zeros(sensors, np.uint8)
         self._last = np.full(sensors, _NOTHING, np.uint8)
 
-    def note(self, bits: NDArray[np.uint8], known: NDArray[np.uint8]) -> None:
-        """Take in an observation. O(N) time.
+    def count(self, bits: NDArray[np.uint8], known: NDArray[np.uint8]) -> None:
+        """Count an observation. O(N) time.
 
         Args:
             bits: ``(N,)``, 0 or 1.
             known: ``(N,)``, 0 or 1.
         """
-        note_readings(bits, known, self._last, self.spells, self.turns)
+        count_readings(bits, known, self._last, self.spells)
 
     def arrays(self) -> Arrays:
         """Return all there is to know, by name."""
-        return {"spells": self.spells, "last": self._last}
+        return {"spells": self.spells[0], "last": self._last}
 
     def restore(self, arrays: Arrays) -> None:
         """Be as the arrays say; it is no sensor's turn.
@@ -98,19 +103,19 @@ class Persistence:
         Raises:
             ValueError: They make no sense.
         """
-        self.spells[:] = entry(arrays, "spells", self.spells.shape, np.uint32)
+        counts, _ = self.spells
+        counts[:] = entry(arrays, "spells", counts.shape, np.uint32)
         self._last[:] = entry(arrays, "last", self._last.shape, np.uint8)
-        if (self.spells[1] > self.spells[0]).any() or (self._last > _NOTHING).any():
+        if (counts[1] > counts[0]).any() or (self._last > _NOTHING).any():
             raise ValueError("spells, last: must be what readings make")
 
 
 @njit()
-def note_readings(
+def count_readings(
     bits: NDArray[np.uint8],
     known: NDArray[np.uint8],
     last: NDArray[np.uint8],
-    spells: NDArray[np.uint32],
-    turns: NDArray[np.uint8],
+    spells: Spells,
 ) -> None:
     """Count how often each literal was read, and how often its complement followed.
 
@@ -118,11 +123,10 @@ def note_readings(
         bits: ``(N,)``, 0 or 1; any where unknown.
         known: ``(N,)``, 0 or 1.
         last: ``(N,)``, what each sensor last read; 2: nothing yet. Updated.
-        spells: ``(2, 2N)``: at how many ticks each literal was read, and after how many
-            of them its complement was read next; updated.
-        turns: ``(N,)``, overwritten: whether it is a sensor's turn to be tested.
+        spells: Updated.
     """
-    read, ended = spells[0], spells[1]
+    counts, turns = spells
+    read, ended = counts[0], counts[1]
     for s in range(bits.shape[0]):
         turns[s] = 0
         if known[s]:
@@ -135,16 +139,18 @@ def note_readings(
 
 
 @njit()
-def share_of_changes(spells: NDArray[np.uint32], a: int, b: int) -> float:
+def share_of_changes(spells: Spells, a: int, b: int) -> float:
     """Return ``1 / h``: after what share of their ticks two literals are not both read.
 
     If neither had to do with the other. It is 0 where one was never read: nothing is
     tolerated then.
     """
-    if not (spells[0, a] and spells[0, b]):
+    counts, _ = spells
+    read, ended = counts[0], counts[1]
+    if not (read[a] and read[b]):
         return 0.0
-    stays_a = 1.0 - float(spells[1, a]) / float(spells[0, a])
-    stays_b = 1.0 - float(spells[1, b]) / float(spells[0, b])
+    stays_a = 1.0 - float(ended[a]) / float(read[a])
+    stays_b = 1.0 - float(ended[b]) / float(read[b])
     return 1.0 - stays_a * stays_b
 
 
@@ -172,8 +178,8 @@ def is_tolerated(
 def withstand(
     i: int,
     due: int,
-    squares: NDArray[np.uint32],
-    spells: NDArray[np.uint32],
+    row: Row,
+    spells: Spells,
     codes: NDArray[np.uint8],
     fresh: NDArray[np.uint8],
 ) -> None:
@@ -182,32 +188,24 @@ def withstand(
     Args:
         i: The row, a sensor.
         due: Whether it is its turn to be tested.
-        squares: ``(4, i)`` or longer: the weights of the pairs of `i` with those before
-            it; they matter when it is due.
-        spells: As `note_readings` has it.
+        row: The weights of its pairs; they matter when it is due.
+        spells: As of `Persistence`.
         codes: ``(i,)``, as they were.
-        fresh: ``(i,)`` or longer, as `neurosnap.poc.learning.update_kernels` and
-            `neurosnap.poc.learning.update_kernels_partial` judge them; updated.
+        fresh: ``(i,)`` or longer, as they were judged; updated.
     """
     for j in range(codes.shape[0]):
         code = np.uint8(fresh[j] & ~MARK)
         stands = (fresh[j] < MARK) | (code == codes[j])
         if due and fresh[j] >= MARK:
-            stands = _passes(code, i, j, squares, spells)
+            stands = _passes(code, i, j, row, spells)
         fresh[j] = code if stands else np.uint8(0)
 
 
 @njit()
-def _passes(
-    code: np.uint8,
-    i: int,
-    j: int,
-    squares: NDArray[np.uint32],
-    spells: NDArray[np.uint32],
-) -> bool:
+def _passes(code: np.uint8, i: int, j: int, row: Row, spells: Spells) -> bool:
     """Return whether it is no chance that an implication is broken so seldom."""
-    both, only_i = float(squares[0, j]), float(squares[1, j])
-    only_j, neither = float(squares[2, j]), float(squares[3, j])
+    both, only_i = float(row.both[j]), float(row.only_i[j])
+    only_j, neither = float(row.only_j[j]), float(row.neither[j])
     if code == 1:
         against, from_a, from_b, a, b = only_i, both, neither, 2 * i, 2 * j + 1
     elif code == 2:

@@ -6,13 +6,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.learning import update_kernels as kernels
 from neurosnap.poc.learning.archive import Arrays, entry
 from neurosnap.poc.learning.pairs import Weights, excluded
 from neurosnap.poc.learning.search import Question, Search, Weighing
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.learning.thresholds import is_auto, saved_threshold
-from neurosnap.poc.learning.update_kernels_partial import discount_squares
+from neurosnap.poc.learning.update_kernels_discounted import (
+    discount_squares,
+    learn_discounted,
+)
 from neurosnap.poc.order.literals import Words
 from neurosnap.sensorium import Sensorium
 
@@ -79,43 +81,17 @@ class DiscountedSnapshot(Snapshot):
         return self._decay
 
     def _update(self) -> bool:
-        weights, tick = self._weights, self._clock + self._skipped + 1
-        if weights.squares is not None:
-            return bool(
-                discount_squares(
-                    self._bits,
-                    self._known,
-                    weights.squares,
-                    self._decay,
-                    self._by_pair,
-                    self._codes,
-                    self._rows,
-                    self._since,
-                    self._latest,
-                    tick,
-                    self._share.start,
-                )
-            )
-        return bool(
-            kernels.learn_discounted(
-                self._bits,
-                weights.joints,
-                weights.marginals,
-                self._decay,
-                self._by_pair,
-                self._codes,
-                self._rows,
-                self._since,
-                self._latest,
-                tick,
-                self._share.start,
-            )
-        )
+        weights, pairs, tick = self._weights, tuple(self._pairs), self.tick + 1
+        if (squares := weights.squares) is not None:
+            bits, known = self._bits, self._known
+            return discount_squares(bits, known, squares, self._decay, pairs, tick)
+        joints, marginals = weights.joints, weights.marginals
+        return learn_discounted(self._bits, joints, marginals, self._decay, pairs, tick)
 
     def _newborn(
         self, sensor: int, ticks: int, on: Words, off: Words
     ) -> Search[tuple[NDArray[np.float64], NDArray[np.uint8]]]:
-        share = self._by_pair[0].item()
+        share = self._pairs.threshold[0].item()
         weighing = Weighing(on, off, sensor, self._decay, share)
         weighed = (yield Question(weighing=weighing)).weighed
         if weighed is None:
@@ -133,7 +109,7 @@ class DiscountedSnapshot(Snapshot):
         # Truncation rounds, and a difference at the very edge of the tolerance may
         # fall on its other side: so the codes are kept and not derived again.
         decay = np.array(self._decay)
-        return super().arrays() | {"decay": decay, "codes": self._codes}
+        return super().arrays() | {"decay": decay, "codes": self._pairs.codes}
 
     @classmethod
     def _blank(cls, sensorium: Sensorium, arrays: Arrays, share: range | None) -> Self:
@@ -142,7 +118,7 @@ class DiscountedSnapshot(Snapshot):
 
     def _derive(self, arrays: Arrays) -> None:
         marginals = self._weights.marginals
-        codes = entry(arrays, "codes", self._codes.shape, np.uint8)
+        codes = entry(arrays, "codes", self._pairs.codes.shape, np.uint8)
         if not ((marginals >= 0) & (marginals <= 1)).all():
             raise ValueError("weights: must be consistent")
         for pairs, squares in self._weights.blocks(1.0):
@@ -155,5 +131,5 @@ class DiscountedSnapshot(Snapshot):
                 raise ValueError("codes: must go with the weights")
         if not self._clock and codes.any():
             raise ValueError("codes: must go with the weights")
-        self._codes[:] = codes
+        self._pairs.codes[:] = codes
         self._redraw()

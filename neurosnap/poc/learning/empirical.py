@@ -92,7 +92,7 @@ class EmpiricalSnapshot(Snapshot):
         if self._persistence is None:
             return super().arrays()
         # What was broken stands from one test to the next: that is in the codes.
-        codes = {"threshold": np.array(AUTO), "codes": self._codes}
+        codes = {"threshold": np.array(AUTO), "codes": self._pairs.codes}
         return super().arrays() | codes | self._persistence.arrays()
 
     @classmethod
@@ -139,7 +139,7 @@ class EmpiricalSnapshot(Snapshot):
 
     def _follow(self, columns: Columns, on_progress: OnProgress | None) -> None:
         """Observe all rows."""
-        pairs = self._codes.size
+        pairs = self._pairs.codes.size
         for tick in range(columns.ticks):
             self.learn(*columns.row(tick))
             if on_progress is not None and tick % _BATCH == 0:
@@ -166,9 +166,7 @@ class EmpiricalSnapshot(Snapshot):
             self._weights.widen(0)
             self._weights.put(slice(None), ticks)
         self._count(self._clock)  # no bit is known yet: it only derives
-        self._since[:] = last_changes(
-            columns, ticks, self._by_pair, self._codes, on_progress
-        )
+        last_changes(columns, ticks, self._pairs, on_progress)
         self._bits[:], self._known[:] = columns.row(columns.ticks - 1)
         self._adopt_last()
 
@@ -179,68 +177,41 @@ class EmpiricalSnapshot(Snapshot):
 
     def _update(self) -> bool:
         if self._persistence is not None:
-            self._persistence.note(self._bits, self._known)
+            self._persistence.count(self._bits, self._known)
         if self._lag is None and self._weights.squares is None:
-            self._lag = Lag.starting(len(self.sensorium), self._codes.size, self._clock)
+            self._lag = Lag.starting(
+                len(self.sensorium), self._pairs.codes.size, self._clock
+            )
         return self._count(self._clock + 1, self._lag)
 
     def _settle(self) -> None:
         if self._lag is not None:
-            first = self._share.start
+            first = self._pairs.first
             settle_all(self._weights.joints, self._clock, self._lag, first)
 
     def _widen(self) -> None:
         super()._widen()
         self._lag = None
 
-    def _choosing(self) -> tuple[NDArray[Any] | None, NDArray[Any] | None, int]:
-        """Return what choosing thresholds takes, if any do, and the first row."""
-        kept, first = self._persistence, self._share.start
-        return (None, None, first) if kept is None else (kept.spells, kept.turns, first)
-
     def _count(self, clock: int, lag: Lag | None = None) -> bool:
         """Count what is known of the bits at hand and derive the graph for `clock`.
 
         Args:
             clock: The number of observations, this one included.
-            lag: What is put off where all readings are known; None: every pair is
+            lag: What is put off where all readings are known; if None, every pair is
                 judged.
         """
-        weights, tick = self._weights, clock + self._skipped
+        weights, pairs, tick = self._weights, tuple(self._pairs), clock + self._skipped
+        bits, known = self._bits, self._known
+        spells = None if self._persistence is None else self._persistence.spells
         if weights.squares is not None:
-            return bool(
-                count_squares(
-                    self._bits,
-                    self._known,
-                    weights.squares,
-                    clock,
-                    self._born,
-                    self._by_pair,
-                    self._codes,
-                    self._rows,
-                    self._since,
-                    self._latest,
-                    tick,
-                    *self._choosing(),
-                )
-            )
+            born, squares = self._born, weights.squares
+            return count_squares(bits, known, squares, born, clock, tick, pairs, spells)
         if lag is None:
-            lag = Lag.starting(len(self.sensorium), self._codes.size, clock)
-        return bool(
-            learn_lazily(
-                self._bits,
-                weights.joints,
-                weights.marginals,
-                clock,
-                tick,
-                self._by_pair,
-                self._codes,
-                self._rows,
-                self._since,
-                self._latest,
-                lag,
-                *self._choosing(),
-            )
+            lag = Lag.starting(len(self.sensorium), self._pairs.codes.size, clock)
+        joints, marginals = weights.joints, weights.marginals
+        return learn_lazily(
+            bits, joints, marginals, clock, tick, pairs, tuple(lag), spells
         )
 
     def _limit(self, a: int, b: int, square: tuple[float, ...]) -> float:
@@ -269,7 +240,7 @@ class EmpiricalSnapshot(Snapshot):
         )
         codes = np.zeros(sensor, np.uint8)
         spells = None if self._persistence is None else self._persistence.spells
-        count_newborn(squares, ticks, self._by_pair[0], codes, spells)
+        count_newborn(squares, ticks, self._pairs.threshold[0], codes, spells)
         return squares, codes
 
     def _total(self) -> int:
@@ -295,11 +266,13 @@ class EmpiricalSnapshot(Snapshot):
         if not inside:
             raise ValueError("weights: must be consistent with the clock")
         if self._persistence is not None:
-            self._codes[:] = entry(arrays, "codes", self._codes.shape, np.uint8)
+            self._pairs.codes[:] = entry(
+                arrays, "codes", self._pairs.codes.shape, np.uint8
+            )
             self._redraw()
-        before = self._codes.copy()
+        before = self._pairs.codes.copy()
         # Neither bit nor reading at hand: nothing is counted.
         if self._clock:
             self._count(self._clock)
-        if self._persistence is not None and (self._codes != before).any():
+        if self._persistence is not None and (self._pairs.codes != before).any():
             raise ValueError("codes: must go with the weights")

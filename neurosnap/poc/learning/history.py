@@ -18,7 +18,7 @@ from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.archive import Arrays, entry
 from neurosnap.poc.learning.one_pair import LENGTH as LENGTH
 from neurosnap.poc.learning.search import Answer, Count, Question, Weighed, Weighing
-from neurosnap.poc.learning.update_kernels_partial import discount_newborn
+from neurosnap.poc.learning.update_kernels_discounted import discount_newborn
 from neurosnap.poc.order.literals import Words
 
 _ONE, _TOP = np.uint64(1), np.uint64(63)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.poc.learning.columns import Columns
+from neurosnap.poc.learning.update_kernels import Pairs, pair_code
 from neurosnap.poc.order.literals import Words
 from neurosnap.system.compiled import njit
 
@@ -62,39 +63,22 @@ def count_pairs(columns: Columns, on_progress: OnProgress | None = None) -> Pair
 def last_changes(
     columns: Columns,
     ticks: NDArray[np.uint32],
-    threshold: NDArray[np.float64],
-    codes: NDArray[np.uint8],
+    pairs: Pairs,
     on_progress: OnProgress | None = None,
-) -> NDArray[np.uint32]:
-    """Return when what follows from each pair's counts last became what it is.
+) -> None:
+    """Date the code of each pair, as learning the rows one after the other would have.
 
     Args:
         columns: The readings.
         ticks: ``(4, P)``: their counts.
-        threshold: ``(1,)`` for all pairs, or one a pair.
-        codes: ``(P,)``: what follows from these.
+        pairs: The codes that follow from these; `Pairs.since` is overwritten.
         on_progress: Told now and then.
-
-    Returns:
-        ``(P,)``, ticks from 1; 0 where it never was otherwise.
     """
-    count, words = columns.on.shape
-    since = np.zeros(codes.size, np.uint32)
-    for first, last in _stretches(count, words):
-        date_rows(
-            columns.on,
-            columns.off,
-            columns.ticks,
-            first,
-            last,
-            ticks,
-            threshold,
-            codes,
-            since,
-        )
+    on, off = columns.on, columns.off
+    for first, last in _stretches(*on.shape):
+        date_rows(on, off, columns.ticks, first, last, ticks, pairs)
         if on_progress is not None:
-            on_progress(last * (last - 1) // 2, codes.size)
-    return since
+            on_progress(last * (last - 1) // 2, pairs.codes.size)
 
 
 def _stretches(count: int, words: int) -> list[tuple[int, int]]:
@@ -172,14 +156,9 @@ def date_rows(
     first: int,
     last: int,
     ticks: NDArray[np.uint32],
-    threshold: NDArray[np.float64],
-    codes: NDArray[np.uint8],
-    since: NDArray[np.uint32],
+    pairs: Pairs,
 ) -> None:
     """Find the last change of the pairs of sensors `first` to before `last`.
-
-    From the end back: a stretch at whose both ends the counts allow for no other code
-    is passed as a whole, for counts only grow.
 
     Args:
         on: ``(N, W)``.
@@ -188,93 +167,116 @@ def date_rows(
         first: A sensor.
         last: Behind the last.
         ticks: ``(4, P)``: the counts at the end.
-        threshold: ``(1,)`` for all pairs, or one a pair.
-        codes: ``(P,)``: what follows from them.
-        since: ``(P,)``, overwritten for these.
+        pairs: The codes that follow from them; `Pairs.since` is overwritten.
     """
-    words = on.shape[1]
-    one = np.uint64(1)
     for i in range(first, last):
         for j in range(i):
             pair = i * (i - 1) // 2 + j
-            share = threshold[pair] if threshold.shape[0] > 1 else threshold[0]
-            code = codes[pair]
-            h11, h10 = np.int64(ticks[0, pair]), np.int64(ticks[1, pair])
-            h01, h00 = np.int64(ticks[2, pair]), np.int64(ticks[3, pair])
-            clock, stop, step = length, words, _BLOCK
-            found = 0
-            while stop > 0:
-                start = max(0, stop - step)
-                n11 = n10 = n01 = n00 = np.uint64(0)
-                for w in range(start, stop):
-                    x, y, u, v = on[i, w], off[i, w], on[j, w], off[j, w]
-                    n11 += population(x & u)
-                    n10 += population(x & v)
-                    n01 += population(y & u)
-                    n00 += population(y & v)
-                l11, l10 = h11 - np.int64(n11), h10 - np.int64(n10)
-                l01, l00 = h01 - np.int64(n01), h00 - np.int64(n00)
-                if _keeps(
-                    code,
-                    (l11, l10, l01, l00),
-                    (h11, h10, h01, h00),
-                    64 * start,
-                    clock,
-                    share,
-                ):
-                    h11, h10, h01, h00 = l11, l10, l01, l00
-                    clock, stop, step = 64 * start, start, _BLOCK
-                    continue
-                if step > 1:
-                    step = 1
-                    continue
-                x, y, u, v = on[i, start], off[i, start], on[j, start], off[j, start]
-                while clock > 64 * start:
-                    place = np.uint64(clock - 1 - 64 * start)
-                    h11 -= np.int64((x & u) >> place & one)
-                    h10 -= np.int64((x & v) >> place & one)
-                    h01 -= np.int64((y & u) >> place & one)
-                    h00 -= np.int64((y & v) >> place & one)
-                    clock -= 1
-                    if code_of(h11, h10, h01, h00, float(clock), share) != code:
-                        found = clock + 1
-                        break
-                if found:
-                    break
-                stop, step = start, _BLOCK
-            since[pair] = np.uint32(found)
+            share = pairs.threshold[pair if pairs.threshold.shape[0] > 1 else 0]
+            joint = on[i], off[i], on[j], off[j]
+            counts = (
+                np.int64(ticks[0, pair]),
+                np.int64(ticks[1, pair]),
+                np.int64(ticks[2, pair]),
+                np.int64(ticks[3, pair]),
+            )
+            since = _last_change(joint, length, counts, pairs.codes[pair], share)
+            pairs.since[pair] = np.uint32(since)
 
 
 @njit()
-def code_of(
-    w11: _Whole, w10: _Whole, w01: _Whole, w00: _Whole, age: float, share: float
-) -> np.uint8:
-    """Return what follows from four counts, as `update_kernels_partial` has it."""
-    mixed, like = min(w10, w01), min(w11, w00)
-    more, most = max(w10, w01), max(w11, w00)
+def _last_change(
+    joint: tuple[Words, Words, Words, Words],
+    length: int,
+    counts: _Four,
+    code: np.uint8,
+    share: float,
+) -> int:
+    """Return the tick from which on the counts of a pair gave its code; 0: from ever.
+
+    From the end back: a stretch at whose both ends the counts allow for no other code
+    is passed as a whole, for counts only grow.
+
+    Args:
+        joint: ``(W,)`` each: when the one sensor was on, and off; then the other.
+        length: How many ticks there are.
+        counts: At the end.
+        code: What follows from them.
+        share: The threshold.
+    """
+    clock, stop, step = length, joint[0].shape[0], _BLOCK
+    while stop > 0:
+        start = max(0, stop - step)
+        before = _before(joint, start, stop, counts)
+        if _keeps(code, before, counts, 64 * start, clock, share):
+            counts, clock, stop, step = before, 64 * start, start, _BLOCK
+            continue
+        if step > 1:
+            step = 1
+            continue
+        while clock > 64 * start:
+            counts = _one_before(
+                joint, start, np.uint64(clock - 1 - 64 * start), counts
+            )
+            clock -= 1
+            if _code_of(counts, float(clock), share) != code:
+                return clock + 1
+        stop, step = start, _BLOCK
+    return 0
+
+
+@njit()
+def _before(
+    joint: tuple[Words, Words, Words, Words], start: int, stop: int, counts: _Four
+) -> _Four:
+    """Return the counts less those of some words of readings."""
+    on_i, off_i, on_j, off_j = joint
+    n11 = n10 = n01 = n00 = np.uint64(0)
+    for w in range(start, stop):
+        x, y, u, v = on_i[w], off_i[w], on_j[w], off_j[w]
+        n11 += population(x & u)
+        n10 += population(x & v)
+        n01 += population(y & u)
+        n00 += population(y & v)
+    h11, h10, h01, h00 = counts
+    return (
+        h11 - np.int64(n11),
+        h10 - np.int64(n10),
+        h01 - np.int64(n01),
+        h00 - np.int64(n00),
+    )
+
+
+@njit()
+def _one_before(
+    joint: tuple[Words, Words, Words, Words], w: int, place: np.uint64, counts: _Four
+) -> _Four:
+    """Return the counts less one tick: bit `place` of word `w`."""
+    x, y = joint[0][w] >> place & _ONE, joint[1][w] >> place & _ONE
+    u, v = joint[2][w] >> place & _ONE, joint[3][w] >> place & _ONE
+    h11, h10, h01, h00 = counts
+    return (
+        h11 - np.int64(x & u),
+        h10 - np.int64(x & v),
+        h01 - np.int64(y & u),
+        h00 - np.int64(y & v),
+    )
+
+
+@njit()
+def _code_of(counts: _Four, age: float, share: float) -> np.uint8:
+    """Return what follows from four counts, as `count_squares` has it."""
+    w11, w10, w01, w00 = counts
     whole = float(w11 + w10 + w01 + w00)
     limit = share * whole
     if whole == 0.0 or not (2.0 * whole >= age or limit >= 1.0):
         return np.uint8(0)
-    if most == 0:
-        return np.uint8(12)
-    if more == 0:
-        return np.uint8(3)
-    if like < min(most, mixed) and float(like) < limit:
-        return np.uint8(4) if w11 < w00 else np.uint8(8)
-    if mixed < min(more, like) and float(mixed) < limit:
-        return np.uint8(1) if w10 < w01 else np.uint8(2)
-    return np.uint8(0)
+    return pair_code(w11, w10, w01, w00, limit, None, np.uint8)[0]
 
 
 @njit()
 def _keeps(
-    code: np.uint8,
-    low: _Four,
-    high: _Four,
-    begin: int,
-    end: int,
-    share: float,
+    code: np.uint8, low: _Four, high: _Four, begin: int, end: int, share: float
 ) -> bool:
     """Return whether nothing but `code` can follow between two ticks.
 

@@ -19,6 +19,7 @@ from neurosnap.poc.learning.history import Newborn
 from neurosnap.poc.learning.pairs import Weights, leads, pair_of, pairs_of, strict
 from neurosnap.poc.learning.search import Search
 from neurosnap.poc.learning.thresholds import by_pair, checked_threshold
+from neurosnap.poc.learning.update_kernels import Pairs
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.literals import Words, as_literal
 from neurosnap.sensorium import Sensorium, as_known, complete, pack, unpack
@@ -100,17 +101,20 @@ class Snapshot(Archived):
         self._threshold = checked_threshold(threshold, count)
         self._share = range(count) if share is None else share
         pairs = pairs_of(self._share)
-        self._by_pair = by_pair(self._threshold, pairs)
         self._clock = 0
         self._skipped = 0
         self._bits = np.zeros(count, np.uint8)
         self._known = np.zeros(count, np.uint8)
-        self._codes = np.zeros(len(pairs), np.uint8)
-        self._since = np.zeros(self._codes.size, np.uint32)
-        self._latest = np.zeros(count, np.uint32)
-        self._rows: Words = np.zeros((0, 0), np.uint64)
-        if len(self._share) in (0, count):
-            self._rows = np.zeros((2 * count, (2 * count + 63) // 64), np.uint64)
+        whole = len(self._share) in (0, count)
+        shape = (2 * count, (2 * count + 63) // 64) if whole else (0, 0)
+        self._pairs = Pairs(
+            threshold=by_pair(self._threshold, pairs),
+            codes=np.zeros(len(pairs), np.uint8),
+            since=np.zeros(len(pairs), np.uint32),
+            latest=np.zeros(count, np.uint32),
+            rows=np.zeros(shape, np.uint64),
+            first=self._share.start,
+        )
         self._born = np.zeros(count, np.uint32)
         self._state = np.zeros(2 * count, np.bool_)
         self._graphs: dict[bool, PocGraph] = {}
@@ -145,7 +149,7 @@ class Snapshot(Archived):
     @property
     def codes(self) -> NDArray[np.uint8]:
         """``(P,)``: what relates each pair, as in `poc.learning.pairs`; a copy."""
-        return self._codes.copy()
+        return self._pairs.codes.copy()
 
     @property
     def state(self) -> NDArray[np.bool_]:
@@ -197,8 +201,8 @@ class Snapshot(Archived):
             other=other,
             against=against,
             limit=self._limit(a, b, (both, against, other, neither)),
-            holds=leads(self._codes[pair].item(), a, b),
-            since=self._since[pair].item(),
+            holds=leads(self._pairs.codes[pair].item(), a, b),
+            since=self._pairs.since[pair].item(),
         )
 
     def learn(self, bits: ArrayLike, known: ArrayLike | None = None) -> bool:
@@ -244,8 +248,8 @@ class Snapshot(Archived):
 
         O(N) time, and O(i) for each row `i` in which something changed.
         """
-        tick, first = self._clock + self._skipped, self._share.start
-        counts = kernels.count_changes(self._since, self._latest, tick, first)
+        tick = self.tick
+        counts = kernels.count_changes(self._pairs, tick)
         if not tick:
             counts[:] = 0
         whole = _WHOLE * counts > np.arange(counts.size)
@@ -254,8 +258,8 @@ class Snapshot(Archived):
         latter, former = np.empty(size, np.int32), np.empty(size, np.int32)
         codes = np.empty(size, np.uint8)
         found = latter, former, codes
-        kernels.pick_changes(some, self._since, self._codes, tick, first, *found)
-        return Changes(rows, kernels.pack_rows(rows, self._codes, first), *found)
+        kernels.pick_changes(some, self._pairs, tick, *found)
+        return Changes(rows, kernels.pack_rows(rows, self._pairs), *found)
 
     def relate(
         self,
@@ -273,7 +277,7 @@ class Snapshot(Archived):
         Returns:
             Whether there is anything. O(C) time.
         """
-        kernels.relate(latter, former, codes, self._rows)
+        kernels.relate(latter, former, codes, self._pairs.rows)
         if codes.size:
             self._graphs.clear()
         return codes.size > 0
@@ -283,13 +287,14 @@ class Snapshot(Archived):
 
         O(N²) time.
         """
-        kernels.draw(share._codes, self._rows, share.share.start)  # noqa: SLF001
+        theirs = share._pairs  # noqa: SLF001 - its own class
+        kernels.draw(theirs.codes, self._pairs.rows, theirs.first)
         self._graphs.clear()
 
     def without_pairs(self) -> Self:
         """Return what is left of a snapshot whose pairs others have: with its graph."""
         rest = self.from_arrays(self.head(), range(0))
-        rest._rows[:] = self._rows  # noqa: SLF001 - its own class
+        rest._pairs.rows[:] = self._pairs.rows  # noqa: SLF001 - its own class
         return rest
 
     def skip(self) -> None:
@@ -367,10 +372,7 @@ class Snapshot(Archived):
         self._weights.put(pairs, newborn.squares)
         self._sensorium = sensorium
         self._born[sensor] = self._clock - newborn.ticks
-        tick = self._clock + self._skipped
-        codes, rows = self._codes[pairs], self._rows
-        since, latest = self._since[pairs], self._latest
-        kernels.rewire(sensor, newborn.codes, codes, rows, since, latest, tick)
+        kernels.rewire(sensor, newborn.codes, self._pairs, self.tick)
         self._state[2 * sensor] = reads is True
         self._state[2 * sensor + 1] = reads is False
         self._graphs.clear()
@@ -389,9 +391,9 @@ class Snapshot(Archived):
         others = [2 * k for k in range(len(self._sensorium)) if k != sensor]
         pairs = [pair_of(literal, other) for other in others]
         self._weights.put(pairs, self._weights.start)
-        ended = np.array(pairs)[self._codes[pairs] > 0]
-        self._since[ended] = self._clock + self._skipped
-        self._codes[pairs] = 0
+        codes = self._pairs.codes
+        self._pairs.since[np.array(pairs)[codes[pairs] > 0]] = self.tick
+        codes[pairs] = 0
         self._redraw()
         self._state[[literal, literal ^ 1]] = False
         self._graphs.clear()
@@ -462,7 +464,7 @@ class Snapshot(Archived):
             The new state: ``(2N,)`` bool, a copy.
         """
         if known is None:
-            kernels.project(self._bits, self._rows, self._state)
+            kernels.project(self._bits, self._pairs.rows, self._state)
         else:
             read = complete(self._bits.view(np.bool_)) & (self._known > 0).repeat(2)
             self._state[:] = self.poc_graph().coherent_projection(read)
@@ -483,10 +485,10 @@ class Snapshot(Archived):
         """
         if equivalences not in self._graphs:
             if equivalences:
-                rows = self._rows.copy()
+                rows = self._pairs.rows.copy()
             elif len(self._share) == len(self._sensorium):
-                rows = np.zeros_like(self._rows)
-                kernels.draw(strict(self._codes), rows, 0)
+                rows = np.zeros_like(self._pairs.rows)
+                kernels.draw(strict(self._pairs.codes), rows, 0)
             else:
                 rule = "must be True where others have pairs"
                 raise InvalidValueError("equivalences", rule, equivalences)
@@ -500,8 +502,8 @@ class Snapshot(Archived):
     def _redraw(self) -> None:
         """Let the graph be what the codes say, where all are there."""
         if len(self._share) == len(self._sensorium):
-            self._rows.fill(0)
-            kernels.draw(self._codes, self._rows, 0)
+            self._pairs.rows.fill(0)
+            kernels.draw(self._pairs.codes, self._pairs.rows, 0)
 
     def _settle(self) -> None:
         """Bring the weights up to date, where a kind puts off what changes no code."""
@@ -538,7 +540,7 @@ class Snapshot(Archived):
             square: The weights ``w_ab, w_ab*, w_a*b, w_a*b*``.
         """
         pair = pair_of(a, b) - pairs_of(self._share).start
-        share = self._by_pair[pair if self._threshold.ndim else 0].item()
+        share = self._pairs.threshold[pair if self._threshold.ndim else 0].item()
         return float(share * self._whole(*square))
 
     @classmethod
@@ -559,7 +561,7 @@ class Snapshot(Archived):
             "threshold": self._threshold,
             **self._weights.arrays(),
             "state": np.frombuffer(pack(self._state), np.uint8),
-            "since": self._since,
+            "since": self._pairs.since,
             **({"born": self._born} if self._born.any() else {}),
             **self._skips(),
         }
@@ -605,15 +607,17 @@ class Snapshot(Archived):
         octets = entry(arrays, "state", ((total + 7) // 8,), np.uint8)
         self.adopt(unpack(octets.tobytes(), total))
         self._derive(arrays)
-        self._since[:] = entry(arrays, "since", self._since.shape, np.uint32)
-        if (self._since > self._clock + self._skipped).any():
+        self._pairs.since[:] = entry(
+            arrays, "since", self._pairs.since.shape, np.uint32
+        )
+        if (self._pairs.since > self.tick).any():
             raise ValueError("since: must not be after the clock")
 
     def _check_room(self) -> None:
         """Refuse an observation that no count has room for."""
-        if self._clock + self._skipped + 1 >= 2**_BITS:
+        if self.tick + 1 >= 2**_BITS:
             rule = f"must stay below 2**{_BITS}, which the counts have room for"
-            raise InvalidValueError("clock", rule, self._clock + self._skipped + 1)
+            raise InvalidValueError("clock", rule, self.tick + 1)
 
     def _skips(self) -> Arrays:
         """Return how many observations went by, where any did."""

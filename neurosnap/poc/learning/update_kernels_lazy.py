@@ -44,24 +44,30 @@ dense: one population and one judgement a pair.
 """
 
 import math
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.poc.learning.automatic_threshold import MARK, START, TURNS, withstand
+from neurosnap.poc.learning.automatic_threshold import (
+    MARK,
+    START,
+    TURNS,
+    Spells,
+    withstand,
+)
 from neurosnap.poc.learning.pair_counts import population
 from neurosnap.poc.learning.update_kernels import (
+    Pairs,
+    Row,
     difference,
     end_of,
-    fill,
     flip,
-    judge,
     pair_code,
     place_of,
     rewire,
+    row_of,
 )
-from neurosnap.poc.order.literals import Words
 from neurosnap.system.compiled import njit
 
 WINDOW: Final = 64
@@ -80,7 +86,7 @@ _ONE = np.uint64(1)
 
 
 class Lag(NamedTuple):
-    """What is put off."""
+    """What is put off. `learn_lazily` takes it as a plain tuple, see `Pairs`."""
 
     readings: NDArray[np.uint64]
     """``(N,)``: whether a sensor read on at clock ``t``, as bit ``t % 64``."""
@@ -108,6 +114,20 @@ class Lag(NamedTuple):
         )
 
 
+class _Limits(NamedTuple):
+    """What the weights against the pairs of one row must be below.
+
+    ``(i,)`` or longer.
+    """
+
+    low: NDArray[np.uint32]
+    """Now."""
+    high: NDArray[np.uint32]
+    """At the end of the window."""
+    window: int
+    """How many observations it has."""
+
+
 @njit()
 def learn_lazily(
     bits: NDArray[np.uint8],
@@ -115,15 +135,9 @@ def learn_lazily(
     marginals: NDArray[np.uint32],
     clock: int,
     tick: int,
-    threshold: NDArray[np.float64],
-    codes: NDArray[np.uint8],
-    rows: Words,
-    since: NDArray[np.uint32],
-    latest: NDArray[np.uint32],
-    lag: Lag,
-    spells: NDArray[np.uint32] | None = None,
-    turns: NDArray[np.uint8] | None = None,
-    first: int = 0,
+    pairs: tuple[Any, ...],
+    lag: tuple[Any, ...],
+    spells: Spells | None,
 ) -> bool:
     """Count one observation and derive the graph anew ([GK] defn:empirical snapshot).
 
@@ -133,87 +147,77 @@ def learn_lazily(
 
     Args:
         bits: ``(N,)``, 0 or 1.
-        joints: ``(N (N - 1) / 2,)``, each row as `lag` says; updated. Or as many as
-            some rows have.
+        joints: ``(P,)``, each row as `lag` says; updated.
         marginals: ``(N,)``, updated.
         clock: The number of observations, this one included; at least 1.
         tick: What changes are dated with.
-        threshold: ``(1,)`` for all pairs, or one a pair.
-        codes: One a pair, updated.
-        rows: As of `neurosnap.poc.learning.update_kernels.rewire`.
-        since: One a pair, the tick at which its code last changed; updated.
-        latest: As of `neurosnap.poc.learning.update_kernels.rewire`.
-        lag: Updated.
-        spells: ``(2, 2N)``, where thresholds choose themselves: as
-            `neurosnap.poc.learning.automatic_threshold` has it, whose `SHARE` the
-            threshold then is.
-        turns: ``(N,)``, which sensors' pairs are tested now; goes with `spells`.
-        first: The first row that there are numbers of.
+        pairs: A `Pairs`; updated.
+        lag: A `Lag`; updated.
+        spells: Where thresholds choose themselves, which then are
+            `neurosnap.poc.learning.automatic_threshold.SHARE`; else None.
 
     Returns:
         Whether any code changed.
     """
     count, auto = bits.shape[0], spells is not None
-    window = TURNS if auto else WINDOW
-    turn = np.empty(count, np.bool_)
-    for i in range(count):
-        turn[i] = turns[i] if turns is not None else (clock + i) % WINDOW == 0
-    _read(bits, clock, marginals, lag)
+    kept, late = Pairs(*pairs), Lag(*lag)
+    threshold, codes, first = kept.threshold, kept.codes, kept.first
+    modes, upto = late.modes, late.upto
+    turn = _turns(count, clock, spells)
+    _read(bits, clock, marginals, late)
     end = end_of(first, codes.shape[0])
-    busy = _RARE * _list_changed(bits, clock, turn, lag, first, end) > count
-    changed = _judge_listed(
-        joints,
-        marginals,
-        clock,
-        tick,
-        threshold,
-        auto,
-        codes,
-        rows,
-        since,
-        latest,
-        turn,
-        lag,
-        first,
-    )
-    ticks = np.uint32(clock)
-    limit = np.full(count, limit_of(threshold[0], clock, auto))
-    high = np.full(count, limit_of(threshold[0], clock + window, auto))
+    busy = _RARE * _list_changed(bits, clock, turn, late, first, end) > count
+    changed = _judge_listed(joints, marginals, clock, tick, kept, turn, late, auto)
+    window, several = TURNS if auto else WINDOW, threshold.shape[0] > 1
+    share = threshold[0]
+    low = np.full(count, limit_of(share, clock, auto))
+    high = np.full(count, limit_of(share, clock + window, auto))
+    limits = _Limits(low, high, window)
     fresh = np.empty(count, np.uint8)
     squares = np.empty((4, count if auto else 0), np.uint32)
     for i in range(first, end):
-        if lag.modes[i] != DENSE and not turn[i]:
+        if modes[i] != DENSE and not turn[i]:
             continue
         start = place_of(i, first)
         joint, now = joints[start : start + i], codes[start : start + i]
-        if lag.upto[i] < clock - 1:
-            settle(i, joint, clock, lag)
+        if upto[i] < clock - 1:
+            settle(i, joint, clock, late)
         else:
-            lag.upto[i] = clock
+            upto[i] = clock
             for j in range(i if bits[i] else 0):
                 joint[j] = np.uint32(joint[j] + np.uint32(bits[j]))
-        if threshold.shape[0] > 1:
-            for j in range(i):
-                limit[j] = limit_of(threshold[start + j], clock, auto)
-        mine = marginals[i]
-        judge(joint, marginals, mine, ticks, limit, spells, fresh)
+        if several:
+            shares = threshold[start : start + i]
+            _write_limits(shares, clock, auto, limits.low)
+            _write_limits(shares, clock + window, auto, limits.high)
+        _judge(i, joint, marginals, clock, limits.low, spells, fresh)
         differ = difference(fresh, now)
         if spells is not None and differ & MARK:
+            row = row_of(squares, 0, i)
             if turn[i]:
-                fill(joint, marginals, mine, ticks, squares)
-            withstand(i, turn[i], squares, spells, now, fresh)
+                _fill(i, joint, marginals, clock, row)
+            withstand(i, turn[i], row, spells, now, fresh)
+            differ = difference(fresh, now)
         if differ:
-            dates = since[start : start + i]
-            changed |= rewire(i, fresh, now, rows, dates, latest, tick)
+            rewire(i, fresh, kept, tick)
+            changed = True
         if turn[i]:
-            if threshold.shape[0] > 1:
-                for j in range(i):
-                    high[j] = limit_of(threshold[start + j], clock + window, auto)
-            slack = lag.slack[start : start + i]
-            _plan(
-                i, bits, joint, marginals, ticks, limit, high, window, busy, slack, lag
-            )
+            slack = late.slack[start : start + i]
+            kinds = _plan(i, bits, joint, marginals, clock, limits, slack, busy)
+            modes[i] = _mode(i, kinds, slack, late)
     return changed
+
+
+@njit()
+def _turns(count: int, clock: int, spells: Spells | None) -> NDArray[np.bool_]:
+    """Return ``(N,)``: whether it is a row's turn."""
+    turn = np.empty(count, np.bool_)
+    for i in range(count):
+        if spells is None:
+            turn[i] = (clock + i) % WINDOW == 0
+        else:
+            turn[i] = spells[1][i]
+    return turn
 
 
 @njit()
@@ -226,6 +230,15 @@ def limit_of(share: float, clock: int, auto: bool) -> np.uint32:
     if auto:
         bound = max(bound - START, 1.0)
     return np.uint32(math.ceil(bound))
+
+
+@njit()
+def _write_limits(
+    shares: NDArray[np.float64], clock: int, auto: bool, limit: NDArray[np.uint32]
+) -> None:
+    """Write the limits of pairs that have a threshold each."""
+    for j in range(shares.shape[0]):
+        limit[j] = limit_of(shares[j], clock, auto)
 
 
 @njit()
@@ -281,50 +294,47 @@ def _judge_listed(
     marginals: NDArray[np.uint32],
     clock: int,
     tick: int,
-    threshold: NDArray[np.float64],
-    auto: bool,
-    codes: NDArray[np.uint8],
-    rows: Words,
-    since: NDArray[np.uint32],
-    latest: NDArray[np.uint32],
+    pairs: Pairs,
     turn: NDArray[np.bool_],
     lag: Lag,
-    first: int,
+    auto: bool,
 ) -> bool:
     """Judge the listed pairs, none of which is at its turn; the calm leave the list.
 
     Returns:
         Whether any code changed.
     """
-    window = TURNS if auto else WINDOW
-    length, place = np.uint32(window), np.uint64(clock & 63)
-    low = limit_of(threshold[0], clock, auto)
-    high = limit_of(threshold[0], clock + window, auto)
+    window, place = TURNS if auto else WINDOW, np.uint64(clock & 63)
+    several, share = pairs.threshold.shape[0] > 1, pairs.threshold[0]
+    low, high = limit_of(share, clock, auto), limit_of(share, clock + window, auto)
     changed, kept = False, 0
     for entry in range(lag.length[0]):
         i, j = int(lag.listed[0, entry]), int(lag.listed[1, entry])
         if turn[i] or lag.modes[i] == DENSE:
             continue
-        pair = place_of(i, first) + j
-        if threshold.shape[0] > 1:
-            low = limit_of(threshold[pair], clock, auto)
-            high = limit_of(threshold[pair], clock + window, auto)
+        pair = place_of(i, pairs.first) + j
+        if several:
+            share = pairs.threshold[pair]
+            low = limit_of(share, clock, auto)
+            high = limit_of(share, clock + window, auto)
         mine, yours = marginals[i], marginals[j]
         both = population(_pending(i, clock, lag) & lag.readings[j])
         w11 = np.uint32(joints[pair] + np.uint32(both))
         w10, w01 = np.uint32(mine - w11), np.uint32(yours - w11)
         w00 = np.uint32(np.uint32(np.uint32(clock) - mine) - w01)
-        code = np.uint8(pair_code(w11, w10, w01, w00, low, None)[0])
-        was = codes[pair]
+        code = pair_code(w11, w10, w01, w00, low, None, np.uint8)[0]
+        was = pairs.codes[pair]
         if auto and code != was and min(min(w11, w10), min(w01, w00)) > 0:
             code = np.uint8(0)
         if code != was:
-            flip(i, j, code ^ was, rows)
-            codes[pair], since[pair], changed = code, np.uint32(tick), True
-            latest[i] = np.uint32(tick)
+            flip(i, j, code ^ was, pairs.rows)
+            pairs.codes[pair], pairs.since[pair] = code, np.uint32(tick)
+            pairs.latest[i] = np.uint32(tick)
+            changed = True
         on = (lag.readings[i] >> place & _ONE) > 0
         also = (lag.readings[j] >> place & _ONE) > 0
-        slack = _slack_of(on, also, w11, w10, w01, w00, low, high, length)
+        square = w11, w10, w01, w00
+        slack = _slack_of(on, also, square, low, high, np.uint32(window))
         lag.slack[pair] = slack
         if slack == LISTED:
             lag.listed[0, kept], lag.listed[1, kept] = np.uint32(i), np.uint32(j)
@@ -379,10 +389,7 @@ def settle_all(
 def _slack_of(
     on: bool,
     also: bool,
-    w11: np.uint32,
-    w10: np.uint32,
-    w01: np.uint32,
-    w00: np.uint32,
+    square: tuple[np.uint32, np.uint32, np.uint32, np.uint32],
     low: np.uint32,
     high: np.uint32,
     window: np.uint32,
@@ -392,14 +399,12 @@ def _slack_of(
     Args:
         on: What the one sensor reads.
         also: What the other one does.
-        w11: The weights of the pair.
-        w10: And so on.
-        w01: And so on.
-        w00: And so on.
+        square: The weights of the pair.
         low: The limit now.
         high: The limit at the end of the window.
         window: How many observations it has.
     """
+    w11, w10, w01, w00 = square
     r = (w11 if also else w10) if on else (w01 if also else w00)
     a = (w10 if also else w11) if on else (w00 if also else w01)
     b, c = w01 if on else w11, w00 if on else w10
@@ -415,43 +420,97 @@ def _slack_of(
 
 
 @njit()
+def _judge(
+    i: int,
+    joint: NDArray[np.uint32],
+    marginals: NDArray[np.uint32],
+    clock: int,
+    limit: NDArray[np.uint32],
+    spells: Spells | None,
+    fresh: NDArray[np.uint8],
+) -> None:
+    """Write what one row's counts say of its pairs.
+
+    Args:
+        i: The row, a sensor.
+        joint: ``(i,)``, of its pairs.
+        marginals: ``(N,)``.
+        clock: The clock.
+        limit: ``(i,)`` or longer: what the weight against must be less than.
+        spells: If None, no code is marked.
+        fresh: ``(i,)`` or longer, overwritten with the codes.
+    """
+    mine = marginals[i]
+    rest = np.uint32(np.uint32(clock) - mine)
+    for j in range(joint.shape[0]):
+        w11 = joint[j]
+        w10 = np.uint32(mine - w11)
+        w01 = np.uint32(marginals[j] - w11)
+        w00 = np.uint32(rest - w01)
+        code, up, down = pair_code(w11, w10, w01, w00, limit[j], None, np.uint8)
+        if spells is not None:
+            # What is smallest is against what is implied.
+            broken = (up | down) & (min(min(w10, w01), min(w11, w00)) > 0)
+            code = np.uint8(code | MARK) if broken else code
+        fresh[j] = code
+
+
+@njit()
+def _fill(
+    i: int,
+    joint: NDArray[np.uint32],
+    marginals: NDArray[np.uint32],
+    clock: int,
+    row: Row,
+) -> None:
+    """Write the four weights of one row's pairs."""
+    mine = marginals[i]
+    rest = np.uint32(np.uint32(clock) - mine)
+    for j in range(joint.shape[0]):
+        row.both[j], row.only_i[j] = joint[j], np.uint32(mine - joint[j])
+        row.only_j[j] = np.uint32(marginals[j] - joint[j])
+        row.neither[j] = np.uint32(rest - row.only_j[j])
+
+
+@njit()
 def _plan(
     i: int,
     bits: NDArray[np.uint8],
     joint: NDArray[np.uint32],
     marginals: NDArray[np.uint32],
-    ticks: np.uint32,
-    low: NDArray[np.uint32],
-    high: NDArray[np.uint32],
-    window: int,
-    busy: bool,
+    clock: int,
+    limits: _Limits,
     slack: NDArray[np.uint8],
-    lag: Lag,
-) -> None:
-    """Find out which pairs of one row may change until its next turn."""
-    mine = marginals[i]
-    on = bits[i] > 0
-    # Where much changes, a row that is not free becomes dense at once: a few of its
-    # pairs tell.
+    busy: bool,
+) -> np.uint8:
+    """Write the slack of one row's pairs until its next turn.
+
+    Returns:
+        All the kinds that there are; or `DENSE`, if not all of the first pairs are free
+        and much changes, for then the row becomes dense at once.
+    """
     few = joint[: _SAMPLE if busy else 0]
-    _slacks(on, bits, few, marginals, mine, ticks, low, high, window, slack)
+    _write_slack(i, bits, few, marginals, clock, limits, slack)
     if _kinds(slack[: few.shape[0]]) & ~FREE:
-        lag.modes[i] = DENSE
-        return
-    _slacks(on, bits, joint, marginals, mine, ticks, low, high, window, slack)
-    kinds = _kinds(slack)
+        return DENSE
+    _write_slack(i, bits, joint, marginals, clock, limits, slack)
+    return _kinds(slack)
+
+
+@njit()
+def _mode(i: int, kinds: np.uint8, slack: NDArray[np.uint8], lag: Lag) -> np.uint8:
+    """Return the mode of a row with pairs of these kinds, and list those to be."""
+    if kinds in (FREE, DENSE):
+        return kinds
     listed = 0
     for j in range(i if kinds & LISTED else 0):
         listed += slack[j] == LISTED
-    if kinds == FREE:
-        lag.modes[i] = FREE
-    elif _FEW * listed > i or lag.length[0] + listed > lag.listed.shape[1]:
-        lag.modes[i] = DENSE
-    else:
-        lag.modes[i] = CALM
-        for j in range(i if listed else 0):
-            if slack[j] == LISTED:
-                _list(i, j, lag)
+    if _FEW * listed > i or lag.length[0] + listed > lag.listed.shape[1]:
+        return DENSE
+    for j in range(i if listed else 0):
+        if slack[j] == LISTED:
+            _list(i, j, lag)
+    return CALM
 
 
 @njit()
@@ -464,27 +523,24 @@ def _kinds(slack: NDArray[np.uint8]) -> np.uint8:
 
 
 @njit()
-def _slacks(
-    on: bool,
+def _write_slack(
+    i: int,
     bits: NDArray[np.uint8],
     joint: NDArray[np.uint32],
     marginals: NDArray[np.uint32],
-    mine: np.uint32,
-    ticks: np.uint32,
-    low: NDArray[np.uint32],
-    high: NDArray[np.uint32],
-    window: int,
+    clock: int,
+    limits: _Limits,
     slack: NDArray[np.uint8],
 ) -> None:
-    """Write the slack of one row's pairs; `on` and `mine` are of its sensor."""
-    rest, length = np.uint32(ticks - mine), np.uint32(window)
+    """Write the slack of one row's pairs, or of its first."""
+    on, mine, low, high = bits[i] > 0, marginals[i], limits.low, limits.high
+    rest, window = np.uint32(np.uint32(clock) - mine), np.uint32(limits.window)
     for j in range(joint.shape[0]):
         w11 = joint[j]
         w10 = np.uint32(mine - w11)
         w01 = np.uint32(marginals[j] - w11)
-        w00 = np.uint32(rest - w01)
-        also = bits[j] > 0
-        slack[j] = _slack_of(on, also, w11, w10, w01, w00, low[j], high[j], length)
+        square = w11, w10, w01, np.uint32(rest - w01)
+        slack[j] = _slack_of(on, bits[j] > 0, square, low[j], high[j], window)
 
 
 @njit()
