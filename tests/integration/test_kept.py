@@ -1,4 +1,4 @@
-"""Outside readings outlive the swarm they are for: each is recorded once, in order."""
+"""Readings outlive the swarm they are for, and a damaged recording is kept."""
 
 import asyncio
 import json
@@ -15,10 +15,13 @@ from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
+from neurosnap.runtime import launch
 from neurosnap.runtime.child_processes import END
+from neurosnap.runtime.request import Restart
 from neurosnap.sensorium import unpack
 from neurosnap.sources.live.journal import JournalRow, journal_of, read_journal
 from tests.support.commands import Command
+from tests.support.disturbed_runs import ENDLESS, Disturbed, options_for
 from tests.support.exhaustive import rows
 from tests.support.mosquitto import Mosquitto, needs_mosquitto, peer, started
 from tests.support.patience import PATIENCE
@@ -44,6 +47,15 @@ class Fed:
             self.process.stdin.write(json.dumps({"bits": bits}) + "\n")
         self.process.stdin.flush()
 
+    def feed_until(self, condition: Callable[[], bool]) -> None:
+        """Write lines until something holds, and few: each is a tick before the end."""
+
+        def holds() -> bool:
+            self.feed(0 if condition() else 5)
+            return condition()
+
+        until(holds)
+
     def wait_for(self, tick: int) -> None:
         def is_there() -> bool:
             assert self.process.poll() is None, self.end()
@@ -66,6 +78,11 @@ class Fed:
     def end(self) -> tuple[int, str]:
         said, errors = self.process.communicate(timeout=PATIENCE)
         return self.process.wait(), said + errors
+
+    def told(self) -> tuple[dict[str, object], str]:
+        """End the input; return what the run said in JSON, and its errors."""
+        said, errors = self.process.communicate(timeout=PATIENCE)
+        return json.loads(said.splitlines()[-1]), errors
 
 
 def until(condition: Callable[[], bool]) -> None:
@@ -333,3 +350,90 @@ async def publish_all(broker: Mosquitto, run: Fed, victim: str) -> None:
             await seen(number - 1)
             await publish(number)
         await seen(30)
+
+
+# A disk that damages the recording, or takes it away ----------------------------------
+
+
+class Mourning(Disturbed):
+    """Looks, each time the run goes on, whether the recorder had ended in order."""
+
+    def __init__(self, log: Path) -> None:
+        super().__init__(options_for(ENDLESS), log)
+        self.finished: list[bool] = []
+        self.restarts = _Told(self._look)
+
+    def _look(self) -> None:
+        self.finished.append(Recording.open(f"{self._log}.broken").cut is None)
+
+
+class _Told(list[Restart]):
+    """Calls somebody for each restart."""
+
+    def __init__(self, call: Callable[[], None]) -> None:
+        super().__init__()
+        self._call = call
+
+    def append(self, restart: Restart) -> None:
+        super().append(restart)
+        self._call()
+
+
+def test_a_recorder_without_a_hub_writes_down_what_it_has(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(launch, "_LAST_WRITE", PATIENCE)
+    mourning = Mourning(tmp_path / "log")
+    mourning.run((20, ("hub",)))
+    assert mourning.finished == [True]
+
+
+def chunks(log: Path) -> int:
+    """Return how many whole chunks of a recording are on the disk."""
+    try:
+        return len(Recording.open(log).files[0].layout.chunks)
+    except RecordingError:
+        return 0
+
+
+def test_a_damaged_recording_is_kept_and_told_of(tmp_path: Path) -> None:
+    log, kept = tmp_path / "a.mcap", tmp_path / "a.damaged-1.mcap"
+    with running(log, "--format", "json") as run:
+        run.feed_until(lambda: chunks(log) >= 3)
+        place = Recording.open(log).files[0].layout.chunks[0].offset + 20
+        with log.open("r+b") as file:
+            file.seek(place)
+            (byte,) = file.read(1)
+            file.seek(place)
+            file.write(bytes([byte ^ 1]))
+        run.kill("cell/1")
+        # Lines go to the next life, too, once it has come up.
+        run.feed_until(lambda: kept.exists() or (tmp_path / "a.mcap.broken").exists())
+        run.feed_until(lambda: chunks(log) >= 2)
+        said, errors = run.told()
+    assert run.process.returncode == 3, errors
+    assert said["complete"] is False
+    assert said["kept"] == [str(kept)]
+    assert "going on from tick" in errors
+    with kept.open("rb") as file:
+        file.seek(place)
+        assert file.read(1) == bytes([byte ^ 1])
+    # What came in is kept, too: ticks of the damaged file may be in no other.
+    journal = tmp_path / "a.mcap.journal"
+    assert said["journal"] == str(journal)
+    assert sorted(tmp_path.iterdir()) == [kept, log, journal]
+
+
+def test_a_recording_deleted_while_it_runs_is_told_of_and_copied(
+    tmp_path: Path,
+) -> None:
+    log = tmp_path / "a.mcap"
+    with running(log, "--format", "json") as run:
+        run.feed_until(lambda: chunks(log) >= 2)
+        log.unlink()
+        said, errors = run.told()
+    assert run.process.returncode == 3, errors
+    assert said["complete"] is False
+    assert "must stay where it is while it is written" in errors
+    observed = list(Recording.open(log).messages(("observation",)))
+    assert len(observed) == said["ticks"]

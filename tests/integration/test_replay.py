@@ -1,22 +1,36 @@
-"""A recorded run derived again comes out the same, whole and from any key-frame."""
+"""A recorded run derived again: the same, or where it was changed, lost or cut."""
 
 import itertools
+import random
+import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Any
 
+import msgspec
 import pytest
 
 from neurosnap import wire
-from neurosnap.protocol.run_options import SnapshotKind, WiringKind
+from neurosnap.errors import RecordingError
+from neurosnap.protocol.cell import Cell
+from neurosnap.protocol.run_options import RunOptions, SnapshotKind, WiringKind
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.learning import snapshot_at
-from neurosnap.recording.replay.verify import verify
+from neurosnap.recording.replay.verify import Verdict, verify
+from neurosnap.recording.write.writer import Writer
 from tests.support.inline_runs import recorded_run
-from tests.support.lossy_runs import Simulation
-from tests.support.recorded_messages import of_type
+from tests.support.lossy_runs import LOST, Simulation, lost_once
+from tests.support.recorded_messages import course, first, of_type
 from tests.support.replayed_runs import TICKS, Runs, every_run, options_for, readings
-from tests.support.rewritten_recordings import Change, rewritten
+from tests.support.rewritten_recordings import (
+    Change,
+    changing,
+    flipped,
+    rewritten,
+    saying,
+    write_again,
+)
 from tests.support.shuffled_recordings import by_sender, shuffled
 
 pytestmark = pytest.mark.slow
@@ -100,8 +114,7 @@ def one_after_the_other(last: str) -> Change:
 
 
 OVERTAKING = {
-    "seed 0": shuffled(0),
-    "seed 1": shuffled(1),
+    "drawn": shuffled(0),
     "late reports": one_after_the_other("cell/"),
     "late observations": one_after_the_other("world"),
     "late coordinator": one_after_the_other("coordinator"),
@@ -155,14 +168,378 @@ STOPS: dict[str, Callable[[Simulation], bool]] = {
 
 
 @pytest.mark.parametrize("when", STOPS)
-@pytest.mark.parametrize("seed", range(3))
-def test_a_run_may_stop_anywhere(
-    runs: Runs, tmp_path: Path, when: str, seed: int
-) -> None:
+def test_a_run_may_stop_anywhere(runs: Runs, tmp_path: Path, when: str) -> None:
     log = tmp_path / "log"
-    simulation = Simulation(options_for(runs.csv), log, seed)
+    simulation = Simulation(options_for(runs.csv), log, 0)
     simulation.run(STOPS[when])
     verdict = verify(log)
     assert verdict.difference is None
     assert verdict.complete
     assert verdict.ticks == simulation.core.tick < TICKS
+
+
+# What was changed ---------------------------------------------------------------------
+
+
+def wave_of(recorded: Iterable[Recorded], tick: int) -> int:
+    states = (each.message for each in recorded)
+    return next(s.wave for s in states if isinstance(s, wire.State) and s.tick == tick)
+
+
+def change_report(recorded: list[Recorded]) -> list[Recorded]:
+    """Let a cell report its complement in tick 12's state wave."""
+    wave = wave_of(recorded, 12)
+    place, report = first(
+        recorded, wire.CellReport, lambda s: s.wave == wave and len(s.literals) == 1
+    )
+    recorded[place] = saying(recorded[place], literals=(report.literals[0] ^ 1,))
+    return recorded
+
+
+def swap_states(recorded: list[Recorded]) -> list[Recorded]:
+    """Swap the states of ticks 12 and 13 in the file."""
+    (a, _), (b, _) = (
+        first(recorded, wire.State, lambda s, tick=tick: s.tick == tick)  # type: ignore[misc]
+        for tick in (12, 13)
+    )
+    recorded[a], recorded[b] = recorded[b], recorded[a]
+    return recorded
+
+
+def change_wiring(recorded: list[Recorded]) -> list[Recorded]:
+    """Let one of a wiring's targets be another."""
+    place, wiring = first(recorded, wire.Wiring, lambda w: len(w.add) > 0)
+    recorded[place] = saying(recorded[place], add=(wiring.add[0] ^ 1, *wiring.add[1:]))
+    return recorded
+
+
+def close_up(recorded: list[Recorded]) -> list[Recorded]:
+    """Take a report of tick 12 out so that no number shows it."""
+    wave = wave_of(recorded, 12)
+    place, report = first(recorded, wire.CellReport, lambda s: s.wave == wave)
+    gone = recorded.pop(place)
+    return [
+        each._replace(sequence=each.sequence - 1)
+        if each.message.sender == report.sender and each.sequence > gone.sequence
+        else each
+        for each in recorded
+    ]
+
+
+TAMPERED: dict[str, tuple[Change, str]] = {
+    "observation": (
+        changing(
+            wire.Observation,
+            lambda o: o.tick == 12,
+            lambda o: {"bits": flipped(o.bits, 1)},
+        ),
+        r"tick 12: /(wiring|wavestart|state) ",
+    ),
+    "observation's length": (
+        changing(
+            wire.Observation, lambda o: o.tick == 12, lambda o: {"bits": o.bits + b"1"}
+        ),
+        r"tick 12: /observation: ",
+    ),
+    "state": (
+        changing(
+            wire.State,
+            lambda s: s.tick == 12,
+            lambda s: {"literals": flipped(s.literals)},
+        ),
+        r"tick 12: /state coordinator \d+: recorded .*, derived ",
+    ),
+    "state's depth": (
+        changing(wire.State, lambda s: s.tick == 12, lambda s: {"depth": s.depth + 1}),
+        r"tick 12: /state ",
+    ),
+    "reached": (
+        changing(
+            wire.Reached,
+            lambda r: r.tick == 12,
+            lambda r: {"literals": flipped(r.literals)},
+        ),
+        r"tick 12: /reached ",
+    ),
+    "question": (
+        changing(
+            wire.WaveStart,
+            lambda w: w.tick == 12 and w.kind == "signal",
+            lambda w: {"signal": (w.signal[0] ^ 1,)},
+        ),
+        r"tick 12: /wavestart ",
+    ),
+    "action": (
+        changing(
+            wire.Decision, lambda d: d.tick == 12, lambda d: {"action": d.action + 1}
+        ),
+        r"tick 12: /decision ",
+    ),
+    "reason": (
+        changing(wire.Decision, lambda d: d.tick == 12, lambda _: {"why": "so"}),
+        r"tick 12: /decision ",
+    ),
+    "keyframe": (
+        changing(
+            wire.KeyFrame,
+            lambda k: k.tick == 14,
+            lambda k: {"snapshot": flipped(k.snapshot, 8 * len(k.snapshot) - 1)},
+        ),
+        r"tick 14: /keyframe ",
+    ),
+    "wiring": (change_wiring, r"tick \d+: /wiring "),
+    "report": (change_report, r"tick 12: /state "),
+    "report's pulses": (
+        changing(wire.CellReport, lambda _: True, lambda s: {"pulses": s.pulses + 1}),
+        r"tick 1: /state ",
+    ),
+    "order of two states": (swap_states, r"tick 1[23]: /state "),
+}
+
+
+def assert_differs(difference: str | None, where: str) -> None:
+    assert difference is not None
+    assert re.match(where, difference), difference
+
+
+@pytest.mark.parametrize("change", TAMPERED)
+@pytest.mark.parametrize(("name", "wiring"), [("path", "hasse"), ("csv", "derived")])
+def test_a_changed_message_is_found_and_named(
+    runs: Runs, tmp_path: Path, name: str, wiring: WiringKind, change: str
+) -> None:
+    """Not where a replay begins behind it."""
+    tamper, where = TAMPERED[change]
+    log = rewritten(runs.of(name, wiring).log, tmp_path / "log", tamper)
+    verdict = verify(log)
+    assert verdict.complete  # every message is there; one of them lies
+    assert_differs(verdict.difference, where)
+    if name == "csv":
+        return
+    differences = {tick: verify(log, tick).difference for tick in (7, 14, 21)}
+    if change == "keyframe":  # that of tick 14: its last bit says nothing
+        assert differences[7] is not None
+    elif change in ("report's pulses", "wiring"):  # of tick 1, and of the first
+        assert differences[21] is None
+    else:
+        assert_differs(differences[7], where)
+        assert differences[14] is differences[21] is None
+
+
+def test_a_report_taken_out_with_its_number_is_found(
+    runs: Runs, tmp_path: Path
+) -> None:
+    recording = Recording.open(runs.of("path").log)
+    recorded = close_up(list(recording.messages()))
+    expected: dict[str, int] = {}
+    for each in recorded:
+        expected[each.message.sender] = each.sequence + 1
+    verdict = verify(
+        write_again(recording, tmp_path / "log", recorded, expected=expected)
+    )
+    assert verdict.complete
+    assert verdict.difference is not None
+    assert verdict.difference.startswith("tick 12: /state ")
+    assert verdict.difference.endswith("derived nothing")
+
+
+def test_a_key_frame_that_lies_is_found_by_what_follows(
+    runs: Runs, tmp_path: Path
+) -> None:
+    for number, changes in enumerate(
+        (
+            lambda k: {"waves": k.waves + 1},
+            lambda k: {"epochs": (k.epochs[0] + 1,)},
+            lambda k: {"action": 1 - k.action},
+            lambda k: {"why": "so"},
+        )
+    ):
+        tamper = changing(wire.KeyFrame, lambda k: k.tick == 14, changes)
+        log = rewritten(runs.of("path").log, tmp_path / f"{number}", tamper)
+        for tick in (7, 14):  # as it is derived, and as it is believed
+            difference = verify(log, tick).difference
+            assert difference is not None
+            assert difference.startswith(("tick 14: ", "tick 15: "))
+        assert verify(log, 21).same
+
+
+# What was lost ------------------------------------------------------------------------
+
+
+def dropped_from(log: Path, target: Path, kind: type[wire.Message]) -> Verdict:
+    """Verify a recording without the first message of one kind after tick 11."""
+
+    def change(recorded: list[Recorded]) -> list[Recorded]:
+        start, _ = first(recorded, wire.State, lambda s: s.tick == 11)
+        later = itertools.islice(recorded, start, None)
+        gone = next(r for r in later if isinstance(r.message, kind))
+        return [each for each in recorded if each is not gone]
+
+    return verify(rewritten(log, target, change))
+
+
+@pytest.mark.parametrize("kind", [wire.State, wire.Reached, wire.WaveStart])
+def test_a_lost_word_of_the_coordinator_makes_a_difference(
+    runs: Runs, tmp_path: Path, kind: type[wire.Message]
+) -> None:
+    verdict = dropped_from(runs.of("path").log, tmp_path / "log", kind)
+    assert not verdict.complete
+    assert not verdict.same
+    assert verdict.difference is not None
+    assert verdict.difference.startswith("tick 1")
+
+
+@pytest.mark.parametrize(
+    ("kind", "ticks"),
+    [(wire.Observation, 11), (wire.CellReport, 11), (wire.Pulse, TICKS)],
+)
+def test_what_cannot_be_derived_for_a_loss_is_incomplete_and_not_different(
+    runs: Runs, tmp_path: Path, kind: type[wire.Message], ticks: int
+) -> None:
+    verdict = dropped_from(runs.of("path").log, tmp_path / "log", kind)
+    assert verdict.difference is None
+    assert not verdict.complete
+    (first, last), *behind = verdict.ranges
+    assert (first, last) in ((1, ticks), (1, ticks - 1))
+    # From the next key-frame on there is all it takes.
+    assert [stop for _, stop in behind] == ([TICKS] if ticks < TICKS else [])
+
+
+@pytest.mark.parametrize("wiring", ["hasse", "derived"])
+@pytest.mark.parametrize("what", LOST)
+@pytest.mark.parametrize("seed", range(2))
+def test_a_run_with_a_repeated_wave_comes_out_the_same(
+    runs: Runs, tmp_path: Path, what: str, wiring: WiringKind, seed: int
+) -> None:
+    log = tmp_path / "log"
+    options = options_for(runs.csv, wiring)
+    Simulation(options, log, seed, lost_once(LOST[what])).run()
+    repeated = [start for start in of_type(log, wire.WaveStart) if start.repeats]
+    assert repeated
+    verdict = verify(log)
+    assert verdict.difference is None
+    assert verdict.complete
+    assert verdict.ticks == TICKS
+    # And it is the run that would have been without the loss.
+    assert course(log) == course(runs.of("csv", wiring).log)
+
+
+def forgetting(
+    monkeypatch: pytest.MonkeyPatch, options: RunOptions, times: int
+) -> RunOptions:
+    """Let the next cell that is told of edges more forget them, so many times.
+
+    It says all the same that it is wired.
+    """
+    forgotten: list[tuple[int, tuple[int, ...]]] = []
+    rewire = Cell._rewire
+
+    def forgetful(cell: Cell, wiring: wire.Wiring, *rest: Any) -> None:
+        if not forgotten and wiring.after > 1 and wiring.add:
+            forgotten.extend([(cell.cell, wiring.add)] * times)
+        if forgotten and cell.cell == forgotten[-1][0]:
+            _, edges = forgotten.pop()
+            kept = tuple(a for a in wiring.add if a not in edges)
+            wiring = msgspec.structs.replace(wiring, add=kept)
+        rewire(cell, wiring, *rest)
+
+    monkeypatch.setattr(Cell, "_rewire", forgetful)
+    # A key-frame would have it told again.
+    return msgspec.structs.replace(options, keyframe_every=1000)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_cell_that_has_forgotten_an_edge_is_told_of_it_again(
+    runs: Runs, tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another cell waits for its pulse: so the wave is repeated."""
+    log = tmp_path / "log"
+    options = forgetting(monkeypatch, options_for(runs.csv), 1)
+    Simulation(options, log, seed).run()
+    assert [start for start in of_type(log, wire.WaveStart) if start.repeats]
+    verdict = verify(log)
+    assert verdict.difference is None
+    assert verdict.complete
+    assert course(log) == course(runs.of("csv").log)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_cell_that_has_the_wrong_edges_is_found(
+    runs: Runs, tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One that is told of them again and again, and never takes them in."""
+    log = tmp_path / "log"
+    options = forgetting(monkeypatch, options_for(runs.csv), 1000)
+    Simulation(options, log, seed).run()
+    verdict = verify(log)
+    assert verdict.complete
+    assert verdict.difference is not None
+    assert ": cells reported [" in verdict.difference
+
+
+def test_a_repeat_that_names_another_wave_is_found(runs: Runs, tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    Simulation(options_for(runs.csv), log, 0, lost_once(LOST["pulse"])).run()
+    tamper = changing(
+        wire.WaveStart, lambda w: w.repeats > 0, lambda w: {"repeats": w.repeats - 1}
+    )
+    verdict = verify(rewritten(log, tmp_path / "tampered", tamper))
+    assert verdict.difference is not None
+    assert "/w" in verdict.difference  # its wave, or the wirings before it
+
+
+# What was cut -------------------------------------------------------------------------
+
+
+def offsets(log: Path, count: int) -> list[int]:
+    """Return places to cut at: round every chunk's end, and drawn ones."""
+    size = log.stat().st_size
+    chunks = Recording.open(log).files[0].layout.chunks
+    edges = [chunk.offset + step for chunk in chunks for step in (-1, 0, 1)]
+    chance = random.Random(3)
+    drawn = [chance.randrange(size) for _ in range(count)]
+    return sorted({*chance.sample(edges, min(count, len(edges))), *drawn, size - 1})
+
+
+@pytest.mark.parametrize("seed", [None, 0])
+def test_a_recording_cut_anywhere_is_incomplete_and_never_different(
+    runs: Runs, tmp_path: Path, seed: int | None
+) -> None:
+    recording = Recording.open(runs.of("csv").log)
+    recorded: Iterable[Recorded] = list(recording.messages())
+    if seed is not None:
+        recorded = shuffled(seed)(list(recorded))
+    whole = write_again(recording, tmp_path / "log", recorded, chunk=1500)
+    first_chunk = Recording.open(whole).files[0].layout.chunks[0].offset
+    ticks = set()
+    for size in offsets(whole, 30):
+        cut = tmp_path / "cut"
+        cut.write_bytes(whole.read_bytes()[:size])
+        try:
+            verdict = verify(cut)
+        except RecordingError:  # it says little or nothing of its run
+            assert size < first_chunk
+            continue
+        assert verdict.difference is None, f"cut at {size}: {verdict.difference}"
+        assert not verdict.complete, f"cut at {size}"
+        ticks.add(verdict.ticks)
+    assert len(ticks) > (5 if seed is None else 1)
+
+
+@pytest.mark.parametrize("what", ["pulse", "start"])
+def test_a_cut_recording_of_a_repeated_wave_is_never_different(
+    runs: Runs, tmp_path: Path, what: str
+) -> None:
+    log = tmp_path / "log"
+    Simulation(options_for(runs.csv), log, 1, lost_once(LOST[what])).run()
+    recording = Recording.open(log)
+    recorded = list(recording.messages())
+    repeat, _ = first(recorded, wire.WaveStart, lambda w: w.repeats > 0)
+    for end in range(repeat - 12, repeat + 12):
+        cut = tmp_path / f"{end}.mcap"
+        with Writer(cut) as writer:  # left without an end
+            writer.start(recording.metadata)
+            for each in recorded[:end]:
+                writer.add(each.delivery, each.log_time)
+        verdict = verify(cut)
+        assert verdict.difference is None, f"cut after {end}: {verdict.difference}"
+        assert not verdict.complete

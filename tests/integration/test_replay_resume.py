@@ -1,23 +1,30 @@
-"""A recorded run goes on where it ended, was stopped or was cut."""
+"""A recorded run goes on where it ended or was cut, and says what it had learned."""
 
 import random
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 
 from neurosnap import wire
-from neurosnap.errors import RecordingError
+from neurosnap.depth.measure import from_recording
+from neurosnap.errors import InvalidValueError, RecordingError
+from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.run_options import SnapshotKind, WiringKind
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
+from neurosnap.recording.read.stretches import last_tick
 from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.writer import Writer
+from neurosnap.sensorium import unpack
 from tests.support.inline_runs import recorded_run, resumed_run
 from tests.support.lossy_runs import LOST, Simulation, lost_once
-from tests.support.recorded_messages import course, first
+from tests.support.recorded_messages import M, course, first, of_type
+from tests.support.recorded_runs import overtaken
 from tests.support.replayed_runs import PATH, TICKS, Run, Runs, every_run, options_for
 from tests.support.rewritten_recordings import changing, flipped, rewritten, write_again
 
@@ -29,16 +36,25 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Runs:
     return Runs(tmp_path_factory.mktemp("runs"))
 
 
-def cut_at(log: Path, target: Path, size: int) -> Path:
-    target.write_bytes(log.read_bytes()[:size])
-    return target
-
-
 def cut_in(log: Path, target: Path, share: float) -> Path:
     """Cut in the middle of the chunk behind a share of them."""
     chunks = Recording.open(log).files[0].layout.chunks
     number = int(share * len(chunks))
-    return cut_at(log, target, (chunks[number].offset + chunks[number + 1].offset) // 2)
+    size = (chunks[number].offset + chunks[number + 1].offset) // 2
+    target.write_bytes(log.read_bytes()[:size])
+    return target
+
+
+def without(
+    log: Path, target: Path, kind: type[M], found: Callable[[M], bool] = lambda _: True
+) -> Path:
+    """Record again without the first message of one kind of which `found` is true."""
+
+    def change(recorded: list[Recorded]) -> list[Recorded]:
+        place, _ = first(recorded, kind, found)
+        return recorded[:place] + recorded[place + 1 :]
+
+    return rewritten(log, target, change)
 
 
 def assert_went_on(log: Path, uninterrupted: Run, resumed: list[int]) -> None:
@@ -110,7 +126,7 @@ def test_a_cut_run_goes_on_and_is_cut_and_goes_on(
     recording = Recording.open(uninterrupted.log)
     recorded = list(recording.messages())
     if seed is not None:
-        recorded = jittered(recorded, seed)
+        recorded = overtaken(recorded, random.Random(seed))
     small = write_again(recording, tmp_path / "small", recorded, chunk=1500)
     cut = cut_in(small, tmp_path / "cut", share)
     tick = verify(cut).ticks
@@ -124,18 +140,6 @@ def test_a_cut_run_goes_on_and_is_cut_and_goes_on(
     assert tick < following < TICKS
     resumed_run(cut, tmp_path / "twice", TICKS)
     assert_went_on(tmp_path / "twice", uninterrupted, [tick, following])
-
-
-def jittered(recorded: list[Recorded], seed: int) -> list[Recorded]:
-    """Let senders overtake each other by a few messages, as they do on a network."""
-    chance = random.Random(seed)
-    due: dict[str, float] = {}
-    keyed = []
-    for place, each in enumerate(recorded):
-        who = each.message.sender
-        due[who] = max(due.get(who, 0.0), place + chance.random() * 12)
-        keyed.append((due[who], place, each))
-    return [each for _, _, each in sorted(keyed, key=lambda entry: entry[:2])]
 
 
 def test_a_run_with_a_repeated_wave_goes_on(runs: Runs, tmp_path: Path) -> None:
@@ -172,11 +176,7 @@ def test_a_tampered_run_is_not_gone_on_with(runs: Runs, tmp_path: Path) -> None:
 def test_a_run_that_lacks_a_pulse_is_not_gone_on_with(
     runs: Runs, tmp_path: Path
 ) -> None:
-    def change(recorded: list[Recorded]) -> list[Recorded]:
-        place, _ = first(recorded, wire.Pulse, lambda _: True)
-        return recorded[:place] + recorded[place + 1 :]
-
-    log = rewritten(runs.of("csv").log, tmp_path / "log", change)
+    log = without(runs.of("csv").log, tmp_path / "log", wire.Pulse)
     rule = rf"must be whole up to tick {TICKS}, lacks \{{'cell/\d': 1\}}$"
     with pytest.raises(RecordingError, match=rule):
         find_resume_point(log)
@@ -187,8 +187,98 @@ def test_what_is_no_run_is_refused(tmp_path: Path) -> None:
     with Writer(log) as writer:
         writer.start({"world": "none"})
         writer.finish({}, {})
-    rule = r"log: options: must be those of a run, got 'options'$"
+    rule = r"log: options: must be those of a run, got nothing$"
     with pytest.raises(RecordingError, match=rule):
         verify(log)
     with pytest.raises(RecordingError, match=rule):
         find_resume_point(log)
+
+
+# What had been learned, and how deep waves went ---------------------------------------
+
+
+def learned(snapshot: Snapshot) -> dict[str, object]:
+    """Return all of a snapshot but its state, comparable."""
+    arrays = {n: a.tolist() for n, a in snapshot.arrays().items() if n != "state"}
+    return {"kind": type(snapshot).__name__, **arrays}
+
+
+@pytest.mark.parametrize(
+    ("name", "snapshot"), [("path", "discounted"), ("csv", "empirical")]
+)
+def test_a_snapshot_at_a_tick_is_one_that_learned_that_far(
+    runs: Runs, name: str, snapshot: SnapshotKind
+) -> None:
+    log, options, _ = runs.of(name, "hasse", snapshot)
+    recording = Recording.open(log)
+    assert last_tick(recording) == TICKS
+    frames = [frame.tick for frame in of_type(log, wire.KeyFrame)]
+    assert frames == [7, 14, 21, 28, TICKS]
+    reference = options.new_snapshot()
+    assert learned(snapshot_at(recording, 0)[1]) == learned(reference)
+    for observation in of_type(log, wire.Observation):
+        reference.learn(unpack(observation.bits, len(options.sensors)))
+        tick, found = snapshot_at(recording, observation.tick)
+        assert tick == observation.tick == found.clock
+        assert learned(found) == learned(reference)
+        assert np.array_equal(found.poc_graph().edges, reference.poc_graph().edges)
+    assert learned(snapshot_at(recording)[1]) == learned(reference)
+
+
+@pytest.mark.parametrize("tick", [-1, TICKS + 1])
+def test_a_tick_that_is_not_there_is_refused(runs: Runs, tick: int) -> None:
+    recording = Recording.open(runs.of("csv").log)
+    rule = rf"^tick: must be in \[0, {TICKS}\], got {tick}$"
+    with pytest.raises(InvalidValueError, match=rule):
+        snapshot_at(recording, tick)
+
+
+def test_a_lost_observation_is_named_unless_a_key_frame_covers_it(
+    runs: Runs, tmp_path: Path
+) -> None:
+    log, target = runs.of("csv").log, tmp_path / "log"
+    log = without(log, target, wire.Observation, lambda o: o.tick == 9)
+    recording = Recording.open(log)
+    with pytest.raises(RecordingError, match=r"observation of tick 9, got none$"):
+        snapshot_at(recording, 13)
+    assert snapshot_at(recording, 14)[1].clock == 14
+
+
+# Depth --------------------------------------------------------------------------------
+
+
+@every_run
+def test_a_recording_gives_a_row_for_every_wave(
+    runs: Runs, name: str, wiring: WiringKind, snapshot: SnapshotKind
+) -> None:
+    log, options, outcome = runs.of(name, wiring, snapshot)
+    rows = from_recording(Recording.open(log))
+    results: list[wire.State | wire.Reached] = [
+        *of_type(log, wire.State),
+        *of_type(log, wire.Reached),
+    ]
+    results.sort(key=lambda result: result.wave)
+    assert [(r.depth, r.height, r.longest, r.pulses) for r in rows] == [
+        (r.depth, r.height, r.longest, r.pulses) for r in results
+    ]
+    assert [row.kind for row in rows] == [
+        "state" if isinstance(result, wire.State) else "signal" for result in results
+    ]
+    assert {(row.sensors, row.wiring) for row in rows} == {
+        (len(options.sensors), wiring)
+    }
+    assert all(row.seconds > 0 for row in rows)
+    assert sum(row.seconds for row in rows) < outcome.seconds
+    assert max(row.depth for row in rows) == outcome.totals.depth > 0
+    # To a representative, along an edge, to a member: however high the order is.
+    most = 3 if wiring == "derived" else TICKS
+    assert all(row.depth <= min(most, row.height + 2) for row in rows)
+
+
+def test_a_wave_whose_start_was_lost_is_named(runs: Runs, tmp_path: Path) -> None:
+    log, target = runs.of("csv").log, tmp_path / "log"
+    recording = Recording.open(
+        without(log, target, wire.WaveStart, lambda w: w.wave == 7)
+    )
+    with pytest.raises(RecordingError, match=r"wave 7: must have its start, got none$"):
+        from_recording(recording)

@@ -162,13 +162,15 @@ def in_chunks(log: Path, target: Path, chunk: int, seed: int | None = None) -> P
     return target
 
 
-def overtaken(messages: Sequence[Recorded], chance: random.Random) -> list[Recorded]:
-    """Return messages a little out of order, each sender's in order."""
+def overtaken(
+    messages: Iterable[Recorded], chance: random.Random, reach: int = 12
+) -> list[Recorded]:
+    """Let senders overtake each other by some messages, each in its own order."""
     due: dict[str, float] = {}
     timed = []
     for place, each in enumerate(messages):
         sender = each.message.sender
-        due[sender] = max(due.get(sender, 0.0), place + 12 * chance.random())
+        due[sender] = max(due.get(sender, 0.0), place + reach * chance.random())
         timed.append((due[sender], place, each))
     return [each for _, _, each in sorted(timed, key=lambda entry: entry[:2])]
 

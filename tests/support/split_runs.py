@@ -1,6 +1,5 @@
 """A run of three sensors, and how it comes into several files."""
 
-import random
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -36,17 +35,6 @@ def made(
     """Record a run in one process."""
     source = Scripted(implying_rows(2 * TICKS, 3, unknown=0.1), ACTIONS)
     return record_scripted(source, options(workers, ticks), log, past)
-
-
-def overtaking(recorded: Iterable[Recorded], seed: int) -> list[Recorded]:
-    """Let senders overtake each other by some messages, each in its own order."""
-    chance, due = random.Random(seed), dict[str, float]()
-    keyed = []
-    for place, one in enumerate(recorded):
-        who = one.message.sender
-        due[who] = max(due.get(who, 0.0), place + chance.random() * 40)
-        keyed.append((due[who], place, one))
-    return [one for _, _, one in sorted(keyed, key=lambda entry: entry[:2])]
 
 
 def write(

@@ -20,12 +20,14 @@ UNREADABLE = (msgspec.MsgspecError, UnicodeDecodeError, RecursionError)
 """What decoding raises; deep nesting is the last."""
 
 
-def decoded(text: str, kind: type[M], where: str, rule: str) -> M:
-    """Return what a text says in JSON.
+def decoded(text: str | None, kind: type[M], where: str, rule: str) -> M:
+    """Return what a text says in JSON; None if there is no text, which is refused.
 
     Raises:
         RecordingError: It is not what a writer writes.
     """
+    if text is None:
+        raise RecordingError(f"{where}: {rule}, got nothing")
     try:
         return msgspec.json.decode(text, type=kind)
     except UNREADABLE as error:

@@ -163,7 +163,7 @@ class RecordingFile:
             return None
         rule = "must hold a number for each sender"
         where = f"{self.path}: {SHARE}"
-        return decoded(noted.get("first", ""), dict[str, int], where, rule)
+        return decoded(noted.get("first"), dict[str, int], where, rule)
 
     @property
     def places(self) -> dict[str, Place]:
@@ -280,8 +280,8 @@ class RecordingFile:
         if self.totals is None:
             return Noted(Completeness(0), {})
         where = f"{self.path}: {TOTALS}", "must hold completeness and expected"
-        completeness = self.totals.get("completeness", "")
-        expected = self.totals.get("expected", "")
+        completeness = self.totals.get("completeness")
+        expected = self.totals.get("expected")
         return Noted(
             decoded(completeness, Completeness, *where),
             decoded(expected, dict[str, int], *where),

@@ -153,7 +153,7 @@ class Recording:
             RecordingError: It says nothing of its run, or nothing valid.
         """
         where, rule = f"{self.path}: options", "must be those of a run"
-        return decoded(self.metadata.get("options", ""), RunOptions, where, rule)
+        return decoded(self.metadata.get("options"), RunOptions, where, rule)
 
     @property
     def resumed(self) -> tuple[int, ...]:

@@ -51,24 +51,13 @@ def test_places_that_are_known_at_the_end_are_noted(
 ) -> None:
     log = tmp_path / "log.mcap"
     with SplitWriter(log, {}) as writer:
-        listener, size = _Listener(writer, PARTS, MemoryHub().fabric("x")), _size(log)
-        for who in PARTS:
-            listener.change(who, True)
+        listener = _Listener(writer, PARTS, MemoryHub().fabric("x"))
+        size = log.stat().st_size
         for who, place in places.items():
             listener.locate(who, place)
         listener.close()
-        assert (_size(log) == size) == (not places)
+        assert (log.stat().st_size == size) == (not places)
     assert Recording.open(log).files[-1].places == places
-
-
-def _size(log: Path) -> int:
-    return log.stat().st_size
-
-
-@pytest.fixture
-def soon(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let a last word be given up at once."""
-    monkeypatch.setattr(recorder, "_LAST_WORD", 0.0)
 
 
 async def settle() -> None:
@@ -77,31 +66,31 @@ async def settle() -> None:
         await asyncio.sleep(0)
 
 
-@pytest.mark.usefixtures("soon")
-async def test_who_comes_back_at_once_is_not_gone(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("parts", "changes", "gone"),
+    [
+        (("world",), [("world", True), ("world", False), ("world", True)], False),
+        (("world",), [("world", True), ("world", False)], True),
+        (PARTS, [("world", False)], False),
+        (PARTS, [("world", False), None, ("world", True), ("cell/0", False)], False),
+        (PARTS, [("cell/0", False), ("cell/0", False)], False),  # said twice
+        (PARTS, [("world", False), ("cell/0", False)], True),
+    ],
+)
+async def test_all_have_left_once_each_is_gone_and_did_not_come_back(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    parts: tuple[str, ...],
+    changes: list[tuple[str, bool] | None],
+    gone: bool,
+) -> None:
+    monkeypatch.setattr(recorder, "_LAST_WORD", 0.0)
     with SplitWriter(tmp_path / "log.mcap", {}) as writer:
-        listener = _Listener(writer, ("world",), MemoryHub().fabric("recorder"))
-        for alive in (True, False, True):
-            listener.change("world", alive)
+        listener = _Listener(writer, parts, MemoryHub().fabric("recorder"))
+        for change in changes:
+            await settle() if change is None else listener.change(*change)
         await settle()
-        assert not listener.all_left.is_set()
-        listener.change("world", False)
-        await settle()
-        assert listener.all_left.is_set()
-
-
-@pytest.mark.usefixtures("soon")
-async def test_who_comes_back_later_is_there_again(tmp_path: Path) -> None:
-    with SplitWriter(tmp_path / "log.mcap", {}) as writer:
-        fabric = MemoryHub().fabric("recorder")
-        listener = _Listener(writer, ("world", "cell/0"), fabric)
-        listener.change("world", False)
-        await settle()
-        listener.change("world", True)
-        listener.change("cell/0", False)
-        listener.change("cell/0", False)  # said twice
-        await settle()
-        assert not listener.all_left.is_set()
+        assert listener.all_left.is_set() is gone
 
 
 async def test_only_what_is_written_counts(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """A recording in several files: each a run by itself, and all together the run."""
 
+import random
 from collections.abc import Callable
 from pathlib import Path
 
@@ -23,13 +24,13 @@ from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.rotation import Split, SplitWriter
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.parts.recorder_process import split_of
+from tests.support.recorded_runs import overtaken
 from tests.support.split_runs import (
     EVERY,
     SMALL,
     TICKS,
     content,
     options,
-    overtaking,
     write,
 )
 
@@ -47,7 +48,7 @@ def test_every_file_is_a_run_and_all_together_are_the_run(
         if isinstance(one.message, wire.Decision)
     }
     if seed is not None:
-        recorded = overtaking(recorded, seed)
+        recorded = overtaken(recorded, random.Random(seed), reach=40)
     paths = write(whole, tmp_path / "log.mcap", recorded)
     assert list(paths) == list(range(TICKS // EVERY + 1))
     ends: dict[str, int] = {}

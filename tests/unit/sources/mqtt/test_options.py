@@ -137,23 +137,17 @@ def test_what_is_no_name_is_neither_topic_nor_filter(topic: str) -> None:
     assert not is_filter(topic)
 
 
-def test_a_password_comes_from_the_first_line_of_its_file(tmp_path: Path) -> None:
+def test_a_password_comes_from_a_file_or_the_environment(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     place = tmp_path / "password"
     place.write_text("hunter 2 \nsomething else\n")
     broker = MqttBroker(username="u", password_file=str(place))
-    assert broker.password() == "hunter 2 "
+    assert broker.password() == "hunter 2 "  # the first line
     assert "hunter" not in repr(broker)
-
-
-def test_a_password_comes_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
-    broker = MqttBroker(username="u", password_env="HOUSE_PASSWORD")
     monkeypatch.setenv("HOUSE_PASSWORD", "hunter2")
+    broker = MqttBroker(username="u", password_env="HOUSE_PASSWORD")
     assert broker.password() == "hunter2"
-    monkeypatch.delenv("HOUSE_PASSWORD")
-    with pytest.raises(
-        InvalidValueError, match=r"^password_env: must be set in the env"
-    ):
-        broker.password()
     assert MqttBroker().password() is None
 
 
@@ -165,16 +159,17 @@ def test_a_password_comes_from_the_environment(monkeypatch: pytest.MonkeyPatch) 
         (b"geheim\xff", "must be a file that can be read (no UTF-8 text)"),
     ],
 )
-def test_a_file_without_a_password_is_named_but_not_quoted(
+def test_a_place_without_a_password_is_named_but_not_quoted(
     tmp_path: Path, content: bytes | None, rule: str
 ) -> None:
     place = tmp_path / "password"
     if content is not None:
         place.write_bytes(content)
-    broker = MqttBroker(username="u", password_file=str(place))
     text = f"password_file: {rule}, got {str(place)!r}"
     with pytest.raises(InvalidValueError, match=f"^{re.escape(text)}$"):
-        broker.password()
+        MqttBroker(username="u", password_file=str(place)).password()
+    with pytest.raises(InvalidValueError, match=r"^password_env: must be set in the e"):
+        MqttBroker(username="u", password_env="NOT_SET_ANYWHERE").password()
 
 
 def test_a_default_pace_goes_with_an_interval_and_an_asked_for_one_does_not() -> None:

@@ -20,40 +20,48 @@ def read(sensor: MqttSensor, data: bytes) -> bool | None:
 
 
 WORDS = MqttSensor(name="door", topic="house/door")
+SEEN = MqttSensor(name="phone", topic="wifi/#", seen_within=30)
 CLIMATE = MqttSensor(name="warm", topic="#", field="rooms.0.warm", on_above=20.0)
 
 
-@pytest.mark.parametrize("word", ON)
-def test_a_word_for_on_is_on_in_any_case_and_space(word: str) -> None:
-    assert read(WORDS, f"  {word.upper()}\r\n".encode()) is True
+OTHERS = MqttSensor(name="x", topic="x", on=("Full",), off=("Empty",))
+INSIDE = MqttSensor(name="x", topic="x", field="a.b")
 
 
-@pytest.mark.parametrize("word", OFF)
-def test_a_word_for_off_is_off_in_any_case_and_space(word: str) -> None:
-    assert read(WORDS, f"\t{word.title()} ".encode()) is False
-
-
-@pytest.mark.parametrize("data", [b"", b" ", b"None", b"null", b"unavailable"])
-def test_some_words_say_that_nothing_is_known(data: bytes) -> None:
-    assert read(WORDS, data) is None
-
-
-def test_words_can_be_others() -> None:
-    sensor = MqttSensor(name="x", topic="x", on=("Full",), off=("Empty",))
-    assert read(sensor, b"full") is True
-    assert read(sensor, b"EMPTY") is False
-    with pytest.raises(InvalidValueError, match="must be one of Full, Empty, got 'on'"):
-        read(sensor, b"on")
+def inside(value: object) -> bytes:
+    return json.dumps({"a": {"b": value}, "battery": 3}).encode()
 
 
 @pytest.mark.parametrize(
-    ("value", "reading"),
-    [(True, True), (False, False), (1, True), (0.0, False), ("ON", True), (None, None)],
+    ("sensor", "data", "reading"),
+    [
+        *((WORDS, f"  {word.upper()}\r\n".encode(), True) for word in ON),
+        *((WORDS, f"\t{word.title()} ".encode(), False) for word in OFF),
+        *(
+            (WORDS, data, None)
+            for data in (b"", b" ", b"None", b"null", b"unavailable")
+        ),
+        (OTHERS, b"full", True),
+        (OTHERS, b"EMPTY", False),
+        *((INSIDE, inside(value), True) for value in (True, 1, "ON")),
+        *((INSIDE, inside(value), False) for value in (False, 0.0)),
+        (INSIDE, inside(None), None),
+        *(
+            (CLIMATE, json.dumps({"rooms": [{"warm": value}]}).encode(), True)
+            for value in (20.5, "20.5", 10**300)
+        ),
+        (SEEN, b"\xff" * (LARGEST + 1), True),
+    ],
 )
-def test_a_field_says_what_the_word_would(value: object, reading: bool | None) -> None:
-    sensor = MqttSensor(name="x", topic="x", field="a.b")
-    data = json.dumps({"a": {"b": value}, "battery": 3}).encode()
+def test_a_payload_says_on_off_or_unknown(
+    sensor: MqttSensor, data: bytes, reading: bool | None
+) -> None:
     assert read(sensor, data) is reading
+
+
+def test_another_word_is_refused_with_those_that_there_are() -> None:
+    with pytest.raises(InvalidValueError, match="must be one of Full, Empty, got 'on'"):
+        read(OTHERS, b"on")
 
 
 @pytest.mark.parametrize(
@@ -76,11 +84,6 @@ def test_what_cannot_be_read_is_quoted_in_part(data: bytes, rule: str) -> None:
     with pytest.raises(InvalidValueError, match=re.escape(rule)) as caught:
         read(CLIMATE, data)
     assert str(caught.value).startswith("house/door: must")
-
-
-@pytest.mark.parametrize("value", [20.5, "20.5", 10**300])
-def test_a_number_may_be_text(value: object) -> None:
-    assert read(CLIMATE, json.dumps({"rooms": [{"warm": value}]}).encode()) is True
 
 
 NUMBERS = st.lists(st.one_of(st.none(), st.integers(-3, 3)), max_size=12)
@@ -116,11 +119,6 @@ def test_without_a_band_every_number_says_something(limit: int, number: int) -> 
     below = MqttSensor(name="x", topic="x", on_below=limit)
     assert read(above, data) is (number > limit)
     assert read(below, data) is (number < limit)
-
-
-def test_whatever_is_published_is_a_sign_of_life() -> None:
-    sensor = MqttSensor(name="phone", topic="wifi/#", seen_within=30)
-    assert read(sensor, b"\xff" * (LARGEST + 1)) is True
 
 
 def test_each_topic_of_a_wildcard_has_a_hysteresis_of_its_own() -> None:

@@ -2,10 +2,12 @@
 
 import json
 import re
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from neurosnap.errors import ShapeError
@@ -66,30 +68,39 @@ def test_what_is_known_must_be_one_a_sensor() -> None:
         predictions(NAMES, np.zeros(6, np.bool_), np.ones(2, np.bool_))
 
 
+def told(
+    publish: MqttPublish, names: Sequence[str] = NAMES, **more: Any
+) -> dict[str, Any]:
+    """Return what Home Assistant is told of a device."""
+    topics = Topics(publish.prefix, names)
+    found: dict[str, Any] = json.loads(
+        discovery(publish, topics, names, **{"acts": False, **more})
+    )
+    return found
+
+
 def test_home_assistant_is_told_of_a_device_with_its_components() -> None:
     publish = MqttPublish(prefix="neurosnap/house", device="House")
-    topics = Topics(publish.prefix, NAMES)
     assert discovery_topic(publish) == "homeassistant/device/neurosnap_house/config"
-    told = json.loads(
-        discovery(publish, topics, NAMES, acts=True, classes={"hall/motion": "motion"})
-    )
-    assert told["device"]["identifiers"] == ["neurosnap_house"]
-    assert told["device"]["name"] == "House"
-    assert "configuration_url" not in told["device"]
-    assert told["origin"]["name"] == "neurosnap"
-    assert told["origin"]["support_url"].startswith("https://")
-    assert told["availability"] == [{"topic": "neurosnap/house/status"}]
-    components = told["components"]
-    assert set(components) == {
-        "sensor_door",
-        "sensor_hall_motion",
-        "sensor_hall_motion_2",
-        "anomaly",
-        "predictions",
-        "decision",
-        "ticks",
-        "implications",
-        "read",
+    found = told(publish, acts=True, classes={"hall/motion": "motion"})
+    assert found["device"]["identifiers"] == ["neurosnap_house"]
+    assert found["device"]["name"] == "House"
+    assert "configuration_url" not in found["device"]
+    assert found["origin"]["name"] == "neurosnap"
+    assert found["origin"]["support_url"].startswith("https://")
+    assert found["availability"] == [{"topic": "neurosnap/house/status"}]
+    components = found["components"]
+    topics = {name: each["state_topic"] for name, each in components.items()}
+    assert topics == {
+        "sensor_door": "neurosnap/house/sensor/door",
+        "sensor_hall_motion": "neurosnap/house/sensor/hall_motion",
+        "sensor_hall_motion_2": "neurosnap/house/sensor/hall_motion_2",
+        "anomaly": "neurosnap/house/anomaly",
+        "predictions": "neurosnap/house/predictions",
+        "decision": "neurosnap/house/decision",
+        "ticks": "neurosnap/house/progress",
+        "implications": "neurosnap/house/progress",
+        "read": "neurosnap/house/progress",
     }
     assert components["sensor_hall_motion"] == {
         "platform": "binary_sensor",
@@ -103,22 +114,22 @@ def test_home_assistant_is_told_of_a_device_with_its_components() -> None:
     }
     assert "device_class" not in components["sensor_door"]
     assert "entity_category" not in components["anomaly"]
-    ids = [component["unique_id"] for component in components.values()]
-    assert len(set(ids)) == len(ids)
-    where = {component["state_topic"] for component in components.values()}
-    assert where == {
-        *topics.sensors,
-        topics.anomaly,
-        topics.predictions,
-        topics.decision,
-        topics.progress,
-    }
+    assert len({one["unique_id"] for one in components.values()}) == len(components)
 
 
-def test_what_decides_nothing_has_no_decisions() -> None:
-    publish = MqttPublish()
-    told = discovery(publish, Topics(publish.prefix, NAMES), NAMES, acts=False)
-    assert "decision" not in json.loads(told)["components"]
+def test_a_device_has_more_where_a_run_does_more() -> None:
+    publish = MqttPublish(prefix="n", page="http://house.lan:8080/neurosnap")
+    found = told(publish, pauses=True, judges=True)
+    assert found["device"]["configuration_url"] == "http://house.lan:8080/neurosnap"
+    components = found["components"]
+    assert "decision" not in components
+    switch = {"platform": "switch", "entity_category": "config", "retain": True}
+    switch |= {"state_topic": "n/learning", "command_topic": "n/learning/set"}
+    assert switch.items() <= components["learning"].items()
+    problem = {"platform": "binary_sensor", "device_class": "problem"}
+    problem |= {"state_topic": "n/health/door"}
+    assert problem.items() <= components["health_door"].items()
+    assert components["health"]["state_topic"] == "n/health"
 
 
 ENTITY = re.compile(r"(?!.*__)(binary_sensor|sensor|switch)\.(?!_)[a-z0-9_]+(?<!_)")
@@ -126,50 +137,14 @@ ENTITY = re.compile(r"(?!.*__)(binary_sensor|sensor|switch)\.(?!_)[a-z0-9_]+(?<!
 
 
 @given(names=st.lists(st.text(st.sampled_from("aB_-/ é02"), min_size=1), unique=True))
-def test_every_entity_gets_an_id_that_home_assistant_takes(names: list[str]) -> None:
-    publish = MqttPublish(prefix="Ö/House")
-    told = json.loads(
-        discovery(publish, Topics(publish.prefix, names), names, acts=True, pauses=True)
-    )
-    for component in told["components"].values():
+@example(names=["Ticks", "Learning", "Implications", "Sensors read", "Anomaly"])
+def test_every_entity_has_an_id_that_home_assistant_takes_and_a_name_of_its_own(
+    names: list[str],
+) -> None:
+    found = told(MqttPublish(prefix="Ö/House"), names, acts=True, pauses=True)
+    components = found["components"].values()
+    for component in components:
         platform, _ = component["default_entity_id"].split(".")
         assert platform == component["platform"]
         assert ENTITY.fullmatch(component["default_entity_id"])
-
-
-def test_the_device_links_to_a_page_where_one_is_named() -> None:
-    publish = MqttPublish(page="http://house.lan:8080/neurosnap")
-    told = json.loads(discovery(publish, Topics("n", NAMES), NAMES, acts=False))
-    assert told["device"]["configuration_url"] == "http://house.lan:8080/neurosnap"
-
-
-def test_a_switch_pauses_learning_where_that_can_be() -> None:
-    publish = MqttPublish(prefix="n")
-    topics = Topics("n", NAMES)
-    told = json.loads(discovery(publish, topics, NAMES, acts=False, pauses=True))
-    switch = told["components"]["learning"]
-    assert switch["platform"] == "switch"
-    assert switch["entity_category"] == "config"
-    assert switch["state_topic"] == "n/learning"
-    assert switch["command_topic"] == "n/learning/set"
-    assert switch["retain"] is True
-
-
-def test_each_sensor_has_a_problem_where_its_health_is_followed() -> None:
-    topics = Topics("neurosnap", ["hall door"])
-    told = json.loads(
-        discovery(MqttPublish(), topics, ["hall door"], acts=False, judges=True)
-    )
-    broken = told["components"]["health_hall_door"]
-    assert (broken["platform"], broken["device_class"]) == ("binary_sensor", "problem")
-    assert broken["state_topic"] == "neurosnap/health/hall_door"
-    assert told["components"]["health"]["state_topic"] == "neurosnap/health"
-
-
-def test_no_two_entities_have_the_same_name() -> None:
-    names = ["Ticks", "Learning", "Implications", "Sensors read", "Anomaly"]
-    told = json.loads(
-        discovery(MqttPublish(), Topics("n", names), names, acts=True, pauses=True)
-    )
-    shown = [component["name"] for component in told["components"].values()]
-    assert len(set(shown)) == len(shown)
+    assert len({component["name"] for component in components}) == len(components)

@@ -1,6 +1,7 @@
 """What an outlet holds, tick after tick, without a broker."""
 
 from itertools import pairwise
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -22,18 +23,21 @@ NAMES = ["door", "hall", "light"]
 LITERALS = {b"ON": (1, 0), b"OFF": (0, 1), b"unknown": (0, 0)}
 
 
-def state(words: list[bytes]) -> wire.State:
-    return wire.State(
-        tick=1,
-        wave=1,
-        literals=pack([bit for word in words for bit in LITERALS[word]]),
-        incoherent=False,
-        depth=0,
-        longest=0,
-        height=0,
-        edges=0,
-        pulses=0,
-    )
+WORDS = [b"ON", b"OFF", b"unknown"]
+
+
+def state(words: list[bytes], tick: int = 1, edges: int = 0) -> wire.State:
+    literals = pack([bit for word in words for bit in LITERALS[word]])
+    return wire.State(tick, 1, literals, False, 0, 0, 0, edges, 0)
+
+
+def publisher(**more: Any) -> MqttPublisher:
+    return MqttPublisher(MqttBroker(), MqttPublish(prefix="p"), NAMES, **more)
+
+
+def held(outlet: MqttPublisher, topic: str) -> object:
+    """Return the JSON that a topic says."""
+    return msgspec.json.decode(outlet._link._outbox._held[topic])
 
 
 @given(
@@ -42,16 +46,16 @@ def state(words: list[bytes]) -> wire.State:
     )
 )
 def test_every_topic_says_what_the_last_state_does(ticks: list[list[bytes]]) -> None:
-    outlet = MqttPublisher(MqttBroker(), MqttPublish(prefix="p"), NAMES)
+    outlet = publisher()
     for words in ticks:
         outlet.state(state(words))
-        held = outlet._link._outbox._held
-        assert [held[f"p/sensor/{name}"] for name in NAMES] == words
+        topics = outlet._link._outbox._held
+        assert [topics[f"p/sensor/{name}"] for name in NAMES] == words
 
 
 def test_only_what_changed_is_handed_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    outlet = MqttPublisher(MqttBroker(), MqttPublish(prefix="p"), NAMES)
-    outlet.state(state([b"ON", b"OFF", b"unknown"]))
+    outlet = publisher()
+    outlet.state(state(WORDS))
     handed: list[str] = []
     monkeypatch.setattr(outlet._link, "hold", lambda topic, _: handed.append(topic))
     outlet.state(state([b"ON", b"ON", b"unknown"]))
@@ -59,25 +63,22 @@ def test_only_what_changed_is_handed_on(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_a_decision_has_the_name_of_its_action() -> None:
-    publish = MqttPublish(prefix="p")
-    outlet = MqttPublisher(MqttBroker(), publish, NAMES, actions=["none", "ring"])
+    outlet = publisher(actions=["none", "ring"])
     outlet.decision(wire.Decision(1, -1, "nothing to do"))
     assert "p/decision" not in outlet._link._outbox._held
     outlet.decision(wire.Decision(1, 1, "greedy"))
-    told = b'{"action":"ring","why":"greedy"}'
-    assert outlet._link._outbox._held["p/decision"] == told
+    assert held(outlet, "p/decision") == {"action": "ring", "why": "greedy"}
     rule = r"^action: must be a whole number in 0\.\.1, got 2$"
     with pytest.raises(InvalidValueError, match=rule):
         outlet.decision(wire.Decision(1, 2, "greedy"))
 
 
 def test_progress_is_told_once_there_is_some(monkeypatch: pytest.MonkeyPatch) -> None:
-    outlet = MqttPublisher(MqttBroker(), MqttPublish(prefix="p"), NAMES)
+    outlet = publisher()
     told: list[tuple[str, bytes]] = []
     monkeypatch.setattr(outlet._link, "hold", lambda *said: told.append(said))
     for tick in range(1, 1001):
-        first = state([b"ON", b"OFF", b"unknown"])
-        outlet.state(msgspec.structs.replace(first, tick=tick, edges=7))
+        outlet.state(state(WORDS, tick, 7))
     said = [msgspec.json.decode(data) for topic, data in told if topic == "p/progress"]
     assert said[0] == {"ticks": 1, "implications": 7, "read": 3, "of": 3}
     assert all(b["ticks"] <= 1.01 * a["ticks"] + 1 for a, b in pairwise(said))
@@ -85,39 +86,39 @@ def test_progress_is_told_once_there_is_some(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_who_is_read_is_told_at_once() -> None:
-    outlet = MqttPublisher(MqttBroker(), MqttPublish(prefix="p"), NAMES)
+    outlet = publisher()
     for tick, known in (1000, [True, True, True]), (1001, [True, False, True]):
-        first = state([b"ON", b"OFF", b"unknown"])
-        outlet.state(msgspec.structs.replace(first, tick=tick), np.array(known))
-    held = outlet._link._outbox._held["p/progress"]
-    assert held == b'{"ticks":1001,"implications":0,"read":2,"of":3}'
+        outlet.state(state(WORDS, tick), np.array(known))
+    progress = {"ticks": 1001, "implications": 0, "read": 2, "of": 3}
+    assert held(outlet, "p/progress") == progress
 
 
 def test_whether_it_learns_is_told() -> None:
-    outlet = MqttPublisher(MqttBroker(), MqttPublish(prefix="p"), NAMES)
+    outlet = publisher()
     for paused, word in (False, b"ON"), (True, b"OFF"):
         outlet.learning(paused)
         assert outlet._link._outbox._held["p/learning"] == word
 
 
 def test_the_last_anomaly_and_alarm_stay_to_be_looked_at_when_they_are_over() -> None:
-    outlet = MqttPublisher(MqttBroker(), MqttPublish(prefix="p"), NAMES, judges=True)
-
-    def held(topic: str) -> object:
-        return msgspec.json.decode(outlet._link._outbox._held[topic])
-
+    outlet = publisher(judges=True)
     record = {"tick": 3, "culprits": ["door"]}
-    assert held("p/anomaly") == {"now": "OFF", "last": {}}
-    assert held("p/health/door") == {"now": "OFF", "last": ""}
+    assert held(outlet, "p/anomaly") == {"now": "OFF", "last": {}}
+    assert held(outlet, "p/health/door") == {"now": "OFF", "last": ""}
     outlet.anomaly(record)
-    assert held("p/anomaly") == {"now": "ON", "last": record}
+    assert held(outlet, "p/anomaly") == {"now": "ON", "last": record}
     outlet.anomaly(None)
-    assert held("p/anomaly") == {"now": "OFF", "last": record}
+    assert held(outlet, "p/anomaly") == {"now": "OFF", "last": record}
 
     alarm = Alarm("door", "silent", 1, 2, 9.0, 1.0, 0.0, 0, 9.0, 0, None)
     calm = Standing(3, AlarmProgress(89, 300, 2, 3))
     outlet.health(msgspec.structs.replace(calm, alarms=(alarm,)))
-    assert held("p/health/door") == {"now": "ON", "last": alarm.line()}
-    assert held("p/health") == {"changes": 89, "of_about": 300, "known": 2, "of": 3}
+    assert held(outlet, "p/health/door") == {"now": "ON", "last": alarm.line()}
+    assert held(outlet, "p/health") == {
+        "changes": 89,
+        "of_about": 300,
+        "known": 2,
+        "of": 3,
+    }
     outlet.health(calm)
-    assert held("p/health/door") == {"now": "OFF", "last": alarm.line()}
+    assert held(outlet, "p/health/door") == {"now": "OFF", "last": alarm.line()}

@@ -1,10 +1,11 @@
-"""When a recording is flushed and synced, and what comes of a disk that fails."""
+"""When a recording reaches the disk, and what happens where the disk fails."""
 
 import asyncio
 import errno
+import logging
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import pytest
@@ -14,13 +15,17 @@ from neurosnap.apps.config.load import load
 from neurosnap.apps.config.prepare import prepare
 from neurosnap.errors import RecordingError
 from neurosnap.fabric.in_memory import MemoryHub
-from neurosnap.recording.read.recording import Recording
+from neurosnap.recording.read.chunk_messages import Recorded
+from neurosnap.recording.read.recording import Recording, part_paths
+from neurosnap.recording.replay.resume import find_resume_point
+from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write import recorder
 from neurosnap.recording.write.fsync_thread import FsyncThread
 from neurosnap.recording.write.recorder import run_recorder
-from neurosnap.recording.write.rotation import SplitWriter
+from neurosnap.recording.write.rotation import Split, SplitWriter
 from neurosnap.recording.write.writer import Writer
 from tests.support.recordings import EACH, NOW
+from tests.support.split_runs import EVERY, SMALL, upto
 
 
 async def until(holds: Callable[[], bool]) -> None:
@@ -168,3 +173,142 @@ def test_readings_from_outside_are_synced_every_second(
     text = f'[source]\nkind = "{source}"\n{more}\n[recording]\n{said}\n'
     path.write_text(text, encoding="utf-8")
     assert prepare(load(path)).options.sync == sync
+
+
+# A file that is over, while the next one is being written -----------------------------
+
+
+def add_all(writer: SplitWriter, several: Iterable[Recorded], first: int = 0) -> None:
+    for count, one in enumerate(several, first):
+        writer.add(one.delivery, 10**18 + count)
+
+
+class Disk:
+    """A disk that takes nothing before it is told to."""
+
+    def __init__(self, patch: pytest.MonkeyPatch) -> None:
+        self.asked = threading.Event()
+        self.takes = threading.Event()
+        self.error: OSError | None = None
+        self.threads: list[int] = []
+        patch.setattr("os.fsync", self._sync)
+
+    def _sync(self, _: int) -> None:
+        self.threads.append(threading.get_ident())
+        self.asked.set()
+        assert self.takes.wait(10)
+        if self.error is not None:
+            raise self.error
+
+
+@pytest.fixture
+def disk(monkeypatch: pytest.MonkeyPatch) -> Iterator[Disk]:
+    made = Disk(monkeypatch)
+    yield made
+    made.takes.set()
+
+
+def test_recording_goes_on_while_the_disk_takes_a_file(
+    whole: Path, tmp_path: Path, disk: Disk
+) -> None:
+    old, log = Recording.open_file(whole), tmp_path / "log.mcap"
+    recorded = list(old.messages())
+    shares = upto(recorded, 2 * EVERY)
+    with SplitWriter(log, old.metadata, split=SMALL) as writer:
+        add_all(writer, shares)
+        assert disk.asked.wait(10)
+        writer.flush(10**18 + len(shares))
+        # Whoever is killed now has lost nothing: the file that is over has its end, and
+        # so the run goes on from the next one.
+        assert Recording.open_file(log).cut is None
+        assert Recording.open_file(log).completeness().whole
+        assert find_resume_point(log)[1].part == 1
+        assert threading.get_ident() not in disk.threads
+        disk.takes.set()
+        add_all(writer, recorded[len(shares) :], len(shares))
+        writer.finish({}, old.noted().expected)
+    assert (verify(log).same, verify(log).complete) == (True, True)
+
+
+def test_a_file_that_the_disk_does_not_take_ends_the_recording(
+    whole: Path, tmp_path: Path, disk: Disk
+) -> None:
+    old, log = Recording.open_file(whole), tmp_path / "log.mcap"
+    disk.error = OSError(errno.EIO, "no disk")
+    with SplitWriter(log, old.metadata, split=SMALL) as writer:
+        add_all(writer, upto(list(old.messages()), 2 * EVERY))
+        disk.takes.set()
+        with pytest.raises(RecordingError, match=r"^log: must take .* got no disk"):
+            writer.finish({}, {})
+
+
+def test_files_are_deleted_once_a_newer_one_is_saved(
+    whole: Path, tmp_path: Path, disk: Disk
+) -> None:
+    old, log = Recording.open_file(whole), tmp_path / "log.mcap"
+    with SplitWriter(log, old.metadata, split=Split(1, keep=1)) as writer:
+        add_all(writer, upto(list(old.messages()), 2 * EVERY))
+        assert disk.asked.wait(10)
+        assert list(part_paths(log)) == [0, 1]
+        disk.takes.set()
+        writer.finish({}, {})
+    assert list(part_paths(log)) == [1]
+
+
+# A file that is taken away while it is written ----------------------------------------
+
+
+RULE = "log: must stay where it is while it is written"
+
+
+def replace(log: Path) -> None:
+    log.unlink()
+    log.write_bytes(b"another")
+
+
+def move_folder(log: Path) -> None:
+    log.parent.rename(log.parent.with_name("moved"))
+
+
+@pytest.mark.parametrize(
+    ("take", "left"),
+    [
+        (Path.unlink, "runs/log.mcap"),
+        (replace, "runs/log.recovered-1.mcap"),
+        (lambda log: log.rename(log.with_name("b.mcap")), "runs/b.mcap"),
+        (move_folder, "moved/log.mcap"),
+    ],
+    ids=["deleted", "replaced", "moved", "folder moved"],
+)
+@pytest.mark.parametrize(
+    ("flushes", "ends"), [(True, True), (True, False), (False, True)]
+)
+def test_it_is_said_at_the_next_flush_or_the_end_and_nothing_is_lost(
+    take: Callable[[Path], None],
+    left: str,
+    flushes: bool,
+    ends: bool,
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    caplog.set_level(logging.ERROR, "neurosnap")
+    log = tmp_path / "runs" / "log.mcap"
+    log.parent.mkdir()
+    with SplitWriter(log, {}) as writer:
+        add(writer, 0)
+        writer.flush(NOW)
+        assert not caplog.records
+        take(log)
+        add(writer, 1)
+        for _ in range(3 * flushes):
+            writer.flush(NOW)
+        assert len(caplog.records) == flushes
+        if ends:
+            balance = writer.finish({}, {"world": 2})
+            assert balance.missing == {}
+            assert balance.vanished == (str(log),)
+            assert not balance.whole
+        assert caplog.records[0].getMessage().startswith(RULE)
+    assert len(list(Recording.open(tmp_path / left).messages())) == 2
+    if left == "runs/log.recovered-1.mcap":
+        assert log.read_bytes() == b"another"
