@@ -19,47 +19,30 @@ class TestCsv:
         assert everything(source) == [[0, 1], [1, 1], [1, 0]]
         assert source.step(0) is None
 
-    def test_actions_and_seeds_change_nothing(self, readings: Path) -> None:
-        plain = everything(open_source(str(readings), seed=0))
-        assert everything(open_source(str(readings), 9), iter([-1, 5, 7])) == plain
-
-    def test_only_the_first_row_begins_a_trajectory(self, readings: Path) -> None:
-        source = open_source(str(readings), seed=0)
-        for _ in range(2):
+    def test_it_starts_over_whatever_seeds_and_actions_say(
+        self, readings: Path
+    ) -> None:
+        source = open_source(str(readings), seed=9)
+        plain = everything(source)
+        assert everything(source, iter([-1, 5, 7])) == plain
+        for _ in range(2):  # only the first row begins a trajectory
             several = iter([source.first(), *(source.step(0) for _ in range(2))])
             assert [one.begins for one in several if one] == [True, False, False]
-
-    def test_first_starts_over(self, readings: Path) -> None:
-        source = open_source(str(readings), seed=0)
-        assert everything(source) == everything(source)
 
     @pytest.mark.parametrize(
         "text",
         [
-            "door,motion\r\n0,1\r\n1,1\r\n1,0\r\n",
-            "door,motion\n0,1\n1,1\n1,0",
             "door,motion\n0,1\n1,1\n1,0\n\n  \n\n",
-            "\ufeffdoor,motion\n0,1\n1,1\n1,0\n",
+            "\ufeffdoor,motion\n0,1\n1,1\n1,0",
             '"door","motion"\n"0","1"\n1,"1"\n"1",0\n',
             " door , motion\n0, 1\n 1,1\n1 ,0 \n",
             "time,door,motion\n0,0,1\n0.5,1,1\n2026-07-01 12:00,1,0\n",
-            "\ufefftime,door,motion\n,0,1\n,1,1\n,1,0\n",
-        ],
-        ids=[
-            "crlf",
-            "no-last-newline",
-            "blank-end",
-            "bom",
-            "quoted",
-            "spaces",
-            "time",
-            "bom-time",
+            "\ufefftime,door,motion\r\n,0,1\r\n,1,1\r\n,1,0\r\n",
         ],
     )
     def test_ways_to_write_the_same(self, tmp_path: Path, text: str) -> None:
         source = open_source(str(written(tmp_path, text)), seed=0)
-        assert source.sensors == ("door", "motion")
-        assert source.length == 3
+        assert (source.sensors, source.length) == (("door", "motion"), 3)
         assert everything(source) == [[0, 1], [1, 1], [1, 0]]
 
     def test_time_is_a_sensor_like_any_other_when_it_is_not_first(
@@ -92,6 +75,9 @@ class TestCsv:
             ("a,b\n0,１\n", f"{{}}:2: b: {RULE}, got '１'"),
             ("time,a,b\n0,1,x\n", f"{{}}:2: b: {RULE}, got 'x'"),
             ("a,b\n0;1\n", "{}:2: must have 2 cells, as many as the header, got 1"),
+            ("a,b\n0,1\n0\n", "{}:3: must have 2 cells, as many as the header, got 1"),
+            ("a,b\n0,1,\n", "{}:2: must have 2 cells, as many as the header, got 3"),
+            ("a,b\n" + 898 * "0,1\n" + "0,7\n1,1\n", f"{{}}:900: b: {RULE}, got '7'"),
             (
                 "a,b\n0,1\n\n\n0,1\n",
                 "{}:3: must not be blank before the end of the file, got ''",
@@ -110,26 +96,9 @@ class TestCsv:
         self, tmp_path: Path, text: str, message: str
     ) -> None:
         path = written(tmp_path, text)
-        with pytest.raises(InvalidValueError) as caught:
+        with pytest.raises((InvalidValueError, ShapeError)) as caught:
             open_source(str(path), seed=0)
         assert str(caught.value) == message.format(path)
-
-    @pytest.mark.parametrize(("row", "cells"), [("0", 1), ("0,1,1", 3), ("0,1,", 3)])
-    def test_a_ragged_row_is_refused(
-        self, tmp_path: Path, row: str, cells: int
-    ) -> None:
-        path = written(tmp_path, f"a,b\n0,1\n{row}\n")
-        message = f"{path}:3: must have 2 cells, as many as the header, got {cells}"
-        with pytest.raises(ShapeError) as caught:
-            open_source(str(path), seed=0)
-        assert str(caught.value) == message
-
-    def test_a_late_bad_row_is_refused_before_anything_starts(
-        self, tmp_path: Path
-    ) -> None:
-        path = written(tmp_path, "a,b\n" + 898 * "0,1\n" + "0,7\n" + 100 * "1,1\n")
-        with pytest.raises(InvalidValueError, match=r"readings\.csv:900: b: must be 0"):
-            open_source(str(path), seed=0)
 
     @pytest.mark.parametrize(
         "data",
@@ -147,23 +116,19 @@ class TestCsv:
         ):
             open_source(str(path), seed=0)
 
-    def test_zero_bytes_are_refused(self, tmp_path: Path) -> None:
-        path = written(tmp_path, "door\n0\n".encode("utf-16-le"))
-        with pytest.raises(InvalidValueError, match=r"readings\.csv:1: "):
-            open_source(str(path), seed=0)
-
-    def test_a_file_that_is_not_there_is_named(self, tmp_path: Path) -> None:
-        path = tmp_path / "none.csv"
-        with pytest.raises(
-            InvalidValueError,
-            match=r"^source: must be a file that can be read \(No such file.*none\.csv",
-        ):
-            open_source(str(path), seed=0)
-
-    def test_a_folder_is_no_file(self, tmp_path: Path) -> None:
+    def test_what_is_no_file_is_named(self, tmp_path: Path) -> None:
+        zeros = written(tmp_path, "door\n0\n".encode("utf-16-le"), "zeros.csv")
         (tmp_path / "folder.csv").mkdir()
-        with pytest.raises(InvalidValueError, match=r"can be read \(Is a directory\)"):
-            open_source(str(tmp_path / "folder.csv"), seed=0)
+        for path, rule in (
+            (zeros, r"zeros\.csv:1: "),
+            (
+                tmp_path / "none.csv",
+                r"^source: must be a file that can be read \(No su",
+            ),
+            (tmp_path / "folder.csv", r"can be read \(Is a directory\).*folder\.csv"),
+        ):
+            with pytest.raises(InvalidValueError, match=rule):
+                open_source(str(path), seed=0)
 
     def test_rows_added_meanwhile_are_left_out(self, readings: Path) -> None:
         source = open_source(str(readings), seed=0)

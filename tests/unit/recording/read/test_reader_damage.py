@@ -63,6 +63,7 @@ def test_cut_anywhere_it_gives_the_whole_chunks(
         lengths.add(len(payloads))
     assert lengths == {0, 20, 40, 60, 80, 100, 120, 140, 151}
     # The last cut is behind the totals.
+    recording = Recording.open(path)
     assert recording.totals is not None
     assert recording.files[-1].snapshot == bytes(range(256))
     assert recording.completeness() == Completeness(151)

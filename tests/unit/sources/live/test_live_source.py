@@ -264,15 +264,6 @@ def test_only_the_first_tick_begins_and_so_does_one_that_goes_on() -> None:
     assert source.resumed
 
 
-def test_starting_over_shows_the_board_again() -> None:
-    source = source_of(FakeTime(), OnChange())
-    source.receive("door", True)
-    once, twice = source.first(), source.first()
-    assert once is not None
-    assert twice is not None
-    assert np.array_equal(once.bits, twice.bits)
-
-
 def test_actions_are_carried_out_before_their_consequence() -> None:
     done: list[int] = []
     source = LiveSource(
@@ -301,24 +292,6 @@ def test_stamps_are_times_since_the_epoch() -> None:
     assert source.statistics().late == 1
     assert source.step(-1) is None  # at 505 nothing is known any more
     assert time.now == 600.0
-
-
-def test_a_wall_clock_that_is_put_right_is_followed() -> None:
-    time, wall = FakeTime(), [1000.0]
-    source = LiveSource(
-        LatestReadings(NAMES, stale_after=10.0),
-        OnChange(),
-        timing=Timing(time.clock, lambda: wall[0], time),
-    )
-    wall[0] = 9000.0
-    source.receive("door", True, at=8999.0)
-    assert source.first() is not None
-    assert source.statistics().ahead == 0
-    time.pass_until(9.5)
-    source.receive("motion", True)
-    seen = source.step(-1)
-    assert seen is not None
-    assert shown(seen) == ((False, True), (False, True))
 
 
 def test_a_sensor_that_appears_under_way_is_named_once(

@@ -136,15 +136,6 @@ def test_the_pipe_holds_back_who_writes_and_nothing_is_lost(pipe: Pipe) -> None:
     assert source.statistics().dropped == 0
 
 
-def test_single_readings_make_the_board(pipe: Pipe, source: LiveSource) -> None:
-    pipe.write(b'{"sensor": "door", "on": true}\n{"sensor": "motion", "on": 0}\n')
-    pipe.write(b'{"sensor": "door", "on": null}\n')
-    pipe.end()
-    # How many show on the way depends on who is faster.
-    assert rest_of(source)[-1] == [None, False]
-    assert source.statistics().taken == 3
-
-
 def test_the_head_is_the_first_reading_of_a_run_that_begins(pipe: Pipe) -> None:
     source = source_on(pipe, head=b'{"bits": {"door": 1, "motion": 1}}')
     pipe.write(b'{"bits": [0, 0]}\n')
