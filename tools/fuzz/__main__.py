@@ -2,7 +2,7 @@
 """Hostile input for everything that reads what others wrote; exit code 1 on a failure.
 
     tools/fuzz [--inputs 1000000] [--seed 1] [--minutes 15]
-                  [--only decode,cell,worker,wave,coordinator,recording]
+                  [--only decode,cell,worker,wave,coordinator,recording,disk]
 
 Valid input (from the messages' own types, and from a small recorded run) is damaged in
 ways that respect its structure, and for each target it must hold that
@@ -33,6 +33,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import psutil
 
+from tools.fuzz.disk import DiskTarget
 from tools.fuzz.run import honest_run
 from tools.fuzz.targets import (
     CellTarget,
@@ -56,6 +57,7 @@ SHARES = {
     "coordinator": 0.12,
     "recording": 0.03,
     "worker": 0.2,
+    "disk": 0.002,
 }
 """How the inputs are shared out among the targets."""
 
@@ -67,6 +69,7 @@ TARGETS: dict[str, Callable[[Path], Target]] = {
     "coordinator": lambda folder: CoordinatorTarget(honest_run(folder)),
     "recording": lambda folder: RecordingTarget(honest_run(folder), folder),
     "worker": lambda folder: WorkerTarget(honest_run(folder, WORKERS)),
+    "disk": DiskTarget,
 }
 """Each is made in a folder of its own."""
 
