@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from neurosnap.apps.cli import app
 from neurosnap.recording.read.recording import part_paths
-from tools.longrun import write_readings
+from tools.soak.memory import write_readings
 
 pytestmark = pytest.mark.slow
 

@@ -19,7 +19,7 @@ from neurosnap.runtime.request import RunRequest, Watcher
 from neurosnap.runtime.run import run
 from tests.support.exhaustive import rows
 from tests.support.played_runs import TICKS, Played, options_for, play, write_readings
-from tools.signals import CELLS, Struggle, struggling
+from tools.soak.signals import CELLS, Struggle, struggling
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("no_process_is_left")]
 

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Kill parts of a running swarm at random, and see whether it minds.
+"""Disturb runs, or let one last, and see whether they mind.
 
-Every role and every pair of roles is killed with SIGKILL as often as any other, in a
-random order and at random moments, until enough are killed. Such a run is a swarm of
-processes in a world of paths; it is made again undisturbed, in one process, for as many
-ticks as the first came to. Both must come to the same states and decisions, and the
-recording must hold each once.
+With --fault kill, parts of a running swarm are killed. Every role and every pair of
+roles is killed with SIGKILL as often as any other, in a random order and at random
+moments, until enough are killed. Such a run is a swarm in a world of paths; it is made
+again undisturbed, in one process, for as many ticks as the first came to. Both must come
+to the same states and decisions, and the recording must hold each once.
 
 With --grow the run is an agent that explores a frozen lake and grows sensors, so that
 some are killed while a sensor is born. The births are compared, too.
@@ -13,6 +13,9 @@ some are killed while a sensor is born. The births are compared, too.
 With --outside the run is one of its own process that reads numbered lines. It must end
 with exit code 0, and its recording must hold each line once and in order. What a killed
 intake had read and not written down is lost; that counts as wrong, too.
+
+With --fault signal, runs get a signal to end, and must end in order. With --fault none,
+a long run is left alone, and what memory it takes is printed.
 
 Exit code: 0 if all is so, 1 if not; then what was recorded is kept.
 """
@@ -25,6 +28,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +40,8 @@ import psutil
 from rich.console import Console
 
 from neurosnap import wire
-from neurosnap.errors import NeurosnapError
+from neurosnap.apps.cli import options
+from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.protocol.run_options import HostKind, RunOptions
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.verify import verify
@@ -45,9 +50,10 @@ from neurosnap.runtime.journaled_run import INTAKE
 from neurosnap.runtime.request import Restart, RunRequest, Supervision, Watcher
 from neurosnap.runtime.run import run
 from neurosnap.sources.open import open_source
-from tools.arguments import in_bytes
 from tools.soak.killer import Killer, Killing, summary
+from tools.soak.memory import LongRun, long_run, write_readings
 from tools.soak.outside import Fed, feed, lines_in
+from tools.soak.signals import strike_runs
 
 SERVICES = ("hub", "recorder", "coordinator", "world")
 HOSTS: dict[HostKind, str] = {"process": "cell", "worker": "worker"}
@@ -55,10 +61,11 @@ HOSTS: dict[HostKind, str] = {"process": "cell", "worker": "worker"}
 
 _LAKE = "neurosnap/FrozenLake-v0"
 _ENDLESS = 10**9  # ticks; the kills end the run
+_EIGHT_HOURS = 288_000  # ticks, ten a second
 
 
 class Soaked(msgspec.Struct, kw_only=True):
-    """What came of it."""
+    """How a run went of which parts were killed."""
 
     ticks: int
     killings: list[Killing]
@@ -89,7 +96,7 @@ class Soaked(msgspec.Struct, kw_only=True):
     """Files and folders beside them."""
     seconds: float
     fed: Fed | None = None
-    """What became of the run that was fed lines, if it was that."""
+    """How the run ended that was fed lines, if it was that."""
 
     @property
     def fine(self) -> bool:
@@ -233,21 +240,30 @@ def _course(log: Path, ticks: int) -> list[tuple[object, ...]]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Soak, print what came of it, and return the exit code."""
-    given = _parser().parse_args(arguments)
+    """Soak, print how it went, and return the exit code."""
+    parser = _parser()
+    given = parser.parse_args(arguments)
+    if given.fault == "kill" and given.cells == "inline":
+        parser.error("--cells: must be process or worker to be killed, got inline")
+    if given.fault == "signal":
+        return 0 if strike_runs(given.times, given.seed, given.ticks or 200) else 1
     folder = Path(tempfile.mkdtemp(prefix="neurosnap-soak-", dir=given.folder))
     try:
-        with Console(stderr=True).status(f"{given.kills} kills"):
-            found = asyncio.run(_soaked(given, folder))
+        with Console(stderr=True).status("soaking"):
+            found: Soaked | LongRun = (
+                asyncio.run(_soaked(given, folder))
+                if given.fault == "kill"
+                else asyncio.run(_lasted(given, folder))
+            )
     except NeurosnapError as error:
         print(f"error: {error}", file=sys.stderr)
         print(f"kept: {folder}", file=sys.stderr)
         return 1
-    values = msgspec.structs.asdict(found)
-    for name in sorted(values.keys() - {"killings", "killed"}, key=list(values).index):
-        print(f"{name:10} {values[name]}")
-    for line in summary(found.killings):
-        print(line)
+    for name, value in msgspec.structs.asdict(found).items():
+        if name not in ("killings", "killed", "memory"):
+            print(f"{name:10} {value}")
+    lines = summary(found.killings) if isinstance(found, Soaked) else found.lines()
+    print(*lines, sep="\n")
     if given.json:
         print(json.dumps(msgspec.to_builtins(found)))
     if found.fine:
@@ -255,6 +271,27 @@ def main(arguments: list[str] | None = None) -> int:
         return 0
     print(f"kept: {folder}", file=sys.stderr)
     return 1
+
+
+async def _lasted(given: argparse.Namespace, folder: Path) -> LongRun:
+    """Make a long run of readings that are drawn."""
+    ticks = given.ticks or _EIGHT_HOURS
+    readings = folder / "readings.csv"
+    write_readings(readings, ticks, given.sensors, given.seed)
+    source = open_source(str(readings), given.seed)
+    source.close()
+    options = RunOptions(
+        source=str(readings),
+        body=body_of(source, "walker"),
+        ticks=ticks,
+        seed=given.seed,
+        cells=given.cells,
+        workers=min(2, given.sensors),
+        split=given.split,
+        keep=given.keep,
+    )
+    seconds = given.seconds
+    return await long_run(options, folder, pause=given.pause, seconds=seconds)
 
 
 async def _soaked(given: argparse.Namespace, folder: Path) -> Soaked:
@@ -299,41 +336,42 @@ def _lake(given: argparse.Namespace) -> dict[str, Any]:
     }
 
 
+def _in_bytes(text: str) -> int:
+    """Return a size in bytes, from a text such as 64MiB."""
+    try:
+        return options.in_bytes(text)
+    except InvalidValueError as error:
+        rule = f"{error.rule}, got {text!r}"
+        raise argparse.ArgumentTypeError(rule) from error
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="soak", description=__doc__.split("\n")[0])
-    parser.add_argument(
-        "--kills", type=int, default=30, help="of parts, or pairs of them"
+    add = parser.add_argument
+    add(
+        "--fault",
+        choices=("kill", "signal", "none"),
+        default="kill",
+        help="kill parts, send runs a signal to end, or let one run last",
     )
-    parser.add_argument("--seed", type=int, default=0, help="draws whom, and when")
-    parser.add_argument(
-        "--pause", type=float, default=0.4, help="seconds between kills, at most"
-    )
-    parser.add_argument("--sensors", type=int, default=8, help="cells of the swarm")
-    parser.add_argument(
-        "--cells", choices=("process", "worker"), default="process", help="as in run"
-    )
-    parser.add_argument(
-        "--learning",
-        choices=("coordinator", "spread"),
-        default="coordinator",
-        help="as in run, with cells in workers",
-    )
-    parser.add_argument("--split", type=in_bytes, default=0, help="as in run")
-    parser.add_argument(
-        "--keyframe-every", type=int, default=1000, help="ticks between key-frames"
-    )
-    parser.add_argument("--source", default="neurosnap/Path-v0", help="a path world")
-    parser.add_argument(
-        "--grow", type=int, default=0, help="sensors an agent may grow, on a lake"
-    )
-    parser.add_argument(
-        "--outside", action="store_true", help="feed it lines on standard input"
-    )
-    parser.add_argument(
-        "--rate", type=float, default=200.0, help="lines a second, with --outside"
-    )
-    parser.add_argument("--folder", type=Path, help="where to record meanwhile")
-    parser.add_argument("--json", action="store_true", help="one object, last")
+    add("--seed", type=int, default=0, help="draws the faults, or the readings")
+    add("--kills", type=int, default=30, help="kills of parts, or pairs of them")
+    add("--times", type=int, default=9, help="signals of each kind to each receiver")
+    add("--ticks", type=int, help="ticks of each run (200 with signals, 288000 alone)")
+    add("--seconds", type=float, default=inf, help="end a run left alone after these")
+    add("--pause", type=float, default=0.4, help="seconds between kills or looks")
+    add("--sensors", type=int, default=8, help="sensors, and so cells, of the swarm")
+    add("--cells", choices=("process", "worker", "inline"), default="process")
+    add("--learning", choices=("coordinator", "spread"), default="coordinator")
+    add("--split", type=_in_bytes, default=0, help="size of a file, such as 64MiB")
+    add("--keep", type=int, default=0, help="files kept of a run left alone")
+    add("--keyframe-every", type=int, default=1000, help="ticks between key-frames")
+    add("--source", default="neurosnap/Path-v0", help="a path world")
+    add("--grow", type=int, default=0, help="sensors that may grow, on a frozen lake")
+    add("--outside", action="store_true", help="feed it lines on standard input")
+    add("--rate", type=float, default=200.0, help="lines a second, with --outside")
+    add("--folder", type=Path, help="where to record meanwhile")
+    add("--json", action="store_true", help="add one object, last")
     return parser
 
 

@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -11,8 +10,8 @@ from neurosnap.protocol.run_options import SMALLEST, CellKind, RunOptions
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.sources.open import open_source
 from tests.support.exhaustive import rows
-from tools.longrun import Gauge, long_run, main, write_readings
-from tools.soak import __main__ as soak
+from tools.soak.__main__ import main
+from tools.soak.memory import Gauge, long_run, write_readings
 
 pytestmark = pytest.mark.slow
 
@@ -35,7 +34,7 @@ def test_a_short_long_run(cells: CellKind, tmp_path: Path) -> None:
         keyframe_every=100,
         split=SMALLEST,
     )
-    found = asyncio.run(long_run(options, tmp_path, pause=0.05, verified=True))
+    found = asyncio.run(long_run(options, tmp_path, pause=0.05))
     assert (found.ticks, found.lost, found.verified) == (TICKS, 0, True)
     assert found.files > 1
     assert found.recorded > SMALLEST
@@ -61,7 +60,7 @@ def test_growth_is_told_from_a_start_that_takes_memory() -> None:
 def test_it_can_be_ended_early_and_says_what_it_found(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    given = "--ticks 100000 --sensors 3 --seconds 0.5 --pause 0.05 --verify --json"
+    given = "--fault none --cells inline --ticks 100000 --sensors 3 --seconds 0.5 --pause 0.05 --json"
     assert main([*given.split(), "--folder", str(tmp_path)]) == 0
     *_, last = capsys.readouterr().out.splitlines()
     found = json.loads(last)
@@ -70,11 +69,8 @@ def test_it_can_be_ended_early_and_says_what_it_found(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("tool", [main, soak.main])
-def test_a_size_that_is_none_is_refused(
-    tool: Callable[[list[str]], int], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_size_that_is_none_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
-        tool(["--split", "foo"])
+        main(["--split", "foo"])
     assert ended.value.code == 2
     assert "--split: must be like 256MiB, got 'foo'" in capsys.readouterr().err

@@ -1,5 +1,4 @@
-#!/usr/bin/env python3
-"""Send a run a signal to end at a random moment, and see whether it ends in order.
+"""Runs that get a signal to end at a random moment: do they end in order?
 
 A run is started anew each time and gets SIGINT, SIGTERM or SIGHUP, alone or with its
 whole process group, at any moment from its first line to its last; before some of them
@@ -9,12 +8,8 @@ no process, folder, socket or note.
 
 A signal that comes before Python has run the program's first line is Python's to
 answer: then only what is left is looked at, and the case is counted apart.
-
-Exit code: 0 if every case ended so, 1 if not.
 """
 
-import argparse
-import json
 import os
 import random
 import signal
@@ -27,9 +22,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
-
-# Run as a file, the folder of this file is on the path and the project's is not.
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 import msgspec
 import psutil
@@ -47,7 +39,7 @@ CELLS = {"process": (), "worker": ("--cells", "worker")}
 
 
 class Struck(msgspec.Struct, frozen=True, kw_only=True):
-    """What became of a run that got a signal."""
+    """How a run ended that got a signal."""
 
     code: int
     """Its exit code."""
@@ -56,7 +48,7 @@ class Struck(msgspec.Struct, frozen=True, kw_only=True):
     early: bool
     """The signal came before the program's first line."""
     wrong: list[str]
-    """What is not as it should be; empty: all is well."""
+    """What is not as it should be; empty if all is well."""
 
 
 class Struggle:
@@ -242,49 +234,32 @@ def struck_at_random(
         return run.judge()
 
 
-def main() -> int:
-    """Send as many signals as asked for; say what came of them."""
-    given = _parser().parse_args()
+def strike_runs(times: int, seed: int, ticks: int) -> bool:
+    """Send runs signals and print how they end; tell whether all ended in order.
+
+    Args:
+        times: How often each signal is sent to each receiver, with each kind of cells.
+        seed: Draws the moments.
+        ticks: Of each run.
+    """
     began = time.monotonic()
-    with struggling("--ticks", given.ticks) as run:
+    with struggling("--ticks", ticks) as run:
         run.process.wait()
     length = time.monotonic() - began
-    print(f"a run of {given.ticks} ticks takes {length:.1f} s", flush=True)
+    print(f"a run of {ticks} ticks takes {length:.1f} s", flush=True)
     ways = [(n, g, c) for n in SIGNALS for g in (False, True) for c in CELLS]
-    came: Counter[str] = Counter()
+    ended: Counter[str] = Counter()
     wrong = 0
-    for turn in range(given.times):
+    for turn in range(times):
         for number, group, cells in ways:
-            chance = random.Random(f"{given.seed} {turn} {number} {group} {cells}")
+            chance = random.Random(f"{seed} {turn} {number} {group} {cells}")
             found = struck_at_random(
-                chance,
-                number,
-                group=group,
-                cells=cells,
-                ticks=given.ticks,
-                length=length,
+                chance, number, group=group, cells=cells, ticks=ticks, length=length
             )
-            to = "group" if group else "leader"
-            came["before the first line" if found.early else f"code {found.code}"] += 1
+            ended["before the first line" if found.early else f"code {found.code}"] += 1
             if found.wrong:
                 wrong += 1
+                to = "group" if group else "leader"
                 print(f"{number.name} to {to}, {cells}, turn {turn}: {found}")
-        print(f"{(turn + 1) * len(ways)} signals, {wrong} wrong, {came}", flush=True)
-    if given.json:
-        print(json.dumps({"signals": given.times * len(ways), "wrong": wrong, **came}))
-    return 1 if wrong else 0
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="signals", description=__doc__.split("\n")[0])
-    parser.add_argument(
-        "--times", type=int, default=9, help="of each signal, receiver and kind of cell"
-    )
-    parser.add_argument("--seed", type=int, default=0, help="draws the moments")
-    parser.add_argument("--ticks", type=int, default=200, help="of each run")
-    parser.add_argument("--json", action="store_true", help="one object, last")
-    return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+        print(f"{(turn + 1) * len(ways)} signals, {wrong} wrong, {ended}", flush=True)
+    return not wrong

@@ -1,5 +1,4 @@
-#!/usr/bin/env python3
-"""Let a swarm run for long, and see whether its memory grows.
+"""Long runs of which nothing is killed: does their memory grow?
 
 The readings are drawn: some sensors at random, the others made of them, so that there
 is something to learn. The memory of every process is looked at once in a while, and a
@@ -7,33 +6,23 @@ line is laid through what it has from a tenth of the run on, when all is loaded 
 ever is.
 """
 
-import argparse
 import asyncio
-import json
 import random
-import sys
-import tempfile
 import time
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-
-# Run as a file, the folder of this file is on the path and the project's is not.
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 import msgspec
 import numpy as np
 import psutil
 
-from neurosnap.errors import NeurosnapError
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import part_paths
 from neurosnap.recording.replay.verify import verify
-from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.registry import parts_of
 from neurosnap.runtime.request import RunRequest, Watcher
 from neurosnap.runtime.run import run
-from neurosnap.sources.open import open_source
-from tools.arguments import in_bytes
 
 _WARM = 0.1  # share of the run whose memory does not count
 
@@ -52,7 +41,7 @@ class Memory(msgspec.Struct, kw_only=True):
 
 
 class LongRun(msgspec.Struct, kw_only=True):
-    """What came of it."""
+    """How a long run went."""
 
     ticks: int
     seconds: float
@@ -63,10 +52,23 @@ class LongRun(msgspec.Struct, kw_only=True):
     """Their bytes."""
     lost: int
     """Messages missing from it."""
-    verified: bool | None
-    """A replay derives all of it again; None: nobody looked."""
+    verified: bool
+    """A replay derives all of it again."""
     memory: dict[str, Memory]
     """By process; that of this one under ``launcher``."""
+
+    @property
+    def fine(self) -> bool:
+        """Nothing is lost, and all of it is derived again."""
+        return self.verified and not self.lost
+
+    def lines(self) -> Iterator[str]:
+        """Yield a line about the memory of each process."""
+        for name, memory in self.memory.items():
+            yield (
+                f"{name:12} {memory.begin / 2**20:8.1f} MiB {memory.end / 2**20:8.1f}"
+                f" MiB {memory.slope:+9.2f} bytes a tick"
+            )
 
 
 def write_readings(path: Path, rows: int, sensors: int, seed: int) -> None:
@@ -98,7 +100,7 @@ class Gauge:
         self.samples: list[tuple[int, dict[str, int]]] = []
 
     def follow(self, tick: int) -> None:
-        """Take in how far the run is, and look at once when all parts are there."""
+        """Follow the ticks of the run; look at once when all parts are there."""
         self.tick = tick
         if tick and not self.moving.is_set():
             self.moving.set()
@@ -112,7 +114,7 @@ class Gauge:
             self.samples.append((self.tick, _resident()))
 
     def memory(self) -> dict[str, Memory]:
-        """Return what it came to."""
+        """Return what each process had, from a tenth of the run on."""
         warm = _WARM * self.tick
         kept = [sample for sample in self.samples if sample[0] >= warm]
         kept = kept or self.samples[:1]  # it was over before there was another
@@ -148,7 +150,6 @@ async def long_run(
     *,
     pause: float = 1.0,
     seconds: float = float("inf"),
-    verified: bool = False,
 ) -> LongRun:
     """Make a run and measure.
 
@@ -157,12 +158,11 @@ async def long_run(
         folder: Where it is recorded.
         pause: Seconds between two looks at the memory.
         seconds: So long after its first tick the run is ended in order.
-        verified: Whether to derive the recording again.
     """
     gauge, log, stop = Gauge(pause), folder / "run.mcap", asyncio.Event()
-    watching = asyncio.create_task(gauge.watch(), name="longrun/gauge")
+    watching = asyncio.create_task(gauge.watch(), name="soak/gauge")
     ending = asyncio.create_task(
-        _end_after(seconds, gauge.moving, stop), name="longrun/end"
+        _end_after(seconds, gauge.moving, stop), name="soak/end"
     )
     began = time.perf_counter()
     try:
@@ -179,7 +179,7 @@ async def long_run(
         files=len(paths),
         recorded=sum(path.stat().st_size for path in paths),
         lost=0 if balance is None else sum(balance.missing.values()),
-        verified=verify(log).same if verified else None,
+        verified=verify(log).same,
         memory=gauge.memory(),
     )
 
@@ -193,76 +193,3 @@ async def _end_after(
             await stop.wait()
     except TimeoutError:
         stop.set()
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Make the run, print what came of it, and return the exit code."""
-    given = _parser().parse_args(arguments)
-    with tempfile.TemporaryDirectory(prefix="neurosnap-long-", dir=given.folder) as at:
-        folder = Path(at)
-        readings = folder / "readings.csv"
-        write_readings(readings, given.ticks, given.sensors, given.seed)
-        source = open_source(str(readings), given.seed)
-        source.close()
-        options = RunOptions(
-            source=str(readings),
-            body=body_of(source, "walker"),
-            ticks=given.ticks,
-            seed=given.seed,
-            cells=given.cells,
-            workers=min(2, given.sensors),
-            split=given.split,
-            keep=given.keep,
-        )
-        try:
-            found = asyncio.run(
-                long_run(
-                    options,
-                    folder,
-                    pause=given.pause,
-                    seconds=given.seconds,
-                    verified=given.verify,
-                )
-            )
-        except NeurosnapError as error:
-            print(f"error: {error}", file=sys.stderr)
-            return 1
-    for name, value in msgspec.structs.asdict(found).items():
-        if name != "memory":
-            print(f"{name:10} {value}")
-    for name, memory in found.memory.items():
-        print(
-            f"{name:12} {memory.begin / 2**20:8.1f} MiB {memory.end / 2**20:8.1f} MiB"
-            f" {memory.slope:+9.2f} bytes a tick"
-        )
-    if given.json:
-        print(json.dumps(msgspec.to_builtins(found)))
-    return 0 if not found.lost and found.verified is not False else 1
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="longrun", description=__doc__.split("\n")[0])
-    parser.add_argument(
-        "--ticks", type=int, default=288_000, help="eight hours at ten a second"
-    )
-    parser.add_argument("--sensors", type=int, default=20, help="cells of the swarm")
-    parser.add_argument("--seed", type=int, default=0, help="draws the readings")
-    parser.add_argument(
-        "--cells", choices=("inline", "worker", "process"), default="inline"
-    )
-    parser.add_argument(
-        "--split", type=in_bytes, default=in_bytes("64MiB"), help="as in run"
-    )
-    parser.add_argument("--keep", type=int, default=0, help="as in run")
-    parser.add_argument(
-        "--seconds", type=float, default=float("inf"), help="end it after so long"
-    )
-    parser.add_argument("--pause", type=float, default=1.0, help="between two looks")
-    parser.add_argument("--folder", type=Path, help="where to record meanwhile")
-    parser.add_argument("--verify", action="store_true", help="derive it again")
-    parser.add_argument("--json", action="store_true", help="one object, last")
-    return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())
