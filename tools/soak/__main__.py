@@ -4,8 +4,8 @@
 With --fault kill, parts of a running swarm are killed. Every role and every pair of
 roles is killed with SIGKILL as often as any other, in a random order and at random
 moments, until enough are killed. Such a run is a swarm in a world of paths; it is made
-again undisturbed, in one process, for as many ticks as the first came to. Both must come
-to the same states and decisions, and the recording must hold each once.
+again undisturbed, in one process, for as many ticks as the first came to. Both must
+come to the same states and decisions, and the recording must hold each once.
 
 With --grow the run is an agent that explores a frozen lake and grows sensors, so that
 some are killed while a sensor is born. The births are compared, too.
