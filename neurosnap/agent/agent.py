@@ -5,7 +5,7 @@ the graph answers: with the same seed and observations the decisions are the sam
 """
 
 from collections.abc import Iterable, Sequence
-from typing import Any, Self
+from typing import Any, Self, Unpack
 
 import gymnasium
 import numpy as np
@@ -14,21 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
 from neurosnap.agent.default_threshold import default_threshold
-from neurosnap.agent.environment import describe
+from neurosnap.agent.environment import Outing, describe, walk
 from neurosnap.agent.growth.birth import Birth, with_births
 from neurosnap.agent.growth.grower import ROOM
 from neurosnap.agent.imagining_planner import STATES, ImaginingPlanner
 from neurosnap.agent.memory import AgentMemory
-from neurosnap.agent.outing import Outing, walk
 from neurosnap.agent.planner import target_literals
-from neurosnap.agent.policies import new_policy
-from neurosnap.agent.policy import (
-    EXPLORE,
-    TRIES,
-    AgentKind,
-    Exploration,
-    Policy,
-)
+from neurosnap.agent.policies import Aims, new_policy
+from neurosnap.agent.policy import TRIES, AgentKind, Policy
 from neurosnap.agent.senses import Senses
 from neurosnap.agent.tick import Mind, Sensed, answered_at_once, tick
 from neurosnap.errors import InvalidValueError, ShapeError
@@ -91,33 +84,28 @@ class Agent:
         env: gymnasium.Env[Any, Any],
         kind: AgentKind,
         *,
-        target: Iterable[str | int] = (),
         seed: int = 0,
-        explore: Exploration = EXPLORE,
         snapshot: Snapshot | None = None,
         grow: bool | int = False,
         imagine: bool | int = False,
         births: Iterable[Birth] = (),
         without: Iterable[str] = (),
+        **aims: Unpack[Aims],
     ) -> Self:
         """Return an agent for an environment, with every action in every context.
 
         Args:
             env: Its observations are ``MultiBinary``; see `BinarySensors` for others.
             kind: ``"walker"``, ``"excited"`` or ``"planner"``.
-            target: For a planner: sensations to achieve jointly, by name. One that
-                imagines may have none: it explores.
             seed: Draws whatever is random.
-            explore: The share of random actions; or ``"planned"``, for a planner that
-                imagines: it goes where the outcome of an action is unknown, as in
-                `learn`, unless it knows a way to its target.
-            snapshot: Learns; None: a new empirical one, with the threshold that
+            snapshot: Learns; if None, a new empirical one, with the threshold that
                 `default_threshold` says.
             grow: Whether it may grow sensors from what surprises it, or how many.
             imagine: Whether a planner looks ahead by imagined waves, or how many states
                 it may imagine for a decision.
             births: Sensors that are grown at given ticks, whatever surprises it.
             without: Actions that it does not take.
+            aims: `target` and `explore`, see `neurosnap.agent.policies.Aims`.
 
         Raises:
             InvalidValueError: The environment is not fit for it, or it has no such
@@ -146,10 +134,9 @@ class Agent:
             kind,
             body,
             seed,
-            target=target,
-            explore=explore,
             imagine=states,
             experience=memory.experience,
+            **aims,
         )
         agent = cls(body, policy, snapshot, memory)
         agent._seed, agent._states = seed, states or STATES

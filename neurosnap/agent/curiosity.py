@@ -17,8 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.agent.experience import Experience
-from neurosnap.agent.surprises import BEGINNING
+from neurosnap.agent.experience import BEGINNING, Experience
 
 
 @dataclass(frozen=True, slots=True, eq=False)

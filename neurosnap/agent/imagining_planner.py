@@ -29,7 +29,7 @@ from neurosnap.agent.body import Body
 from neurosnap.agent.contexts import Contexts
 from neurosnap.agent.curiosity import Curiosity, ImaginedState
 from neurosnap.agent.experience import Experience, Plan
-from neurosnap.agent.planner import target_literals
+from neurosnap.agent.planner import Reflex, target_literals
 from neurosnap.agent.policy import (
     Closures,
     Deliberation,
@@ -37,7 +37,6 @@ from neurosnap.agent.policy import (
     checked_share,
 )
 from neurosnap.agent.random_numbers import RandomNumbers, pick
-from neurosnap.agent.reflex import Reflex
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import complement
 

@@ -3,9 +3,16 @@
 The subgoals are the projection of the state onto the target in the model space: what
 would be sensed at the closest point of the target.
 
+`Reflex` remembers as well where nothing led nearer to the target. Such a place seems
+farther away from then on, by as much as the best step from there makes it, so that it
+is not stuck there for ever. That costs no wave more, and is what an agent does that
+imagines no way to its target.
+
 References:
     [GK] "Algorithm: Greedy Reactive Planning (GRP)"; lemma "Reasoning in Snapshots",
-    which holds for a coherent target only: an incoherent one is reduced first.
+    which holds for a coherent target only: an incoherent one is reduced first. To get
+    stuck is what it calls a failure of greedy planning to be overcome; the rule of
+    `Reflex` is LRTA* (Korf 1990), with open subgoals as the distance to begin with.
 """
 
 from collections.abc import Iterable
@@ -15,6 +22,7 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
+from neurosnap.agent.experience import Experience
 from neurosnap.agent.policy import EXPLORE, Deliberation, checked_share
 from neurosnap.agent.random_numbers import RandomNumbers, pick
 from neurosnap.errors import InvalidValueError
@@ -151,3 +159,39 @@ def target_literals(body: Body, target: Iterable[str | int]) -> tuple[int, ...]:
             rule = "must not hold a literal and its complement"
             raise InvalidValueError("target", rule, sensorium.name(literal & ~1))
     return tuple(sorted(literals))
+
+
+class Reflex(Planner):
+    """Decides by greedy reactive planning, and gets stuck nowhere for ever.
+
+    Args:
+        body: As for `Planner`.
+        target: As for `Planner`.
+        seed: Draws among equals.
+        experience: Remembers which places were raised.
+
+    Raises:
+        InvalidValueError: As for `Planner`.
+    """
+
+    def __init__(
+        self, body: Body, target: Iterable[str | int], seed: int, experience: Experience
+    ) -> None:
+        self._experience = experience
+        super().__init__(body, target, seed, explore=0.0)
+
+    def _score(
+        self,
+        met: NDArray[np.int_],
+        bound: NDArray[np.bool_],
+        held: int,
+        state: NDArray[np.bool_],
+    ) -> NDArray[np.int_]:
+        """Return how good each action is, and raise the place if none leads nearer."""
+        experience = self._experience
+        keys = [experience.key(after & experience.looked_at) for after in bound]
+        raised = [experience.raised.get(key, 0) for key in keys]
+        score: NDArray[np.int_] = met - np.array(raised)
+        here = experience.key(state & experience.looked_at)
+        experience.lift(here, held + 1 - int(score.max()))
+        return score

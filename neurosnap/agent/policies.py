@@ -1,15 +1,189 @@
-"""A factory of policies by name."""
+"""The policies by name, and the two that do not plan: walker and excited agent.
+
+The *walker* acts at random, and asks one planning wave a tick: what it asks, and what
+it does, is drawn without regard to the answer.
+
+The *excited* agent moves to better states, or at least not to worse ones. Its target is
+one sensation, so it needs no plan: it takes an action that guarantees `better`; failing
+that, one that guarantees `worse*`, now and then a random one; failing that, a random
+one.
+
+References:
+    [GK] "Closing the Loop: Excitation-Driven Navigation".
+"""
 
 from collections.abc import Iterable
+from typing import Final, TypedDict, Unpack
 
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
-from neurosnap.agent.excited import Excited
 from neurosnap.agent.experience import Experience
 from neurosnap.agent.imagining_planner import ImaginingPlanner
 from neurosnap.agent.planner import Planner
-from neurosnap.agent.policy import EXPLORE, TRIES, AgentKind, Exploration, Policy
-from neurosnap.agent.random_walk import Walker
+from neurosnap.agent.policy import (
+    EXPLORE,
+    TRIES,
+    AgentKind,
+    Deliberation,
+    Exploration,
+    Policy,
+    checked_share,
+)
+from neurosnap.agent.random_numbers import RandomNumbers, pick
 from neurosnap.errors import InvalidValueError
+from neurosnap.system.compiled import njit
+
+
+class Walker:
+    """Decides at random.
+
+    Args:
+        choices: How many choices there are; 0 for a source that takes no actions.
+        seed: Draws the actions.
+    """
+
+    def __init__(self, choices: int, seed: int) -> None:
+        self._choices = np.arange(choices)
+        self._random = RandomNumbers(seed)
+
+    def decide(self, tick: int, state: NDArray[np.bool_]) -> Deliberation:
+        """Ask what one sensation of the state implies, and act at random all the same.
+
+        The sensation is drawn anew each tick: a wave that has to travel, where a state
+        wave finds every cell fired already. Where the state is empty nothing is asked.
+
+        Args:
+            tick: The tick whose state is known.
+            state: ``(2N,)``, the coherent state.
+        """
+        on, draws = np.flatnonzero(state), self._random.at(tick)
+        if len(on):
+            # A number of its own: what is asked must not change what is done.
+            yield [(pick(on, draws[1]),)]
+        if not self._choices.size:
+            return -1, "the source takes no actions"
+        return pick(self._choices, draws[0]), "random walk"
+
+    def grow(self, body: Body) -> None:
+        """Go on as before: what it does does not depend on its sensors."""
+
+
+SEEKS: Final = 0
+KEEPS: Final = 1
+EXPLORES: Final = 2
+LOST: Final = 3
+
+_WHY = {
+    SEEKS: "guarantees better",
+    KEEPS: "guarantees worse*; nothing guarantees better",
+    EXPLORES: "at random, to explore; nothing guarantees better",
+    LOST: "at random: nothing guarantees better or worse*",
+}
+
+
+class Excited:
+    """Decides by excitation.
+
+    Args:
+        body: Its sensors include `better` and `worse`.
+        seed: Draws among equals, and when to explore.
+        explore: The share of random actions where the best that can be guaranteed is
+            `worse*`, in [0, 1].
+
+    Raises:
+        InvalidValueError: The body has no such sensors or no actions, or `explore` is
+            out of range.
+    """
+
+    def __init__(self, body: Body, seed: int, explore: float = EXPLORE) -> None:
+        self._actions = Actions(body)
+        self._better, self._not_worse = drives(body)
+        self._explore = checked_share(explore)
+        self._random = RandomNumbers(seed)
+
+    def decide(self, tick: int, state: NDArray[np.bool_]) -> Deliberation:
+        """Ask for the consequences of every action, and take the best.
+
+        Args:
+            tick: The tick whose state is known.
+            state: ``(2N,)``, the coherent state.
+        """
+        closures = yield self._actions.signals(state)
+        bound = guaranteed(closures)
+        action, why = choose(
+            self._actions.admissible(closures),
+            bound[:, self._better],
+            bound[:, self._not_worse],
+            self._explore,
+            self._random.at(tick),
+        )
+        return int(action), _WHY[int(why)]
+
+    def grow(self, body: Body) -> None:
+        """Go on with a body that has grown, or retired, a sensor."""
+        self._actions = Actions(body)
+
+
+def drives(body: Body) -> tuple[int, int]:
+    """Return the literals `better` and `worse*` of a body.
+
+    Raises:
+        InvalidValueError: Its world has no such sensors.
+    """
+    if not {"better", "worse"}.issubset(body.own):
+        rule = "must have a world with the sensors better and worse"
+        raise InvalidValueError("agent excited", rule, list(body.own))
+    return 2 * body.own.index("better"), 2 * body.own.index("worse") + 1
+
+
+@njit()
+def choose(
+    possible: NDArray[np.bool_],
+    better: NDArray[np.bool_],
+    not_worse: NDArray[np.bool_],
+    explore: float,
+    draws: NDArray[np.float64],
+) -> tuple[int, int]:
+    """Return an action and why: `SEEKS`, `KEEPS`, `EXPLORES` or `LOST`.
+
+    Compiled, since experiments run the whole agent in one loop.
+
+    Args:
+        possible: ``(actions,)``: it can be taken.
+        better: ``(actions,)``: it guarantees `better`.
+        not_worse: ``(actions,)``: it guarantees `worse*`.
+        explore: The share of random actions.
+        draws: ``(WIDTH,)``, the tick's numbers.
+    """
+    options, why = possible & better, SEEKS
+    if not options.any():
+        options, why = possible & not_worse, KEEPS
+        if not options.any():
+            options, why = possible, LOST
+        elif draws[1] < explore:
+            options, why = possible, EXPLORES
+    chosen = int(draws[0] * options.sum())
+    for action in range(options.shape[0]):
+        if options[action]:
+            if chosen == 0:
+                return action, why
+            chosen -= 1
+    return 0, LOST  # never: somewhere an option is left
+
+
+class Aims(TypedDict, total=False):
+    """What a policy is to achieve, and how it explores."""
+
+    target: Iterable[str | int]
+    """For a planner: literals of the world's own, by name or number, to be achieved
+    jointly. One that imagines may have none: it explores."""
+    explore: Exploration
+    """The share of random actions; a walker's are all random. ``"planned"``: a planner
+    that imagines goes to the nearest action with an unknown outcome where it knows no
+    way to its target. `TRIES` of its actions are random if it has none."""
 
 
 def new_policy(
@@ -17,10 +191,9 @@ def new_policy(
     body: Body,
     seed: int,
     *,
-    target: Iterable[str | int] = (),
-    explore: Exploration = EXPLORE,
     imagine: int = 0,
     experience: Experience | None = None,
+    **aims: Unpack[Aims],
 ) -> Policy:
     """Return a policy.
 
@@ -28,19 +201,15 @@ def new_policy(
         kind: ``"walker"``, ``"excited"`` or ``"planner"``.
         body: What is sensed and done.
         seed: Draws whatever is random.
-        target: For a planner: literals of the world's own, by name or number.
-        explore: The share of random actions; a walker's are all random. Planned: a
-            planner that imagines goes to the nearest action with an unknown outcome
-            where it knows no way to its target. `TRIES` of its actions are random if it
-            has none.
         imagine: For a planner: how many states it may imagine for a decision; 0: it
             looks one step ahead.
         experience: What a planner that imagines has to know.
+        aims: Its target, and how it explores.
 
     Raises:
         InvalidValueError: What is given does not go with the kind, or the body with it.
     """
-    target = tuple(target)
+    target, explore = tuple(aims.get("target", ())), aims.get("explore", EXPLORE)
     if kind != "planner" and target:
         # An excited agent's is a place, and its world's to know.
         who = "a planner or an excited agent" if kind == "walker" else "a planner only"

@@ -14,6 +14,8 @@ three a day or two an hour, whichever has more evidence. They are e-detectors in
 sense of Shin, Ramdas and Rinaldo (2022) as far as the rates are right.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,37 +41,45 @@ _MOST = 3.0
 """What one step with an activation can say for ``more``: one alone is no alarm."""
 
 
+class JudgedSteps(NamedTuple):
+    """What some steps are judged by: what was read, and what was to be expected."""
+
+    rates: Floats
+    """``(4, steps, sensors)``: by which the first three clocks go on a step; the last
+    is the rate a step that ``more`` is judged by."""
+    heard: NDArray[np.bool_]
+    """``(steps, sensors)``, whether others were active lately."""
+    came_on: NDArray[np.int32]
+    """``(steps, sensors)``, how often each came on."""
+    longest: NDArray[np.float32]
+    """``(steps, sensors)``, seconds."""
+    valid: NDArray[np.bool_]
+    """``(steps, sensors)``; nothing changes where false."""
+
+
 @njit(nogil=True)
 def follow(
     clocks: Floats,
     sums: Floats,
     scales: Floats,
     least: float,
-    rates: Floats,
-    heard: NDArray[np.bool_],
-    came_on: NDArray[np.int32],
-    longest: NDArray[np.float32],
-    valid: NDArray[np.bool_],
+    judged: JudgedSteps,
     trace: Floats,
     expected: Floats,
 ) -> None:
-    """Take steps, and change the evidence in place.
+    """Go on with the evidence by some steps.
 
     Args:
         clocks: ``(4, sensors)``, since a sensor last came on; changed.
         sums: ``(3, sensors)``, less, and more by few and by many; changed.
         scales: ``(4, sensors)``, the usual course of the clocks.
         least: The least rate a step that is ever expected.
-        rates: ``(4, steps, sensors)``: by which the first three clocks go on a step;
-            the last is the rate a step that ``more`` is judged by.
-        heard: ``(steps, sensors)``, whether others were active lately.
-        came_on: ``(steps, sensors)``.
-        longest: ``(steps, sensors)``, seconds.
-        valid: ``(steps, sensors)``; nothing changes where false.
+        judged: The steps.
         trace: ``(steps, sensors, 5)``, the evidence of each kind; written.
         expected: ``(steps, sensors)``, how many activations were to be expected since
             the last, by the first clock; written.
     """
+    rates, heard, came_on, longest, valid = judged
     steps, sensors = came_on.shape
     for step in range(steps):
         for sensor in range(sensors):

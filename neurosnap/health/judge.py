@@ -16,6 +16,7 @@ from neurosnap.health.evidence import (
     SILENT,
     STUCK,
     SUMS,
+    JudgedSteps,
     follow,
     speaks,
 )
@@ -133,16 +134,13 @@ class Judge:
         near = heard(self.recent)[-1:]
         trace = np.zeros((1, *self.evidence.shape))
         expected = np.zeros((1, len(self.kind)))
+        read = came_on[None], longest[None], valid[None]
         follow(
             self.clocks,
             self.sums,
             learned.scales,
             learned.least,
-            rates,
-            near,
-            came_on[None],
-            longest[None],
-            valid[None],
+            JudgedSteps(rates, near, *read),
             trace,
             expected,
         )

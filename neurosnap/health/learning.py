@@ -6,7 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.health import expectation
-from neurosnap.health.evidence import CLOCKS, KINDS, SUMS, USUAL, WORTH, follow, peaks
+from neurosnap.health.evidence import (
+    CLOCKS,
+    KINDS,
+    SUMS,
+    USUAL,
+    WORTH,
+    JudgedSteps,
+    follow,
+    peaks,
+)
 from neurosnap.health.expectation import WINDOWS
 from neurosnap.health.steps import DAY, WEEK, Steps
 from neurosnap.health.tail import tail_of
@@ -78,11 +87,7 @@ def learn(steps: Steps, valid: Flags) -> LearnedRates:
         np.zeros((SUMS, sensors)),
         scales,
         least,
-        rates,
-        near,
-        steps.came_on,
-        steps.longest,
-        valid,
+        JudgedSteps(rates, near, steps.came_on, steps.longest, valid),
         trace,
         np.zeros((count, sensors)),
     )

@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body
-from neurosnap.agent.excited import Excited
 from neurosnap.agent.planner import Planner, subgoals
-from neurosnap.agent.policies import new_policy
+from neurosnap.agent.policies import Excited, new_policy
 from neurosnap.agent.policy import AgentKind, Policy
 from neurosnap.agent.random_numbers import RandomNumbers
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot

@@ -14,7 +14,7 @@ from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body
 from neurosnap.agent.growth.growth import Growth
 from neurosnap.agent.memory import AgentMemory
-from neurosnap.agent.random_walk import Walker
+from neurosnap.agent.policies import Walker
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.world import World

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import pytest
 
 from neurosnap import wire
-from neurosnap.agent.random_walk import Walker
+from neurosnap.agent.policies import Walker
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.poc.order.graph import WiringKind
 from neurosnap.protocol.coordinator import Coordinator

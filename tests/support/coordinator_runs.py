@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
+from neurosnap.agent.policies import Walker
 from neurosnap.agent.policy import Closures, Deliberation, Policy
-from neurosnap.agent.random_walk import Walker
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.coordinator import Coordinator

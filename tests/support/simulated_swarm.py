@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TypeAlias
 
 from neurosnap import wire
-from neurosnap.agent.random_walk import Walker
+from neurosnap.agent.policies import Walker
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.sent_wiring import SentWiring

@@ -11,9 +11,8 @@ from gymnasium.spaces import Discrete, MultiBinary
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body
 from neurosnap.agent.planner import Planner
-from neurosnap.agent.policies import new_policy
+from neurosnap.agent.policies import Walker, new_policy
 from neurosnap.agent.policy import AgentKind
-from neurosnap.agent.random_walk import Walker
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
 from neurosnap.sensorium import Sensorium

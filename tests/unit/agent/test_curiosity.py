@@ -5,8 +5,7 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
 from neurosnap.agent.curiosity import Curiosity, ImaginedState, Trial
-from neurosnap.agent.experience import Experience
-from neurosnap.agent.surprises import BEGINNING
+from neurosnap.agent.experience import BEGINNING, Experience
 
 BODY = Body.full(["a", "b", "c"], ["go", "stay"])
 

@@ -9,8 +9,8 @@ import pytest
 
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
-from neurosnap.agent.excited import Excited
 from neurosnap.agent.planner import Planner, subgoals
+from neurosnap.agent.policies import Excited
 from neurosnap.agent.policy import Policy
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import Sensorium

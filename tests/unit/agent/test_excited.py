@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
-from neurosnap.agent.excited import (
+from neurosnap.agent.policies import (
     EXPLORES,
     KEEPS,
     LOST,

@@ -4,8 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
-from neurosnap.agent.experience import Experience
-from neurosnap.agent.surprises import BEGINNING
+from neurosnap.agent.experience import BEGINNING, Experience
 
 BODY = Body.full(["wall", "goal", "coin"], ["go", "stay"])
 COIN = BODY.own.index("coin")

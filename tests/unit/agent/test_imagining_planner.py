@@ -8,10 +8,9 @@ import pytest
 from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
-from neurosnap.agent.experience import Experience
+from neurosnap.agent.experience import BEGINNING, Experience
 from neurosnap.agent.imagining_planner import ImaginingPlanner
 from neurosnap.agent.policy import Signal, decided
-from neurosnap.agent.surprises import BEGINNING
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.order.graph import PocGraph
 from tests.support.agent_oracles import complete, known, view

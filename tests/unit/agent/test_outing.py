@@ -7,8 +7,7 @@ import gymnasium
 import pytest
 
 from neurosnap.agent.agent import Agent
-from neurosnap.agent.environment import Continuing
-from neurosnap.agent.outing import Outing
+from neurosnap.agent.environment import Continuing, Outing
 from neurosnap.errors import InvalidValueError
 from world.toy_text import cliff_walking, frozen_lake
 

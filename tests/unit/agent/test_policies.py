@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from neurosnap.agent.body import Body
-from neurosnap.agent.excited import Excited
 from neurosnap.agent.planner import Planner
-from neurosnap.agent.policies import new_policy
+from neurosnap.agent.policies import Excited, Walker, new_policy
 from neurosnap.agent.policy import AgentKind
-from neurosnap.agent.random_walk import Walker
 from neurosnap.errors import InvalidValueError
 from tests.support.deliberations import decided
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from neurosnap.agent.random_walk import Walker
+from neurosnap.agent.policies import Walker
 from tests.support.deliberations import asked, decided
 
 Bits = NDArray[np.bool_]

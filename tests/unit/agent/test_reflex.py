@@ -4,8 +4,7 @@ import numpy as np
 
 from neurosnap.agent.body import Body
 from neurosnap.agent.experience import Experience
-from neurosnap.agent.planner import Planner
-from neurosnap.agent.reflex import Reflex
+from neurosnap.agent.planner import Planner, Reflex
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import Sensorium, complete
 from tests.support.deliberations import decided_by

@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.health.budget import parse_budget, shares
-from neurosnap.health.evidence import CLOCKS, KINDS, SUMS, follow, peaks
+from neurosnap.health.evidence import CLOCKS, KINDS, SUMS, JudgedSteps, follow, peaks
 from neurosnap.health.expectation import features, fitted, learned
 from neurosnap.health.steps import steps_of
 from neurosnap.health.tail import MEAN, RATE, SHAPE, START, tail_of, weekly
@@ -62,11 +62,7 @@ def test_evidence_is_its_definition(
         np.zeros((SUMS, 1)),
         scales,
         1e-3,
-        rates,
-        heard,
-        came_on,
-        longest,
-        np.ones((12, 1), np.bool_),
+        JudgedSteps(rates, heard, came_on, longest, np.ones((12, 1), np.bool_)),
         trace,
         due,
     )

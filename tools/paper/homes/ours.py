@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.health.budget import parse_budget, shares
-from neurosnap.health.evidence import follow, speaks
+from neurosnap.health.evidence import JudgedSteps, follow, speaks
 from neurosnap.health.expectation import WINDOWS, features
 from neurosnap.health.judge import WELL, Judge
 from neurosnap.health.learning import LearnedRates, heard, per_step
@@ -139,11 +139,13 @@ class Ours:
             np.ascontiguousarray(judge.sums[:, one]),
             np.ascontiguousarray(learned.scales[:, one]),
             learned.least,
-            np.ascontiguousarray(rates[:, :, one]),
-            np.ascontiguousarray(near[:, one]),
-            own.came_on[:count],
-            own.longest[:count],
-            np.ones((count, 1), np.bool_),
+            JudgedSteps(
+                rates=np.ascontiguousarray(rates[:, :, one]),
+                heard=np.ascontiguousarray(near[:, one]),
+                came_on=own.came_on[:count],
+                longest=own.longest[:count],
+                valid=np.ones((count, 1), np.bool_),
+            ),
             trace,
             due,
         )
