@@ -83,24 +83,6 @@ def test_a_cut_recording_is_exported_with_a_word_of_it(
         assert 0 < len(list(csv.DictReader(file))) <= TICKS
 
 
-def test_what_is_wrong_is_told_and_nothing_written(log: Path, tmp_path: Path) -> None:
-    taken = tmp_path / "taken.csv"
-    taken.touch()
-    for given in (
-        ("-o", tmp_path / "a.xls"),
-        ("-o", tmp_path / "a.csv", "--at", 3),
-        ("-o", tmp_path / "a.mcap", "--at", 3),
-        ("--out", taken),
-        ("--out", tmp_path / "none" / "out.csv"),
-    ):
-        result = call("export", log, *given)
-        assert (result.exit_code, result.stdout) == (2, "")
-        assert result.stderr.startswith("error: ")
-    assert [path.name for path in tmp_path.iterdir()] == ["taken.csv"]
-    assert call("export", tmp_path / "none.mcap").exit_code == 2
-    assert call("export", taken).exit_code == 1
-
-
 def ended(number: signal.Signals, log: Path, out: Path) -> Result:
     """Export, and be sent a signal when half of it is written."""
     whole = write.write_csv

@@ -14,7 +14,7 @@ from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime.parts import health_listener
 from neurosnap.runtime.parts.health_listener import HealthListener, Past
-from tests.support.command_line import call, happy, refused
+from tests.support.command_line import call, happy
 from tests.support.lived_in import SENSORS, START, lived_in
 from tests.support.patience import PATIENCE
 from tests.support.rewritten_recordings import sent_at
@@ -64,14 +64,6 @@ def test_the_same_as_json(home: Path) -> None:
 def test_a_window_that_opens_again_and_again_is_not_silent_in_between() -> None:
     """Nothing was expected of it meanwhile, however short its silences are mostly."""
     assert happy("health", DATABASE)["alarms"] == []
-
-
-def test_what_cannot_be_is_refused(home: Path, tmp_path: Path) -> None:
-    said = refused("health", home, "--alarms", "often")
-    assert "alarms: must be a number a hour, day, week or month" in said
-    table = tmp_path / "table.csv"
-    table.write_text("a,b\n0,1\n1,0\n")
-    assert "data: must say when each reading was" in refused("health", table)
 
 
 @pytest.fixture(scope="module")

@@ -126,18 +126,6 @@ def test_little_data_is_said_to_be_little(tmp_path: Path) -> None:
     assert happy("learn", data, "--threshold", "auto")["learned"] == "threshold auto"
 
 
-def test_wrong_use_is_refused(tmp_path: Path, log: Path) -> None:
-    assert "out: must end with one of .csv" in refused("learn", READINGS, "-o", "a.png")
-    assert "must have this sensor" in refused("learn", READINGS, "--sensors", "nobody")
-    assert "when: must be like" in refused("learn", READINGS, "--when", "warm")
-    assert "must not go with a recording" in refused("learn", log, "--time", "then")
-    assert "threshold: must be in" in refused("learn", READINGS, "--threshold", 2)
-    assert "can be read" in refused("learn", tmp_path / "none.csv")
-    assert "out: must go with the table" in refused(
-        "learn", log, "--format", "dot", "--out", tmp_path / "a.csv"
-    )
-
-
 def test_more_sensors_than_fit_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -16,7 +16,6 @@ from tests.support.command_line import (
 from tests.support.command_line_files import (
     changed,
     cut,
-    foreign,
     readings,
     record_path,
 )
@@ -61,24 +60,6 @@ def test_a_truncated_recording_is_lacking(log: Path, tmp_path: Path) -> None:
     assert "the recording is incomplete" in result.stderr
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [("verify", "LOG"), ("resume", "LOG"), ("play", "LOG"),
-     ("info", "LOG"), ("depth", "LOG")],
-    ids=" ".join,
-)  # fmt: skip
-def test_what_is_no_recording_is_an_error_that_names_it(
-    tmp_path: Path, arguments: tuple[str, ...]
-) -> None:
-    strange, none = foreign(tmp_path / "strange.zip"), tmp_path / "none.mcap"
-    for path, told in ((strange, failed), (none, refused), (tmp_path, refused)):
-        given = [path if argument == "LOG" else argument for argument in arguments]
-        with pytest.MonkeyPatch.context() as patch:
-            patch.chdir(tmp_path)
-            assert str(path) in told(*given)
-    assert list(tmp_path.iterdir()) == [strange]
-
-
 def test_a_run_goes_on(log: Path, tmp_path: Path) -> None:
     out = tmp_path / "more.mcap"
     facts = happy("resume", log, "--ticks", 42, "--out", out)
@@ -106,17 +87,6 @@ def test_a_run_of_a_file_goes_on_to_the_end_of_the_file(
     csv.unlink()
     assert "No such file" in refused("resume", log, "--out", again)
     assert not again.exists()
-
-
-@pytest.mark.parametrize("ticks", [30, 1, 0, -4])
-def test_a_run_does_not_go_on_to_where_it_has_been(
-    log: Path, tmp_path: Path, ticks: int
-) -> None:
-    out = tmp_path / "out.mcap"
-    text = refused("resume", log, "--ticks", ticks, "--out", out)
-    assert "ticks: must be more than the 30 there are" in text
-    assert f"got {ticks}" in text
-    assert not out.exists()
 
 
 def test_a_tampered_run_does_not_go_on(log: Path, tmp_path: Path) -> None:

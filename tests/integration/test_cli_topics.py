@@ -75,26 +75,3 @@ async def test_a_look_at_a_broker_gives_a_file_that_runs(
         wanted = {"bath_motion": False, "kitchen_motion": True, "door_contact": True}
         with closing(source):
             await until(source, lambda reading: reading == wanted)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
-        (["a:b"], "broker: must be HOST or HOST:PORT, got 'a:b'"),
-        (["a", "--topic", "a+"], "topic: must be a topic filter"),
-        (["a", "--out", "a.txt"], "out: must end with .toml, got 'a.txt'"),
-        (["a", "--out", "away/a.toml"], "out: must be in a folder that exists"),
-        (["a", "--out", "there.toml"], "out: must not exist yet, or come with --force"),
-        (["a", "--ca-file", "a.pem"], "ca_file: must go with tls"),
-        (["a", "--seconds", "0"], "--seconds"),
-    ],
-)
-def test_what_is_wrong_is_said_before_anything_is_listened_to(
-    arguments: list[str], text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("there.toml").write_text("# mine\n")
-    result = call("init", "topics", *arguments)
-    assert result.exit_code == 2
-    assert text in " ".join(result.stderr.split())
-    assert Path("there.toml").read_text() == "# mine\n"

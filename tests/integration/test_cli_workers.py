@@ -5,9 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
-from neurosnap.apps.cli import app
 from tests.support.commands import Command
 from tests.support.patience import PATIENCE
 
@@ -23,13 +21,6 @@ def facts(folder: Path, *arguments: object) -> dict[str, Any]:
         assert command.wait(PATIENCE) == 0, errors
     found: dict[str, Any] = json.loads(output.splitlines()[-1])
     return found
-
-
-def refused(*arguments: object) -> str:
-    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
-    assert result.exit_code == 2, result.output
-    assert result.stdout == ""
-    return " ".join(result.stderr.split())
 
 
 def test_a_run_in_workers_verifies_and_goes_on(tmp_path: Path) -> None:
@@ -53,28 +44,3 @@ def test_depth_is_measured_in_workers(tmp_path: Path) -> None:
     random = facts(tmp_path, "depth", *shared, *order, "--force")
     assert [row["depth"] for row in random["rows"]] == [5, 5, 20, 20]
     assert {row["pulses"] for row in random["rows"]} == {2000}
-
-
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
-        (("run", PATH, "--cells", "worker", "--workers", 0), "workers: "),
-        (
-            ("run", PATH, "--cells", "worker", "--workers", 21),
-            "workers: must be at least 1 and at most the cells, 20, got 21",
-        ),
-        (
-            ("depth", "--heights", 3, "--cells", "worker", "--workers", 5),
-            "workers: must be at least 1 and at most the cells, 4, got 5",
-        ),
-        (("depth", "--heights", 3, "--edges", 7), "edges: must be even, 6 to 6, got 7"),
-        (
-            ("depth", "--heights", 3, "--edges", 6, "--wiring", "derived"),
-            "wiring: must be \"hasse\" for a random order, got 'derived'",
-        ),
-    ],
-)
-def test_what_cannot_be_shared_out_is_refused(
-    arguments: tuple[object, ...], text: str
-) -> None:
-    assert text in refused(*arguments)

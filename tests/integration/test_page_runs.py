@@ -16,7 +16,6 @@ from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.server import serving
 from neurosnap.apps.viewer.session import ViewSession
 from neurosnap.recording.read.recording import Recording
-from tests.support import browser_pages as pages
 from tests.support.browser_pages import (
     IN_BROWSER,
     derived,
@@ -36,7 +35,7 @@ from tests.support.recorded_runs import (
     scripted_run,
     without_states,
 )
-from tools.browser import started, wait_shown
+from tools.browser import wait_shown
 
 pytestmark = IN_BROWSER
 
@@ -269,43 +268,6 @@ async def test_news_is_taken_in_one_after_the_other(
         await expect(page.locator("#badge")).to_contain_text("ended")
 
 
-@pytest.mark.slow
-async def test_a_link_that_is_back_may_be_to_another_recording(path_log: Path) -> None:
-    async with opened(path_log) as page:
-        told = await page.evaluate(
-            """async () => {
-                const { follow } = await import("/run/live.js");
-                const [stream, told] = [new EventTarget(), []];
-                const tell = (what) => told.push(what);
-                follow(() => stream, tell, tell);
-                for (const name of ["open", "error", "error", "open"]) {
-                    stream.dispatchEvent(new Event(name));
-                }
-                return told;
-            }"""
-        )
-    assert told == [True, False, False, True, {"reset": True}]
-
-
-@pytest.mark.slow
-async def test_a_browser_that_has_gone_spoils_no_later_test(
-    path_log: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    async with started() as gone:
-        pass
-    assert not gone.is_connected()
-    monkeypatch.setattr(pages, "shared", [gone])
-    async with opened(path_log, "#t=3") as page:
-        assert await shown_tick(page) == 3
-
-
-@pytest.mark.slow
-async def test_what_was_strange_is_said() -> None:
-    with pytest.raises(AssertionError, match=r"strange: \['something odd'\]"):
-        async with looked_at("about:blank") as page, page.expect_console_message():
-            await page.evaluate("console.error('something odd')")
-
-
 @pytest.fixture(scope="module")
 def long_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return recorded(path_run(LONG), tmp_path_factory.mktemp("long") / "long.mcap")
@@ -337,19 +299,6 @@ async def test_a_recording_that_is_deleted_is_said_to_be(
             f"this is tick 5, not tick {FAR}"
         )
         assert "not recorded" not in await notice.inner_text()
-
-
-@pytest.mark.slow
-async def test_what_is_asked_for_once_a_recording_is_gone_is_no_gap(
-    long_log: Path, tmp_path: Path
-) -> None:
-    log = tmp_path / "run.mcap"
-    shutil.copy(long_log, log)
-    async with serving(ViewSession(log)) as address:
-        log.unlink()
-        status, body = await get(address, f"/api/frames?from={FAR}&to={FAR}")
-        assert status == 500
-        assert b"run.mcap was deleted or moved" in body
 
 
 @pytest.mark.slow
@@ -428,25 +377,6 @@ async def test_a_slow_seek_shows_that_it_lasts(long_log: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("site", "words"),
-    [
-        ("none", "This browser has not been let in yet."),
-        ("cross-site", "Copy the link, and paste it into the address bar."),
-    ],
-)
-async def test_who_is_not_let_in_is_told_what_to_do(
-    long_log: Path, site: str, words: str
-) -> None:
-    async with serving(ViewSession(long_log)) as address:
-        told = [f"Sec-Fetch-Site: {site}", "Sec-Fetch-Dest: document"]
-        status, body = await get(address, "/", *told, token=False)
-        assert status in (401, 403)
-        assert words in body.decode()
-        assert address.token not in body.decode()
-
-
-@pytest.mark.slow
 async def test_a_link_brings_what_was_looked_at(planner_log: Path) -> None:
     async with opened(planner_log, "#t=12") as page:
         await page.click("#tab-sensors")
@@ -467,23 +397,6 @@ async def test_a_link_brings_what_was_looked_at(planner_log: Path) -> None:
         assert await page.inner_text("#choice-title") == name
         assert await page.locator("#wave-which").input_value() == waves[1]
         assert await page.locator("#sensors").is_visible()
-
-
-@pytest.mark.slow
-async def test_a_link_to_an_edge_selects_it_and_a_bad_one_is_said(
-    planner_log: Path,
-) -> None:
-    async with opened(planner_log, "#t=12&edge=0-2") as page:
-        await expect(page.locator("#choice-title")).to_have_text("Selected edge")
-    async with opened(planner_log, "#t=12&edge=0-9999") as page:
-        await expect(page.locator("#notice")).to_have_text(
-            "there is no edge 0-9999 here"
-        )
-    async with opened(planner_log, "#t=12&sensor=nobody&tab=none") as page:
-        await go_to(page, 12)
-        await expect(page.locator("#notice")).to_have_text(
-            "there is no sensor nobody here"
-        )
 
 
 @pytest.fixture
@@ -548,60 +461,6 @@ async def test_a_tick_that_was_not_recorded_is_said_and_stepped_over(
 
 
 @pytest.mark.slow
-async def test_a_server_that_is_gone_is_not_asked_again_and_again(
-    path_log: Path,
-) -> None:
-    async with opened(path_log) as page:
-        asked = await page.evaluate(
-            """async () => {
-                const { FrameCache } = await import("/run/frames.js");
-                const later = [];
-                const set = window.setTimeout;
-                window.setTimeout = (act) => later.push(act);
-                const asked = [];
-                const frameCache = new FrameCache(async (from) => {
-                    asked.push(from);
-                    throw new Error("gone");
-                });
-                frameCache.last = 300;
-                const frame = async () => {
-                    frameCache.prefetch(5);
-                    await frameCache.at(5).catch(() => {});
-                };
-                for (let k = 0; k < 20; k += 1) await frame();
-                for (const act of later) act();
-                await frame();
-                window.setTimeout = set;
-                return asked;
-            }"""
-        )
-    assert asked == [120, 5, 120, 5]
-
-
-@pytest.mark.slow
-async def test_the_tick_that_is_wanted_does_not_wait_for_its_block(
-    path_log: Path,
-) -> None:
-    async with opened(path_log) as page:
-        asked, tick = await page.evaluate(
-            """async () => {
-                const { FrameCache } = await import("/run/frames.js");
-                const asked = [];
-                const frameCache = new FrameCache(async (from, to) => {
-                    asked.push([from, to]);
-                    if (from !== to) await new Promise(() => {}); // it takes long
-                    return [{ tick: from }];
-                });
-                frameCache.last = 300;
-                frameCache.ask(130);
-                return [asked, (await frameCache.at(150)).tick];
-            }"""
-        )
-    assert asked == [[120, 239], [150, 150]]
-    assert tick == 150
-
-
-@pytest.mark.slow
 async def test_what_is_wrong_is_said_until_it_is_no_longer_so(
     path_log: Path, tmp_path: Path
 ) -> None:
@@ -635,32 +494,6 @@ async def test_what_is_wrong_is_said_until_it_is_no_longer_so(
         await page.click("#tab-raster")
         await expect(notice).not_to_contain_text("not so")
         await expect(notice).to_have_text(CUT)
-
-
-@pytest.mark.slow
-async def test_a_question_that_is_dropped_while_it_is_answered_is_no_error(
-    path_log: Path,
-) -> None:
-    async with opened(path_log) as page:
-        said = await page.evaluate(
-            """async () => {
-                const { fetchEdge } = await import("/base/api.js");
-                const drop = new AbortController();
-                const real = window.fetch;
-                window.fetch = async (what, { signal }) => {
-                    const body = new ReadableStream({
-                        start: (into) => signal.addEventListener("abort", () =>
-                            into.error(signal.reason)),
-                        pull: () => drop.abort(),
-                    });
-                    return new Response(body);
-                };
-                const said = await fetchEdge(0, 2, 1, drop.signal).catch(({ name }) => name);
-                window.fetch = real;
-                return said;
-            }"""
-        )
-    assert said == "AbortError"
 
 
 @pytest.mark.slow
@@ -771,14 +604,145 @@ async def test_the_address_is_written_once_one_stays(path_log: Path) -> None:
         await wait_shown(page, 35)
         await expect(page).to_have_url(re.compile(r"#t=35$"))
         assert await page.evaluate("window.written") == ["/#t=35"]
-        assert (
-            await page.evaluate(
-                """async () => {
-                const { page } = await import("/main.js");
-                page.time.player.follow();
-                page.time.timeline._keep();
-                return location.hash;
-            }"""
-            )
-            == ""
+        await page.evaluate(
+            "import('/main.js').then(({ page }) => page.time.player.follow())"
         )
+        await expect(page).to_have_url(re.compile(r"/$"))
+
+
+@pytest.mark.slow
+async def test_what_the_server_says_without_a_page(
+    long_log: Path, tmp_path: Path
+) -> None:
+    log = tmp_path / "run.mcap"
+    shutil.copy(long_log, log)
+    async with serving(ViewSession(log)) as address:
+        for site, words in {
+            "none": "This browser has not been let in yet.",
+            "cross-site": "Copy the link, and paste it into the address bar.",
+        }.items():
+            told = [f"Sec-Fetch-Site: {site}", "Sec-Fetch-Dest: document"]
+            status, body = await get(address, "/", *told, token=False)
+            assert status in (401, 403)
+            assert words in body.decode()
+            assert address.token not in body.decode()
+        log.unlink()
+        status, body = await get(address, f"/api/frames?from={FAR}&to={FAR}")
+        assert (status, b"run.mcap was deleted or moved" in body) == (500, True)
+
+
+@pytest.mark.slow
+async def test_a_link_to_an_edge_selects_it_and_a_bad_one_is_said(
+    planner_log: Path,
+) -> None:
+    for link, where, said in [
+        ("edge=0-2", "#choice-title", "Selected edge"),
+        ("edge=0-9999", "#notice", "there is no edge 0-9999 here"),
+        ("sensor=nobody&tab=none", "#notice", "there is no sensor nobody here"),
+    ]:
+        async with opened(planner_log, f"#t=12&{link}") as page:
+            await expect(page.locator(where)).to_have_text(said)
+
+
+FRAMES = """
+    const { FrameCache } = await import("/run/frames.js");
+    const asked = [];
+"""
+ALONE = {
+    "a link that is back may be to another recording": (
+        """
+        const { follow } = await import("/run/live.js");
+        const [stream, told] = [new EventTarget(), []];
+        const tell = (what) => told.push(what);
+        follow(() => stream, tell, tell);
+        for (const name of ["open", "error", "error", "open"]) {
+            stream.dispatchEvent(new Event(name));
+        }
+        return told;
+        """,
+        [True, False, False, True, {"reset": True}],
+    ),
+    "a server that is gone is not asked again and again": (
+        FRAMES
+        + """
+        const later = [];
+        const set = window.setTimeout;
+        window.setTimeout = (act) => later.push(act);
+        const frameCache = new FrameCache(async (from) => {
+            asked.push(from);
+            throw new Error("gone");
+        });
+        frameCache.last = 300;
+        const frame = async () => {
+            frameCache.prefetch(5);
+            await frameCache.at(5).catch(() => {});
+        };
+        for (let k = 0; k < 20; k += 1) await frame();
+        for (const act of later) act();
+        await frame();
+        window.setTimeout = set;
+        return asked;
+        """,
+        [120, 5, 120, 5],
+    ),
+    "the tick that is wanted does not wait for its block": (
+        FRAMES
+        + """
+        const frameCache = new FrameCache(async (from, to) => {
+            asked.push([from, to]);
+            if (from !== to) await new Promise(() => {}); // it takes long
+            return [{ tick: from }];
+        });
+        frameCache.last = 300;
+        frameCache.ask(130);
+        return [...asked, (await frameCache.at(150)).tick, ...asked.slice(1)];
+        """,
+        [[120, 239], 150, [150, 150]],
+    ),
+    "a question that is dropped while it is answered is no error": (
+        """
+        const { fetchEdge } = await import("/base/api.js");
+        const drop = new AbortController();
+        const real = window.fetch;
+        window.fetch = async (what, { signal }) => {
+            const body = new ReadableStream({
+                start: (into) => signal.addEventListener("abort", () =>
+                    into.error(signal.reason)),
+                pull: () => drop.abort(),
+            });
+            return new Response(body);
+        };
+        const said = await fetchEdge(0, 2, 1, drop.signal).catch(({ name }) => name);
+        window.fetch = real;
+        return said;
+        """,
+        "AbortError",
+    ),
+    "a frame that is early or late skips no tick": (
+        """
+        const { Player } = await import("/time/player.js");
+        const player = new Player({ ready: () => true, move() {}, change() {} });
+        player.setRange(1, 1000);
+        player.setSpeed(60);
+        player.play();
+        const late = (k) => 0.4 * Math.sin(7 * k); // of a frame
+        const frames = Array.from({ length: 599 }, (_, k) => (k + 1 + late(k)) * 1000 / 60);
+        const shown = [0, ...frames].map((frame) => {
+            player._advance(frame);
+            return player.tick;
+        });
+        player.pause();
+        return shown;
+        """,
+        list(range(1, 601)),
+    ),
+}
+"""What parts of the page do by themselves, and what comes of it."""
+
+
+@pytest.mark.slow
+async def test_each_part_does_its_own(path_log: Path) -> None:
+    async with opened(path_log) as page:
+        for what, (script, expected) in ALONE.items():
+            found = await page.evaluate(f"async () => {{ {script} }}")
+            assert found == expected, what

@@ -15,7 +15,7 @@ from neurosnap.apps.viewer.session import ViewSession
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.replay import Replay
 from neurosnap.sensorium import unpack
-from tools.browser import NO_BROWSER, Scheme, chromium, new_page, started, wait_shown
+from tools.browser import NO_BROWSER, Scheme, chromium, new_page, wait_shown
 
 IN_BROWSER = [
     pytest.mark.skipif(chromium() is None, reason=NO_BROWSER),
@@ -77,7 +77,7 @@ async def looked_at(
         if not asked.startswith(home):
             strange.append(asked)
 
-    async with _living() as browser, new_page(browser, scheme, still=still) as page:
+    async with new_page(shared[-1], scheme, still=still) as page:
         page.on("console", on_console)
         page.on("crash", lambda _: strange.append("the page crashed"))
         page.on("pageerror", lambda error: strange.append(str(error)))
@@ -86,19 +86,6 @@ async def looked_at(
         yield page
     # Pytest rewrites no asserts here: without a message it would not say what.
     assert strange == [], f"strange: {strange}"
-
-
-@asynccontextmanager
-async def _living() -> AsyncIterator[Browser]:
-    """Give the tests' browser, or another if it has crashed in an earlier test.
-
-    The other one ends with the test, which has to leave no task behind.
-    """
-    if shared[-1].is_connected():
-        yield shared[-1]
-    else:
-        async with started() as another:
-            yield another
 
 
 async def go_to(page: Page, tick: int) -> None:

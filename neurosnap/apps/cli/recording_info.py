@@ -15,9 +15,8 @@ import msgspec
 from neurosnap import wire
 from neurosnap.apps.cli.output import in_ranges
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.format import schemas
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.format.records import Attached, Cut, damaged_in
+from neurosnap.recording.format.records import Cut, damaged_in
 from neurosnap.recording.read.recording import Recording, first_path, part_paths
 from neurosnap.recording.replay.births import RecordedBirth, births_of
 
@@ -26,22 +25,11 @@ _CLOCKS_BEGIN = 946_684_800 * _SECOND
 """The year 2000; times before it come from clocks that do not count from 1970."""
 
 
-class Channel(msgspec.Struct, frozen=True):
-    """One topic."""
-
-    topic: str
-    schema: str
-    messages: int
-    rate: float
-    """Messages a second over the whole recording; 0 where that took no time."""
-
-
 class Info(msgspec.Struct, frozen=True):
     """What is in a recording."""
 
     path: str
     size: int
-    library: str
     messages: int
     start: int
     """When the first message was recorded, nanoseconds since the epoch; 0: none."""
@@ -50,13 +38,8 @@ class Info(msgspec.Struct, frozen=True):
     duration: float
     """Seconds from `start` to `end`."""
     chunks: int
-    unpacked: int
-    """Bytes of the messages before they were compressed."""
-    packed: int
-    """Bytes of them in the file."""
-    channels: tuple[Channel, ...]
-    """Those with any messages."""
-    attachments: tuple[Attached, ...]
+    channels: dict[str, int]
+    """The messages of each topic that has any."""
     metadata: dict[str, str]
     """What was written of the run at its start."""
     totals: dict[str, str] | None
@@ -102,16 +85,12 @@ def describe(recording: Recording) -> Info:
     return Info(
         path=str(recording.path),
         size=layout.size,
-        library=layout.library,
         messages=counts.total(),
         start=start,
         end=end,
         duration=(end - start) / _SECOND,
         chunks=len(layout.chunks),
-        unpacked=sum(chunk.unpacked for chunk in layout.chunks),
-        packed=sum(chunk.packed for chunk in layout.chunks),
-        channels=_channels(counts, (end - start) / _SECOND),
-        attachments=tuple(layout.attachments.values()),
+        channels={topic: counts[topic] for topic in wire.TOPICS if counts[topic]},
         metadata=recording.metadata,
         totals=_without_balance(recording.totals),
         completeness=completeness,
@@ -204,19 +183,6 @@ def _read_through(
     return counts, start, end, recording.balance(sequences)
 
 
-def _channels(counts: Counter[str], duration: float) -> tuple[Channel, ...]:
-    return tuple(
-        Channel(
-            topic=f"/{topic}",
-            schema=schemas.name(message),
-            messages=counts[topic],
-            rate=counts[topic] / duration if duration > 0 else 0.0,
-        )
-        for topic, message in wire.TOPICS.items()
-        if counts[topic]
-    )
-
-
 def _without_balance(totals: dict[str, str] | None) -> dict[str, str] | None:
     if totals is None:
         return None
@@ -240,25 +206,19 @@ def _lines(info: Info) -> Iterator[str]:
     yield from _texts("totals:", info.totals or {})
     yield from _table(
         (
-            ("library:", shown(info.library)),
             ("messages:", str(info.messages)),
             ("duration:", str(timedelta(microseconds=(info.end - info.start) // 1000))),
             ("start:", _moment(info.start)),
             ("end:", _moment(info.end)),
             ("size:", f"{_bytes(info.size)} in {info.chunks} chunks"),
-            ("unpacked:", f"{_bytes(info.unpacked)}, packed {_bytes(info.packed)}"),
         )
     )
     if info.channels:
         yield "channels:"
-    width = max((len(str(one.messages)) for one in info.channels), default=0)
+    width = max((len(str(count)) for count in info.channels.values()), default=0)
     yield from _table(
-        (f"\t{one.topic}", f"{one.messages:{width}} msgs ({one.rate:.2f} Hz)")
-        for one in info.channels
-    )
-    yield from _texts(
-        "attachments:",
-        {one.name: f"{_bytes(one.size)} {one.media_type}" for one in info.attachments},
+        (f"\t{topic}", f"{count:{width}} messages")
+        for topic, count in info.channels.items()
     )
 
 
@@ -328,7 +288,7 @@ def _bytes(count: float) -> str:
 
 
 def _moment(nanoseconds: int) -> str:
-    """Return a time as RFC 3339 in UTC and in seconds; the latter alone if early."""
+    """Return a time as RFC 3339 in UTC; one of another clock in seconds."""
     seconds, rest = divmod(nanoseconds, _SECOND)
     plain = f"{seconds}.{rest:09}"
     if nanoseconds < _CLOCKS_BEGIN:
@@ -338,4 +298,4 @@ def _moment(nanoseconds: int) -> str:
     except (OverflowError, ValueError, OSError):  # beyond the year 9999
         return plain
     digits = f".{rest:09}".rstrip("0") if rest else ""
-    return f"{day:%Y-%m-%dT%H:%M:%S}{digits}Z ({plain})"
+    return f"{day:%Y-%m-%dT%H:%M:%S}{digits}Z"

@@ -1,11 +1,10 @@
 """Where the boxes and the lines of a Hasse diagram are: for any kind of picture.
 
 A box stands at a rank: half its longest chain downwards less half its longest chain
-upwards, so that an element and its complement stand at opposite ranks. Each connected
-part is laid out by itself; if it holds the complements of its elements it is its own
-image under half a turn, otherwise its complements' part stands beside it, turned.
-Within a rank, boxes stand near to what they are joined to, and a line that passes a
-rank has a place of its own there, so that it runs behind no box (Sugiyama 1981).
+upwards, so that an element and its complement stand at opposite ranks, and the whole is
+its own image under half a turn. Within a rank, boxes stand near to what they are joined
+to, and a line that passes a rank has a place there, so that it runs behind no box
+(Sugiyama 1981).
 """
 
 import itertools
@@ -148,7 +147,7 @@ def stand(
     """Return where the elements of an order stand.
 
     Args:
-        covers: As for `ranks`.
+        covers: As for `ranks`; with each pair that of its complements.
         room: ``(n,)``: how much of its rank each takes; complements take as much.
         mates: Each element's complement.
 
@@ -156,102 +155,55 @@ def stand(
         The middles of the elements across, from 0 on; their ranks; and for each pair
         of `covers` its line, ``(k, 2)``: across and rank, from the lower end up.
     """
-    count = len(room)
-    rank = ranks(covers, count)
-    across, edge = np.zeros(count), 0.0
-    lines: dict[tuple[int, int], Floats] = {}
-    done: set[int] = set()
-    for part in _parts(covers, count):
-        if part[0] in done:
-            continue
-        whole = mates[part[0]] in part
-        own = [(a, b) for a, b in covers if a in part]
-        placed, drawn = _Part(part, own, rank, room, mates if whole else None).place()
-        ends = [(placed[a] - room[a] / 2, placed[a] + room[a] / 2) for a in part]
-        left = min([x for x, _ in ends] + [line[:, 0].min() for line in drawn.values()])
-        right = max(
-            [x for _, x in ends] + [line[:, 0].max() for line in drawn.values()]
-        )
-        for a in part:
-            across[a] = edge + placed[a] - left
-            if not whole:
-                across[mates[a]] = edge + right - left + right - placed[a]
-        for (a, b), line in drawn.items():
-            lines[a, b] = line + np.array([edge - left, 0])
-            if not whole:
-                turned = line[::-1] * [-1, -1] + [edge + 2 * right - left, 0]
-                lines[mates[b], mates[a]] = turned
-        done.update(part, (mates[a] for a in part))
-        edge += (right - left) * (1 if whole else 2)
-    return across, rank, [lines[pair] for pair in covers]
+    rank = ranks(covers, len(room))
+    across, lines = _Rows(covers, rank, room, mates).place()
+    ends = [(across - room / 2).min(initial=0), *(line[:, 0].min() for line in lines)]
+    left = np.array([min(ends), 0])
+    return across - left[0], rank, [line - left for line in lines]
 
 
-def _parts(covers: list[tuple[int, int]], count: int) -> list[list[int]]:
-    """Return the connected parts of an order, each sorted."""
-    part = list(range(count))
-    members = [[k] for k in part]
-    for a, b in covers:
-        one, other = part[a], part[b]
-        if one != other:
-            for k in members[other]:
-                part[k] = one
-            members[one] += members[other]
-            members[other] = []
-    return [sorted(each) for each in members if each]
-
-
-class _Part:
-    """One connected part of an order, to be spread out around 0.
+class _Rows:
+    """An order in rows, one a rank, to be spread out around 0.
 
     A node is an element, or a line where it passes a rank; nodes are joined to nodes
     of the neighbouring ranks only.
 
     Args:
-        own: Its elements.
         covers: Its joined pairs.
-        rank: The ranks of all elements.
+        rank: The ranks of its elements.
         room: How much of its rank each element takes.
-        mates: The complements, if it is its own image under half a turn.
+        mates: Their complements.
     """
 
     def __init__(
         self,
-        own: list[int],
         covers: list[tuple[int, int]],
         rank: Floats,
         room: Floats,
-        mates: list[int] | None,
+        mates: list[int],
     ) -> None:
-        self._own = own
-        self._levels = sorted({float(rank[a]) for a in own})
-        node: dict[tuple[int, ...], int] = {(a,): k for k, a in enumerate(own)}
-        level = [self._levels.index(float(rank[a])) for a in own]
-        self._chains: dict[tuple[int, int], list[int]] = {}
+        self._levels = sorted(set(rank.tolist()))
+        level = [self._levels.index(each) for each in rank.tolist()]
+        lanes: dict[tuple[int, int, int], int] = {}
+        self._chains: list[list[int]] = []
         for a, b in covers:
-            low, high = node[a,], node[b,]
-            between = range(level[low] + 1, level[high])
-            chain = [len(level) + k for k in range(len(between))]
-            node |= {(a, b, at): k for at, k in zip(between, chain, strict=True)}
+            between = range(level[a] + 1, level[b])
+            chain = range(len(level), len(level) + len(between))
+            lanes |= {(a, b, at): k for at, k in zip(between, chain, strict=True)}
             level += between
-            self._chains[a, b] = [low, *chain, high]
-        self._level = np.array(level)
-        lanes = len(level) - len(own)
-        self._room = np.concatenate([room[own], np.full(lanes, _LANE)])
+            self._chains.append([a, *chain, b])
+        self._count = len(room)
+        self._level = np.array(level, np.int64)
+        self._room = np.concatenate([room, np.full(len(lanes), _LANE)])
         # Lines that pass stay straight; the elements beside them make room.
-        self._pull = np.where(np.arange(len(level)) < len(own), 1.0, 3.0)
-        steps = [pair for c in self._chains.values() for pair in itertools.pairwise(c)]
+        self._pull = np.where(np.arange(len(level)) < len(room), 1.0, 3.0)
+        steps = [pair for chain in self._chains for pair in itertools.pairwise(chain)]
         self._steps = np.array(steps, np.int64).reshape(-1, 2)
-        self._mate: list[int] | None = None
-        if mates is not None:
-            self._mate = [0] * len(level)
-            for key, k in node.items():
-                image: tuple[int, ...] = (mates[key[0]],)
-                if len(key) > 1:
-                    top = len(self._levels) - 1
-                    image = mates[key[1]], mates[key[0]], top - key[2]
-                self._mate[k] = node[image]
+        top = len(self._levels) - 1
+        turned = [lanes[mates[b], mates[a], top - at] for a, b, at in lanes]
+        self._mate = [*mates, *turned]
 
-    def place(self) -> tuple[dict[int, float], dict[tuple[int, int], Floats]]:
+    def place(self) -> tuple[Floats, list[Floats]]:
         """Return where its elements stand and its lines run."""
         rows = [np.flatnonzero(self._level == k) for k in range(len(self._levels))]
         best, least = rows, self._crossings(rows)
@@ -270,11 +222,8 @@ class _Part:
         for _ in range(5 * _ROUNDS):
             across = self._spread(best, self._wishes(across))
         high = np.array(self._levels)[self._level]
-        lines = {
-            pair: np.stack([across[chain], high[chain]], axis=1)
-            for pair, chain in self._chains.items()
-        }
-        return dict(zip(self._own, across.tolist(), strict=False)), lines
+        lines = [np.stack([across[c], high[c]], axis=1) for c in self._chains]
+        return across[: self._count], lines
 
     def _crossings(self, rows: list[NDArray[np.int64]]) -> int:
         """Return how many pairs of lines cross."""
@@ -295,7 +244,8 @@ class _Part:
         total = np.bincount(low, across[high], len(across))
         total += np.bincount(high, across[low], len(across))
         wish = np.where(count > 0, total / np.maximum(count, 1), across)
-        return wish if self._mate is None else (wish - wish[self._mate]) / 2
+        turned: Floats = (wish - wish[self._mate]) / 2
+        return turned
 
     def _spread(self, rows: list[NDArray[np.int64]], wish: Floats | None) -> Floats:
         """Return places in the given order, as near to the wishes as there is room."""

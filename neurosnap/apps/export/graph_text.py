@@ -1,17 +1,17 @@
-"""The learned order as text: names, JSON, DOT or GraphML."""
+"""The learned order by name, and as text: DOT or GraphML."""
 
 from typing import Literal, TypeAlias
 
 import msgspec
 import numpy as np
 
-from neurosnap.errors import InvalidValueError, MissingExtraError
+from neurosnap.errors import MissingExtraError
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.recording.replay.births import Births, RecordedBirth
 from neurosnap.sensorium import Sensorium
 from neurosnap.system.distribution import must_have
 
-Format: TypeAlias = Literal["json", "dot", "graphml"]
+Format: TypeAlias = Literal["dot", "graphml"]
 
 
 class Diagram(msgspec.Struct, frozen=True):
@@ -29,20 +29,6 @@ class Diagram(msgspec.Struct, frozen=True):
     """Which of the sensors were grown by then, and when."""
     room: int = 0
     """How many more could be grown then."""
-
-
-def parse_format(name: str) -> Format:
-    """Return the format called `name`.
-
-    Raises:
-        InvalidValueError: There is none of that name.
-    """
-    match name:
-        case "json" | "dot" | "graphml":
-            return name
-        case _:
-            rule = "must be table, json, dot or graphml"
-            raise InvalidValueError("format", rule, name)
 
 
 def diagram(
@@ -83,8 +69,6 @@ def render(drawn: Diagram, form: Format) -> str:
         MissingExtraError: networkx, which writes GraphML, is not installed.
     """
     match form:
-        case "json":
-            return msgspec.json.format(msgspec.json.encode(drawn)).decode()
         case "dot":
             return _dot(drawn)
         case "graphml":

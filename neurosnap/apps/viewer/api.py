@@ -255,8 +255,6 @@ class NodeView(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     layer: int
     """The height of its own literal: edges on the longest chain going up from it."""
-    complement_layer: int
-    """The height of its complement."""
     group: int = msgspec.field(name="class")
     """The literal that stands for all that its own literal is equivalent to: the same
     for `s` and `t` if they are equivalent, and with the lowest bit flipped (``^ 1``) if

@@ -168,7 +168,6 @@ def drawn(name: str, tick: int, graph: PocGraph, body: Body) -> Graph:
                 sensor=sensor,
                 name=names[sensor],
                 layer=int(heights[2 * sensor]),
-                complement_layer=int(heights[2 * sensor + 1]),
                 group=int(standing[2 * sensor]),
             )
             for sensor in shown

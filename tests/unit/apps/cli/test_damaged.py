@@ -64,7 +64,3 @@ def test_what_is_not_whole_ends_with_three(
         log = folder / "run.mcap"
         log.write_bytes(content)
         assert code(log, folder, verb) == (0 if name == "whole" else 3), name
-
-
-def test_a_replay_that_verified_nothing_fails(whole: Path, tmp_path: Path) -> None:
-    assert code(whole, tmp_path, ("verify", "--from", "99")) == 1

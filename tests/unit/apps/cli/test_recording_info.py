@@ -59,10 +59,7 @@ def test_what_is_missing_comes_first_and_empty_channels_are_left_out(
     write_small(path, {"seed": "7"})
     text = render(describe(Recording.open(path)))
     lines = text.split("\n")
-    packed = Recording.open(path).files[0].layout.chunks[0].packed / 1024
-    at = lines.index("\tticks:  4") + 1
-    assert lines[at].startswith("library:   neurosnap ")
-    assert lines[:at] + lines[at + 1 :] == [
+    assert lines == [
         "missing: 1",
         "\tworld  1",
         "duplicates: 1 left out",
@@ -74,16 +71,13 @@ def test_what_is_missing_comes_first_and_empty_channels_are_left_out(
         "\tticks:  4",
         "messages:  5",
         "duration:  0:00:04",
-        "start:     2023-11-14T22:13:20Z (1700000000.000000000)",
-        "end:       2023-11-14T22:13:24Z (1700000004.000000000)",
+        "start:     2023-11-14T22:13:20Z",
+        "end:       2023-11-14T22:13:24Z",
         f"size:      {path.stat().st_size / 1024:.2f} KiB in 1 chunks",
-        f"unpacked:  {packed:.2f} KiB, packed {packed:.2f} KiB",
         "channels:",
-        "\t/observe   3 msgs (0.75 Hz)",
-        "\t/excite    1 msgs (0.25 Hz)",
-        "\t/keyframe  1 msgs (0.25 Hz)",
-        "attachments:",
-        "\tsnapshot.npz:  256.00 B application/octet-stream",
+        "\tobservation  3 messages",
+        "\tpulse        1 messages",
+        "\tkeyframe     1 messages",
     ]
 
 
@@ -125,10 +119,9 @@ def test_frame_and_content_tell_the_same(path: Path, finish: bool) -> None:
     info = describe(Recording.open(path))
     assert info.messages == 500
     assert info.chunks == 9
-    counted = {channel.topic: channel.messages for channel in info.channels}
     for topic in wire.TOPICS:
         expected = sum(wire.topic(delivery.key) == topic for delivery in deliveries)
-        assert counted.get(f"/{topic}", 0) == expected
+        assert info.channels.get(topic, 0) == expected
     assert (info.start, info.end) == (NOW + 1000, NOW + 1499)
 
 

@@ -1,50 +1,175 @@
-"""What is asked for wrongly is refused before anything starts, by its name."""
+"""Wrong usage of every verb is refused before anything is written, by its name."""
 
+import shlex
+import shutil
 from pathlib import Path
 
 import pytest
 
 from neurosnap.apps.config.recording_names import new_path
-from tests.support.command_line import call
+from tests.support.command_line import call, flat
+from tests.support.command_line_files import foreign, readings, record_path
 
 WORLD = "neurosnap/Path-v0"
 TOML = f'[source]\nkind = "world"\nid = "{WORLD}"\n'
-UNRECORDED = ("run", WORLD, "--set", "recording.record=false")
+FILE = "run readings.csv --cells inline"
+PATH = f"run {WORLD} --cells inline --set places=5"
+UNRECORDED = f"run {WORLD} --set recording.record=false"
 NO_RECORDING = "must go with a recording, and nothing is recorded, got"
 NO_FOLDER = "out: must name a file that does not exist yet, not a folder, got"
-NO_MQTT = 'broker: must go with a TOML file that says kind = "mqtt" under [source], got'
-NO_LOG = "log: must exist, got 'none.mcap'"
+NO_MQTT = 'broker: must go with a TOML file that says kind = "mqtt" under [source]'
+SHARE = "threshold: must be a number in (0, 0.25] or 'auto'"
+SPLIT = "run readings.csv --set recording.split"
+GOES_ON = "ticks: must be more than the 30 there are"
 READING = ("info", "verify", "resume", "learn", "export", "watch", "view", "depth")
-ROWS: dict[tuple[str, ...], str] = {
-    (*UNRECORDED, "--out", "x.mcap"): f"out: {NO_RECORDING}",
-    (*UNRECORDED, "--set", "recording.split=1MiB"): f"recording.split: {NO_RECORDING}",
-    ("run", WORLD, "--target", "3"): (
-        "target: must go with a planner or an excited agent, got ('3',)"
+ROWS = {
+    # What is run.
+    "run": "Missing argument",
+    "run neurosnap/Pat-v0": (
+        "source: must be a registered environment id or a CSV file (did you mean"
+        " neurosnap/Path-v0"
     ),
-    ("run", WORLD, "--out", "."): f"{NO_FOLDER} '.'",
-    ("run", WORLD, "--out", "folder"): f"{NO_FOLDER} 'folder'",
-    ("run", WORLD, "--out", ""): "out: must have 1 or more characters, got ''",
-    ("run", "folder"): (
-        "source: must be a registered environment id or a CSV file, not a folder, got"
+    "run nowhere.at.all:Path-v0": "source: must be an environment",
+    "run none.csv": "source: must be a file that can be read (No such file or dir",
+    "run folder": "must be a registered environment id or a CSV file, not a folder",
+    "run bad.csv": "source: bad.csv:3: b: must be 0 or 1, false or true",
+    "run empty.csv": "source: empty.csv: must have a header of sensor names",
+    # Options of a run.
+    f"{FILE} --speed 3": "No such option",
+    f"{FILE} --threshold 0.7": f"{SHARE}, got 0.7",
+    f"{FILE} --threshold nan": SHARE,
+    f"{FILE} --threshold low": f"{SHARE}, got 'low'",
+    f"{FILE} --snapshot discounted --threshold auto": (
+        "threshold: must be a number for a discounted snapshot, got 'auto'"
     ),
-    ("run", "none.csv"): "source: must be a file that can be",
-    ("run", WORLD, "--broker", "embedded"): f"{NO_MQTT} 'embedded'",
-    ("run", "world.toml", "--broker", "here.test"): f"{NO_MQTT} 'here.test'",
-    ("info", "folder"): "log: must be a file, got 'folder'",
-    **{(verb, "none.mcap"): NO_LOG for verb in READING},
+    f"{FILE} --ticks -5": "got -5",
+    f"{FILE} --ticks many": "Invalid value for '--ticks'",
+    f"{FILE} --seed {2**63}": "seed: must be in [0, 9223372036854775807], got",
+    f"{FILE} --set cells.deadline=inf": "deadline: must be more than 0 and finite",
+    f"{FILE} --set places=4": "arguments: must not be given for a file",
+    "run readings.csv --cells threads": "'threads' is not one of 'auto'",
+    f"{SPLIT}=10MB": "must be like 256MiB, got '10MB'",
+    f"{SPLIT}=63KiB": "must be 0, or at least 65536 bytes, got 64512",
+    f"{FILE} --set recording.keep=2": "keep: must come with split, got 2",
+    f"{UNRECORDED} --out x.mcap": f"out: {NO_RECORDING}",
+    f"{UNRECORDED} --set recording.split=1MiB": f"recording.split: {NO_RECORDING}",
+    f"{FILE} --out taken.csv": "out: must not exist yet, got 'taken.csv'",
+    f"{FILE} --out none/a.mcap": "out: must be in a folder that exists, got 'none/a",
+    f"{FILE} --out .": f"{NO_FOLDER} '.'",
+    f"{FILE} --out folder": f"{NO_FOLDER} 'folder'",
+    f"{FILE} --out ''": "out: must have 1 or more characters, got ''",
+    f"run {WORLD} --broker embedded": f"{NO_MQTT}, got 'embedded'",
+    "run world.toml --broker here.test": f"{NO_MQTT}, got 'here.test'",
+    # Agents, and workers.
+    f"{FILE} --agent planner --target a": "agent: must have actions that are sensors",
+    f"{PATH} --agent planner": "target: must name a sensation to achieve",
+    f"{PATH} --agent planner --target below_9": (
+        "target: must name a sensor that exists, got 'below_9'"
+    ),
+    f"{PATH} --agent planner --target below_1,below_1*": (
+        "target: must not hold a literal and its complement, got 'below_1'"
+    ),
+    f"{PATH} --agent excited --target below_1": (
+        "target: must be the number of a place for an excited agent"
+    ),
+    f"{PATH} --agent excited --target 5": "target: must be a place in 0..4",
+    f"{PATH} --target 3": "target: must go with a planner or an excited agent",
+    f"{PATH} --agent excited --set agent.explore=1.5": (
+        "explore: must be a number in [0, 1] or 'planned', got 1.5"
+    ),
+    f"{PATH} --set colour=red": f"arguments: must be ones that {WORLD}",
+    f"{PATH} --set places": "set: must be KEY=VALUE, got 'places'",
+    f"{PATH} --set places=1": "places: must be a whole number of at least 2, got 1",
+    f"run {WORLD} --cells worker --workers 0": "workers: ",
+    f"run {WORLD} --cells worker --workers 21": (
+        "workers: must be at least 1 and at most the cells, 20, got 21"
+    ),
+    # Depth.
+    "depth --heights 1,two": "heights: must be whole numbers, got '1,two'",
+    "depth --heights ''": "heights: must be whole numbers, got ''",
+    "depth --heights -1,2": "heights: must be one or more numbers, each at least",
+    "depth --heights 4 --sensors 4": "sensors: must be more than the larg",
+    "depth --heights 4 --sensors x": "sensors: must be whole numbers",
+    "depth --heights 1 --waves 0": "waves: must be at least 1, got 0",
+    "depth --wiring wired": "'wired' is not one of 'hasse'",
+    "depth --heights 3 --cells worker --workers 5": (
+        "workers: must be at least 1 and at most the cells, 4, got 5"
+    ),
+    "depth --heights 3 --edges 7": "edges: must be even, 6 to 6, got 7",
+    "depth --heights 3 --edges 6 --wiring derived": (
+        "wiring: must be \"hasse\" for a random order, got 'derived'"
+    ),
+    # Data, and recordings.
+    "learn readings.csv -o a.png": "out: must end with one of .csv",
+    "learn readings.csv --sensors nobody": "must have this sensor",
+    "learn readings.csv --when warm": "when: must be like",
+    "learn readings.csv --threshold 2": "threshold: must be in",
+    "learn log.mcap --time then": "must not go with a recording",
+    "learn log.mcap --format dot --out a.csv": "out: must go with the table",
+    "learn log.mcap --format png": "'png' is not one of 'text', 'json', 'dot', 'gra",
+    "learn log.mcap --at 31": "tick: must be in [0, 30], got 31",
+    "learn log.mcap --at -1": "tick: must be in [0, 30], got -1",
+    "health readings.csv": "data: must say when each reading was",
+    "health readings.csv --alarms often": "alarms: must be a number a hour, day, week",
+    "export log.mcap -o a.xls": "out: must end with one of .csv, ",
+    "export log.mcap -o a.csv --at 3": "at: must go with a file .graphml, got 3",
+    "export log.mcap -o a.mcap --at 3": "out: must come without --at",
+    "export log.mcap -o taken.csv": "out: must not exist yet, or come with --force",
+    "export log.mcap -o none/a.csv": "out: must be in a folder that exists",
+    "resume log.mcap --ticks 30": GOES_ON,
+    "resume log.mcap --ticks -4": "got -4",
+    "info folder": "log: must be a file, got 'folder'",
+    **{f"{verb} none.mcap": "log: must exist, got 'none.mcap'" for verb in READING},
+    "play none.mcap": "log: must exist, got 'none.mcap'",
+    # A broker's topics.
+    "init topics a:b": "broker: must be HOST or HOST:PORT, got 'a:b'",
+    "init topics a --topic a+": "topic: must be a topic filter",
+    "init topics a -o a.txt": "out: must end with .toml, got 'a.txt'",
+    "init topics a -o none/a.toml": "out: must be in a folder that exists",
+    "init topics a -o world.toml": "out: must not exist yet, or come with --force",
+    "init topics a --ca-file a.pem": "ca_file: must go with tls",
+    "init topics a --seconds 0": "--seconds",
 }
+FAILED = {
+    **{
+        f"{verb} strange.zip": "strange.zip" for verb in (*READING[:3], "depth", "play")
+    },
+    "export taken.csv": "taken.csv",
+    "verify log.mcap --from 99": "must hold a whole tick behind tick 30 to be verified",
+    "depth log.mcap --out taken.csv": "taken.csv: File exists",
+}
+"""What is no wrong usage, and fails."""
 
 
-@pytest.mark.parametrize("given", ROWS, ids=" ".join)
-def test_wrong_usage_is_refused(
-    given: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("usage")
+    (folder / "folder").mkdir()
+    for name, text in {
+        "world.toml": TOML,
+        "readings.csv": readings(40),
+        "bad.csv": "a,b\n1,0\n1,2\n",
+        "empty.csv": "",
+        "taken.csv": "precious",
+    }.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    foreign(folder / "strange.zip")
+    record_path(folder / "log.mcap")
+    return folder
+
+
+@pytest.mark.parametrize("line", [*ROWS, *FAILED])
+def test_it_is_refused_and_nothing_is_written(
+    line: str, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "folder").mkdir()
-    (tmp_path / "world.toml").write_text(TOML)
-    result = call(*given)
-    assert (result.exit_code, result.stdout) == (2, "")
-    assert result.stderr.startswith(f"error: {ROWS[given]}")
+    before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
+    monkeypatch.chdir(folder)
+    result = call(*shlex.split(line))
+    assert result.exit_code == (2 if line in ROWS else 1), result.output
+    assert result.stdout == ""
+    assert (ROWS | FAILED)[line] in flat(result.stderr)
+    shutil.rmtree(folder / "logs", ignore_errors=True)
+    assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
 
 
 @pytest.mark.parametrize(

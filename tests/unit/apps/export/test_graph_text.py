@@ -1,15 +1,13 @@
 """The learned order by name, in each of its forms."""
 
 import io
-import json
 import re
 
 import networkx
 import numpy as np
 import pytest
 
-from neurosnap.apps.export.graph_text import Diagram, diagram, parse_format, render
-from neurosnap.errors import InvalidValueError
+from neurosnap.apps.export.graph_text import Diagram, diagram, render
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import Sensorium
@@ -90,18 +88,6 @@ def test_nothing_learned_is_an_empty_diagram() -> None:
     assert "->" not in render(found, "dot")
 
 
-def test_json_says_all_of_it() -> None:
-    assert json.loads(render(drawn(), "json")) == {
-        "tick": 9,
-        "sensors": ["door", "motion", "light", "quiet"],
-        "height": 2,
-        "implications": [["door", "light"], ["light", "quiet*"]],
-        "equivalences": [["door", "motion"]],
-        "births": [],
-        "room": 0,
-    }
-
-
 def awkward() -> Diagram:
     """Return a chain of sensors whose names mean something in one of the forms."""
     names = Sensorium(name.strip() for name in AWKWARD)
@@ -152,15 +138,3 @@ def test_dot_holds_every_node_and_edge_with_its_name_quoted(found: Diagram) -> N
         (members[0], other) for members in found.equivalences for other in members[1:]
     }
     assert nodes == {name for pair in implies | equivalent for name in pair}
-
-
-@pytest.mark.parametrize("name", ["json", "dot", "graphml"])
-def test_a_format_goes_by_its_name(name: str) -> None:
-    assert parse_format(name) == name
-
-
-@pytest.mark.parametrize("name", ["", "JSON", "png", "dot "])
-def test_another_format_is_refused(name: str) -> None:
-    rule = rf"^format: must be table, json, dot or graphml, got '{re.escape(name)}'$"
-    with pytest.raises(InvalidValueError, match=rule):
-        parse_format(name)

@@ -252,32 +252,29 @@ def test_a_damaged_recording_is_exported_without_what_is_damaged(
     assert done.ticks < export(log, form, tmp_path / "all").ticks
 
 
-def test_nothing_is_replaced_by_accident(log: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out.csv"
-    out.write_text("mine")
-    with pytest.raises(InvalidValueError, match=r"^out: must not exist yet, or come"):
-        export(log, "csv", out)
-    assert out.read_text() == "mine"
-    export(log, "csv", out, force=True)
-    assert len(table(out)) == TICKS
-
-
-def test_the_recording_is_never_replaced(log: Path, tmp_path: Path) -> None:
-    own = tmp_path / "log.mcap"
+def test_only_a_file_of_another_thing_is_replaced_and_that_by_force(
+    log: Path, tmp_path: Path
+) -> None:
+    own, out = tmp_path / "log.mcap", tmp_path / "out.csv"
     own.write_bytes(log.read_bytes())
+    out.write_text("mine")
     (tmp_path / "link").symlink_to(own)
-    for out in (own, tmp_path / "link", tmp_path):
-        with pytest.raises(InvalidValueError, match=r"^out: must be another file, got"):
-            export(own, "csv", out, force=True)
+    os.mkfifo(tmp_path / "pipe")
+    for place, force, said in [
+        (out, False, "must not exist yet, or come"),
+        *(
+            (tmp_path / name, True, "must be another file, got")
+            for name in ("log.mcap", "link", ".", "pipe")
+        ),
+        (tmp_path / "none" / "out.csv", True, "must be in a folder"),
+    ]:
+        with pytest.raises(InvalidValueError, match=f"^out: {said}"):
+            export(own, "csv", place, force=force)
     assert own.read_bytes() == log.read_bytes()
-
-
-def test_only_a_file_is_replaced(log: Path, tmp_path: Path) -> None:
-    pipe = tmp_path / "pipe"
-    os.mkfifo(pipe)
-    with pytest.raises(InvalidValueError, match=r"^out: must be another file, got"):
-        export(log, "csv", pipe, force=True)
-    assert pipe.is_fifo()
+    assert (tmp_path / "pipe").is_fifo()
+    assert out.read_text() == "mine"
+    export(own, "csv", out, force=True)
+    assert len(table(out)) == TICKS
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -341,11 +338,6 @@ def test_a_full_disk_is_named_with_the_file(
         signal.signal(signal.SIGXFSZ, before)
     assert caught.value.filename == str(out)
     assert not list(tmp_path.iterdir())
-
-
-def test_there_must_be_a_folder_for_it(log: Path, tmp_path: Path) -> None:
-    with pytest.raises(InvalidValueError, match=r"^out: must be in a folder"):
-        export(log, "csv", tmp_path / "none" / "out.csv")
 
 
 def test_formats_are_known_by_the_ending_of_a_file() -> None:

@@ -25,7 +25,6 @@ from tests.support.recorded_runs import (
     path_run,
     planner_run,
     recorded,
-    seeker_run,
     told,
 )
 from tests.support.run_options import options_for
@@ -33,10 +32,8 @@ from tests.support.run_options import options_for
 pytestmark = pytest.mark.slow
 
 RUNS: dict[str, Callable[[Path], RunOptions]] = {
-    "path": lambda folder: path_run(),
     "derived": lambda folder: path_run(wiring="derived"),
     "planner": lambda folder: planner_run(),
-    "seeker": lambda folder: seeker_run(),
     "csv": lambda folder: csv_run(folder / "readings.csv"),
 }
 
@@ -165,19 +162,6 @@ def test_waves_reach_what_is_above_their_signals(log: Path, tmp_path: Path) -> N
     assert not answers
 
 
-def test_a_contradiction_names_the_sensors_without_a_state(tmp_path: Path) -> None:
-    log = recorded(csv_run(tmp_path / "r.csv"), tmp_path / "run.mcap")
-    frames = {frame.tick: frame for frame in RunView(log).frames(1, TICKS)}
-    broken = [frame for frame in frames.values() if frame.contradicted]
-    assert 25 in [frame.tick for frame in broken]
-    for frame in broken:
-        assert frame.incoherent
-        assert [frame.state[k] for k in frame.contradicted] == [None] * len(
-            frame.contradicted
-        )
-    assert frames[25].contradicted == [0, 1]
-
-
 def test_weights_are_those_of_the_snapshot(path_log: Path) -> None:
     run_view = RunView(path_log)
     found = run_view.edge(0, 4, 20)
@@ -199,25 +183,23 @@ def test_weights_are_those_of_the_snapshot(path_log: Path) -> None:
     assert (found.weights, found.holds) == (shown[20].weights, shown[20].holds)
 
 
-def test_before_the_first_tick_nothing_is_learned(path_log: Path) -> None:
+def test_before_the_first_tick_nothing_is_learned_and_beyond_the_ends_is_nothing(
+    path_log: Path,
+) -> None:
     graph = RunView(path_log).graph(0)
     assert (graph.edges, graph.classes, graph.height) == ([], [], 0)
     assert graph.id != RunView(path_log).graph(TICKS).id
     nothing = PocGraph.from_implications(len(graph.nodes), [])
     assert [node.group for node in graph.nodes] == nothing.representative[::2].tolist()
-
-
-@pytest.mark.parametrize("tick", [-1, TICKS + 1])
-def test_there_is_no_order_at_no_tick(path_log: Path, tick: int) -> None:
-    with pytest.raises(InvalidValueError, match=rf"^tick: must be in \[0, {TICKS}\]"):
-        RunView(path_log).graph(tick)
-
-
-def test_frames_beyond_the_ends_are_left_out(path_log: Path) -> None:
     run_view = RunView(path_log)
-    assert [f.tick for f in run_view.frames(0, 2)] == [1, 2]
-    assert [f.tick for f in run_view.frames(TICKS, TICKS + 9)] == [TICKS]
-    assert run_view.frames(TICKS + 1, TICKS + 2) == []
+    for tick in (-1, TICKS + 1):
+        with pytest.raises(
+            InvalidValueError, match=rf"^tick: must be in \[0, {TICKS}\]"
+        ):
+            run_view.graph(tick)
+    ends = {(0, 2): [1, 2], (TICKS, TICKS + 9): [TICKS], (TICKS + 1, TICKS + 2): []}
+    for asked, there in ends.items():
+        assert [frame.tick for frame in run_view.frames(*asked)] == there
 
 
 # What is broken -----------------------------------------------------------------------

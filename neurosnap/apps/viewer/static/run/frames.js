@@ -41,15 +41,13 @@ export class FrameCache {
 
   /** Have the frame of a tick here soon, with those around it. */
   ask(tick) {
+    if (tick > this.last || this.peek(tick) !== undefined) return;
     this._load(Math.floor(tick / BLOCK)).catch(() => {}); // who needs it asks again
   }
 
   /** Have what follows the block of a tick ready soon. */
   prefetch(tick) {
-    const number = Math.floor(tick / BLOCK) + 1;
-    const first = number * BLOCK;
-    if (first > this.last || this.peek(first) !== undefined) return;
-    this._load(number).catch(() => {}); // who needs it asks again, and is told why
+    this.ask((Math.floor(tick / BLOCK) + 1) * BLOCK);
   }
 
   /** Keep a frame. */

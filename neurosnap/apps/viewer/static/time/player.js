@@ -2,7 +2,7 @@
 // screen's own frames while it plays. The part after the point is how far the tick has
 // gone, which is what a wave is shown by.
 
-import { keep, keepSoon, told } from "../base/address.js";
+import { keepSoon, told } from "../base/address.js";
 import { find, make, write } from "../base/dom.js";
 
 /** Ticks a second that can be chosen. */
@@ -121,7 +121,6 @@ export class Player {
 
 const PLAY = "M4 2.5v11L13 8z";
 const PAUSE = "M4 3h3v10H4zM9 3h3v10H9z";
-const PATIENCE = 500; // milliseconds of rest before the address is written
 
 /** The footer, bound to a player. */
 export class Timeline {
@@ -158,23 +157,13 @@ export class Timeline {
 
   /** Show where the player is. */
   showTick() {
-    const { tick, last, first } = this._player;
+    const { tick, last, first, playing, following } = this._player;
     const text = last < first ? "no tick" : `tick ${tick} of ${last}`;
     this._slider.value = tick;
     this._slider.setAttribute("aria-valuetext", text);
     write(find("tick"), text);
-    clearTimeout(this._timer);
-    this._timer = setTimeout(() => this._keep(), PATIENCE);
-  }
-
-  /**
-   * Have the address say where one stays. Not at once: browsers refuse to have it written
-   * too often. Who follows has no tick there: the page opened anew would not follow.
-   */
-  _keep() {
-    const { tick, first, last, playing, following } = this._player;
-    if (playing || last < first) return;
-    keep({ t: following ? null : tick });
+    // Who follows has no tick in the address: the page opened anew would not follow.
+    if (!playing && last >= first) keepSoon({ t: following ? null : tick });
   }
 }
 

@@ -138,14 +138,6 @@ export class RasterView {
     }
     context.imageSmoothingEnabled = false; // a square is a square
     context.drawImage(this._image(colours, rows), NAMES, 0, wide - NAMES, high);
-    context.strokeStyle = colours.line;
-    context.lineWidth = 0.5;
-    for (let row = 0; row <= rows; row += 1) {
-      context.beginPath();
-      context.moveTo(0, row * HIGH);
-      context.lineTo(wide, row * HIGH);
-      context.stroke();
-    }
     const last = first + (columns - 1) * step;
     const few = step > 1 ? `, one of ${step} ticks` : "";
     canvas.ariaLabel = `${counted(rows, "sensor")} over ticks ${first} to ${last}${few}. Arrows move, Enter goes there.`;
