@@ -11,10 +11,10 @@ from msgspec.structs import replace
 from playwright.async_api import Page, Route, expect
 
 from neurosnap.apps.viewer.api import Runs
-from neurosnap.apps.viewer.comparison import TickDifference, difference
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.server import serving
 from neurosnap.apps.viewer.session import ViewSession
+from neurosnap.apps.viewer.tick_difference import TickDifference, difference
 from neurosnap.recording.read.recording import Recording
 from tests.support.browser_pages import (
     IN_BROWSER,
@@ -82,7 +82,7 @@ async def test_each_recording_of_a_server_is_asked_by_its_number(
             status, body = await get(address, f"/api/run?{query}")
             assert status == 400
             assert words in body.decode()
-        status, body = await get(address, "/api/partings?other=7")
+        status, body = await get(address, "/api/difference?tick=3&then=3&other=7")
         assert (status, b"other: must be in [0, 1]" in body) == (400, True)
 
 
@@ -107,7 +107,7 @@ async def test_another_recording_is_chosen_and_a_link_leads_to_it(
         assert await page.locator("#run").input_value() == "1"
 
 
-async def test_it_says_where_two_recordings_part(
+async def test_it_says_how_two_recordings_differ_at_a_tick(
     logs: tuple[Path, Path],
 ) -> None:
     views = [RunView(log) for log in logs]
@@ -117,15 +117,11 @@ async def test_it_says_where_two_recordings_part(
     )
     async with opened(logs[0], "#t=30", "light", logs[1]) as page:
         await page.click("#tab-compare")
-        parts = page.locator("#compare ul").first
-        await expect(parts).to_contain_text("readings: the same")
-        await expect(parts).to_contain_text(f"believed states part at tick {parted}")
         found = difference(views[0], 30, views[1], 30)
         assert found.here.count > 0
         heading = page.get_by_text("Implied here, not in other/run.mcap")
         await expect(heading).to_contain_text(str(found.here.count))
-        await parts.get_by_role("button", name=f"tick {parted}").first.click()
-        await wait_shown(page, parted)
+        await go_to(page, parted)
         felt = difference(views[0], parted, views[1], parted).felt
         assert felt
         shown = page.get_by_role("table", name="Sensors that differ")

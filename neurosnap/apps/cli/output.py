@@ -241,7 +241,7 @@ def _anomalies_text(totals: Totals, support: int) -> str:
     every = f"{totals.anomalies} observations against what was learned"
     if not support or totals.told == totals.anomalies:
         return every
-    return f"{totals.told} told, of {every}"
+    return f"{totals.told} reported, of {every}"
 
 
 def _implications(

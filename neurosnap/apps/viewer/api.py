@@ -20,8 +20,7 @@ asked                                               answer
 ``/api/raster?from=&to=&columns=&sensor=&sensors=`` `RasterPart`
 ``/api/events``                                     `Event`, again
 ``/api/presence``                                   `Presence`
-``/api/partings?other=``                            `.comparison.Partings`
-``/api/difference?tick=&other=&then=``              `.comparison.TickDifference`
+``/api/difference?tick=&other=&then=``              `.tick_difference.TickDifference`
 =================================================== ============
 
 ``run=`` says in each which recording is meant, by its number; without it the first.

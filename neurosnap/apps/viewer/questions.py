@@ -15,9 +15,9 @@ from starlette.responses import Response, StreamingResponse
 
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.auth import refusal
-from neurosnap.apps.viewer.comparison import Comparisons
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.session import ViewSession, news
+from neurosnap.apps.viewer.tick_difference import Comparisons
 from neurosnap.apps.viewer.time_series import MOST_COLUMNS, MOST_SENSORS
 from neurosnap.errors import InvalidValueError, NeurosnapError
 
@@ -50,7 +50,7 @@ class Questions:
             *(self.runs, self.run, self.presence, self.events),
             *(self.frames, self.graph, self.edge, self.image),
             *(self.series, self.raster, self.marks, self.beside),
-            *(self.births, self.health, self.partings, self.difference),
+            *(self.births, self.health, self.difference),
         )
         return {each.__name__: _refusing(each) for each in every}
 
@@ -181,12 +181,7 @@ class Questions:
         """Answer which sensors seem broken."""
         return _answer(self._asked(request).history.health)
 
-    # Two recordings -------------------------------------------------------------------
-
-    async def partings(self, request: Request) -> Response:
-        """Answer where two recordings part."""
-        pair = self._asked(request), self._asked(request, "other")
-        return _answer(await self._comparisons.partings(*pair))
+    # Two ticks ------------------------------------------------------------------------
 
     async def difference(self, request: Request) -> Response:
         """Answer what differs between two ticks."""

@@ -83,7 +83,6 @@ class Page {
       fetchEdge: api.fetchEdge,
     });
     this.compare = new CompareView(names, run, {
-      fetchPartings: notices.watched("compare", api.fetchPartings),
       fetchDifference: api.fetchDifference,
       seek,
       pick,

@@ -41,9 +41,6 @@ async function ask(what, query = {}, signal = undefined) {
 /** All recordings of this server, by their numbers. */
 export const fetchRuns = async () => (await ask("runs")).runs;
 
-/** Where this recording and another part, as far as that is known. */
-export const fetchPartings = (other) => ask("partings", { other });
-
 /** What differs between a tick here and a tick in another recording, or in this. */
 export const fetchDifference = (tick, other, then) => ask("difference", { tick, other, then });
 

@@ -1,4 +1,4 @@
-// Elements, found and made.
+// Elements, found and made; and the colours and the font of what is painted.
 
 /** The element with an id. */
 export const find = (id) => document.getElementById(id);
@@ -100,3 +100,27 @@ export function tabs(list, show, first) {
   }
   select(all.find((tab) => tab.getAttribute("aria-controls") === first) ?? all[0]);
 }
+
+// The style sheet's colours, for what is painted by hand: one place says what they are.
+
+const NAMES = [
+  "bg", "panel", "ink", "mute", "line", "band", "accent", "bad", "first", "second", "third",
+  "fourth",
+];
+
+/** The colours of the present scheme by name. */
+export function palette() {
+  // Only a property that takes colours has them worked out: light or dark.
+  const probe = document.createElement("i");
+  document.body.append(probe);
+  const colours = {};
+  for (const name of NAMES) {
+    probe.style.color = `var(--${name})`;
+    colours[name] = getComputedStyle(probe).color;
+  }
+  probe.remove();
+  return colours;
+}
+
+/** The font of what is painted, at a size in pixels. */
+export const font = (size) => `${size}px system-ui, "Segoe UI", "DejaVu Sans", sans-serif`;

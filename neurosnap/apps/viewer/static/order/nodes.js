@@ -4,8 +4,7 @@
 // the rim is around what was read: what is only predicted has no rim and is hatched, and what
 // was read and contradicted has a rim and is not filled. The style sheet has the colours.
 
-import { font } from "../base/colours.js";
-import { make, shape, write } from "../base/dom.js";
+import { font, make, shape, write } from "../base/dom.js";
 import { beliefs } from "../tick/belief.js";
 import { HEIGHT } from "./layered_drawing.js";
 

@@ -6,9 +6,7 @@ const KEPT = 60;
 
 /** Graphs by id. */
 export class Orders {
-  /**
-   * @param {(tick: number) => Promise<object>} fetchGraph says itself what goes wrong
-   */
+  /** @param {(tick: number) => Promise<object>} fetchGraph says itself what goes wrong */
   constructor(fetchGraph) {
     this._fetch = fetchGraph;
     this._known = new Map();

@@ -1,8 +1,7 @@
 // Curves over ticks: a line where one is, the values under the pointer, and a range of
 // ticks that is dragged.
 
-import { font, palette } from "../base/colours.js";
-import { make } from "../base/dom.js";
+import { font, make, palette } from "../base/dom.js";
 
 /** The colours of curves, in their order. */
 export const INKS = ["first", "second", "third", "fourth"];

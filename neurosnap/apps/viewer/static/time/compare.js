@@ -1,18 +1,10 @@
-// Two ticks beside each other: of this recording, or of this and another; and where two
-// recordings part.
+// Two ticks beside each other: of this recording, or of this and another.
 
-import { Gathering } from "../base/api.js";
 import { counted, find, link, make, table, write } from "../base/dom.js";
 import { bitWord, drawn, few, literalName } from "../base/literals.js";
 
 const NAMED = 6;
 const LISTED = 50; // edges and classes
-const WORDS = {
-  readings: ["readings", "they share no sensor"],
-  states: ["believed states", "they share no sensor"],
-  orders: ["learned orders", "they share no sensor"],
-  decisions: ["decisions", "one of the two has no actions"],
-};
 
 /** The tab. */
 export class CompareView {
@@ -20,7 +12,6 @@ export class CompareView {
    * @param {string[]} names
    * @param {object} run
    * @param {object} on
-   * @param {(other: string) => Promise<object>} on.fetchPartings
    * @param {(tick: number, other: string, then: number) => Promise<object>} on.fetchDifference
    * @param {(tick: number) => void} on.seek
    * @param {(thing: object) => void} on.pick
@@ -36,13 +27,11 @@ export class CompareView {
     this._with = make("select", { ariaLabel: "Recording to compare with" });
     this._then = make("input", { type: "number", min: 0, step: 1, ariaLabel: "Tick to compare with" });
     this._says = make("p", { className: "quiet" });
-    this._parts = make("div", { className: "parts" });
     this._body = make("div", { className: "differences" });
     const form = make("p", { className: "bar" }, "Compare with ", this._with, " at tick ", this._then);
-    find("compare").replaceChildren(form, this._says, this._parts, this._body);
+    find("compare").replaceChildren(form, this._says, this._body);
     this._with.addEventListener("change", () => this._choose());
     this._then.addEventListener("input", () => this._ask());
-    this._gathering = new Gathering(() => this._askPartings());
   }
 
   /** Say which recordings there are, and the number of the one that is looked at. */
@@ -73,9 +62,7 @@ export class CompareView {
 
   /** The tab has come up. */
   open() {
-    if (!this._isOpen) return;
-    this._ask();
-    if (this._isOther) this._gathering.load().catch(() => {}); // said where it was asked
+    if (this._isOpen) this._ask();
   }
 
   get _isOpen() {
@@ -96,7 +83,6 @@ export class CompareView {
   _choose() {
     this._then.placeholder = this._isOther ? "same" : "before";
     this._asked = null;
-    this._parts.replaceChildren();
     this.open();
   }
 
@@ -117,41 +103,6 @@ export class CompareView {
       this._asking = false;
     }
     this._ask(); // there may be another tick by now
-  }
-
-  /** Ask where two recordings part; tell whether that is all, or not wanted any more. */
-  async _askPartings() {
-    const other = this._with.value;
-    if (!this._isOpen || !this._isOther) return true;
-    const found = await this._on.fetchPartings(other);
-    if (this._with.value === other) this._showParts(found);
-    return this._with.value === other && found.done;
-  }
-
-  _showParts(found) {
-    const { first, last, read_to: readTo, done, sensors } = found;
-    const range = `ticks ${first} to ${done ? last : readTo}`;
-    const far = done ? range : `${range}, up to tick ${last} still to be read`;
-    const lines = [
-      `${far}; ${counted(sensors, "sensor")} in both`,
-      found.only_here.length ? `only here: ${few(found.only_here, NAMED)}` : "",
-      found.only_there.length ? `only there: ${few(found.only_there, NAMED)}` : "",
-    ];
-    this._parts.replaceChildren(
-      make("h3", {}, "Where they part"),
-      ...lines.filter(Boolean).map((line) => make("p", { className: "quiet" }, line)),
-      make("ul", {}, ...Object.keys(WORDS).map((thing) => this._part(thing, found[thing], done))),
-    );
-  }
-
-  _part(thing, parted, done) {
-    const [words, why] = WORDS[thing];
-    if (parted === null) return make("li", {}, `${words}: not compared, ${why}`);
-    const { tick, differing, compared } = parted;
-    if (compared === 0) return make("li", {}, `${words}: recorded in both at no tick`);
-    if (tick === null) return make("li", {}, `${words}: the same${done ? "" : " so far"}`);
-    const often = differing === null ? "" : `; they differ at ${differing} of ${compared} ticks`;
-    return make("li", {}, `${words} part at `, link(`tick ${tick}`, () => this._on.seek(tick)), often);
   }
 
   _show(found) {

@@ -1,8 +1,7 @@
 // Every sensor over time: a row a sensor, a column a tick. A map of the run, to go by.
 
 import { Gathering } from "../base/api.js";
-import { palette } from "../base/colours.js";
-import { counted, find, make, write } from "../base/dom.js";
+import { counted, find, make, palette, write } from "../base/dom.js";
 import { term } from "../base/terms.js";
 
 const HIGH = 13; // pixels of a row

@@ -1,36 +1,30 @@
-"""Two recordings side by side, against frames and orders looked at one by one."""
+"""Two ticks side by side, against frames and orders looked at one by one."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from neurosnap.agent.body import Body
-from neurosnap.apps.viewer.comparison import (
-    Parted,
-    Partings,
-    SideBySide,
+from neurosnap.apps.viewer.run_view import RunView
+from neurosnap.apps.viewer.tick_difference import (
     difference,
     literals_of,
     only_equal,
     only_in,
     restricted,
 )
-from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.run_options import RunOptions
 from tests.golden.drive import drive, record
 from tests.support.recorded_runs import (
     csv_run,
-    path_run,
     recorded,
     scripted_run,
     torn_run,
-    without_states,
 )
 from tests.support.scripted_sources import Scripted
 from tests.support.strategies import graphs
@@ -39,103 +33,17 @@ TICKS = 60
 BITS = (False, True)
 
 
-@pytest.fixture(scope="module")
-def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    folder = tmp_path_factory.mktemp("partings")
-    run = csv_run(folder / "rows.csv", TICKS)
-    cautious = replace(run, threshold=0.02)
-    shorter = replace(run, ticks=TICKS - 20)
-    runs = {
-        "run": run,
-        "again": run,
-        "cautious": cautious,
-        "shorter": shorter,
-        "path": path_run(TICKS),
-        "path seeded": path_run(TICKS, seed=7),
-    }
-    found = {
-        name: recorded(options, folder / f"{name}.mcap")
-        for name, options in runs.items()
-    }
-    missing = range(10, 20)
-    found["gaps"] = without_states(found["run"], folder / "gaps.mcap", missing)
-    return found
-
-
-def compared(logs: dict[str, Path], here: str, there: str) -> Partings:
-    pair = SideBySide(RunView(logs[here]), RunView(logs[there]))
-    while not (found := pair.read_on(0)).done:
-        assert found.read_to < found.last
-    return found
-
-
-@pytest.mark.parametrize(
-    ("here", "there"),
-    [("run", "cautious"), ("run", "shorter"), ("path", "path seeded"), ("run", "gaps")],
-)
-def test_they_part_where_frames_and_orders_do(
-    logs: dict[str, Path], here: str, there: str
-) -> None:
-    found = compared(logs, here, there)
-    assert found.states is not None
-    assert found.readings is not None
-    assert found.orders is not None
-    views = RunView(logs[here]), RunView(logs[there])
-    last = min(view.last for view in views)
-    frames = [{f.tick: f for f in view.frames(1, last)} for view in views]
-    assert (found.first, found.last, found.read_to) == (1, last, last)
-    both = [tick for tick in frames[0] if tick in frames[1]]
-    pairs = [(tick, frames[0][tick], frames[1][tick]) for tick in both]
-    felt = [tick for tick, one, other in pairs if one.bits != other.bits]
-    held = [tick for tick, one, other in pairs if one.state != other.state]
-    assert found.states.tick == min(held, default=None)
-    assert (found.states.differing, found.states.compared) == (len(held), len(both))
-    assert found.readings.tick == min(felt, default=None)
-    if there != "gaps":  # readings are there where a state is not
-        assert found.readings.differing == len(felt)
-    else:
-        assert (found.readings.compared, len(both)) == (last, last - 10)
-    graphs = [
-        [view.snapshot(t).poc_graph() for t in range(1, last + 1)] for view in views
-    ]
-    parted = [
-        tick
-        for tick, one, other in zip(range(1, last + 1), *graphs, strict=True)
-        if not np.array_equal(one.closed, other.closed)
-    ]
-    assert found.orders.tick == min(parted, default=None)
-
-
-def test_the_same_run_parts_nowhere(logs: dict[str, Path]) -> None:
-    found = compared(logs, "run", "again")
-    same = Parted(tick=None, differing=0, compared=TICKS)
-    assert found.readings == found.states == same
-    assert found.orders == replace(same, differing=None)
-    assert found.decisions is None  # rows of a file decide nothing
-    assert (found.sensors, found.only_here, found.only_there) == (3, [], [])
-
-
-def test_decisions_are_compared_by_name(logs: dict[str, Path]) -> None:
-    found = compared(logs, "path", "path seeded")
-    views = RunView(logs["path"]), RunView(logs["path seeded"])
-    did = [{f.tick: f.action for f in view.frames(1, TICKS - 1)} for view in views]
-    differing = [tick for tick in did[0] if did[0][tick] != did[1][tick]]
-    assert differing
-    assert found.decisions is not None
-    assert found.decisions.tick == differing[0]
-    assert found.decisions.differing == len(differing)
-
-
-def test_runs_of_other_sensors_have_none_in_common(logs: dict[str, Path]) -> None:
-    found = compared(logs, "run", "path")
-    assert (found.sensors, found.only_here) == (0, ["a", "b", "c"])
-    assert found.only_there[0] == "below_1"
-    assert found.readings is found.states is found.orders is None
-    assert found.decisions is None  # one of the two has no actions
-
-
-def test_what_differs_at_a_tick_is_named(logs: dict[str, Path]) -> None:
-    here, there = RunView(logs["run"]), RunView(logs["cautious"])
+def test_what_differs_at_a_tick_is_named(tmp_path: Path) -> None:
+    run = csv_run(tmp_path / "rows.csv", TICKS)
+    here, there = (
+        RunView(recorded(options, tmp_path / f"{name}.mcap"))
+        for name, options in {"a": run, "b": replace(run, threshold=0.02)}.items()
+    )
+    learned = here.snapshot(TICKS).poc_graph()
+    found = difference(here, TICKS, here, 0)
+    assert found.felt is None  # nothing is believed before the first tick
+    assert all(learned.leq(each.source, each.target) for each in found.here.edges)
+    assert difference(here, 20, here, 20).here.count == 0
     for tick in (5, 25, 60):
         found = difference(here, tick, there, tick)
         one, other = here.frames(tick, tick)[0], there.frames(tick, tick)[0]

@@ -1,0 +1,232 @@
+"""What differs between two ticks, of one recording or of two.
+
+Compared are readings, decisions, believed states and learned orders, of the sensors
+that both have, by their names.
+"""
+
+import asyncio
+from collections.abc import Sequence
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.apps.viewer.api import Arrow, Bit, Frame
+from neurosnap.apps.viewer.run_view import RunView
+from neurosnap.apps.viewer.session import ViewSession
+from neurosnap.poc.order.graph import PocGraph
+from neurosnap.poc.order.literals import from_words
+
+_LISTED = 50
+"""Edges and classes that are listed."""
+
+
+class Felt(msgspec.Struct, frozen=True, kw_only=True):
+    """A sensor that is not the same at two ticks; each pair is here and there."""
+
+    sensor: int
+    """Its number here."""
+    name: str
+    reads: tuple[Bit, Bit]
+    state: tuple[Bit, Bit]
+    contradicted: tuple[bool, bool]
+
+
+class Only(msgspec.Struct, frozen=True, kw_only=True):
+    """What one order implies and the other does not; literals are numbered as here."""
+
+    edges: list[Arrow]
+    """Covering edges, the first `_LISTED` of them."""
+    classes: list[tuple[int, ...]]
+    """Classes of equivalent literals, likewise."""
+    count: int
+    """How many edges and classes there are."""
+
+
+class TickDifference(msgspec.Struct, frozen=True, kw_only=True):
+    """What differs between a tick here and a tick there."""
+
+    tick: int
+    then: int
+    """The tick there."""
+    sensors: int
+    """How many sensors both have, by name."""
+    felt: list[Felt] | None
+    """The sensors that differ; None if a state is not recorded."""
+    actions: tuple[str | None, str | None]
+    """What was decided."""
+    height: tuple[int, int]
+    edges: tuple[int, int]
+    """The covering edges that are drawn, of all sensors."""
+    here: Only
+    there: Only
+
+
+class Comparisons:
+    """Compares the recordings of one server, on views that nothing else uses.
+
+    One question at a time: the event loop does not wait.
+    """
+
+    def __init__(self) -> None:
+        self._lock = asyncio.Lock()
+        self._views: dict[ViewSession, tuple[RunView, RunView]] = {}
+
+    async def difference(
+        self, here: ViewSession, tick: int, there: ViewSession, then: int
+    ) -> TickDifference:
+        """Return what differs between two ticks.
+
+        Raises:
+            InvalidValueError: There is no such tick.
+            RecordingError: What is needed cannot be read.
+        """
+
+        def work() -> TickDifference:
+            return difference(self._view(here), tick, self._view(there), then)
+
+        async with self._lock:
+            return await asyncio.to_thread(work)
+
+    def _view(self, session: ViewSession) -> RunView:
+        """Return a view of a recording: another one once that is another file."""
+        shown, own = self._views.get(session, (None, None))
+        if own is None or shown is not session.run_view:
+            shown = session.run_view
+            own = RunView(shown.path, shown.scene)
+            self._views[session] = shown, own
+        own.grow()
+        return own
+
+
+def difference(here: RunView, tick: int, there: RunView, then: int) -> TickDifference:
+    """Return what differs between two ticks.
+
+    Args:
+        here: The one recording.
+        tick: The tick in it.
+        there: The other recording; may be the same.
+        then: The tick in that.
+
+    Raises:
+        InvalidValueError: There is no such tick.
+        RecordingError: An observation or a key-frame that is needed is not there.
+    """
+    one, other = here.learned(tick), there.learned(then)
+    drawn, their_drawn = here.graph(tick), there.graph(then)
+    own = one.body.sensors[: one.body.size]
+    theirs = {name: k for k, name in enumerate(other.body.sensors[: other.body.size])}
+    pairs = [(k, theirs[name], name) for k, name in enumerate(own) if name in theirs]
+    places = literals_of([k for k, _, _ in pairs])
+    mine = restricted(one.snapshot.poc_graph(), places)
+    its = restricted(other.snapshot.poc_graph(), literals_of([k for _, k, _ in pairs]))
+    frames = here.frames(tick, tick), there.frames(then, then)
+    return TickDifference(
+        tick=tick,
+        then=then,
+        sensors=len(pairs),
+        felt=_felt(frames[0][0], frames[1][0], pairs) if all(frames) else None,
+        actions=(_action(frames[0]), _action(frames[1])),
+        height=(drawn.height, their_drawn.height),
+        edges=(len(drawn.edges), len(their_drawn.edges)),
+        here=_only(mine, its, places.tolist()),
+        there=_only(its, mine, places.tolist()),
+    )
+
+
+def _action(frames: list[Frame]) -> str | None:
+    return frames[0].action if frames else None
+
+
+def _felt(frame: Frame, other: Frame, pairs: list[tuple[int, int, str]]) -> list[Felt]:
+    """Return the sensors that differ; each with its numbers here and there."""
+    against = set(frame.contradicted), set(other.contradicted)
+    felt = (
+        Felt(
+            sensor=one,
+            name=name,
+            reads=(frame.bits[one], other.bits[its]),
+            state=(frame.state[one], other.state[its]),
+            contradicted=(one in against[0], its in against[1]),
+        )
+        for one, its, name in pairs
+    )
+    return [
+        each
+        for each in felt
+        if any(a != b for a, b in (each.reads, each.state, each.contradicted))
+    ]
+
+
+def _only(graph: PocGraph, other: PocGraph, places: list[int]) -> Only:
+    edges, classes = only_in(graph, other), only_equal(graph, other)
+    return Only(
+        edges=[
+            Arrow(
+                source=places[a],
+                target=places[b],
+                kind="inhibit" if b & 1 else "excite",
+            )
+            for a, b in edges[:_LISTED]
+        ],
+        classes=[tuple(places[a] for a in members) for members in classes[:_LISTED]],
+        count=len(edges) + len(classes),
+    )
+
+
+def literals_of(sensors: Sequence[int]) -> NDArray[np.intp]:
+    """Return the literals of some sensors: ``(2M,)``, each beside its complement."""
+    own = 2 * np.asarray(sensors, np.intp)
+    return np.stack([own, own + 1], axis=1).ravel()
+
+
+def restricted(graph: PocGraph, literals: NDArray[np.intp]) -> PocGraph:
+    """Return the order among some literals of a graph, in their order.
+
+    Args:
+        graph: Over ``2N`` literals.
+        literals: ``(2M,)``, each literal beside its complement. O(N²) time.
+    """
+    if np.array_equal(literals, np.arange(len(graph))):
+        return graph
+    closed = from_words(graph.closed, len(graph))
+    return PocGraph(closed[np.ix_(literals, literals)])
+
+
+def only_in(graph: PocGraph, other: PocGraph) -> list[tuple[int, int]]:
+    """Return the covering edges of one order that the other does not imply.
+
+    Args:
+        graph: The one.
+        other: Over the same sensors.
+
+    Returns:
+        Pairs of literals, of an edge and its contrapositive the one with the smaller
+        source. What is implied by way of others is no difference, and what equivalent
+        literals share is in `only_equal`. O(N³/64) time where the orders are new.
+    """
+    below, above = np.nonzero(graph.hasse())
+    standing = graph.representative
+    chosen = (below <= above ^ 1) & (standing[below] != standing[above])
+    below, above = below[chosen], above[chosen]
+    bits = other.closed[below, above >> 6] >> (above & 63).astype(np.uint64)
+    lacking = (bits & np.uint64(1)) == 0
+    return list(zip(below[lacking].tolist(), above[lacking].tolist(), strict=True))
+
+
+def only_equal(graph: PocGraph, other: PocGraph) -> list[tuple[int, ...]]:
+    """Return the classes of one order that are not equivalent in the other.
+
+    Args:
+        graph: The one.
+        other: Over the same sensors.
+
+    Returns:
+        Classes of two literals and more, each once with its complement.
+    """
+    standing = other.representative
+    return [
+        members
+        for members in graph.classes()
+        if members[0] % 2 == 0 and len(set(standing[list(members)].tolist())) > 1
+    ]
