@@ -8,11 +8,15 @@ import numpy as np
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from neurosnap.poc.order.contradiction import contradiction
+from neurosnap.poc.order.contradiction import (
+    PATIENCE,
+    Cover,
+    contradiction,
+    smallest_cover,
+)
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.literals import Words, to_words
 from neurosnap.poc.order.masks import from_mask
-from neurosnap.poc.order.vertex_cover import PATIENCE, Cover, smallest_cover
 from tests.support.edges import edges_of
 from tests.support.oracles import Edges, below_or_equal, coherent
 from tests.support.strategies import graphs

@@ -15,6 +15,7 @@ from neurosnap.poc.dual.realization import Realization, corners
 from tests.support.finite_space import FiniteSpace
 from tests.support.homotopy import richness, space_of
 from tests.support.hypothesis_settings import examples
+from tests.support.simplices import simplicial
 from tests.support.strategies import bit_rows
 from tests.support.theory_oracles import Model, betti, face_counts, included
 from tests.support.theory_strategies import Drawn, fields, frozen, poc_sets
@@ -68,7 +69,7 @@ def test_betti_numbers_of_simplices(simplices: list[set[int]]) -> None:
         for size in range(1, len(simplex) + 1)
         for face in itertools.combinations(simplex, size)
     }
-    found = CellComplex.simplicial(simplices)
+    found = simplicial(simplices)
     assert found.betti_numbers() == betti(list(cells))
     assert trimmed(found.betti_numbers()) == by_gudhi(list(cells))
     alternating = sum((-1) ** d * b for d, b in enumerate(found.betti_numbers()))

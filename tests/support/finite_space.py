@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.dual.homology import CellComplex
+from tests.support.simplices import simplicial
 
 
 class FiniteSpace:
@@ -92,7 +93,7 @@ class FiniteSpace:
 
     def order_complex(self, points: NDArray[np.bool_] | None = None) -> CellComplex:
         """Return the simplices of chains: the space's homology, and more, is theirs."""
-        return CellComplex.simplicial(self.chains(points))
+        return simplicial(self.chains(points))
 
     def is_contractible(self, points: NDArray[np.bool_] | None = None) -> bool:
         """Return whether the subspace of some points can be shrunk to one.

@@ -61,35 +61,6 @@ class CellComplex:
         """
         return cls([faces for _, faces in _layers(corners)])
 
-    @classmethod
-    def simplicial(cls, simplices: Iterable[Iterable[int]]) -> "CellComplex":
-        """Return the simplices, each a set of whole numbers, with all their faces.
-
-        Example:
-            >>> CellComplex.simplicial([(0, 1, 2)]).face_vector()
-            (3, 3, 1)
-        """
-        layers: dict[int, set[tuple[int, ...]]] = {}
-        for simplex in simplices:
-            points = tuple(sorted(set(simplex)))
-            for size in range(1, len(points) + 1):
-                layer = layers.setdefault(size, set())
-                layer.update(itertools.combinations(points, size))
-        boundaries: list[list[tuple[int, ...]]] = []
-        numbers: dict[tuple[int, ...], int] = {}
-        for size in range(1, len(layers) + 1):
-            ordered = sorted(layers[size])
-            boundaries.append(
-                [
-                    tuple(numbers[cell[:k] + cell[k + 1 :]] for k in range(size))
-                    if size > 1
-                    else ()
-                    for cell in ordered
-                ]
-            )
-            numbers = {cell: k for k, cell in enumerate(ordered)}
-        return cls(boundaries)
-
     def face_vector(self) -> tuple[int, ...]:
         """Return the number of cells of each dimension."""
         return tuple(len(columns) for columns in self._columns)

@@ -14,9 +14,15 @@ from numpy.typing import ArrayLike, NDArray
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning import update_kernels as kernels
 from neurosnap.poc.learning.archive import Archived, Arrays, entry
-from neurosnap.poc.learning.evidence import Evidence
 from neurosnap.poc.learning.history import Newborn
-from neurosnap.poc.learning.pairs import Weights, leads, pair_of, pairs_of, strict
+from neurosnap.poc.learning.pairs import (
+    Evidence,
+    Weights,
+    leads,
+    pair_of,
+    pairs_of,
+    strict,
+)
 from neurosnap.poc.learning.search import Search
 from neurosnap.poc.learning.thresholds import by_pair, checked_threshold
 from neurosnap.poc.learning.update_kernels import Pairs

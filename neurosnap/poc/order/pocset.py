@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.poc.order import chains
 from neurosnap.poc.order.fields import as_fields, inclusions
+from neurosnap.poc.order.generated_order import covers, width
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.literals import Literals, as_literal, as_literals
 from neurosnap.poc.order.relations import (
@@ -293,7 +293,7 @@ class PocSet:
         """
         heads = np.unique(self._graph.representative)
         strict = self._strict(heads)
-        low, high = chains.covers(strict).nonzero()
+        low, high = covers(strict).nonzero()
         pairs = list(zip(heads[low].tolist(), heads[high].tolist(), strict=True))
         if bounds:
             lowest = heads[~strict.any(axis=0)].tolist()
@@ -320,7 +320,7 @@ class PocSet:
             >>> PocSet.parse("a, b, c : a < b < c").width(), PocSet(3).width()
             (2, 6)
         """
-        return chains.width(self._strict(self.heads))
+        return width(self._strict(self.heads))
 
     def restricted(self, sensors: Iterable[str]) -> "PocSet":
         """Return the order among some of the sensors: the poc subset they induce.

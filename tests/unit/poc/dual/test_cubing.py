@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.poc.dual.counting import Counter
 from neurosnap.poc.dual.cubing import Cubing
+from neurosnap.poc.dual.mask_dual import Counter
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.pocset import PocSet
 from tools.paper.spaces import chain, exclusive, grid, simple
@@ -200,7 +200,7 @@ def test_the_dual_of_nothing_is_a_point() -> None:
 def test_a_listing_stops_where_an_estimate_was_too_low(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("neurosnap.poc.dual.counting.PATIENCE", -1)
+    monkeypatch.setattr("neurosnap.poc.dual.mask_dual.PATIENCE", -1)
     rng = np.random.default_rng(2)
     pairs = [p for p in rng.integers(0, 12, (16, 2)).tolist() if p[0] != p[1]]
     cubing = Cubing(PocSet(12, [(2 * a, 2 * b + 1) for a, b in pairs]))

@@ -10,6 +10,7 @@ from neurosnap.poc.dual.homology import CellComplex, cubes_among
 from neurosnap.poc.dual.realization import Realization
 from tests.support.finite_space import FiniteSpace
 from tests.support.homotopy import richness, space_of
+from tests.support.simplices import simplicial
 from tools.paper.spaces import six_arcs
 
 # The projective plane with six vertices: over GF(2) it has homology in dimension 2.
@@ -40,7 +41,7 @@ PLANE = [
     ],
 )
 def test_shapes_of_simplices(simplices: list[tuple[int, ...]], betti: Any) -> None:
-    assert CellComplex.simplicial(simplices).betti_numbers() == betti
+    assert simplicial(simplices).betti_numbers() == betti
 
 
 def test_the_surface_of_a_cube_and_the_cube() -> None:

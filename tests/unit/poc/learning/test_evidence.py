@@ -5,8 +5,8 @@ from typing import TypeAlias
 import pytest
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.learning.evidence import Evidence
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
+from neurosnap.poc.learning.pairs import Evidence
 
 Kind: TypeAlias = type[EmpiricalSnapshot] | type[DiscountedSnapshot]
 KINDS = pytest.mark.parametrize("kind", [EmpiricalSnapshot, DiscountedSnapshot])
