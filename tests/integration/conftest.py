@@ -7,6 +7,7 @@ import pytest
 import pytest_asyncio
 from playwright.async_api import expect
 
+from neurosnap.fabric.security.make_keys import make_keys
 from tests.support import browser_pages as pages
 from tests.support import preloaded
 from tests.support.home_runs import broken_home
@@ -66,6 +67,14 @@ def home_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def large_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("large")
     return recorded(large_run(folder / "readings.csv"), folder / "large.mcap")
+
+
+@pytest.fixture(scope="session")
+def role_keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The keys of a swarm, a certificate a role; nobody writes to them."""
+    folder = tmp_path_factory.mktemp("security") / "keys"
+    make_keys(folder)
+    return folder
 
 
 @pytest.fixture

@@ -1,10 +1,12 @@
 """A swarm over several hosts: a hub on one, cells on another, the rest on a third.
 
-Hosts are network namespaces joined by a bridge, where the machine allows it; the same
-is tried on loopback everywhere.
+Hosts are network namespaces joined by a bridge, where the machine allows it; the page
+on two hosts does the same on loopback everywhere.
 """
 
+import re
 import secrets
+import shlex
 import signal
 import subprocess
 import sys
@@ -16,10 +18,11 @@ import pytest
 
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
-from tests.support.commands import Command
+from tests.support.command_line import refused
 from tests.support.patience import PATIENCE
 from tests.support.ports import free_port
 from tests.support.programs import find, needs
+from tests.support.view_commands import Verb, verb
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
@@ -92,17 +95,6 @@ def is_right(log: Path) -> None:
     assert {f"cell/{cell}" for cell in range(6)} <= set(parts)
 
 
-def test_cells_join_from_another_launcher(tmp_path: Path) -> None:
-    make_keys(tmp_path / "keys")
-    endpoint = f"tls/127.0.0.1:{free_port()}"
-    log = tmp_path / "log.mcap"
-    here: dict[str, list[str]] = {host: [] for host in HOSTS}
-    with hub_on([], "--listen", endpoint, "--tls", tmp_path / "keys"):
-        done = play(here, endpoint, tmp_path / "keys", log)
-    assert done.returncode == 0, done.stderr
-    is_right(log)
-
-
 @contextmanager
 def namespaces() -> Iterator[dict[str, tuple[str, str]]]:
     """Three hosts on one bridge: for each, its namespace and its address.
@@ -170,6 +162,55 @@ def test_three_hosts_make_one_swarm(tmp_path: Path) -> None:
         is_right(log)
 
 
+# The page "a swarm on two hosts": its commands, in its order, and what they say
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs/tutorials/two_hosts.md").read_text()
+COMMANDS = re.findall(r"^\$ neurosnap (.*)$", PAGE, re.MULTILINE)
+SHOWN = dict(re.findall(r"^\$ neurosnap (.*)\n((?:[^$`].*\n)*)", PAGE, re.MULTILINE))
+
+
+async def done(folder: Path, line: str) -> list[str]:
+    """Run a command to its end; return what it said."""
+    async with verb(folder, *shlex.split(line)) as process:
+        output, errors = await process.communicate()
+        assert process.returncode == 0, f"{line}: {errors.decode()}"
+    return [each.rstrip() for each in output.decode().splitlines()]
+
+
+async def told(process: Verb, line: str) -> None:
+    """Wait until a command that goes on says a line."""
+    while said := (await process.stderr.readline()).decode():
+        if said.strip() == line:
+            return
+    pytest.fail(f"ended without {line!r}")
+
+
+async def test_the_page_runs(tmp_path: Path) -> None:
+    port = str(free_port())
+    keys, hub, join, run, verify, info = [
+        line.replace("7447", port) for line in COMMANDS
+    ]
+    listening, joined = [
+        SHOWN[line].strip().replace("7447", port) for line in COMMANDS[1:3]
+    ]
+    said = await done(tmp_path, keys)
+    assert SHOWN[COMMANDS[0]].strip() in said
+    async with verb(tmp_path, *shlex.split(hub)) as hubs:
+        await told(hubs, listening)
+        async with verb(tmp_path, *shlex.split(join)) as cells:
+            await told(cells, joined)
+            said = await done(tmp_path, run)
+            shown = SHOWN[COMMANDS[3]].splitlines()
+            assert len(shown) == 5
+            assert [line for line in shown if line not in said] == []
+            assert await cells.wait() == 0
+        hubs.send_signal(signal.SIGINT)
+        assert await hubs.wait() == 0
+    assert any(line.startswith("same:") for line in await done(tmp_path, verify))
+    assert "cell/4:" in " ".join(await done(tmp_path, info))
+
+
 @pytest.mark.parametrize(
     ("options", "text"),
     [
@@ -194,8 +235,5 @@ def test_what_cannot_be_shared_is_refused(
     options: tuple[str, ...], text: str, tmp_path: Path
 ) -> None:
     small = ("neurosnap/Path-v0", "--set", "places=7", "--out", tmp_path / "log")
-    with Command("run", *small, *options) as refused:
-        _, said = refused.communicate(timeout=PATIENCE)
-    assert refused.returncode == 2
-    assert text in " ".join(said.split())
+    assert text in refused("run", *small, *options)
     assert not (tmp_path / "log").exists()

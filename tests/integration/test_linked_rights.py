@@ -32,52 +32,81 @@ FORBIDDEN: tuple[wire.Message, ...] = (
 PULSE = wire.Pulse(wave=1, source=0, target=2, hops=1, credit=1)
 
 
-@pytest.fixture(scope="module")
-def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("security") / "keys"
-    make_keys(folder)
-    return folder
-
-
 @contextmanager
-def line(keys: Path) -> Iterator[tuple[Hub, Hub]]:
+def line(role_keys: Path) -> Iterator[tuple[Hub, Hub]]:
     """The ends of a line of three hubs."""
     with (
-        hub_with(keys) as here,
-        hub_with(keys, here) as between,
-        hub_with(keys, between) as there,
+        hub_with(role_keys) as here,
+        hub_with(role_keys, here) as between,
+        hub_with(role_keys, between) as there,
     ):
         asyncio.run(are_one_network(here.end, there.end))
         yield here, there
 
 
-def test_a_cell_cannot_conduct_those_on_another_hub(keys: Path) -> None:
-    async def intrude(here: Hub, there: Hub) -> None:
-        everything, neighbour = Heard(), Heard()
-        seen = Seen()
-        async with (
-            here.end("recorder") as ears,
-            here.end("cell/1") as cell,
-            there.end("watcher") as usher,
-            there.end("cell/0") as intruder,
-        ):
-            await usher.watch(seen)
-            await ears.subscribe(("**",), everything)
-            await cell.subscribe(wire.cell_keys(1), neighbour)
-            for end in (ears, cell):
-                await end.announce()
-                await seen.wait((end.who, True))
-            intruder.publish(*FORBIDDEN, PULSE)
-            assert await everything.wait(PULSE) == [PULSE]
-            assert everything.sequences == [len(FORBIDDEN)]
-            assert await neighbour.wait(PULSE) == [PULSE]
-            # The same wiring, from there, by whom it may come.
-            async with there.end("coordinator") as coordinator:
-                coordinator.publish(WIRING)
-                await neighbour.wait(WIRING)
+async def intrude(here: Hub, there: Hub) -> None:
+    everything, neighbour = Heard(), Heard()
+    seen = Seen()
+    async with (
+        here.end("recorder") as ears,
+        here.end("cell/1") as cell,
+        there.end("watcher") as usher,
+        there.end("cell/0") as intruder,
+    ):
+        await usher.watch(seen)
+        await ears.subscribe(("**",), everything)
+        await cell.subscribe(wire.cell_keys(1), neighbour)
+        for end in (ears, cell):
+            await end.announce()
+            await seen.wait((end.who, True))
+        intruder.publish(*FORBIDDEN, PULSE)
+        assert await everything.wait(PULSE) == [PULSE]
+        assert everything.sequences == [len(FORBIDDEN)]
+        assert await neighbour.wait(PULSE) == [PULSE]
+        # The same wiring, from there, by whom it may come.
+        async with there.end("coordinator") as coordinator:
+            coordinator.publish(WIRING)
+            await neighbour.wait(WIRING)
 
-    with line(keys) as (here, there):
+
+async def spy_on(here: Hub, there: Hub) -> None:
+    everything, overheard, allowed, seen = Heard(), Heard(), Heard(), Seen()
+    spied = Seen()
+    last = wire.Leave("world")
+    async with (
+        here.end("recorder") as ears,
+        here.end("cell/0") as spy,
+        here.end("cell/1") as cell,
+        there.end("watcher") as usher,
+        there.end("world") as world,
+    ):
+        await usher.watch(seen)
+        await ears.subscribe(("**",), everything)
+        await cell.subscribe(wire.cell_keys(1), allowed)
+        await spy.subscribe(("**",), overheard)
+        await spy.subscribe(("leave/**", "cellreport/**"), overheard)
+        await spy.watch(spied)
+        for end in (cell, ears):
+            await end.confirm()
+        spy.publish(PULSE)
+        await everything.wait(PULSE)  # behind all that it asked for
+        for end in (cell, ears):
+            await end.announce()
+            await seen.wait((end.who, True))
+        observation = wire.Observation(1, b"\1")
+        world.publish(observation, last)
+        assert await everything.wait(last) == [PULSE, observation, last]
+        assert await allowed.wait(observation) == [PULSE, observation]
+        assert set(overheard.messages) <= {PULSE}  # its own
+        assert spied.changes == []
+
+
+def test_a_cell_neither_conducts_nor_hears_those_on_another_hub(
+    role_keys: Path,
+) -> None:
+    with line(role_keys) as (here, there):
         asyncio.run(intrude(here, there))
+        asyncio.run(spy_on(here, there))
     refused = {
         f"cell refused: Put on neurosnap/{SWARM}/{message.key}" for message in FORBIDDEN
     }
@@ -85,50 +114,14 @@ def test_a_cell_cannot_conduct_those_on_another_hub(keys: Path) -> None:
     assert not any("cell refused: Put" in line for line in here.refused)
 
 
-def test_a_cell_hears_nothing_of_another_hub_but_what_is_for_cells(keys: Path) -> None:
-    async def spy_on(here: Hub, there: Hub) -> None:
-        everything, overheard, allowed, seen = Heard(), Heard(), Heard(), Seen()
-        spied = Seen()
-        last = wire.Leave("world")
-        async with (
-            here.end("recorder") as ears,
-            here.end("cell/0") as spy,
-            here.end("cell/1") as cell,
-            there.end("watcher") as usher,
-            there.end("world") as world,
-        ):
-            await usher.watch(seen)
-            await ears.subscribe(("**",), everything)
-            await cell.subscribe(wire.cell_keys(1), allowed)
-            await spy.subscribe(("**",), overheard)
-            await spy.subscribe(("leave/**", "cellreport/**"), overheard)
-            await spy.watch(spied)
-            for end in (cell, ears):
-                await end.confirm()
-            spy.publish(PULSE)
-            await everything.wait(PULSE)  # behind all that it asked for
-            for end in (cell, ears):
-                await end.announce()
-                await seen.wait((end.who, True))
-            observation = wire.Observation(1, b"\1")
-            world.publish(observation, last)
-            assert await everything.wait(last) == [PULSE, observation, last]
-            assert await allowed.wait(observation) == [PULSE, observation]
-            assert set(overheard.messages) <= {PULSE}  # its own
-            assert spied.changes == []
-
-    with line(keys) as (here, there):
-        asyncio.run(spy_on(here, there))
-
-
-def test_a_router_that_is_no_hub_is_named(keys: Path) -> None:
+def test_a_router_that_is_no_hub_is_named(role_keys: Path) -> None:
     endpoint = f"tls/127.0.0.1:{free_port()}"
-    with going("serve", "hub", "--listen", endpoint, "--tls", keys) as hub:
+    with going("serve", "hub", "--listen", endpoint, "--tls", role_keys) as hub:
         assert "listening on" in hub.stderr.readline()
         config = configuration(
             "router",
             connect__endpoints=[endpoint],
-            transport__link__tls=Credentials.in_folder(keys, "cell").to_connect(),
+            transport__link__tls=Credentials.in_folder(role_keys, "cell").to_connect(),
         )
         with zenoh.open(config):
             said = hub.stderr.readline()
@@ -138,7 +131,7 @@ def test_a_router_that_is_no_hub_is_named(keys: Path) -> None:
 
 
 def test_any_router_with_the_printed_configuration_holds_parts_to_their_roles(
-    keys: Path, tmp_path: Path
+    role_keys: Path, tmp_path: Path
 ) -> None:
     async def intrude(there: Hub, here: Hub) -> None:
         await are_one_network(there.end, here.end)
@@ -153,9 +146,9 @@ def test_any_router_with_the_printed_configuration_holds_parts_to_their_roles(
                 await intruder.confirm()
             assert set(heard.messages) == {last}
 
-    with hub_with(keys) as there:
-        here = Hub(f"tls/127.0.0.1:{free_port()}", keys)
-        more = ("--listen", here.endpoint, "--link", there.endpoint, "--tls", keys)
+    with hub_with(role_keys) as there:
+        here = Hub(f"tls/127.0.0.1:{free_port()}", role_keys)
+        more = ("--listen", here.endpoint, "--link", there.endpoint, "--tls", role_keys)
         with going("serve", "hub", *more, "--print-config") as printing:
             printed, _ = printing.communicate(timeout=PATIENCE)
         file = tmp_path / "hub.json5"
@@ -164,9 +157,9 @@ def test_any_router_with_the_printed_configuration_holds_parts_to_their_roles(
             asyncio.run(intrude(there, here))
 
 
-def test_hubs_of_different_keys_are_not_linked(keys: Path, tmp_path: Path) -> None:
+def test_hubs_of_different_keys_are_not_linked(role_keys: Path, tmp_path: Path) -> None:
     make_keys(tmp_path / "others")
-    with hub_with(keys) as hub, hub_with(tmp_path / "others", hub) as stranger:
+    with hub_with(role_keys) as hub, hub_with(tmp_path / "others", hub) as stranger:
 
         async def pass_by() -> None:
             heard, seen, mark = Heard(), Seen(), secrets.token_hex(2)

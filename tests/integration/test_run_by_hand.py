@@ -2,9 +2,8 @@
 
 import asyncio
 import re
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Self
 
 import msgspec
 import numpy as np
@@ -15,7 +14,7 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import AnswerLostError, SwarmError
 from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
-from neurosnap.fabric.protocol import Handler, PlaceHandler, PresenceHandler
+from neurosnap.fabric.protocol import Handler
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.parts.coordinator_loop import Deadlines, run_coordinator
@@ -34,91 +33,38 @@ def readings(tmp_path: Path) -> str:
     return write_readings(tmp_path / "readings.csv", TICKS)
 
 
-class Meddled:
-    """A part's end of the network with somebody in between.
+class Meddled(MemoryFabric):
+    """A part's end of the network with somebody in between, who changes messages."""
 
-    Args:
-        inner: The end proper.
-        outgoing: What becomes of a message that is sent; None: it is withheld.
-        incoming: What becomes of a message that arrives.
-    """
+    def outgoing(self, message: wire.Message) -> wire.Message | None:
+        """Return what is sent in its place; None if it is withheld."""
+        return message
 
-    def __init__(
-        self,
-        inner: MemoryFabric,
-        outgoing: Callable[[wire.Message], wire.Message | None] = lambda m: m,
-        incoming: Callable[[wire.Message], wire.Message] = lambda m: m,
-    ) -> None:
-        self._inner = inner
-        self._outgoing = outgoing
-        self._incoming = incoming
-
-    @property
-    def who(self) -> str:
-        return self._inner.who
-
-    @property
-    def sent(self) -> int:
-        return self._inner.sent
+    def incoming(self, message: wire.Message) -> wire.Message:
+        """Return what arrives in its place."""
+        return message
 
     def publish(self, *messages: wire.Message) -> None:
         for message in messages:
-            passed = self._outgoing(message)
+            passed = self.outgoing(message)
             if passed is not None:
-                self._inner.publish(passed)
+                super().publish(passed)
 
     async def subscribe(
         self, keys: Sequence[str], handler: Handler, *, poll: float | None = None
     ) -> None:
         def handle(deliveries: list[wire.Delivery]) -> None:
             for delivery in deliveries:
-                message = self._incoming(wire.decode(delivery.key, delivery.payload))
+                message = self.incoming(wire.decode(delivery.key, delivery.payload))
                 handler([delivery._replace(payload=wire.encode(message))])
 
-        await self._inner.subscribe(keys, handle, poll=poll)
-
-    async def announce(self) -> None:
-        await self._inner.announce()
-
-    async def confirm(self) -> None:
-        await self._inner.confirm()
-
-    async def present(self) -> set[str]:
-        return await self._inner.present()
-
-    async def describe_run(self, content: bytes) -> None:
-        await self._inner.describe_run(content)
-
-    async def ask(self) -> bytes | None:
-        return await self._inner.ask()
-
-    async def watch(self, handler: PresenceHandler) -> None:
-        await self._inner.watch(handler)
-
-    async def locate(self, handler: PlaceHandler) -> None:
-        await self._inner.locate(handler)
-
-    async def serve(self, stop: asyncio.Event) -> None:
-        await self._inner.serve(stop)
-
-    def fail(self, error: BaseException) -> None:
-        self._inner.fail(error)
-
-    async def __aenter__(self) -> Self:
-        await self._inner.__aenter__()
-        return self
-
-    async def __aexit__(self, *error: object) -> None:
-        await self._inner.__aexit__(None, None, None)
-
-
-Meddle = Callable[[MemoryFabric], Meddled]
+        await super().subscribe(keys, handle, poll=poll)
 
 
 async def by_hand(
     options: RunOptions,
     heard: list[wire.Message],
-    meddle: Meddle = Meddled,
+    meddled: type[Meddled] = Meddled,
     absent: Collection[str] = (),
     patience: float = 10.0,
 ) -> None:
@@ -131,7 +77,7 @@ async def by_hand(
         heard.extend(wire.decode(d.key, d.payload) for d in deliveries)
 
     async def be_cell(number: int) -> None:
-        async with meddle(hub.fabric(cells[number])) as fabric:
+        async with meddled(hub, cells[number]) as fabric:
             await take_part(fabric, run_cell(number, fabric, leave))
 
     async def be_world() -> None:
@@ -174,12 +120,10 @@ def states_in(heard: Sequence[wire.Message]) -> list[list[bool]]:
 async def test_without_one_cells_reports_there_is_no_state_and_it_is_named(
     readings: str,
 ) -> None:
-    def withhold(end: MemoryFabric) -> Meddled:
-        def outgoing(message: wire.Message) -> wire.Message | None:
+    class Withheld(Meddled):
+        def outgoing(self, message: wire.Message) -> wire.Message | None:
             mute = isinstance(message, wire.CellReport) and message.cell == 5
             return None if mute else message
-
-        return Meddled(end, outgoing)
 
     heard: list[wire.Message] = []
     expected = (
@@ -187,7 +131,7 @@ async def test_without_one_cells_reports_there_is_no_state_and_it_is_named(
         r" missing credit 0\.\d+, silent cells: cell/5$"
     )
     with pytest.raises(AnswerLostError, match=expected):
-        await by_hand(options_for(readings, deadline=0.2), heard, withhold)
+        await by_hand(options_for(readings, deadline=0.2), heard, Withheld)
     assert heard == []
 
 
@@ -196,20 +140,18 @@ async def test_with_one_report_too_few_the_run_goes_on_after_a_repeat(
 ) -> None:
     lost: list[wire.CellReport] = []
 
-    def lose_one(end: MemoryFabric) -> Meddled:
-        def outgoing(message: wire.Message) -> wire.Message | None:
+    class OneLost(Meddled):
+        def outgoing(self, message: wire.Message) -> wire.Message | None:
             if isinstance(message, wire.CellReport) and message.wave == 9 and not lost:
                 lost.append(message)
                 return None
             return message
 
-        return Meddled(end, outgoing)
-
     options = options_for(readings, deadline=0.2)
     undisturbed: list[wire.Message] = []
     heard: list[wire.Message] = []
     await by_hand(options, undisturbed)
-    await by_hand(options, heard, lose_one)
+    await by_hand(options, heard, OneLost)
     assert len(lost) == 1
     assert states_in(heard) == states_in(undisturbed)
     assert len(states_in(heard)) == TICKS
@@ -231,8 +173,8 @@ async def test_the_wiring_a_cell_has_is_what_the_state_comes_of(readings: str) -
     # that never comes, and each wave for its deadline.
     extra = {6: 15, 7: 13}
 
-    def mislead(end: MemoryFabric) -> Meddled:
-        def incoming(message: wire.Message) -> wire.Message:
+    class Misled(Meddled):
+        def incoming(self, message: wire.Message) -> wire.Message:
             if not isinstance(message, wire.Wiring) or message.cell not in extra:
                 return message
             target = extra[message.cell]
@@ -242,11 +184,9 @@ async def test_the_wiring_a_cell_has_is_what_the_state_comes_of(readings: str) -
                 drop=tuple(b for b in message.drop if b != target),
             )
 
-        return Meddled(end, incoming=incoming)
-
     options = options_for(readings)
     heard: list[wire.Message] = []
-    await by_hand(options, heard, mislead)
+    await by_hand(options, heard, Misled)
 
     snapshot, honest = options.new_snapshot(), []
     expected, graphs = [], []
@@ -326,29 +266,3 @@ async def test_a_part_that_goes_without_a_word_is_named(readings: str) -> None:
     (error,) = caught.value.exceptions
     assert isinstance(error, SwarmError)
     assert re.search(expected, str(error))
-
-
-async def test_the_world_answers_each_decision_once_and_in_turn(readings: str) -> None:
-    hub, over = MemoryHub(), asyncio.Event()
-    source = open_source(readings, SEED)
-    told: list[int] = []
-
-    def listen(deliveries: list[wire.Delivery]) -> None:
-        for delivery in deliveries:
-            message = wire.decode(delivery.key, delivery.payload)
-            assert isinstance(message, wire.Observation)
-            told.append(message.tick)
-            if message.tick == 3:
-                over.set()
-
-    hub.fabric("listener").listen(("observation",), listen)
-    async with hub.fabric("world") as end:
-        world = asyncio.create_task(
-            run_world(source, Body(own=source.sensors), end, over)
-        )
-        await asyncio.sleep(0)
-        for tick in (0, 0, 5, 1, 0, 1, 2):
-            hub.fabric("coordinator").publish(wire.Decision(tick, -1, ""))
-        await world
-    source.close()
-    assert told == [1, 2, 3]

@@ -1,42 +1,41 @@
-"""A swarm under mutual TLS: its parts work as ever, and its recording plays.
+"""A swarm under mutual TLS: it runs, its recording plays, and strangers are refused.
 
 The hub is a process of its own, as in a run, and traces its decisions: whatever it
 refuses is in what it said on its standard error.
 """
 
 import asyncio
+import re
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import msgspec
 import pytest
-from typer.testing import CliRunner
+import zenoh
+from cryptography import x509
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.hashes import SHA256
+from cryptography.hazmat.primitives.serialization import Encoding, load_pem_private_key
 
 from neurosnap import wire
-from neurosnap.apps.cli import app
-from neurosnap.errors import InvalidValueError
+from neurosnap.errors import FabricError, InvalidValueError
+from neurosnap.fabric.security.credentials import Credentials
 from neurosnap.fabric.security.endpoint import HubAddress
 from neurosnap.fabric.security.load_keys import read_credentials
 from neurosnap.fabric.security.make_keys import make_keys
 from neurosnap.fabric.security.roles import RIGHTS, Role
 from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.fabric.zenoh.session import configuration
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.playback import Playing, play_on
 from neurosnap.recording.write.writer import Writer
 from tests.support.fabrics import Seen
 from tests.support.patience import PATIENCE
-from tests.support.secured_hub import SWARM, Noted, hub_with
+from tests.support.secured_hub import INTRUSION, SWARM, Hub, Noted, hub_with
 from tests.support.secured_swarm import TICKS, options, run_swarm
 from tests.support.witnesses import Heard
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
-
-
-@pytest.fixture(scope="module")
-def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("security") / "keys"
-    make_keys(folder)
-    return folder
 
 
 # A swarm ------------------------------------------------------------------------------
@@ -67,10 +66,10 @@ UNHEARD = {
 
 
 async def test_a_swarm_runs_and_does_what_the_table_says(
-    keys: Path, tmp_path: Path
+    role_keys: Path, tmp_path: Path
 ) -> None:
     Noted.forget()
-    with hub_with(keys) as hub:
+    with hub_with(role_keys) as hub:
         balance = await run_swarm(hub, options(), tmp_path / "log.mcap")
     assert balance.whole, balance
     assert hub.refused == []
@@ -88,14 +87,14 @@ async def test_a_swarm_runs_and_does_what_the_table_says(
         assert bool(Noted.announced[role]) == rights.announces
 
 
-# Playing back, and the command line ---------------------------------------------------
+# Playing back -------------------------------------------------------------------------
 
 
 async def test_a_recording_plays_to_who_has_a_certificate(
-    keys: Path, tmp_path: Path
+    role_keys: Path, tmp_path: Path
 ) -> None:
     log = tmp_path / "log.mcap"
-    with hub_with(keys) as hub:
+    with hub_with(role_keys) as hub:
         await run_swarm(hub, options(), log)
     recording = Recording.open(log)
     heard, seen, stop = Heard(), Seen(), asyncio.Event()
@@ -105,7 +104,7 @@ async def test_a_recording_plays_to_who_has_a_certificate(
         await connected.wait()
 
     endpoint = hub.endpoint.replace("127.0.0.1", "0.0.0.0")
-    credentials = read_credentials(keys, "hub")
+    credentials = read_credentials(role_keys, "hub")
     async with asyncio.TaskGroup() as group:
         playing = group.create_task(
             play_on(
@@ -120,13 +119,13 @@ async def test_a_recording_plays_to_who_has_a_certificate(
             ZenohFabric(
                 "watcher",
                 recording.swarm,
-                HubAddress(hub.endpoint, read_credentials(keys, "watcher")),
+                HubAddress(hub.endpoint, read_credentials(role_keys, "watcher")),
                 patience=PATIENCE,
             ) as watcher,
             ZenohFabric(
                 "cell/0",
                 recording.swarm,
-                HubAddress(hub.endpoint, read_credentials(keys, "cell")),
+                HubAddress(hub.endpoint, read_credentials(role_keys, "cell")),
                 patience=PATIENCE,
             ) as herald,
         ):
@@ -154,31 +153,89 @@ async def test_a_recording_is_not_played_to_the_network_in_the_clear(
         await play_on(recording, "tcp/0.0.0.0:0", asyncio.Event())
 
 
-def test_the_command_makes_keys(tmp_path: Path) -> None:
-    folder = tmp_path / "keys"
-    command = [
-        "init",
-        "keys",
-        str(folder),
-        "--host",
-        "hub.example",
-        "--days",
-        "2",
-        "--format",
-        "json",
-    ]
-    done = CliRunner().invoke(app, command)
-    assert done.exit_code == 0, done.output
-    facts = msgspec.json.decode(done.stdout.splitlines()[-1])
-    assert facts["folder"] == str(folder)
-    assert facts["hosts"][-1] == "hub.example"
-    until = datetime.fromisoformat(facts["until"])
-    assert timedelta(days=1) < until - datetime.now(UTC) <= timedelta(days=2)
-    assert read_credentials(folder, "hub").name == "hub"
-    again = CliRunner().invoke(app, command)
-    assert again.exit_code == 2
-    assert "keys: must not exist yet" in again.stderr
-    wrong = CliRunner().invoke(
-        app, ["init", "keys", str(tmp_path / "b"), "--days", "0"]
+# Certificates -------------------------------------------------------------------------
+
+
+def issue(
+    keys: Path, folder: Path, role: Role, since: datetime, until: datetime
+) -> Credentials:
+    """Sign another certificate with the authority's own key."""
+    authority = x509.load_pem_x509_certificate((keys / "ca.pem").read_bytes())
+    signer = load_pem_private_key((keys / "ca.key").read_bytes(), None)
+    assert isinstance(signer, ec.EllipticCurvePrivateKey)
+    good = x509.load_pem_x509_certificate((keys / f"{role}.pem").read_bytes())
+    builder = (
+        x509.CertificateBuilder()
+        .subject_name(good.subject)
+        .issuer_name(authority.subject)
+        .public_key(good.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(since)
+        .not_valid_after(until)
     )
-    assert wrong.exit_code == 2
+    for extension in good.extensions:
+        builder = builder.add_extension(extension.value, extension.critical)
+    folder.mkdir()
+    path = folder / f"{role}.pem"
+    path.write_bytes(builder.sign(signer, SHA256()).public_bytes(Encoding.PEM))
+    own = Credentials.in_folder(keys, role)
+    return msgspec.structs.replace(own, certificate=str(path))
+
+
+async def refuses(hub: Hub, credentials: Credentials) -> None:
+    with pytest.raises(FabricError, match=r"^cell/0: must reach the hub at tls/"):
+        async with hub.end_with("cell/0", credentials):
+            pass
+
+
+async def test_who_has_no_good_certificate_is_refused_and_logged(
+    role_keys: Path, tmp_path: Path
+) -> None:
+    """None at all, no TLS, another authority's, an expired one, one that expires."""
+    now, day, seen = datetime.now(UTC), timedelta(days=1), Seen()
+    old = issue(role_keys, tmp_path / "old", "cell", now - 3 * day, now - day)
+    make_keys(tmp_path / "other")
+    other = msgspec.structs.replace(
+        Credentials.in_folder(tmp_path / "other", "cell"),
+        authority=str(role_keys / "ca.pem"),
+    )
+    with hub_with(role_keys) as hub:
+        end = datetime.now(UTC) + timedelta(seconds=3)
+        soon = issue(role_keys, tmp_path / "soon", "cell", now - day, end)
+        async with hub.end("watcher") as eyes, hub.end_with("cell/0", soon) as cell:
+            await eyes.watch(seen)
+            await cell.announce()
+            await seen.wait(("cell/0", True))
+            tls = {"root_ca_certificate": str(role_keys / "ca.pem")}
+            for endpoint, more in (
+                (hub.endpoint, {"transport__link__tls": tls}),
+                (hub.endpoint.replace("tls/", "tcp/"), {}),
+            ):
+                config = configuration(
+                    "client",
+                    connect__endpoints=[endpoint],
+                    connect__timeout_ms=int(1000 * INTRUSION),
+                    **more,
+                )
+                with pytest.raises(zenoh.ZError):
+                    await asyncio.to_thread(zenoh.open, config)
+            await refuses(hub, other)
+            await refuses(hub, old)
+            await seen.wait(("cell/0", False))
+    assert all(line.startswith("session refused: ") for line in hub.refused)
+    assert len(hub.refused) >= 5  # who does not speak TLS is refused in other words
+    for reason in (
+        r"peer sent no certificates\.$",
+        r"invalid peer certificate: certificate expired",
+        r"invalid peer certificate: (?!certificate expired)",
+        r"Closing TLS link .*remote certificate chain expired$",
+    ):
+        assert any(re.match(f"session refused: {reason}", line) for line in hub.refused)
+
+
+async def test_a_part_believes_no_hub_of_another_authority(
+    role_keys: Path, tmp_path: Path
+) -> None:
+    make_keys(tmp_path / "other")
+    with hub_with(tmp_path / "other") as hub:
+        await refuses(hub, Credentials.in_folder(role_keys, "cell"))

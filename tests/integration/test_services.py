@@ -10,31 +10,37 @@ from typing import Any
 import pytest
 
 from neurosnap.fabric.security.roles import Role
-from neurosnap.recording.read.recording import Recording
+from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.verify import verify
+from tests.support.command_line import failed, refused
 from tests.support.commands import Command
 from tests.support.course import course
 from tests.support.exhaustive import rows
+from tests.support.patience import PATIENCE
 from tests.support.ports import free_port
 from tests.support.services import (
     CELLS,
+    ENDLESS,
     PATH,
     SMALL,
     SWARM,
+    begun,
     ended,
     facts,
     going,
     hub_at,
     in_one_piece,
     placed,
+    stopped_at,
+    up,
 )
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def endpoint() -> Iterator[str]:
-    """A hub on loopback."""
+    """A hub on loopback, for one swarm after the other."""
     where = f"tcp/127.0.0.1:{free_port()}"
     with hub_at(where):
         yield where
@@ -127,16 +133,6 @@ def test_a_run_leaves_a_worker_to_another_host(endpoint: str, tmp_path: Path) ->
     assert placed(log) == {"coordinator", "world", "worker/0", "worker/1"}
 
 
-def test_a_run_with_all_parts_here_says_nothing_of_places(
-    endpoint: str, tmp_path: Path
-) -> None:
-    log = tmp_path / "log.mcap"
-    whole = ("run", PATH, "--connect", endpoint, *SMALL, "--ticks", 20, "--out", log)
-    with going(*whole) as run_here:
-        ended(run_here)
-    assert placed(log) == set()
-
-
 def test_services_with_keys_do_what_their_roles_may(tmp_path: Path) -> None:
     log, keys = tmp_path / "log.mcap", tmp_path / "keys"
     with going("init", "keys", keys) as making:
@@ -190,3 +186,271 @@ def test_services_serve_one_swarm_after_the_other(
         verdict = verify(each)
         assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, 10)
         assert Recording.open(each).metadata["seed"] == str(3 + number)
+
+
+# Going on -----------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def stopped(
+    endpoint: str, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, int]:
+    """A run of services that was stopped, and its last whole tick."""
+    log = tmp_path_factory.mktemp("stopped") / "log.mcap"
+    return log, stopped_at(endpoint, log)
+
+
+def test_services_go_on_with_a_run_that_was_stopped(
+    endpoint: str, stopped: tuple[Path, int], tmp_path: Path
+) -> None:
+    (log, tick), new = stopped, tmp_path / "new.mcap"
+    content, at = log.read_bytes(), ("--connect", endpoint)
+    lines: tuple[tuple[object, ...], ...] = (
+        ("serve", "recorder", SWARM, "--out", new, "--resume", log, "--format", "json"),
+        ("serve", "cells", SWARM, "0-5"),
+        ("serve", "world", SWARM, PATH),
+    )
+    again = (
+        "serve",
+        "coordinator",
+        PATH,
+        "--swarm",
+        SWARM,
+        *SMALL,
+        "--ticks",
+        tick + 20,
+    )
+    with ExitStack() as stack:
+        others = [stack.enter_context(going(*line, *at)) for line in lines]
+        with going(*again, "--resume", log, "--format", "json", *at) as coordinator:
+            came = facts(ended(coordinator))
+        recorder, *_ = [ended(one) for one in others]
+    assert (came["ticks"], came["resumed_at"]) == (tick + 20, tick)
+    assert facts(recorder)["complete"]
+    assert log.read_bytes() == content
+    cells = [f"cell/{number}" for number in range(CELLS)]
+    assert placed(new) == placed(log) == {"coordinator", "world", *cells}
+    assert Recording.open(new).files[-1].places != Recording.open(log).files[-1].places
+    verdict = verify(new)
+    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, tick + 20)
+    assert course(new) == course(in_one_piece(tick + 20, tmp_path / "inline"))
+
+
+SPLIT = """
+[source]
+kind = "world"
+id = "neurosnap/Path-v0"
+arguments = { places = 7 }
+
+[recording]
+keyframe_every = 50
+split = 65536
+"""
+
+
+def test_a_recorder_names_the_file_in_which_a_split_run_goes_on(
+    endpoint: str, tmp_path: Path
+) -> None:
+    described, log, new = (tmp_path / name for name in ("s.toml", "a.mcap", "b.mcap"))
+    described.write_text(SPLIT)
+    # The second file begins with tick 250 at the latest.
+    tick = stopped_at(endpoint, log, (described, "--ticks", 1_000_000), 350)
+    at, again = ("--connect", endpoint), ("--resume", log)
+    lines: tuple[tuple[object, ...], ...] = (
+        ("serve", "recorder", SWARM, "--out", new, *again, "--format", "json"),
+        ("serve", "cells", SWARM, "0-5"),
+        ("serve", "world", SWARM, PATH),
+        (
+            "serve",
+            "coordinator",
+            described,
+            "--swarm",
+            SWARM,
+            "--ticks",
+            tick + 5,
+            *again,
+        ),
+    )
+    with ExitStack() as stack:
+        going_on = [stack.enter_context(going(*line, *at)) for line in lines]
+        recorder, *_ = [ended(one) for one in going_on]
+    written = log.with_name(f"b_{len(part_paths(log)) - 1:04d}.mcap")
+    assert len(part_paths(log)) > 1
+    assert facts(recorder)["logs"] == [str(written)]
+    verdict = verify(written)
+    assert (verdict.same, verdict.complete) == (True, True)
+
+
+def test_only_what_fits_goes_on(
+    endpoint: str, stopped: tuple[Path, int], tmp_path: Path
+) -> None:
+    (log, tick), at = stopped, ("--connect", endpoint)
+    whole = ("serve", "coordinator", PATH, "--swarm", SWARM, *at)
+    other = ("--set", "places=7", "--seed", 4, "--resume", log)
+    assert "resume: must be a recording of the run" in refused(*whole, *other)
+    no_more = (*SMALL, "--ticks", tick, "--resume", log)
+    assert f"ticks: must be more than the {tick} there are" in refused(*whole, *no_more)
+    other_log = in_one_piece(40, tmp_path / "other.mcap")
+    new = tmp_path / "new"
+    recorder = ("serve", "recorder", SWARM, "--out", new, "--resume", other_log, *at)
+    for more, rule in (
+        ((), "go with a resumed run"),
+        (("--resume", log), "be the recording that the"),
+    ):
+        with going(*whole, *ENDLESS, *more) as coordinator:
+            up(endpoint, "coordinator")
+            assert f"resume: must {rule}" in refused(*recorder)
+            coordinator.send_signal(signal.SIGINT)
+            coordinator.communicate(timeout=PATIENCE)
+    assert not new.exists()
+
+
+# Stopping and waiting -----------------------------------------------------------------
+
+
+PARTS = ("coordinator", "world", "cells", "recorder")
+
+
+@pytest.mark.parametrize("who", rows(["recorder"], ["coordinator", "world", "cells"]))
+def test_each_of_them_can_be_stopped_in_the_midst(
+    who: str, endpoint: str, tmp_path: Path
+) -> None:
+    log = tmp_path / "log.mcap"
+    at = ("--connect", endpoint)
+    stay = ("--restart", "never")
+    lines: dict[str, tuple[object, ...]] = {
+        "coordinator": (PATH, "--swarm", SWARM, *ENDLESS, "--set", "cells.deadline=1"),
+        "world": (SWARM, PATH, *stay),
+        "cells": (SWARM, "0-5", *stay),
+        "recorder": (SWARM, "--out", log, *stay),
+    }
+    with ExitStack() as stack:
+        parts = {
+            part: stack.enter_context(going("serve", part, *line, *at))
+            for part, line in lines.items()
+        }
+        begun(endpoint, 5)
+        parts[who].send_signal(signal.SIGINT)
+        # Whoever stops the coordinator or the world ends the run in order; who takes
+        # cells or the recorder away makes it fail.
+        in_order = who in ("coordinator", "world")
+        said = ended(parts["coordinator"], 0 if in_order else 1)
+        for name in PARTS[1:]:
+            parts[name].communicate(timeout=PATIENCE)
+            if name != "recorder":
+                assert parts[name].returncode == 0
+    if who == "recorder":
+        assert "recorder: must stay until the run ends, is gone" in said
+        assert parts["recorder"].returncode == 3
+        assert not verify(log).complete
+    if in_order:
+        assert parts["recorder"].returncode == 0
+        verdict = verify(log)
+        assert (verdict.same, verdict.complete) == (True, True)
+    assert verify(log).ticks >= 4
+
+
+def test_who_waits_for_a_coordinator_says_so_in_the_end(
+    endpoint: str, tmp_path: Path
+) -> None:
+    out = ("--out", tmp_path / "log")
+    for line in (
+        ("cells", SWARM, 0),
+        ("recorder", SWARM, *out),
+        ("world", SWARM, PATH),
+    ):
+        said = failed("serve", *line, "--connect", endpoint, "--patience", 0.2)
+        assert "swarm demo: must have a coordinator within 0.2 s, none came" in said
+    with going("serve", "recorder", SWARM, *out, "--connect", endpoint) as waiting:
+        assert "for swarm demo" in waiting.stderr.readline()
+        waiting.send_signal(signal.SIGINT)
+        ended(waiting)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_coordinator_says_who_did_not_come(endpoint: str) -> None:
+    at = ("--connect", endpoint)
+    run_of = (
+        "serve",
+        "coordinator",
+        PATH,
+        *at,
+        "--swarm",
+        SWARM,
+        *SMALL,
+        "--patience",
+        4,
+    )
+    with going(*run_of) as coordinator, going("serve", "cells", SWARM, *at, "0-4"):
+        said = ended(coordinator, 1)
+    rule = "swarm: every part must come up within 4 s, missing:"
+    assert f"{rule} cell/5, recorder, world" in said
+
+
+# Refusing -----------------------------------------------------------------------------
+
+WRONG = {
+    "more cells": (
+        ("serve", "cells", SWARM, "4-9"),
+        2,
+        "cells: must be cells of the swarm, 0 to 5, got 9",
+    ),
+    "an empty range": (
+        ("serve", "cells", SWARM, "6-"),
+        2,
+        "cells: must be cells of the swarm, 0 to 5, got 6",
+    ),
+    "another world": (
+        ("serve", "world", SWARM, "neurosnap/Cycle-v0"),
+        2,
+        "source: must be what the coordinator runs, neurosnap/Path-v0, got",
+    ),
+    "a recorder": (("serve", "recorder", SWARM), 2, "got 'recorder'"),
+    "the same cell": (
+        ("serve", "cells", SWARM, "5"),
+        1,
+        "cell/5: must be there once, is in demo already",
+    ),
+    "a coordinator": (
+        ("serve", "coordinator", PATH, "--swarm", SWARM),
+        1,
+        "swarm demo: must have one coordinator, has one already",
+    ),
+}
+
+
+def test_who_does_not_fit_is_refused_and_the_run_minds_nothing(
+    endpoint: str, tmp_path: Path
+) -> None:
+    at = ("--connect", endpoint)
+    whole = ("serve", "coordinator", PATH, *at, "--swarm", SWARM, *SMALL, "--ticks", 20)
+    with (
+        going(*whole, "--set", "recording.record=false") as coordinator,
+        going("serve", "cells", SWARM, *at, "0-5") as cells,
+    ):
+        up(endpoint, "coordinator", *(f"cell/{n}" for n in range(CELLS)))
+        for name, (line, code, text) in WRONG.items():
+            more = ("--out", tmp_path / "log") if line[1] == "recorder" else ()
+            said = (refused if code == 2 else failed)(*line, *more, *at)
+            assert text in said, name
+        with going("serve", "world", SWARM, PATH, *at) as world:
+            assert "20 in" in ended(coordinator)
+            ended(cells)
+            ended(world)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("line", "text"),
+    [
+        (("cells", "a/b", "0"), "swarm: must be letters and digits"),
+        (("cells", SWARM), "Missing argument 'RANGES'"),
+        (("cells", SWARM, "3,3"), "cells: must name each once, got '3,3'"),
+        (("recorder", SWARM, "--out", "/nowhere/x"), "out: must be in a folder that"),
+        (("coordinator", PATH, "--swarm", ""), "swarm: must be letters and digits"),
+        (("world", SWARM, PATH, "--restart", "now"), "value for '--restart'"),
+    ],
+    ids=lambda given: " ".join(map(str, given)) if isinstance(given, tuple) else "",
+)
+def test_wrong_usage_is_refused_at_once(line: tuple[str, ...], text: str) -> None:
+    assert text in refused("serve", *line, "--connect", "tcp/127.0.0.1:1")

@@ -72,11 +72,7 @@ async def test_an_anomaly_that_cannot_be_is_passed_over_early_and_late() -> None
     swarm: Any = Swarm(said, [*said, wire.Leave("coordinator")])
     async with asyncio.timeout(PATIENCE):
         in_order = await _look_on(
-            swarm,
-            FoundSwarm("demo"),
-            asyncio.Event(),
-            hear,
-            _Alarms(hear, None),
+            swarm, FoundSwarm("demo"), asyncio.Event(), hear, _Alarms(hear, None)
         )
     assert in_order
     assert heard == [("door",), ("door",)]

@@ -9,13 +9,7 @@ from multiprocessing.connection import Connection
 import msgspec
 import pytest
 
-from neurosnap.runtime.parts.job import (
-    Done,
-    Failed,
-    Progress,
-    Reporter,
-    read_report,
-)
+from neurosnap.runtime.parts.job import Done, Failed, Progress, Reporter, read_report
 
 
 class Line(Connection):

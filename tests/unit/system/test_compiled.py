@@ -87,10 +87,7 @@ def test_what_is_called_and_what_is_counted_with_may_change(tmp_path: Path) -> N
         "step = njit()(lambda number: number + {})\n"
     )
     numbers = tmp_path / "numbers_of_ours.py"
-    cache = {
-        "XDG_CACHE_HOME": str(tmp_path / "cache"),
-        "PYTHONDONTWRITEBYTECODE": "1",
-    }
+    cache = {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONDONTWRITEBYTECODE": "1"}
     (tmp_path / "cache" / "neurosnap").mkdir(parents=True)
     found = []
     for start_at, step in ((10, 1), (10, 5), (20, 5), (10, 1)):

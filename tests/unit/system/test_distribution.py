@@ -86,11 +86,7 @@ def test_the_version_is_printed() -> None:
 
 
 def test_no_text_tells_to_install_the_namesake() -> None:
-    texts = [
-        *ROOT.glob("*.md"),
-        *(ROOT / "examples").iterdir(),
-        *PACKAGE.rglob("*.py"),
-    ]
+    texts = [*ROOT.glob("*.md"), *(ROOT / "examples").iterdir(), *PACKAGE.rglob("*.py")]
     # The extras of another project, or that project itself.
     wrong = re.compile(
         r"(?<![-\w/])neurosnap\[\w+\]|pip install[^\n`]*[ '\"]neurosnap\b(?![-_/])"
