@@ -84,7 +84,7 @@ class MemoryHub:
         Raises:
             Exception: Whatever the receiving handler raises.
         """
-        taken = self._take()
+        taken = self._next_delivery()
         if taken is None:
             return False
         self._hand_over(*taken)
@@ -101,7 +101,7 @@ class MemoryHub:
                 return count
         raise RuntimeError(f"hub: must fall silent within {most} deliveries")
 
-    def _take(self) -> tuple[str, wire.Delivery] | None:
+    def _next_delivery(self) -> tuple[str, wire.Delivery] | None:
         """Return the next receiver and what it gets."""
         if not self._queue:
             return None
@@ -205,7 +205,7 @@ class MemoryHub:
     def _pump(self) -> None:
         self._pumping = False
         for _ in range(_TURN):
-            taken = self._take()
+            taken = self._next_delivery()
             if taken is None:
                 return
             try:

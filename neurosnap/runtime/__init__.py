@@ -1,1 +1,1 @@
-"""The network: cells, waves, the coordinator, and what starts and stops them."""
+"""Starts, supervises, restarts and stops the processes of a run."""

@@ -33,7 +33,7 @@ def recorded(recording: Recording, support: int | None = None) -> Iterator[Fed]:
 
     Args:
         recording: The run's.
-        support: The occasions an anomaly must rest on; None: what the run asks for.
+        support: The occasions an anomaly must rest on; if None, what the run asks for.
 
     Raises:
         InvalidValueError: Support is asked for, and the run did not count occasions.
@@ -70,11 +70,11 @@ def _support(options: RunOptions, wanted: int | None) -> int:
 
 
 def without_anomalies(recording: Recording, support: int | None = None) -> str:
-    """Return what to say of a recording of which no anomaly is told.
+    """Return the report on a recording without anomalies.
 
     Args:
         recording: The run's.
-        support: As of `recorded`.
+        support: As for `recorded`.
 
     Raises:
         RecordingError: It is damaged.
@@ -96,7 +96,7 @@ async def watch(
     network: Network,
     swarm: str,
     stop: asyncio.Event,
-    tell: Callable[[Fed], None],
+    report: Callable[[Fed], None],
     *,
     support: int | None = None,
     log: Path | None = None,
@@ -104,29 +104,29 @@ async def watch(
 ) -> None:
     """Look on at a swarm that runs, until it is over or `stop` is set.
 
-    A swarm that goes on after a death is looked on at further. Alarms in force are told
-    at the beginning.
+    A swarm that goes on after a death is looked on at further. Alarms in force are
+    reported at the beginning.
 
     Args:
         network: Where its hub is; `Network.connect` names it.
         swarm: Its id.
         stop: Ends it.
-        tell: Is given each anomaly, each sensor that is grown or retired, each alarm
+        report: Is given each anomaly, each sensor that is grown or retired, each alarm
             and its end.
-        support: The occasions an anomaly must rest on; None: what the run asks for.
-        log: Its recording, from which the sensors are known that may be broken; None:
-            it is not here, so what is learned of them begins now.
+        support: The occasions an anomaly must rest on; if None, what the run asks for.
+        log: Its recording, from which the sensors are known that may be broken. If
+            None it is not here, so what is learned of them begins now.
         patience: Seconds until a coordinator is there, the first or the next.
 
     Raises:
-        InvalidValueError: The run tells of no anomalies and alarms, and grows nothing;
+        InvalidValueError: The run reports no anomalies and alarms, and grows nothing;
             or support is asked for, and the run does not count occasions.
         SwarmError: There is no such swarm.
     """
     seen_one = False
     connections = Connections(network)
     async with (
-        _Alarms(tell, log) as alarms,
+        _Alarms(report, log) as alarms,
         connections.discovery(swarm, stop) as discovery,
     ):
         while True:
@@ -137,84 +137,89 @@ async def watch(
                     return
                 rule = f"must have a coordinator within {patience:g} s, none came"
                 raise SwarmError(f"swarm {swarm}: {rule}") from None
-            if seen is None or await _look_on(
-                connections, seen, stop, tell, alarms, support
-            ):
+            if seen is None:
+                return
+            incarnation = _Incarnation(report, alarms, support)
+            if await incarnation.look_on(connections, seen, stop):
                 return
             seen_one = True
 
 
-async def _look_on(
-    connections: Connections,
-    seen: FoundSwarm,
-    stop: asyncio.Event,
-    tell: Callable[[Fed], None],
-    alarms: "_Alarms",
-    support: int | None = None,
-) -> bool:
-    """Look on at one incarnation; tell whether it ended in order."""
-    births: Births | None = None
-    least = 0
-    over = asyncio.Event()
-    # Before it is known what the sensors are called.
-    early: list[tuple[wire.Message, int]] = []
+class _Incarnation:
+    """One incarnation of a swarm that is looked on at."""
 
-    def hear(message: wire.Message, sent: int) -> None:
-        if births is None:
-            early.append((message, sent))
-            return
-        with contextlib.suppress(ValueError):  # it is none of such a run
-            match message:
-                case wire.Observation():
-                    alarms.take(message, sent)
-                case wire.Anomaly():
-                    rest = with_support(message, least)
-                    if rest is not None:
-                        tell(told(rest, births.body.sensors))
-                case wire.Decision():
-                    births.follow(message)
-                    for change in _changes(message, births):
-                        tell(change)
-                case wire.KeyFrame():  # what was grown before anybody looked on
-                    births.follow(message)
-                case _:
-                    pass
+    def __init__(
+        self, report: Callable[[Fed], None], alarms: "_Alarms", support: int | None
+    ) -> None:
+        self._report = report
+        self._alarms = alarms
+        self._support = support
+        self._least = 0  # occasions
+        self._births: Births | None = None
+        # Before it is known what the sensors are called.
+        self._early: list[tuple[wire.Message, int]] = []
+        self._over = asyncio.Event()
 
-    def handle(deliveries: list[wire.Delivery]) -> None:
+    async def look_on(
+        self, connections: Connections, seen: FoundSwarm, stop: asyncio.Event
+    ) -> bool:
+        """Report until it is over or `stop` is set; tell whether it ended in order."""
+        topics = ("observation", "anomaly", "decision", "keyframe", "leave/coordinator")
+        async with connections.to("watcher", seen.name).fabric() as fabric:
+            await fabric.subscribe(topics, self._handle)
+            content = await fabric.ask()
+            if content is None:
+                return False
+            self._begin(read_description(content).options, seen.name)
+            await wait_any(seen.gone, self._over, stop)
+            return self._over.is_set() or stop.is_set()
+
+    def _begin(self, options: RunOptions, swarm: str) -> None:
+        """Report what came early, now that it is known what the run is."""
+        self._alarms.begin(options)
+        if not (options.watch or options.body.room or options.alarms != NEVER):
+            rule = "must be run with --anomalies or --alarms"
+            raise InvalidValueError("swarm", rule, swarm)
+        self._least = _support(options, self._support)
+        self._births = Births(options.body)
+        for message, sent in self._early:
+            self._receive(message, sent, self._births)
+
+    def _handle(self, deliveries: list[wire.Delivery]) -> None:
         for delivery in deliveries:
             with contextlib.suppress(MessageError):
                 message = wire.decode(delivery.key, delivery.payload)
                 if isinstance(message, wire.Leave):
-                    over.set()
+                    self._over.set()
+                elif self._births is None:
+                    self._early.append((message, delivery.sent))
                 else:
-                    hear(message, delivery.sent)
+                    self._receive(message, delivery.sent, self._births)
 
-    async with connections.to("watcher", seen.name).fabric() as fabric:
-        await fabric.subscribe(
-            ("observation", "anomaly", "decision", "keyframe", "leave/coordinator"),
-            handle,
-        )
-        content = await fabric.ask()
-        if content is None:
-            return False
-        options = read_description(content).options
-        alarms.begin(options)
-        if not (options.watch or options.body.room or options.alarms != NEVER):
-            rule = "must be run with --anomalies or --alarms"
-            raise InvalidValueError("swarm", rule, seen.name)
-        least = _support(options, support)
-        births = Births(options.body)
-        for message, sent in early:
-            hear(message, sent)
-        await wait_any(seen.gone, over, stop)
-        return over.is_set() or stop.is_set()
+    def _receive(self, message: wire.Message, sent: int, births: Births) -> None:
+        with contextlib.suppress(ValueError):  # it is none of such a run
+            match message:
+                case wire.Observation():
+                    self._alarms.receive(message, sent)
+                case wire.Anomaly():
+                    rest = with_support(message, self._least)
+                    if rest is not None:
+                        self._report(told(rest, births.body.sensors))
+                case wire.Decision():
+                    births.follow(message)
+                    for change in _changes(message, births):
+                        self._report(change)
+                case wire.KeyFrame():  # what was grown before it was looked on at
+                    births.follow(message)
+                case _:
+                    pass
 
 
 class _Alarms:
-    """Tells of the alarms of a run that is looked on at."""
+    """Reports the alarms of a run that is looked on at."""
 
-    def __init__(self, tell: Callable[[Fed], None], log: Path | None) -> None:
-        self._tell = tell
+    def __init__(self, report: Callable[[Fed], None], log: Path | None) -> None:
+        self._report = report
         self._past = None if log is None else Past(log)
         self._last: Standing | None = None
         self._stop = asyncio.Event()
@@ -233,21 +238,21 @@ class _Alarms:
         """Follow the sensors of a run, unless it judges none, or that was begun."""
         if self._listener is None and options.alarms != NEVER:
             listener = HealthListener(
-                options.body, options.alarms, self._hear, self._past
+                options.body, options.alarms, self._report_news, self._past
             )
             self._listener = listener
             serving = listener.serve(self._stop)
             self._serving = asyncio.create_task(serving, name="watch/health")
 
-    def take(self, message: wire.Observation, sent: int) -> None:
-        """Take in what was read, and when it was sent."""
+    def receive(self, message: wire.Observation, sent: int) -> None:
+        """Receive what was read, and when it was sent."""
         if self._listener is not None:
-            self._listener.take(message, sent)
+            self._listener.receive(message, sent)
 
-    def _hear(self, standing: Standing) -> None:
+    def _report_news(self, standing: Standing) -> None:
         before, self._last = self._last, standing
         for each in news(before, standing):
-            self._tell(each)
+            self._report(each)
 
 
 def _changes(decision: wire.Decision, births: Births) -> Iterator[Changed]:

@@ -148,7 +148,7 @@ class ChildProcesses:
         """Take in the reports that wait in one pipe."""
         try:
             while line.poll():
-                self._listener.take(read_report(line))
+                self._listener.receive(read_report(line))
         except (EOFError, ConnectionResetError):
             self._loop.remove_reader(line.fileno())
 

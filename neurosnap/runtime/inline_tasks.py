@@ -87,4 +87,4 @@ class _InlineLine:
 
     def send_bytes(self, buf: bytes, /) -> None:
         """Hand over one report."""
-        self._listener.take(decode_report(buf))
+        self._listener.receive(decode_report(buf))

@@ -59,7 +59,7 @@ Work = Callable[[RunRequest], Awaitable[Outcome]]
 
 
 class Taken(msgspec.Struct, frozen=True):
-    """What came of taking readings in."""
+    """The result of the intake."""
 
     lost: int = 0
     """What was no reading, or had no tick although it should have."""
@@ -85,20 +85,20 @@ class IntakeJob(msgspec.Struct, frozen=True):
         source = open_live(
             options.source, options.arguments, journal=journal, most=options.ticks
         )
-        counter = _Counter(source)
+        worlds = _WorldServer(source)
         socket = Path(self.address)
         try:
             await asyncio.to_thread(socket.unlink, missing_ok=True)
-            server = await asyncio.start_unix_server(counter.serve, self.address)
+            server = await asyncio.start_unix_server(worlds.serve, self.address)
             if source.resumed:
-                counter.leave()
+                worlds.leave()
             async with synced(source, options.sync):
                 part.reporter.ready()
                 await part.stop.wait()
             server.close()
         finally:
             await asyncio.to_thread(source.close)
-            await counter.wait_closed()
+            await worlds.wait_closed()
             # The folder is the run's own; a launcher that was killed cannot remove it.
             await asyncio.to_thread(shutil.rmtree, socket.parent, ignore_errors=True)
         part.reporter.done(Taken(lost_of(source, options)))
@@ -137,9 +137,9 @@ async def run_journaled(request: RunRequest, work: Work) -> Outcome:
         else:
             outcome = await _with_intake(request, folder, work)
     except BaseException:
-        _tell(folder)
+        _warn_of(folder)
         raise
-    return await asyncio.to_thread(_let_go, folder, outcome)
+    return await asyncio.to_thread(_delete_if_recorded, folder, outcome)
 
 
 def _take_over(folder: Path, options: RunOptions, past: ResumePoint) -> None:
@@ -151,7 +151,7 @@ def _take_over(folder: Path, options: RunOptions, past: ResumePoint) -> None:
         journal.restart(past.tick, rows)
 
 
-def _let_go(folder: Path, outcome: Outcome) -> Outcome:
+def _delete_if_recorded(folder: Path, outcome: Outcome) -> Outcome:
     """Delete a journal, if all that is in it is recorded."""
     rows = read_journal(folder).rows
     waiting = [row for row in rows if row.number > outcome.totals.ticks]
@@ -161,8 +161,8 @@ def _let_go(folder: Path, outcome: Outcome) -> Outcome:
     return msgspec.structs.replace(outcome, journal=str(folder), waiting=len(waiting))
 
 
-def _tell(folder: Path) -> None:
-    """Say that a journal is left, if there is anything in it."""
+def _warn_of(folder: Path) -> None:
+    """Warn that a journal is left, or delete it if it is empty."""
     with contextlib.suppress(NeurosnapError):
         if read_journal(folder).rows:
             _logger.warning(
@@ -227,7 +227,7 @@ async def _keep_up(
         await wait_at_most(ending, _AGAIN)
 
 
-class _Counter:
+class _WorldServer:
     """Answers one world at a time."""
 
     def __init__(self, source: LiveSource) -> None:

@@ -37,7 +37,7 @@ class Numbers(NamedTuple):
     rest: int | None = None
     """From where on all are meant; None: no others are."""
 
-    def of(self, name: str, count: int) -> list[int]:
+    def among(self, name: str, count: int) -> list[int]:
         """Return the numbers where there are so many, ascending.
 
         Args:
@@ -48,7 +48,7 @@ class Numbers(NamedTuple):
             InvalidValueError: One is of none that there is, or `rest` is.
 
         Example:
-            >>> Numbers((1,), 3).of("cells", 6)
+            >>> Numbers((1,), 3).among("cells", 6)
             [1, 3, 4, 5]
         """
         if not count:
@@ -125,11 +125,11 @@ def cells(numbers: Numbers) -> ChooseParts:
     def choose(_: str, description: RunDescription) -> list[RemotePart]:
         options = description.options
         if not options.sharing:
-            chosen = numbers.of("cells", len(options.sensors))
+            chosen = numbers.among("cells", len(options.sensors))
             return [RemotePart(f"cell/{n}", CellJob(n)) for n in chosen]
         learning = options if options.learning_shares else None
         common = len(options.sensors), options.sharing, learning
-        chosen = numbers.of("workers", options.sharing)
+        chosen = numbers.among("workers", options.sharing)
         return [RemotePart(f"worker/{n}", WorkerJob(n, *common)) for n in chosen]
 
     return choose

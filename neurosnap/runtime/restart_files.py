@@ -135,7 +135,7 @@ class RestartFiles:
             return any(one[0] == tick for one in _ticks([*left, *self.kept]))
         return False
 
-    def settle(self) -> None:
+    def finish(self) -> None:
         """Delete what the recording holds all of, once it has its end.
 
         Raises:

@@ -225,7 +225,7 @@ class _Lives:
 
     def _in_all(self, outcome: Outcome) -> Outcome:
         """Return the outcome of the whole run, given that of its last incarnation."""
-        self.files.settle()
+        self.files.finish()
         balance = outcome.completeness
         if balance is not None:
             every = tuple(dict.fromkeys((*balance.vanished, *self._vanished)))

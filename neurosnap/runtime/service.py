@@ -41,7 +41,7 @@ class Served(msgspec.Struct, frozen=True):
     trouble: str
     """Why it did not end in order; empty: it did."""
     results: Mapping[str, bytes]
-    """What the parts brought home, as JSON, by name."""
+    """The results of the parts, as JSON, by name."""
 
 
 async def serve(
@@ -54,7 +54,7 @@ async def serve(
     patience: float = 60.0,
     on_served: Callable[[Served], None] = lambda _: None,
 ) -> None:
-    """Be some parts of a swarm, a process each. No process outlives the call.
+    """Run some parts of a swarm, a process each. No process outlives the call.
 
     Args:
         choose: Which parts.
@@ -67,7 +67,7 @@ async def serve(
             ``always``: whatever comes next under this id, without end.
         patience: Seconds until the hub answers, until a coordinator is there, and until
             the next incarnation is; with ``always``, as long as it takes.
-        on_served: Told of each swarm when it is over.
+        on_served: Called with each swarm when it is over.
 
     Raises:
         InvalidValueError: The network cannot be, or, but for ``always``, the run is not
@@ -88,7 +88,7 @@ async def serve(
             try:
                 seen = await discovery.next(stop, wait)
             except TimeoutError:
-                raise SwarmError(_nobody(swarm, patience, trouble)) from None
+                raise SwarmError(_no_coordinator(swarm, patience, trouble)) from None
             if seen is None:
                 return
             try:
@@ -105,8 +105,8 @@ async def serve(
                 return
 
 
-def _nobody(swarm: str, patience: float, trouble: str) -> str:
-    """Say that no coordinator came."""
+def _no_coordinator(swarm: str, patience: float, trouble: str) -> str:
+    """Return the error that no coordinator came."""
     if trouble:
         return f"swarm {swarm}: must go on within {patience:g} s, after {trouble}"
     return f"swarm {swarm}: must have a coordinator within {patience:g} s, none came"
@@ -156,7 +156,7 @@ class _Host:
         connections: Sequence[PartConnection],
         gone: asyncio.Event,
     ) -> dict[str, bytes]:
-        """Run the parts until `gone`; return what they brought home."""
+        """Run the parts until `gone`; return their results."""
         grace = _GRACE + 0.02 * len(parts)
         names = [part.who for part in parts]
         async with Supervisor() as supervisor:
@@ -169,7 +169,7 @@ class _Host:
                         async with asyncio.timeout(grace):
                             await wait_any(supervisor.failed, self._stop, running.ended)
             if isinstance(supervisor.error, PartDiedError):
-                # Whoever left in order now would be blamed for what the dead one did.
+                # A part that left in order now would be blamed for the death.
                 await supervisor.kill(names)
             late = await supervisor.end(names, grace)
             if supervisor.error is not None:
@@ -191,7 +191,7 @@ async def _start(
 ) -> list[RunningPart]:
     """Start the parts; return those with a line of their own.
 
-    Where there are many, they are cells, which have nothing to bring home.
+    Where there are many, they are cells, which have no results.
     """
     jobs = [part.job for part in parts]
     given = list(zip(jobs, connections, strict=True))
@@ -210,14 +210,14 @@ class _Ending:
         self._complained = -1  # the number of its last fault
 
     def handle(self, deliveries: list[wire.Delivery]) -> None:
-        """Take in faults and last words."""
+        """Receive faults and last words."""
         for delivery in deliveries:
             with contextlib.suppress(MessageError):
                 message = wire.decode(delivery.key, delivery.payload)
                 if message.sender == "coordinator":
-                    self._take(message, delivery.sequence)
+                    self._receive(message, delivery.sequence)
 
-    def _take(self, message: wire.Message, sequence: int) -> None:
+    def _receive(self, message: wire.Message, sequence: int) -> None:
         if isinstance(message, wire.Fault):
             self._complaint, self._complained = message.what, sequence
         elif isinstance(message, wire.Leave):

@@ -22,19 +22,19 @@ class Handle(Protocol):
 
 
 class Listener(Protocol):
-    """Who is told what becomes of the parts; always on the event loop."""
+    """What a starter reports to; always on the event loop."""
 
     failed: asyncio.Event
-    """Set once the run cannot go on: nobody else has to be started."""
+    """Set once the run cannot go on: no other part has to be started."""
 
     def began(self, who: str, handle: Handle) -> None:
-        """Take in that a part was started."""
+        """Note that a part was started."""
 
-    def take(self, report: Report) -> None:
-        """Take in what a part says, which may come before it has begun."""
+    def receive(self, report: Report) -> None:
+        """Receive a report of a part, which may come before it has begun."""
 
     def ended(self, who: str, how: str, *, in_order: bool) -> None:
-        """Take in that a part is no more, after all that it said.
+        """Note that a part has ended, after all of its reports.
 
         Args:
             who: Its name.

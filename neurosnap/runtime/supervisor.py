@@ -1,4 +1,4 @@
-"""Supervises the parts that were started: takes their reports, ends them in order.
+"""Supervises the parts of a swarm: receives their reports, ends them in order.
 
 Whatever happens, nothing is left running: leaving the supervisor kills what has not
 ended in order. Whether the parts are processes or something else, their starter knows.
@@ -105,13 +105,13 @@ class Supervisor:
             await self._starter.start(jobs)
 
     def began(self, who: str, handle: Handle) -> None:
-        """Take in that a part was started."""
+        """Note that a part was started."""
         self._parts[who] = RunningPart(who, handle)
         for report in self._early.pop(who, ()):
-            self.take(report)
+            self.receive(report)
 
-    def take(self, report: Report) -> None:
-        """Take in what a part says."""
+    def receive(self, report: Report) -> None:
+        """Receive a report of a part."""
         part = self._parts.get(report.who)
         if part is None:
             # It is quicker than what starts it, on a busy machine.
@@ -147,7 +147,7 @@ class Supervisor:
             self.blame(error)
 
     def ended(self, who: str, how: str, *, in_order: bool) -> None:
-        """Take in that a part is no more."""
+        """Note that a part has ended."""
         self._parts[who].ended.set()
         reason = self._reasons.get(who)
         if who in self._killed or (

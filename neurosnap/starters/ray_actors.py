@@ -271,14 +271,14 @@ class RayActors:
         how, in_order = "no error", True
         try:
             async for report in actor.live.remote(job, connection):
-                self._listener.take(decode_report(await report))
+                self._listener.receive(decode_report(await report))
         except Exception as error:  # noqa: BLE001 - whatever it is, the part is no more
             place, in_order = self._places[self._bundles.get(who, 0)], False
             reason = _REASON.search(str(error))
             how = f"its actor on {place}: {reason[1] if reason else error!r}"
             if _would_again(error):
                 what = f"must be able to begin on {place}: {error}"
-                self._listener.take(Failed(who, what[:_SHOWN]))
+                self._listener.receive(Failed(who, what[:_SHOWN]))
         with suppress(RayError):
             ray.kill(actor)  # it has ended, and its process goes on
         self._listener.ended(who, how, in_order=in_order)

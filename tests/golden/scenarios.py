@@ -283,5 +283,5 @@ def made(scenario: Scenario, log: Path) -> list[Driven]:
     _, past = files.go_on(files.furthest(options), None)
     second = drive(options, scenario.new_source(), order, past)
     record(second, options, log, past, split=scenario.split)
-    files.settle()
+    files.finish()
     return [first, second]

@@ -150,7 +150,7 @@ async def test_one_who_catches_up_knows_what_it_knew(
         past = Past(recorded, start) if start else None
         listener = HealthListener(body, "1/week", standings.append, past)
         for message, sent in told[start:]:
-            listener.take(message, sent)
+            listener.receive(message, sent)
         await listener.serve(over)
     again = heard[middle]
     assert again[-1].alarms

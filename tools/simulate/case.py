@@ -77,7 +77,7 @@ def live_on(
             _, past = lives.go_on(lives.furthest(options), past)
             tally.restarts += 1
             continue
-        lives.settle()
+        lives.finish()
         if lost := disk.lost():
             raise WrongError(f"{log}: {len(lost)} damaged files must be kept")
         if lives.kept or lives.unread:

@@ -118,7 +118,7 @@ class Prepared(msgspec.Struct, frozen=True):
         hosts = options.host_names()
         kind = "workers" if options.sharing else "cells"
         try:
-            numbers = parse_numbers("elsewhere", text).of(kind, len(hosts))
+            numbers = parse_numbers("elsewhere", text).among(kind, len(hosts))
         except InvalidValueError as error:
             raise InvalidValueError("elsewhere", error.rule, text) from error
         return frozenset(hosts[number] for number in numbers)

@@ -1,8 +1,8 @@
 """Logs the messages that the hub denied, with a limit on their number.
 
-Zenoh says whom it refused in its own log alone, and that goes to the standard output
-of the process. Here that output is read, refusals are told apart and told on, in
-bounded number whatever intruders do, and all else passes on.
+Zenoh reports refusals in its own log alone, and that goes to the standard output of the
+process. Here that output is read, refusals are told apart and logged, in bounded number
+whatever intruders do, and all else passes on.
 
 A refused *session* always shows. A refused *message* (a certificate that may connect
 but not publish that) is dropped without a word, unless the hub traces every decision
@@ -52,7 +52,7 @@ _DECISION = re.compile(
 
 
 class DeniedConnections:
-    """Finds refusals in the lines of Zenoh's log, and tells of them.
+    """Finds refusals in the lines of Zenoh's log, and reports them.
 
     In each window of some seconds a refusal is told once, and at most a few different
     ones of each certificate at each kind of message: so nobody's noise hides what
@@ -60,28 +60,28 @@ class DeniedConnections:
     each of these, when the next window begins.
 
     Args:
-        tell: Gets a line for people. Control characters in it are escaped.
+        report: Gets a line for people. Control characters in it are escaped.
         clock: Seconds.
     """
 
     def __init__(
         self,
-        tell: Callable[[str], None],
+        report: Callable[[str], None],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._tell = tell
+        self._report = report
         self._clock = clock
         self._until = 0.0
         # By what a refusal begins with: who, and what kind of message.
-        self._told: dict[str, set[str]] = {}
-        self._untold: Counter[str] = Counter()
+        self._reported: dict[str, set[str]] = {}
+        self._unreported: Counter[str] = Counter()
         self._count = 0  # told, in all
         self._roles = _Latest[str](_SESSIONS)  # by session
         # By thread: key, session.
         self._caching = _Latest[tuple[str, str | None]](_THREADS)
 
-    def take(self, line: str) -> bool:
-        """Take in one line; false if it is not from Zenoh's log."""
+    def read(self, line: str) -> bool:
+        """Read one line; return false if it is not from Zenoh's log."""
         found = _LINE.fullmatch(_COLOURS.sub("", line))
         if found is None:
             return False
@@ -122,21 +122,21 @@ class DeniedConnections:
         if now >= self._until:
             self.close()
             self._until = now + _WINDOW
-        told = self._told.setdefault(kind, set())
+        told = self._reported.setdefault(kind, set())
         alike = re.sub(r"\d+", "0", rest)
         if alike in told or len(told) == _MOST_OF_A_KIND or self._count == _MOST:
-            self._untold[kind] += 1
+            self._unreported[kind] += 1
             return
         told.add(alike)
         self._count += 1
-        self._tell(_plain(f"{kind} {rest}"))
+        self._report(_plain(f"{kind} {rest}"))
 
     def close(self) -> None:
         """Say how many were left out, and begin anew."""
-        for kind, count in self._untold.items():
-            self._tell(_plain(f"{kind} and {count} more like these"))
-        self._untold.clear()
-        self._told.clear()
+        for kind, count in self._unreported.items():
+            self._report(_plain(f"{kind} and {count} more like these"))
+        self._unreported.clear()
+        self._reported.clear()
         self._count = 0
 
 
@@ -197,7 +197,7 @@ def _read(pipe: int, own: int, refusals: DeniedConnections) -> None:
     while chunk := os.read(pipe, _CHUNK):
         *lines, rest = (rest + chunk).split(b"\n")
         for line in lines:
-            if not refusals.take(line.decode(errors="replace")):
+            if not refusals.read(line.decode(errors="replace")):
                 _pass_on(own, line + b"\n")
     if rest:
         _pass_on(own, rest)

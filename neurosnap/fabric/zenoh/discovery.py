@@ -1,4 +1,4 @@
-"""Discovery of swarms by id: who is there, who has gone, what follows.
+"""Discovery of swarms by id: those that are there, have gone, or follow.
 
 A swarm whose parts died goes on as another: as the next incarnation of its id, under a
 prefix of its own, since the numbers of its waves begin anew. ``demo`` goes on as
@@ -70,7 +70,7 @@ class Discovery:
     Args:
         swarm: The id.
         hub: Where the hub listens.
-        stop: Ends the wait for the hub; then no swarm is seen. None: nothing does.
+        stop: Ends the wait for the hub; then no swarm is seen. None if nothing does.
         patience: Seconds to go on trying until the hub answers.
     """
 
@@ -101,7 +101,7 @@ class Discovery:
         if self._session is None:
             return self
         # Both ends of what this needs are here, so it cannot fail but by a bug.
-        self._inbox: Inbox[tuple[str, bool]] = Inbox("watcher", self._take, _raise)
+        self._inbox: Inbox[tuple[str, bool]] = Inbox("watcher", self._receive, _raise)
         try:
             self._declared = await asyncio.to_thread(self._declare, self._session)
         except BaseException:
@@ -133,8 +133,8 @@ class Discovery:
         self._inbox.close()
         await asyncio.to_thread(self._session.close)
 
-    def _take(self, changes: list[tuple[str, bool]]) -> None:
-        """Take in who came and went."""
+    def _receive(self, changes: list[tuple[str, bool]]) -> None:
+        """Note which coordinators came and went."""
         for name, alive in changes:
             if not is_of(name, self._swarm):
                 continue
@@ -151,10 +151,10 @@ class Discovery:
 
         Args:
             stop: Ends the wait.
-            patience: Seconds one may take to come; None: as long as it takes.
+            patience: Seconds one may take to come; None if it may take any time.
 
         Returns:
-            The swarm, which is there now; None: `stop` was set.
+            The swarm, which is there now; None if `stop` was set.
 
         Raises:
             TimeoutError: None came.

@@ -114,34 +114,34 @@ async def follow_links(
     session: zenoh.Session,
     links: Sequence[str],
     stop: asyncio.Event,
-    tell: Callable[[str], None],
+    report: Callable[[str], None],
     credentials: Credentials | None = None,
 ) -> None:
-    """Tell of each hub that is linked to this one, or is not any more, until `stop`.
+    """Report each hub that is linked to this one, or is not any more, until `stop`.
 
-    After two seconds it is told, once, which hubs are waited for.
+    After two seconds it is reported, once, which hubs are waited for.
 
     Args:
         session: The hub's.
         links: Where it looks for others.
         stop: Ends it.
-        tell: Gets a line for people.
-        credentials: The hub's; anybody linked who is no hub is named.
+        report: Gets a line for people.
+        credentials: The hub's; what is linked and no hub is named.
     """
     loop, changed = asyncio.get_running_loop(), asyncio.Event()
 
-    def note(event: zenoh.TransportEvent) -> None:
+    def on_event(event: zenoh.TransportEvent) -> None:
         if event.transport.whatami == zenoh.WhatAmI.ROUTER:
             loop.call_soon_threadsafe(changed.set)
 
     listener: Any = session.info.declare_transport_events_listener(
-        zenoh.handlers.Callback(note, indirect=False)
+        zenoh.handlers.Callback(on_event, indirect=False)
     )
     there: dict[str, str] = {}
-    intruders: set[str] = set()  # by certificate; each is told once
+    intruders: set[str] = set()  # by certificate; each is reported once
     try:
         async with asyncio.TaskGroup() as group:
-            missing = _tell_missing(session, links, stop, tell)
+            missing = _report_missing(session, links, stop, report)
             group.create_task(missing, name="hub/missing links")
             while not stop.is_set():
                 changed.clear()
@@ -152,11 +152,11 @@ async def follow_links(
                         now[str(link.zid)] = str(link.dst)
                     elif name not in intruders:
                         intruders.add(name)
-                        tell(f"{name} is linked and no hub: {_DANGER}")
+                        report(f"{name} is linked and no hub: {_DANGER}")
                 for hub in now.keys() - there.keys():
-                    tell(f"linked with the hub at {now[hub]}")
+                    report(f"linked with the hub at {now[hub]}")
                 for hub in there.keys() - now.keys():
-                    tell(f"lost the link with the hub at {there[hub]}")
+                    report(f"lost the link with the hub at {there[hub]}")
                 there = now
                 await wait_any(changed, stop)
     finally:
@@ -181,17 +181,17 @@ def _address(name: Any) -> str:  # noqa: ANN401
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
-async def _tell_missing(
+async def _report_missing(
     session: zenoh.Session,
     links: Sequence[str],
     stop: asyncio.Event,
-    tell: Callable[[str], None],
+    report: Callable[[str], None],
 ) -> None:
     await wait_at_most(stop, _SAID_AFTER)
     ends = {str(link.dst) for link in await asyncio.to_thread(_links, session)}
     for link in links:
         if not stop.is_set() and ends.isdisjoint(await _addresses(link)):
-            tell(await absence(link))
+            report(await absence(link))
 
 
 async def _addresses(endpoint: str) -> set[str]:

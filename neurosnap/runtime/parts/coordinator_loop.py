@@ -26,13 +26,13 @@ _WORD = 0.25  # seconds between two words of how far it is, at most
 
 
 class Core(Protocol):
-    """What conducts: pure, messages in, messages out."""
+    """The pure core that is driven: messages in, messages out."""
 
     finished: bool
 
     @property
     def tick(self) -> int:
-        """How far it has come, for whoever watches."""
+        """How far it has come, for those who watch."""
         ...
 
     @property
@@ -48,11 +48,11 @@ class Core(Protocol):
         ...
 
     def receive(self, message: wire.Message) -> list[wire.Message]:
-        """Take in one message; return what is to be sent for it."""
+        """Receive one message; return what is to be published for it."""
         ...
 
     def overdue(self, number: int) -> list[wire.Message]:
-        """Return what is to be sent because what has this number is late."""
+        """Return what is to be published because what has this number is late."""
         ...
 
     def stop(self) -> list[wire.Message]:
@@ -140,7 +140,7 @@ class WorldDeadline:
     observation, and the first wave of a tick shows that this has come.
 
     Args:
-        patience: Seconds it may take; None: as long as it takes.
+        patience: Seconds it may take; None if it may take any time.
     """
 
     def __init__(self, patience: float | None) -> None:
@@ -149,8 +149,8 @@ class WorldDeadline:
         self._since = 0.0
         self._warned = False
 
-    def heed(self, message: wire.Message) -> None:
-        """Take in what the coordinator has just said."""
+    def published(self, message: wire.Message) -> None:
+        """Note what the coordinator has just published."""
         match message:
             case wire.Decision(tick=tick):
                 self._tick, self._since = tick, time.monotonic()
@@ -161,7 +161,7 @@ class WorldDeadline:
                 pass
 
     def check(self) -> None:
-        """Say who is waited for, once it takes long.
+        """Log who is waited for, once it takes long.
 
         Raises:
             PartDiedError: It takes longer than it may: who hangs is as good as dead.
@@ -230,15 +230,15 @@ class _CoordinatorLoop:
                     self._publish(self._core.receive(message))
             if self._repeat:  # may have settled, and another waited for that
                 self._find_overdue()
-        self._tell()
+        self._report_progress()
 
     def begin(self) -> None:
         """Let the core begin: all parts are there."""
         self.send(self._core.begin)
         self._begun = True
-        self._tell()
+        self._report_progress()
 
-    def _tell(self) -> None:
+    def _report_progress(self) -> None:
         if self._begun:
             self._on_progress(self._core.tick)
 
@@ -250,7 +250,7 @@ class _CoordinatorLoop:
     def _publish(self, messages: list[wire.Message]) -> None:
         self._fabric.publish(*messages)
         for message in messages:
-            self._answer.heed(message)
+            self._answer.published(message)
             if isinstance(message, wire.WaveStart):
                 self._started[message.wave] = time.monotonic()
                 if message.repeats:
@@ -272,7 +272,7 @@ class _CoordinatorLoop:
                 with self._lock:
                     self._find_overdue()
                     self._answer.check()
-                self._tell()
+                self._report_progress()
             except Exception as error:  # noqa: BLE001 - goes on to the owner, whole
                 self._fabric.fail(error)
                 return
@@ -297,7 +297,7 @@ class _CoordinatorLoop:
 
 
 class _Presence:
-    """Who is there, of those who must be."""
+    """Keeps which of the parts that must be there are there."""
 
     def __init__(
         self, parts: Collection[str], fabric: Fabric, shell: _CoordinatorLoop
@@ -309,7 +309,7 @@ class _Presence:
         self._complete = asyncio.Event()
 
     def change(self, who: str, alive: bool) -> None:
-        """Take in that `who` came or went."""
+        """Note that `who` came or went."""
         if who not in self._parts:
             return
         if alive:

@@ -2,7 +2,6 @@
 
 import asyncio
 from collections.abc import Collection
-from typing import Self
 
 import msgspec
 
@@ -26,19 +25,13 @@ twice."""
 
 
 class Result(msgspec.Struct):
-    """What the coordinator brings home."""
+    """The result of the coordinator."""
 
     totals: Totals
     seconds: float
     """What the run took, once every part was up."""
     implications: list[tuple[str, str]]
     """The learned order by name, covering pairs only."""
-
-    @classmethod
-    def of(cls, core: Coordinator, seconds: float) -> Self:
-        """Sum a core up."""
-        named = core.graph.implications(core.snapshot.sensorium)
-        return cls(core.totals, seconds, named)
 
 
 def coordinator_for(options: RunOptions, past: ResumePoint | None) -> Coordinator:
@@ -99,7 +92,8 @@ class CoordinatorJob(msgspec.Struct, frozen=True):
                     on_decision=lambda said: part.reporter.changed(core.changes(said)),
                 ),
             )
-            part.reporter.done(Result.of(core, seconds))
+            named = core.graph.implications(core.snapshot.sensorium)
+            part.reporter.done(Result(core.totals, seconds, named))
 
 
 async def _wait_alone(

@@ -1,4 +1,4 @@
-"""Follows the health of a run's sensors, on a thread of its own."""
+"""Follows the health of a run's sensors, on another thread."""
 
 import asyncio
 import logging
@@ -36,30 +36,30 @@ _logger = logging.getLogger(__name__)
 
 
 class Past(NamedTuple):
-    """What is recorded of a run."""
+    """A recording of what was read before."""
 
     log: Path
     """The recording; of several files the first."""
     until: int | None = None
-    """The last tick that counts; None: all that is there."""
+    """The last tick that counts; None if all of it does."""
 
     @classmethod
     def of(cls, past: ResumePoint) -> Self:
-        """Return what a run that is resumed has behind it."""
+        """Return the past of a run that is resumed."""
         log = Path(past.log)
         return cls(first_path(log, past.part) if past.part else log, past.tick)
 
 
 class HealthListener:
-    """Tells which sensors of a run seem broken.
+    """Reports which sensors of a run seem broken.
 
     It keeps no state of its own: after a restart it reads again what is recorded.
 
     Args:
         body: What is sensed; the world's own sensors are judged.
         alarms: The budget, such as ``1/week``.
-        tell: Told how the sensors are, when that is new; on the event loop.
-        past: A recording of what was read before; None: nothing was.
+        report: Called with the health of the sensors when that is new, on the loop.
+        past: A recording of what was read before; None if nothing was.
         clock: Says what time it is, in seconds since 1970.
     """
 
@@ -67,21 +67,21 @@ class HealthListener:
         self,
         body: Body,
         alarms: str,
-        tell: Callable[[Standing], None],
+        report: Callable[[Standing], None],
         past: Past | None = None,
         clock: Callable[[], float] = time.time,
     ) -> None:
         self._body = body
         self._follower = Follower(body.own, alarms)
-        self._tell = tell
+        self._report = report
         self._past = past
         self._clock = clock
-        self._told: Standing | None = None
+        self._reported: Standing | None = None
         self._tick = 0  # the last that was followed
         self._waiting: SimpleQueue[tuple[int, OwnReadings] | None] = SimpleQueue()
 
-    def take(self, message: wire.Observation, sent: int) -> None:
-        """Take in an observation, sent so many nanoseconds after 1970; does not wait.
+    def receive(self, message: wire.Observation, sent: int) -> None:
+        """Receive an observation, sent so many nanoseconds after 1970; does not wait.
 
         One of a tick that was there before, or is done again, counts for nothing.
 
@@ -92,7 +92,7 @@ class HealthListener:
         self._waiting.put((message.tick, observed))
 
     async def serve(self, stop: asyncio.Event) -> None:
-        """Follow what was taken in until `stop` is set, and then to its end.
+        """Follow what was received until `stop` is set, and then to its end.
 
         To learn anew takes seconds, sometimes, so this is done on a thread. One that is
         learning at the end is not waited for.
@@ -103,7 +103,9 @@ class HealthListener:
         def work() -> None:
             with suppress(RuntimeError):  # the loop is closed, nobody waits any more
                 try:
-                    self._follow(lambda now: loop.call_soon_threadsafe(self._tell, now))
+                    self._follow(
+                        lambda now: loop.call_soon_threadsafe(self._report, now)
+                    )
                     over.set_result(None)
                 except Exception as error:  # noqa: BLE001 - raised where it is awaited
                     over.set_exception(error)
@@ -123,10 +125,10 @@ class HealthListener:
             stopping.cancel()
             self._waiting.put(None)
 
-    def _follow(self, tell: Callable[[Standing], object]) -> None:
+    def _follow(self, report: Callable[[Standing], object]) -> None:
         if self._past is not None:
             self._catch_up(self._past)
-            self._say(tell)
+            self._report_new(report)
         while True:
             try:
                 observed = self._waiting.get(timeout=_LOOK)
@@ -136,7 +138,7 @@ class HealthListener:
                 if observed is None:
                     return
                 self._observe(*observed)
-            self._say(tell)
+            self._report_new(report)
 
     def _observe(self, tick: int, observed: OwnReadings) -> None:
         if tick > self._tick:
@@ -154,9 +156,9 @@ class HealthListener:
         except (NeurosnapError, OSError) as error:
             _logger.warning("health: learned from a part of the recording: %s", error)
 
-    def _say(self, tell: Callable[[Standing], object]) -> None:
-        """Tell what is not as it was."""
-        now, told = self._follower.standing, self._told
-        if told is None or (now.alarms, now.progress) != (told.alarms, told.progress):
-            self._told = now
-            tell(now)
+    def _report_new(self, report: Callable[[Standing], object]) -> None:
+        """Report the health of the sensors if it has changed."""
+        now, last = self._follower.standing, self._reported
+        if last is None or (now.alarms, now.progress) != (last.alarms, last.progress):
+            self._reported = now
+            report(now)

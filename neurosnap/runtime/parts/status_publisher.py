@@ -1,4 +1,4 @@
-"""The status publisher: says how a run goes, to whoever started it and over MQTT.
+"""The status publisher: reports on a run, to its launcher and over MQTT.
 
 It follows which sensors of a home seem broken, where there is a budget of alarms, and
 publishes beliefs and anomalies for an MQTT source with a table `publish`. It reads what
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from neurosnap.sources.mqtt.publisher import MqttPublisher
 
 STATUS_PUBLISHER = "watcher/outlet"
-"""Its name: it has no last word, and nobody waits for it."""
+"""Its name: it has no last word, and no part waits for it."""
 _PUBLISHED = ("state", "anomaly", "decision")
 _AHEAD = 16  # observations that may wait for their state
 
@@ -59,7 +59,7 @@ def _publishes(options: RunOptions) -> bool:
 
 
 class StatusListener:
-    """Hands what a swarm says to an outlet. Called on the fabric's thread.
+    """Hands what a swarm publishes to a publisher. Called on the fabric's thread.
 
     Args:
         publisher: Publishes it.
@@ -79,8 +79,8 @@ class StatusListener:
         self._wrong = -1  # the last tick that was an anomaly's
         self._calm = True
 
-    def take(self, message: wire.Message) -> None:
-        """Take in one message; what is none of its business is passed over."""
+    def receive(self, message: wire.Message) -> None:
+        """Receive one message; of other kinds it passes over."""
         match message:
             case wire.Observation(tick=tick, paused=paused):
                 self._publisher.learning(paused)
@@ -90,10 +90,10 @@ class StatusListener:
                 self._known[tick] = known
                 if len(self._known) > _AHEAD:
                     del self._known[min(self._known)]
-                self._tell_state()
+                self._publish_state()
             case wire.State():
                 self._state = message
-                self._tell_state()
+                self._publish_state()
                 if message.tick > self._wrong and not self._calm:
                     self._calm = True
                     self._publisher.anomaly(None)
@@ -110,7 +110,7 @@ class StatusListener:
             case _:
                 pass
 
-    def _tell_state(self) -> None:
+    def _publish_state(self) -> None:
         state = self._state
         if state is not None and state.tick in self._known:
             self._publisher.state(state, self._known.pop(state.tick))
@@ -125,7 +125,7 @@ async def publish_status(
     on_health: Callable[[Standing], None] = lambda _: None,
     past: ResumePoint | None = None,
 ) -> None:
-    """Say how a run goes until `stop` is set.
+    """Report on a run until `stop` is set.
 
     Reads ``observation``, and for a broker ``state``, ``anomaly`` and ``decision``;
     publishes nothing in the swarm. A message that cannot be right is passed over: those
@@ -136,9 +136,9 @@ async def publish_status(
         fabric: Entered by the caller.
         stop: Ends it.
         on_ready: Called once it misses nothing any more.
-        on_health: Told how the sensors are, when that is new.
-        past: For a run that is resumed: it says what was grown before, and where the
-            readings are.
+        on_health: Called with the health of the sensors when that is new.
+        past: Of a run that is resumed: what was grown before, and where the readings
+            are.
 
     Raises:
         InvalidValueError: The broker refuses the name, the password or a topic; or
@@ -155,13 +155,13 @@ async def publish_status(
     health = listener = None
     if options.alarms != NEVER:
 
-        def tell(standing: Standing) -> None:
+        def report(standing: Standing) -> None:
             on_health(standing)
             if publisher is not None:
                 publisher.health(standing)
 
         recorded = None if past is None else Past.of(past)
-        health = HealthListener(body, options.alarms, tell, recorded)
+        health = HealthListener(body, options.alarms, report, recorded)
         tasks.append(asyncio.create_task(health.serve(over), name="status/health"))
     if publisher is not None:
         now = body if past is None else past.body(body)
@@ -173,9 +173,9 @@ async def publish_status(
             with contextlib.suppress(MessageError, ShapeError, InvalidValueError):
                 message = wire.decode(delivery.key, delivery.payload)
                 if health is not None and isinstance(message, wire.Observation):
-                    health.take(message, delivery.sent)
+                    health.receive(message, delivery.sent)
                 if listener is not None:
-                    listener.take(message)
+                    listener.receive(message)
 
     await fabric.subscribe(("observation", *(_PUBLISHED if listener else ())), handle)
     await fabric.confirm()
@@ -194,7 +194,7 @@ async def publish_status(
 
 
 def _publisher(options: RunOptions) -> "MqttPublisher":
-    """Return who publishes a run at the broker of its source."""
+    """Return what publishes a run at the broker of its source."""
     from neurosnap.sources.mqtt.publisher import MqttPublisher
 
     given = mqtt_options(options.arguments)
@@ -218,7 +218,7 @@ def _publisher(options: RunOptions) -> "MqttPublisher":
 
 
 class StatusJob(msgspec.Struct, frozen=True):
-    """Says how a run goes; see `publish_status`."""
+    """Reports on a run; see `publish_status`."""
 
     options: RunOptions
     past: ResumePoint | None = None

@@ -13,7 +13,7 @@ from neurosnap.fabric.protocol import Handler
 from neurosnap.fabric.zenoh.discovery import FoundSwarm
 from neurosnap.protocol.anomaly_messages import Told
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.runtime.anomaly_feed import Fed, _Alarms, _look_on
+from neurosnap.runtime.anomaly_feed import Fed, _Alarms, _Incarnation
 from neurosnap.runtime.parts.run_description import RunDescription
 from tests.support.patience import PATIENCE
 
@@ -71,9 +71,8 @@ async def test_an_anomaly_that_cannot_be_is_passed_over_early_and_late() -> None
     said: list[wire.Message] = [BAD, GOOD]
     swarm: Any = Swarm(said, [*said, wire.Leave("coordinator")])
     async with asyncio.timeout(PATIENCE):
-        in_order = await _look_on(
-            swarm, FoundSwarm("demo"), asyncio.Event(), hear, _Alarms(hear, None)
-        )
+        incarnation = _Incarnation(hear, _Alarms(hear, None), None)
+        in_order = await incarnation.look_on(swarm, FoundSwarm("demo"), asyncio.Event())
     assert in_order
     assert heard == [("door",), ("door",)]
 
@@ -101,8 +100,8 @@ async def test_births_are_told_also_by_who_came_after_the_first() -> None:
     heard: list[object] = []
     async with asyncio.timeout(PATIENCE):
         swarm: Any = Swarm(early, late, options)
-        found, alarms = FoundSwarm("demo"), _Alarms(heard.append, None)
-        await _look_on(swarm, found, asyncio.Event(), heard.append, alarms)
+        incarnation = _Incarnation(heard.append, _Alarms(heard.append, None), None)
+        await incarnation.look_on(swarm, FoundSwarm("demo"), asyncio.Event())
     assert heard == [
         Changed(6, first + 1, "push&~door&~dark"),
         Changed(8, first + 2, "push&door&dark#2"),

@@ -35,7 +35,7 @@ class NoHandle:
 def reported(supervisor: Supervisor, *reports: Report) -> None:
     supervisor.began("coordinator", NoHandle())
     for report in reports:
-        supervisor.take(report)
+        supervisor.receive(report)
 
 
 def test_what_parts_report_is_passed_on_in_order() -> None:

@@ -45,7 +45,7 @@ def test_a_number_given_twice_is_refused(text: str) -> None:
     ],
 )
 def test_the_last_range_may_be_open(text: str, numbers: list[int]) -> None:
-    assert parse_numbers("cells", text).of("cells", 22) == numbers
+    assert parse_numbers("cells", text).among("cells", 22) == numbers
 
 
 @pytest.mark.parametrize("text", ["-", "20-,3", ",20-", "2--", "20-*", "3,,4-"])
@@ -64,4 +64,4 @@ def test_an_open_range_names_no_number_twice(text: str) -> None:
 def test_a_range_is_of_what_there_is(text: str, last: int) -> None:
     rule = rf"^cells: must be cells of the swarm, 0 to 21, got {last}$"
     with pytest.raises(InvalidValueError, match=rule):
-        parse_numbers("cells", text).of("cells", 22)
+        parse_numbers("cells", text).among("cells", 22)

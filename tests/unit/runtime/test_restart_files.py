@@ -78,7 +78,7 @@ def test_a_damaged_recording_is_kept_beside(
     assert left.read_bytes() == bad
     # Even once the run has come to its end.
     log.write_bytes(recordings[60, 3])
-    lives.settle()
+    lives.finish()
     (kept,) = lives.kept
     assert kept == log.with_name("run.damaged-1.mcap")
     assert kept.read_bytes() == bad
@@ -98,7 +98,7 @@ def test_a_recording_whose_length_is_damaged_is_no_cut_one(
     lives = RestartFiles(log)
     gone_on(lives, options_of(30))
     log.write_bytes(recordings[5, 3])
-    lives.settle()
+    lives.finish()
     (kept,) = lives.kept
     assert kept.read_bytes() == bad
 
@@ -116,7 +116,7 @@ def test_what_the_recording_holds_is_not_kept(
     assert gone_on(lives, options_of(5), past) == past
     assert names(log.parent) == ["run.mcap.broken"]
     log.write_bytes(recordings[60, 3])
-    lives.settle()
+    lives.finish()
     assert names(log.parent) == ["run.mcap"]
     assert lives.kept == []
 
@@ -131,7 +131,7 @@ def test_readings_that_another_life_did_not_see_are_kept(
     assert gone_on(lives, options_of(30, seed=4), past) == past
     assert names(log.parent) == ["run.damaged-1.mcap", "run.mcap.broken"]
     log.write_bytes(recordings[60, 3])
-    lives.settle()
+    lives.finish()
     assert lives.kept == [log.with_name("run.damaged-1.mcap")]
     assert lives.kept[0].read_bytes() == recordings[30, 4]
 
@@ -217,7 +217,7 @@ def test_who_is_killed_between_two_steps_leaves_every_tick(
                 furthest = max(furthest, ticks)
                 past = gone_on(lives, options_of(ticks), past)
             log.write_bytes(recordings[60, 3])
-            lives.settle()
+            lives.finish()
         except KilledError:
             return False, furthest
         return True, 60

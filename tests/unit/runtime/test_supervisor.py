@@ -134,8 +134,8 @@ class Listening(Supervisor):
         super().__init__(starting)
         self.told = asyncio.Event()
 
-    def take(self, report: Report) -> None:
-        super().take(report)
+    def receive(self, report: Report) -> None:
+        super().receive(report)
         self.told.set()
 
 

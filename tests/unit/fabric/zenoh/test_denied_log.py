@@ -25,7 +25,7 @@ class Told:
 
     def decided(self, text: str, thread: int = 8) -> None:
         line = f"2026-11-21T06:20:18.5Z TRACE rx-0 ThreadId(0{thread}) {ACCESS}: {text}"
-        assert self.refusals.take(line)
+        assert self.refusals.read(line)
 
 
 def decision(session: str, role: str, what: str, key: str, *, may: bool = False) -> str:
@@ -42,19 +42,19 @@ def told() -> Told:
 def test_a_refused_session_is_told_with_its_reason_and_without_the_hint(
     told: Told,
 ) -> None:
-    assert told.refusals.take(NO_CERTIFICATE)
+    assert told.refusals.read(NO_CERTIFICATE)
     assert told.lines == ["session refused: peer sent no certificates."]
 
 
 @pytest.mark.parametrize("line", ["ready", "", '{"log":null}', "ThreadId(06) a: b"])
 def test_what_is_not_from_the_log_is_left_alone(told: Told, line: str) -> None:
-    assert not told.refusals.take(line)
+    assert not told.refusals.read(line)
     assert told.lines == []
 
 
 def test_another_warning_is_no_refusal(told: Told) -> None:
     line = "2026-11-21T06:20:18.5Z  WARN rx-0 ThreadId(06) zenoh::api::session: slow"
-    assert told.refusals.take(line)
+    assert told.refusals.read(line)
     assert told.lines == []
 
 
@@ -98,10 +98,10 @@ def test_an_attempt_among_decisions_in_advance_is_told(told: Told) -> None:
 
 def test_the_same_is_told_once_a_window_and_counted(told: Told) -> None:
     for _ in range(5):
-        told.refusals.take(NO_CERTIFICATE)
+        told.refusals.read(NO_CERTIFICATE)
     assert len(told.lines) == 1
     told.now += 10.0
-    told.refusals.take(NO_CERTIFICATE)
+    told.refusals.read(NO_CERTIFICATE)
     told.refusals.close()
     reason = "session refused: peer sent no certificates."
     assert told.lines == [reason, "session refused: and 4 more like these", reason]
@@ -121,7 +121,7 @@ def test_a_flood_hides_neither_its_own_puts_nor_those_of_others(told: Told) -> N
         name = "".join(chr(97 + int(digit)) for digit in str(number))
         what = "Declare Subscriber (ingress)"
         told.decided(decision("ab1", "cell/3", what, f"n/s/{name}"))
-        told.refusals.take(NO_CERTIFICATE.replace("peer", name))
+        told.refusals.read(NO_CERTIFICATE.replace("peer", name))
     told.decided(decision("ab1", "cell/3", "Put (ingress)", "n/s/wiring/1"))
     told.decided(decision("cd2", "world", "Put (ingress)", "n/s/decision"))
     assert told.lines[-2:] == [

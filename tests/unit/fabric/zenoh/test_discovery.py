@@ -34,33 +34,33 @@ def looking() -> Discovery:
 
 async def test_the_last_that_came_is_returned_once() -> None:
     discovery, stop = looking(), asyncio.Event()
-    discovery._take([("other", True), ("demo", True), ("demo-1", True)])
+    discovery._receive([("other", True), ("demo", True), ("demo-1", True)])
     seen = await discovery.next(stop)
     assert seen is not None
     assert (seen.name, seen.gone.is_set()) == ("demo-1", False)
     with pytest.raises(TimeoutError):
         await discovery.next(stop, 0.01)
-    discovery._take([("demo-1", False)])
+    discovery._receive([("demo-1", False)])
     assert seen.gone.is_set()
 
 
 async def test_one_that_has_gone_again_is_not_returned() -> None:
     discovery = looking()
-    discovery._take([("demo", True), ("demo", False)])
+    discovery._receive([("demo", True), ("demo", False)])
     with pytest.raises(TimeoutError):
         await discovery.next(asyncio.Event(), 0.01)
 
 
 async def test_one_that_comes_again_is_another() -> None:
     discovery, stop = looking(), asyncio.Event()
-    discovery._take([("demo", True)])
+    discovery._receive([("demo", True)])
     first = await discovery.next(stop)
     waiting = asyncio.create_task(discovery.next(stop))
     await asyncio.sleep(0)
-    discovery._take([("demo", True)])  # known: a token may be told of twice
+    discovery._receive([("demo", True)])  # known: a token may be told of twice
     await asyncio.sleep(0)
     assert not waiting.done()
-    discovery._take([("demo", False), ("demo", True)])
+    discovery._receive([("demo", False), ("demo", True)])
     second = await waiting
     assert first is not None
     assert second is not None

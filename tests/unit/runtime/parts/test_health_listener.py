@@ -59,7 +59,7 @@ async def followed(course: Course) -> list[Standing]:
     heard: list[Standing] = []
     listener = HealthListener(BODY, "1/week", heard.append)
     for message, sent in course:
-        listener.take(message, sent)
+        listener.receive(message, sent)
     stop = asyncio.Event()
     stop.set()
     await listener.serve(stop)
@@ -92,7 +92,7 @@ async def test_that_a_door_stays_open_is_told_although_nothing_is_read_any_more(
 
     listener = HealthListener(BODY, "1/week", hear, clock=lambda: next(now))
     for message, sent in messages(home):
-        listener.take(message, sent)
+        listener.receive(message, sent)
     async with asyncio.timeout(PATIENCE):
         await listener.serve(stop)
     told = heard[-1].alarms[0]
@@ -116,7 +116,7 @@ async def test_it_goes_on_without_a_recording(
     heard: list[Standing] = []
     past = Past(tmp_path / "gone.mcap", 9)
     listener = HealthListener(Body(own=("a",)), "1/week", heard.append, past)
-    listener.take(wire.Observation(10, b"\x01"), 10**18)
+    listener.receive(wire.Observation(10, b"\x01"), 10**18)
     stop = asyncio.Event()
     stop.set()
     await listener.serve(stop)
@@ -131,7 +131,7 @@ async def test_what_it_cannot_follow_ends_it(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(Follower, "observe", fails)
     heard: list[Standing] = []
     listener = HealthListener(BODY, "1/week", heard.append)
-    listener.take(wire.Observation(1, b"\x01"), 10**18)
+    listener.receive(wire.Observation(1, b"\x01"), 10**18)
     with pytest.raises(OverflowError, match="no more room"):
         async with asyncio.timeout(PATIENCE):
             await listener.serve(asyncio.Event())
@@ -140,4 +140,4 @@ async def test_what_it_cannot_follow_ends_it(monkeypatch: pytest.MonkeyPatch) ->
 def test_an_observation_of_other_sensors_is_refused() -> None:
     listener = HealthListener(BODY, "1/week", lambda _: None)
     with pytest.raises(ShapeError):
-        listener.take(wire.Observation(1, b"\x01\x01\x01"), 10**18)
+        listener.receive(wire.Observation(1, b"\x01\x01\x01"), 10**18)

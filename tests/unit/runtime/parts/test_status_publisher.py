@@ -121,12 +121,12 @@ def test_grown_sensors_are_called_by_their_formulas_once_they_are_born(
     listener = StatusListener(publisher, past.body(body))  # type: ignore[arg-type]
     links = (0, 1), (2 * first, 2 * first + 2), (0, 0), (9.0, 9.0), (0.0, 0.0), (1, 1)
     broken = wire.Anomaly(6, 6, (), (), True, 2, *links)
-    listener.take(broken)
+    listener.receive(broken)
     for tick, context in enumerate(contexts[before:], 4):
         born = first + before + tick - 4
-        listener.take(wire.Decision(tick, 0, "by chance", born, *context))
-    listener.take(wire.Decision(6, 0, "by chance", retires=first))
-    listener.take(broken)
+        listener.receive(wire.Decision(tick, 0, "by chance", born, *context))
+    listener.receive(wire.Decision(6, 0, "by chance", retires=first))
+    listener.receive(broken)
     names = "push&door&dark", "push&door&~dark"
     early = (names[0] if before else "grown 1", "grown 2")
     assert publisher.said == [

@@ -30,7 +30,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 
 def test_a_world_that_does_not_answer_is_named(clock: Clock) -> None:
     answer = WorldDeadline(3.0)
-    answer.heed(DECISION)
+    answer.published(DECISION)
     clock.now += 3.0
     answer.check()
     clock.now += 0.1
@@ -45,7 +45,7 @@ def test_who_is_waited_for_is_said_once_a_decision(
     answer = WorldDeadline(3.0)
     with caplog.at_level(logging.WARNING):
         for tick in (6, 7):
-            answer.heed(wire.Decision(tick, -1, ""))
+            answer.published(wire.Decision(tick, -1, ""))
             for _ in range(5):
                 clock.now += 0.5
                 answer.check()
@@ -57,12 +57,12 @@ def test_who_is_waited_for_is_said_once_a_decision(
 
 def test_an_answer_in_time_ends_the_wait(clock: Clock) -> None:
     answer = WorldDeadline(3.0)
-    answer.heed(DECISION)
+    answer.published(DECISION)
     clock.now += 2.0
-    answer.heed(WAVE)
+    answer.published(WAVE)
     clock.now += 60.0  # of waves, which have deadlines of their own
     answer.check()
-    answer.heed(wire.State(7, 1, b"", False, 0, 0, 0, 0, 0))
+    answer.published(wire.State(7, 1, b"", False, 0, 0, 0, 0, 0))
     answer.check()
 
 
@@ -74,7 +74,7 @@ def test_before_the_run_begins_nobody_is_waited_for(clock: Clock) -> None:
 
 def test_who_is_outside_takes_as_long_as_it_takes(clock: Clock) -> None:
     answer = WorldDeadline(None)
-    answer.heed(DECISION)
+    answer.published(DECISION)
     clock.now += 10**6
     answer.check()
 
