@@ -123,7 +123,7 @@ async def measure(
     Args:
         sweep: Which.
         stop: Ends it; what was measured by then is returned.
-        on_progress: Told how many waves are timed.
+        on_progress: Called with the number of waves that are timed.
 
     Raises:
         SwarmError: A part failed.

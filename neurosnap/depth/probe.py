@@ -55,7 +55,7 @@ class ProbePlan(msgspec.Struct, frozen=True):
     warmup: int = 1
     """Waves before those, not timed: the first pays for routes being made."""
     workers: int = 0
-    """How many workers share the cells; 0: every cell is a part of its own."""
+    """How many workers share the cells; 0 if every cell is a part."""
     edges: int = 0
     """0: the order is a chain on the first cells. Else a random one on all of them, of
     so many covering edges, contrapositives counted."""

@@ -30,7 +30,7 @@ async def wait_at_most(event: asyncio.Event, seconds: float) -> None:
 class Failure:
     """The first error of any handler, and who waits for it; used on the loop alone.
 
-    Handlers run as callbacks of the loop, or on a thread that nobody awaits, where an
+    Handlers run as callbacks of the loop, or on a thread that is not awaited, where an
     exception would only be logged; here it ends the part that owns the fabric.
     """
 

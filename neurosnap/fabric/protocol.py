@@ -43,7 +43,7 @@ class Place(NamedTuple):
 
     @classmethod
     def read(cls, text: str) -> Self | None:
-        """Return the place in `text`, which may be a stranger's; None: it is none.
+        """Return the place in `text`, which may be a stranger's; None if it is none.
 
         Example:
             >>> Place.read("oak.lan/4711")

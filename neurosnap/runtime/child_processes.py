@@ -87,7 +87,7 @@ class ChildProcesses:
                 self._start(process)
 
         def start_one() -> None:
-            with writing:  # the child has its own; nobody else may keep it open
+            with writing:  # the child has its own; no other process may keep it open
                 self._start(processes[0])
 
         await self._aside(start if len(processes) > 1 else start_one)
@@ -96,7 +96,7 @@ class ChildProcesses:
         """Kill what is left, and what is being started."""
         self._closing = True
         self._kill_all()
-        if self._starting:  # whoever waited for it was cancelled
+        if self._starting:  # the caller that waited for it was cancelled
             await asyncio.wait(self._starting)
             self._kill_all()
         for process in self._alive.values():
@@ -270,7 +270,7 @@ def child(job: Job, connection: PartConnection, line: Connection) -> None:
     # A world may start programs, which inherit what is blocked.
     signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
     reporter = Reporter(connection.who, line)
-    # What the fork server loaded stays shared with it only while nobody walks over it.
+    # What the fork server loaded stays shared with it only while nothing walks over it.
     gc.freeze()
 
     async def live() -> bool:
@@ -303,7 +303,7 @@ def _ending_with_launcher(who: str, stop: asyncio.Event) -> Iterator[None]:
 
     def on_death() -> None:
         loop.remove_reader(sentinel)
-        # Of the fork server: its socket is there, and nobody else takes it away.
+        # Of the fork server: its socket is there, and nothing else removes it.
         shutil.rmtree(multiprocessing.util.get_temp_dir(), ignore_errors=True)
         loop.call_later(linger, stop.set)
 

@@ -26,7 +26,7 @@ def body_of(
 
     Raises:
         InvalidValueError: It is to grow sensors and is a walker, or has no actions, or
-            some that do not exclude each other; or a birth is of what there is not.
+            some that do not exclude each other; or a birth is of unknown sensors.
     """
     if room and (agent == "walker" or not source.actions or not source.exclusive):
         rule = "must go with an agent that senses actions that exclude each other"
@@ -58,8 +58,8 @@ def drawn_to(
         name: The source.
         seed: As in `open_source`.
         arguments: What the world is given besides.
-        target: The place to get to; None: the world's own, if it has those sensors, or
-            one that it draws.
+        target: The place to get to; if None, the world's own where it has those
+            sensors, or one that it draws.
 
     Raises:
         InvalidValueError: The target is no place, or there is no such source.

@@ -256,7 +256,7 @@ class _WorldServer:
             writer.close()
 
     def leave(self) -> None:
-        """Let changes be kept, since nobody is here to see them."""
+        """Let changes be kept while no world asks for them."""
         self._keeping = asyncio.create_task(
             asyncio.to_thread(self._source.keep_changes), name="intake/keep"
         )
@@ -297,7 +297,7 @@ class _WorldServer:
             asked.cancel()
 
     def _answer(self, question: remote_source.Question) -> remote_source.Reply:
-        """Answer one question; on a thread of its own, which may wait long."""
+        """Answer one question, on another thread: it may wait long."""
         source = self._source
         try:
             if isinstance(question, remote_source.IntakeRecall):

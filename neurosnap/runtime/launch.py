@@ -73,7 +73,7 @@ class Jobs:
     source: str = ""
     """What runs through it, for those who look for it on this machine."""
     log: Path | None = None
-    """Where it is recorded, likewise; None: not at all."""
+    """Where it is recorded, likewise; None if it is not."""
 
 
 def host_jobs(
@@ -83,8 +83,8 @@ def host_jobs(
 
     Args:
         cells: How many cells.
-        workers: How many processes share them; 0: every cell is one.
-        learning: The run whose learning they share, too; None: they do not.
+        workers: How many processes share them; 0 if every cell is one.
+        learning: The run whose learning they share, too; None if they share none.
     """
     if not workers:
         return {f"cell/{n}": CellJob(n) for n in range(cells)}
@@ -94,12 +94,12 @@ def host_jobs(
 
 @dataclass(frozen=True)
 class Ending:
-    """What a swarm leaves behind."""
+    """How a swarm ended, and its results."""
 
     result: bytes
     """The coordinator's result, as JSON."""
     completeness: Completeness | None
-    """The recording's balance; None where nothing was recorded."""
+    """The recording's balance; None if nothing was recorded."""
     seconds: float
     """From the start of the first part until the coordinator was done."""
     stopped: bool
@@ -129,7 +129,7 @@ async def launch(
         site: Where they are.
         stop: Ends the run in order.
         watcher: What is reported meanwhile.
-        starter: What starts them; None: that of the site.
+        starter: What starts them; if None, that of the site.
 
     Raises:
         NothingBegunError: `stop` was set before the external hub could be reached.
@@ -141,8 +141,7 @@ async def launch(
         tempfile.TemporaryDirectory(prefix="neurosnap-") as folder,
         ExitStack() as stack,
     ):
-        # A socket in a folder of one's own: nobody else can connect, and no port is
-        # taken.
+        # A socket in a private folder: no other user can connect, and no port is taken.
         own = f"unixsock-stream/{folder}/hub"
         starter = site.starter() if starter is None else starter
         has_hub = starter.has_hub and not site.network.connect

@@ -19,8 +19,8 @@ from neurosnap.runtime.parts.job import PartConnection
 class Network(msgspec.Struct, frozen=True, kw_only=True):
     """How a swarm's parts reach each other.
 
-    Unless told otherwise the hub listens on a socket in a folder that nobody else can
-    enter: no port is taken, and nobody else can connect.
+    By default the hub listens on a socket in a folder that no other user can enter: no
+    port is taken, and no other user can connect.
     """
 
     listen: Annotated[
@@ -97,7 +97,7 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
         return holder(Path(self.tls), who)
 
     def credentials(self, who: str) -> Credentials | None:
-        """Return what a part proves itself with; None: nothing.
+        """Return the credentials of a part; None if there are no keys.
 
         Raises:
             InvalidValueError: The folder lacks its keys, or they are not fit for use.
@@ -111,7 +111,7 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
 
 
 PRIVATE = Network()
-"""A hub that nobody else can connect to."""
+"""A hub that no other user can connect to."""
 
 
 class Connections:

@@ -70,7 +70,7 @@ Measured: 10 in the coordinator of 3,000."""
 def process_limits() -> Iterator[tuple[str, int, int]]:
     """Yield the name of each limit that is set, its value and what is in use."""
     if hasattr(os, "geteuid") and os.geteuid() != 0:  # root is exempt
-        soft, _ = resource.getrlimit(resource.RLIMIT_NPROC)  # nobody raises this one
+        soft, _ = resource.getrlimit(resource.RLIMIT_NPROC)  # it cannot be raised
         if soft != resource.RLIM_INFINITY:
             yield "the user's process limit (`ulimit -u`)", soft, 0
     load = _read(Path("/proc/loadavg"))  # its fourth word: running/all

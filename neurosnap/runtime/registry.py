@@ -2,7 +2,7 @@
 
 A launcher leaves a note in a folder that only its user can enter, and takes it away
 when it ends. A note whose launcher is gone (killed, or the machine restarted) counts
-for nothing and is removed by whoever comes across it.
+for nothing and is removed by the next that reads the folder.
 """
 
 import os
@@ -22,7 +22,7 @@ _ENTRY = ".json"
 
 
 class Note(msgspec.Struct, frozen=True, kw_only=True):
-    """What a launcher says of its swarm."""
+    """A launcher's note about its swarm."""
 
     swarm: str
     """Its id."""
@@ -35,7 +35,7 @@ class Note(msgspec.Struct, frozen=True, kw_only=True):
     endpoint: str
     """Where its hub listens."""
     log: str
-    """Where it is recorded; empty: nowhere."""
+    """Where it is recorded; empty if it is not."""
 
 
 class Part(msgspec.Struct, frozen=True, kw_only=True):
@@ -66,7 +66,7 @@ def noted(swarm: str, source: str, endpoint: str, log: Path | None) -> Iterator[
         endpoint=endpoint,
         log="" if log is None else str(log.resolve()),
     )
-    # Nobody keeps two launchers from taking the same id, each with a hub of its own.
+    # Nothing keeps two launchers from taking the same id, each with its hub.
     path = own_folder() / f"{swarm}-{process.pid}{_ENTRY}"
     replace_file(path, msgspec.json.encode(note))
     try:

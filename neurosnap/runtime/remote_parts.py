@@ -35,7 +35,7 @@ class Numbers(NamedTuple):
     some: Sequence[int]
     """Those that were given one by one, or as a range."""
     rest: int | None = None
-    """From where on all are meant; None: no others are."""
+    """From where on all are meant; None if no others are."""
 
     def among(self, name: str, count: int) -> list[int]:
         """Return the numbers where there are so many, ascending.
@@ -102,7 +102,7 @@ def parse_ranges(name: str, text: str) -> list[int]:
 
 
 class RemotePart(NamedTuple):
-    """What one part does."""
+    """A part that a host starts."""
 
     who: str
     """Its name."""

@@ -1,13 +1,13 @@
 """The files of a restarted run: what may be deleted, and what is kept.
 
 No file that holds ticks is deleted or written over, unless each of its ticks was read
-back from other files, which nobody writes to any more and which the disk has. What
-cannot be read to its end is never deleted: nobody knows what is in it.
+back from other files, which are not written to any more and which the disk has. What
+cannot be read to its end is never deleted: it may hold ticks.
 
 A run that goes on copies the last file that it can go on from. That file is called
 ``NAME.broken`` meanwhile, and goes once the new one holds its ticks. What cannot be
 gone on from is kept as ``NAME.damaged-1.mcap``, or the next number that is free. Every
-step is a rename or a deletion, so that whoever is killed between two of them leaves all
+step is a rename or a deletion, so that a launcher killed between two of them leaves all
 ticks in files with one of these names, or in the recording itself.
 """
 
@@ -72,7 +72,7 @@ class RestartFiles:
         return bool(part_paths(self._log))
 
     def furthest(self, options: RunOptions) -> ResumePoint | None:
-        """Return where the recorded run can go on; None: it has no whole tick.
+        """Return where the recorded run can go on; None if it has no whole tick.
 
         Of several files, one that is damaged may be skipped: then the last is taken
         that can be gone on from alone.
@@ -142,7 +142,7 @@ class RestartFiles:
             OSError: A file cannot be moved or deleted.
         """
         if not part_paths(self._log):
-            return  # somebody took it away
+            return  # it was taken away
         if self._broken.exists():
             self._discard(self._broken, self._files(_number(self._broken)))
         for path in list(self.kept):

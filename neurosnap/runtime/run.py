@@ -88,8 +88,8 @@ def resumed(log: Path, ticks: int | None = None) -> RunRequest:
 
     Args:
         log: The recording; it stays as it is.
-        ticks: How many ticks there are to be in all; None: 300 more than there are, or
-            as many as the source has.
+        ticks: How many ticks there are to be in all; if None, 300 more than there are,
+            or as many as the source has.
 
     Raises:
         InvalidValueError: There are so many ticks already, or the source has no more.

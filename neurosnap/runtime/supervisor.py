@@ -54,7 +54,7 @@ class Supervisor:
     Use as an async context manager.
 
     Args:
-        starter: How the parts are started; None: as child processes.
+        starter: How the parts are started; if None, as child processes.
         watcher: Called with what parts report of the run.
     """
 
@@ -68,7 +68,7 @@ class Supervisor:
         self.has_begun = False
         """The coordinator has said that every part is there."""
         self._watcher = watcher
-        self._refused = False  # by the watcher, which is called no more
+        self._refused = False  # by the watcher, which is not called again
         self._starter = ChildProcesses() if starter is None else starter
         self._parts: dict[str, RunningPart] = {}
         self._early: dict[str, list[Report]] = {}  # of parts not in `_parts` yet
@@ -183,7 +183,7 @@ class Supervisor:
             raise self.error
 
     def has_ended(self, who: str) -> bool:
-        """Return whether a part was started and is no more."""
+        """Return whether a part was started and has ended."""
         return who in self._parts and self._parts[who].ended.is_set()
 
     async def kill(self, parts: Collection[str]) -> None:

@@ -1,7 +1,7 @@
 """Notifies systemd: ready, status, watchdog, stopping.
 
 The protocol is that of sd_notify(3): datagrams to the socket that the environment
-names. Whoever was started by hand is told nothing, and sends nothing.
+names. Where it names none, as when started by hand, nothing is sent.
 """
 
 import os

@@ -71,8 +71,8 @@ class RayPart:
 
     Args:
         who: Its name.
-        folder: Where whoever started it works.
-        path: Where whoever started it looks for modules: a world may be of one that the
+        folder: The working folder of its launcher.
+        path: Where its launcher looks for modules: a world may be of one that the
             nodes of the cluster were started without.
         shared: It is on the same machine, so files are looked for in that folder. On
             another machine they are, too, if that has such a folder.
@@ -267,12 +267,12 @@ class RayActors:
     async def _follow(
         self, who: str, actor: Actor, job: Job, connection: PartConnection
     ) -> None:
-        """Pass on what a part says, until it is no more."""
+        """Pass on the reports of a part, until it has ended."""
         how, in_order = "no error", True
         try:
             async for report in actor.live.remote(job, connection):
                 self._listener.receive(decode_report(await report))
-        except Exception as error:  # noqa: BLE001 - whatever it is, the part is no more
+        except Exception as error:  # noqa: BLE001 - whatever it is, the part has ended
             place, in_order = self._places[self._bundles.get(who, 0)], False
             reason = _REASON.search(str(error))
             how = f"its actor on {place}: {reason[1] if reason else error!r}"
@@ -327,7 +327,7 @@ class _Handle:
 
 
 async def _heard(answer: Awaitable[object]) -> None:
-    """Wait for an answer that nobody needs: unheard, Ray would log its failure."""
+    """Wait for an answer that is not needed: unread, Ray would log its failure."""
     with suppress(RayError):
         await answer
 

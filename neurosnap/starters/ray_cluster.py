@@ -78,7 +78,7 @@ def _check_answers(given: str) -> None:
 
     Raises:
         InvalidValueError: It is no address.
-        SwarmError: Nobody answers.
+        SwarmError: No cluster answers.
     """
     from ray._private.services import canonicalize_bootstrap_address
 
@@ -130,7 +130,7 @@ def check_reach(found: Collection[Node], own: str, endpoint: str) -> None:
     Args:
         found: The nodes.
         own: The id of this process's.
-        endpoint: Where the hub listens; empty: on a socket of its own.
+        endpoint: Where the hub listens; empty for a private socket.
 
     Raises:
         InvalidValueError: The cluster is on several machines, and it can be reached
@@ -167,7 +167,7 @@ def missing(found: Collection[Node], own: str, workers: int) -> str:
 
 
 def free_cpus() -> float:
-    """Return how many CPUs nobody has reserved."""
+    """Return how many CPUs are free."""
     return float(ray.available_resources().get("CPU", 0.0))
 
 
@@ -190,6 +190,6 @@ def homes(group: PlacementGroup) -> list[str]:
 
 
 def release(group: PlacementGroup) -> None:
-    """Give back what was reserved; whoever still runs there is killed."""
+    """Give back what was reserved; what still runs there is killed."""
     with suppress(ray.exceptions.RayError):
         remove_placement_group(group)

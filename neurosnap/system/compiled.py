@@ -81,7 +81,7 @@ class _Kernel(Generic[P, R]):
 
 
 def kept_in(kernel: Callable[..., object]) -> Path | None:
-    """Return the folder in which a compiled function is kept; None: it is not compiled.
+    """Return the folder of a compiled function; None if it is not compiled.
 
     Args:
         kernel: What `njit` returned.

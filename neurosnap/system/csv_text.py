@@ -2,7 +2,7 @@
 
 Names come from files and programs of other people. A spreadsheet that opens a CSV file
 runs what begins with ``=``, ``+``, ``-`` or ``@``, however it is quoted. An apostrophe
-in front stops that. It is taken off again by whoever reads the file here, and text that
+in front stops that. It is taken off again when the file is read here, and text that
 begins with apostrophes and such a sign gets one more, so no name is changed on its way.
 """
 

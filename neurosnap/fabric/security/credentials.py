@@ -1,6 +1,6 @@
 """Credentials of a part: its certificate, its key, and the authority it trusts.
 
-Read and checked once, by whoever starts the parts; a part only gets the paths.
+Read and checked once, by what starts the parts; a part only gets the paths.
 """
 
 from collections.abc import Mapping
@@ -60,7 +60,7 @@ class Credentials(msgspec.Struct, frozen=True):
         """Return Zenoh's ``transport/link/tls`` for a client.
 
         Besides the authority Zenoh's clients believe those that browsers believe, so a
-        hub's name should be one that nobody else can get a certificate for.
+        hub's name should be one that no one else can get a certificate for.
         """
         return {
             "root_ca_certificate": self.authority,

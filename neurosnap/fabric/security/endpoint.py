@@ -34,7 +34,7 @@ class HubAddress(msgspec.Struct, frozen=True):
 
 
 def check_endpoint(endpoint: str, *, tls: bool, insecure: bool = False) -> None:
-    """Refuse to listen or connect where somebody else could listen in.
+    """Refuse to listen or connect where others could listen in.
 
     Args:
         endpoint: As Zenoh writes it, ``tls/HOST:PORT``.

@@ -218,10 +218,10 @@ def _check_name(found: Credentials, certificate: x509.Certificate) -> None:
 
 
 def listed(folder: Path) -> Mapping[str, str] | None:
-    """Return the list in a folder of keys; None: there is none.
+    """Return the list in a folder of keys; None if there is none.
 
     So it is where keys were made before there were lists, and on a host that was given
-    the files of its own parts alone.
+    the files of its parts alone.
 
     Raises:
         InvalidValueError: It is not such a list, or may be written by others.

@@ -120,7 +120,7 @@ def revoke(folder: Path, who: str, *, now: datetime | None = None) -> datetime:
     """Let a certificate count for nothing, and make another in its place.
 
     A hub takes note of it when it starts next: until then a session that is up goes on,
-    and whoever has the old certificate may open more.
+    and the holder of the old certificate may open more.
 
     Args:
         folder: What `make_keys` made, with the authority's key.
@@ -286,7 +286,7 @@ def _write(folder: Path, files: dict[Path, bytes]) -> None:
         for name, content in files.items():
             (draft / name).parent.mkdir(mode=0o700, exist_ok=True)
             _write_file(draft / name, content)
-        # Fails where somebody has put anything there meanwhile.
+        # Fails if anything was put there meanwhile.
         draft.rename(folder)
     except BaseException:
         shutil.rmtree(draft, ignore_errors=True)

@@ -3,7 +3,7 @@
 Whatever the table does not allow is denied, to known names and to strangers. A name is
 the common name of a certificate, so the list means something under mutual TLS only. It
 is a part's, ``cell/3``, which can speak for that part alone; or a role's, ``cell``,
-which can speak for any cell, and for nobody of another role.
+which can speak for any cell, and for no part of another role.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -45,7 +45,7 @@ class Rights(NamedTuple):
     """It may ask that."""
     told: bool = False
     """It is told who listens to what it publishes: a stock client's declared publisher
-    sends nothing as long as it knows of nobody. Ours do not ask."""
+    sends nothing as long as it knows of no listener. Ours do not ask."""
 
 
 def _topics(keys: Iterable[str]) -> tuple[str, ...]:
@@ -98,14 +98,14 @@ RIGHTS: dict[Role, Rights] = {
 }
 
 DESCRIPTION = "brief"
-"""What a coordinator answers to whoever wants to take part in its run."""
+"""What a coordinator answers to those who want to take part in its run."""
 
 PLACE = "place"
 """Below it parts of a swarm on several machines show where they are: as what follows
 who it is, in ``place/cell/3/oak/4711``."""
 
 FLUSHED = "flushed"
-"""What every part asks for at its end; the hub itself answers that nobody has it."""
+"""What every part asks for at its end; the hub itself answers that no part has it."""
 
 MESSAGES = (
     *("put", "declare_subscriber", "query", "declare_queryable", "reply"),

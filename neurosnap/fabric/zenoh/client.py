@@ -160,7 +160,7 @@ class ZenohFabric:
                 self.sent += 1
 
     def forward(self, delivery: wire.Delivery) -> None:
-        """Send what somebody else sent, as it was; blocks like `publish`."""
+        """Send a recorded delivery as it was; blocks like `publish`."""
         with self._publishing:
             self._put(delivery)
 
@@ -228,7 +228,7 @@ class ZenohFabric:
         get = self._session.liveliness().get
 
         def ask() -> bool:
-            # Where nobody is alive by that name there is an end and no reply.
+            # Where no part is alive by that name there is an end and no reply.
             return all(
                 reply.ok is not None for reply in get(key, timeout=self._patience)
             )
@@ -266,7 +266,7 @@ class ZenohFabric:
         )
 
     async def ask(self) -> bytes | None:
-        """Return what the coordinator says the run is; None: it has gone.
+        """Return the coordinator's description of the run; None if it has gone.
 
         Where hubs were linked a moment ago, a coordinator may be seen through the new
         link before it can be asked.

@@ -54,10 +54,10 @@ _DECISION = re.compile(
 class DeniedConnections:
     """Finds refusals in the lines of Zenoh's log, and reports them.
 
-    In each window of some seconds a refusal is told once, and at most a few different
-    ones of each certificate at each kind of message: so nobody's noise hides what
-    somebody else tries, nor what he himself puts. How many were left out is said, for
-    each of these, when the next window begins.
+    In each window of some seconds a refusal is reported once, and at most a few
+    different ones of each certificate at each kind of message: so one intruder's noise
+    hides neither what another tries nor what it puts itself. The number of those left
+    out is reported, for each of these, when the next window begins.
 
     Args:
         report: Gets a line for people. Control characters in it are escaped.
@@ -99,7 +99,7 @@ class DeniedConnections:
         """
         caching = _CACHING.fullmatch(text)
         if caching is not None:
-            # What goes out is nobody's attempt, and is not read below.
+            # What goes out is no attempt, and is not read below.
             key = caching["key"] if caching["flow"] == "ingress" else ""
             self._caching[thread] = (key, None)
             return
@@ -185,7 +185,7 @@ def telling_refusals(*, audit: bool = False) -> Iterator[None]:
         yield
     finally:
         sys.stdout.flush()
-        os.dup2(own, 1)  # nobody writes into the pipe any more: the reader ends
+        os.dup2(own, 1)  # nothing writes into the pipe any more: the reader ends
         reader.join()
         os.close(read)
         os.close(own)
@@ -205,7 +205,7 @@ def _read(pipe: int, own: int, refusals: DeniedConnections) -> None:
 
 
 def _pass_on(own: int, data: bytes) -> None:
-    """Write, unless nobody reads: refusals are told all the same, and the hub goes on.
+    """Write, unless nothing reads: the hub goes on, and refusals are logged.
 
     Were nothing read any more, the hub would soon wait for room to log.
     """

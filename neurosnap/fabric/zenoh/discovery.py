@@ -1,7 +1,7 @@
 """Discovery of swarms by id: those that are there, have gone, or follow.
 
-A swarm whose parts died goes on as another: as the next incarnation of its id, under a
-prefix of its own, since the numbers of its waves begin anew. ``demo`` goes on as
+A swarm whose parts died goes on as another: as the next incarnation of its id, under
+another prefix, since the numbers of its waves begin anew. ``demo`` goes on as
 ``demo-1``, ``demo-2`` and so on. A swarm is there while its coordinator is.
 """
 
@@ -126,7 +126,7 @@ class Discovery:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """Look no more."""
+        """Stop looking and disconnect."""
         if self._session is None:
             return
         await asyncio.to_thread(self._declared.undeclare)

@@ -27,7 +27,7 @@ from neurosnap.fabric.security.roles import EVERY_ROLE, access_list
 from neurosnap.fabric.zenoh.session import absence, nested, settings
 
 _SOURCE = re.compile(r" at /\S+\.rs:\d+")  # places in the engine's own code
-_SPARE = 100  # sessions beside those expected: whoever looks on, or comes back
+_SPARE = 100  # sessions beside those expected: watchers, and parts that come back
 _RETRY = {"period_init_ms": 50, "period_max_ms": 1000, "period_increase_factor": 1.5}
 
 
@@ -99,7 +99,7 @@ def hub_document(
             connect__retry=_RETRY,
             transport__unicast__max_sessions=sessions + _SPARE,
             transport__unicast__accept_pending=sessions + _SPARE,
-            # A stock router shows what it is and who is there to whoever connects.
+            # A stock router shows what it is and who is there to all who connect.
             adminspace__permissions={"read": False, "write": False},
             **guard,
         )
@@ -167,7 +167,7 @@ def _links(session: zenoh.Session) -> list[Any]:
     """Return the connections with other routers that there are now.
 
     Where the other one connected, its address is that of its end of the connection,
-    and nobody listens there.
+    where nothing listens.
     """
     routers = set(map(str, session.info.routers_zid()))
     return [link for link in session.info.links() if str(link.zid) in routers]

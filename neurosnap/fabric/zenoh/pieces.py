@@ -1,9 +1,9 @@
 """Splits large key-frames into pieces on the wire, and reassembles them.
 
 No session takes in a message of more than `LARGEST` bytes: what is larger is dropped
-before it is put together, so that nobody can fill the memory of a hub or a part. One
-kind of ours grows with the square of the sensors, the key-frame. It travels in pieces,
-one after the other, with one running number; whoever reads gets it whole.
+before it is put together, so that no message can fill the memory of a hub or a part.
+One kind of ours grows with the square of the sensors, the key-frame. It travels in
+pieces, one after the other, with one running number; a reader gets it whole.
 """
 
 import struct

@@ -21,7 +21,7 @@ from neurosnap.fabric.events import wait_any, wait_at_most
 from neurosnap.fabric.security.endpoint import HubAddress
 from neurosnap.fabric.zenoh.pieces import LARGEST
 
-# What is larger is dropped as it comes in: nobody can fill another's memory.
+# What is larger is dropped as it comes in: no part can fill another's memory.
 _BOUNDED = {"transport/link/rx/max_message_size": LARGEST}
 # A stalled part must not get its link closed and lose what waits: microseconds.
 _UNHURRIED = {
@@ -30,7 +30,7 @@ _UNHURRIED = {
 
 
 def settings(mode: str, **more: object) -> dict[str, object]:
-    """Return Zenoh's keys and values for who listens to nobody and looks for nobody.
+    """Return Zenoh's keys and values for a session that neither listens nor searches.
 
     Args:
         mode: ``client`` or ``router``.
@@ -42,7 +42,7 @@ def settings(mode: str, **more: object) -> dict[str, object]:
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "scouting/delay": 0,
-        # On, no more than some 350 sessions connect to one router.
+        # On, some 350 sessions at most connect to one router.
         "transport/shared_memory/enabled": False,
     }
     named = {key.replace("__", "/"): value for key, value in more.items()}
@@ -108,7 +108,7 @@ async def reach(
     stop: asyncio.Event,
     patience: float = 60.0,
 ) -> zenoh.Session | None:
-    """Return a session with a hub, as soon as that answers; None: `stop` was set.
+    """Return a session with a hub, as soon as that answers; None if `stop` was set.
 
     After two seconds it is logged, once, that the hub is waited for.
 
@@ -144,7 +144,7 @@ async def reach(
 
 
 class _Attempt:
-    """One try, on a thread of its own."""
+    """One try, on another thread."""
 
     def __init__(self, hub: HubAddress) -> None:
         self.over = asyncio.Event()
@@ -165,7 +165,7 @@ class _Attempt:
         else:
             with self._lock:
                 self._session = session
-                if self._left:  # nobody waits for it any longer
+                if self._left:  # it is not waited for any longer
                     session.close()
         with contextlib.suppress(RuntimeError):  # the loop is closed
             self._loop.call_soon_threadsafe(self.over.set)

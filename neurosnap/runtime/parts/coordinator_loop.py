@@ -94,9 +94,9 @@ async def run_coordinator(
         stop: Ends the run in order.
         parts: Who must be there before it begins, and stay until it ends.
         deadlines: How long it waits for what.
-        on_progress: Told the core's tick once the swarm is up, after each burst, and
-            while nothing is over its deadline four times a second; on any thread.
-        on_decision: Told every decision that is published, likewise.
+        on_progress: Called with the core's tick once the swarm is up, after each burst,
+            and while nothing is over its deadline four times a second; on any thread.
+        on_decision: Called with every decision that is published, likewise.
 
     Returns:
         Seconds from the beginning to the end, the wait for the parts left out.
@@ -280,9 +280,9 @@ class _CoordinatorLoop:
     def _find_overdue(self) -> None:
         """Tell the core of a wave that is over its deadline, one at a time.
 
-        Before a repeat all cells are wired anew, and whoever is half way through that
-        reports what is refused. So the next waits until the last repeat has settled,
-        or is late itself.
+        Before a repeat all cells are wired anew, and the report of a cell that is half
+        way through that is refused. So the next waits until the last repeat has
+        settled, or is late itself.
         """
         flying = self._core.in_flight
         limit = time.monotonic() - self._deadline

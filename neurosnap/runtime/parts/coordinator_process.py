@@ -40,7 +40,7 @@ def coordinator_for(options: RunOptions, past: ResumePoint | None) -> Coordinato
 
 
 def answer_within(options: RunOptions) -> float | None:
-    """Return how many seconds the world may take to answer; None: as long as it takes.
+    """Return how many seconds the world may take to answer; None if any time.
 
     What is outside says something when something happens there, and not before. In an
     inline run nothing else goes on while the world works.
@@ -56,8 +56,7 @@ class CoordinatorJob(msgspec.Struct, frozen=True):
     description: RunDescription
     """What the run is."""
     patience: float | None
-    """Seconds the parts may take to come up; None: as many as that takes on a small
-    machine."""
+    """Seconds the parts may take to come up; if None, as many as on a small machine."""
     parts: tuple[str, ...]
     """Who must be there."""
 
@@ -99,13 +98,13 @@ class CoordinatorJob(msgspec.Struct, frozen=True):
 async def _wait_alone(
     fabric: Fabric, swarm: str, vacant: Collection[str], stop: asyncio.Event
 ) -> None:
-    """Wait until nobody is left of an earlier swarm of the same name, or `stop`.
+    """Wait until no part is left of an earlier swarm of the same name, or `stop`.
 
     Services come once there is a coordinator, so who is there before it is on the way
     out: a recorder that would record two runs, a cell that would be missed.
 
     It shows itself only after that, so two that are started at the same moment may
-    both find nobody: an id is its user's to give once.
+    both find no part: an id is its user's to give once.
     """
     there: set[str] = set()
     try:
@@ -118,7 +117,7 @@ async def _wait_alone(
                 if stop.is_set():
                     return
     except TimeoutError:
-        rule = f"must have nobody left of an earlier one after {_LEFTOVER:g} s"
+        rule = f"must have no part left of an earlier one after {_LEFTOVER:g} s"
         raise SwarmError(
             f"swarm {swarm}: {rule}, has {', '.join(sorted(there))}"
         ) from None

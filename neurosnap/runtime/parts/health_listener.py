@@ -28,7 +28,7 @@ _LOOK = 60.0
 """Seconds without a reading after which it looks at the clock."""
 _LATE = 60.0
 """Seconds that a reading may be under way. By as much what is said of silence is late:
-whoever reads the recording then finds each reading in the same step."""
+who reads the recording then finds each reading in the same step."""
 _LAST = 10.0
 """Seconds it may take to end."""
 
@@ -53,7 +53,7 @@ class Past(NamedTuple):
 class HealthListener:
     """Reports which sensors of a run seem broken.
 
-    It keeps no state of its own: after a restart it reads again what is recorded.
+    It keeps no state: after a restart it reads again what is recorded.
 
     Args:
         body: What is sensed; the world's own sensors are judged.
@@ -101,7 +101,9 @@ class HealthListener:
         over: Future[None] = Future()
 
         def work() -> None:
-            with suppress(RuntimeError):  # the loop is closed, nobody waits any more
+            with suppress(
+                RuntimeError
+            ):  # the loop is closed, so nothing waits any more
                 try:
                     self._follow(
                         lambda now: loop.call_soon_threadsafe(self._report, now)

@@ -63,7 +63,7 @@ class Health(msgspec.Struct, frozen=True, tag=True):
 
 
 class Done(msgspec.Struct, frozen=True, tag=True):
-    """The part has done its work; `result` is what came of it."""
+    """The part has done its work, with this result."""
 
     who: str
     result: msgspec.Raw = msgspec.Raw(b"null")
@@ -93,7 +93,7 @@ def read_report(connection: Connection) -> Report:
     """Return the next report. Blocks until there is one.
 
     Raises:
-        EOFError: Nobody is left to report.
+        EOFError: No part is left to report.
     """
     return decode_report(connection.recv_bytes())
 
@@ -146,7 +146,7 @@ class Reporter:
         self._send(Health(self._who, msgspec.Raw(msgspec.json.encode(standing))))
 
     def done(self, result: object = None) -> None:
-        """Say what came of it. Only for parts with a pipe of their own."""
+        """Report the result. Only for parts with a pipe of their own."""
         self._send(Done(self._who, msgspec.Raw(msgspec.json.encode(result))))
 
     def failed(self, what: str, *, died: bool = False) -> None:
@@ -161,7 +161,7 @@ class Reporter:
         self._send(report)
 
     def _send(self, report: Report) -> None:
-        # A line that is broken: nobody is left to be told.
+        # A line that is broken: no launcher is left to report to.
         with self._lock, contextlib.suppress(BrokenPipeError):
             self._line.send_bytes(_encode(report))
 
@@ -209,14 +209,14 @@ class PartConnection(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class PartContext:
-    """What a part has, whatever its job, and whoever started it."""
+    """Context passed to every job."""
 
     connection: PartConnection
     """Its place on the network."""
     stop: asyncio.Event
     """Set once it is to end in order."""
     reporter: Reporter
-    """Its line to whoever started it."""
+    """Its line to what started it."""
 
 
 class Job(Protocol):
@@ -251,7 +251,7 @@ async def take_part(fabric: Fabric, work: Awaitable[T]) -> T:
     try:
         result = await work
     except Exception as error:
-        # In one go, so that nothing of its own comes between: it shows who failed.
+        # In one go, so that none of its messages comes between: it shows who failed.
         fault = wire.Fault(fabric.who, f"{type(error).__name__}: {error}")
         fabric.publish(fault, wire.Leave(fabric.who))
         raise

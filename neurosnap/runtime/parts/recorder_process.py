@@ -26,7 +26,7 @@ class RecorderJob(msgspec.Struct, frozen=True):
     metadata: dict[str, str]
     """What the recording says of the run."""
     past: ResumePoint | None
-    """What it takes over, of a run that is resumed."""
+    """The recording of a resumed run that it takes over."""
     parts: tuple[str, ...]
     """Whose last words it waits for."""
     split: Split | None = None
@@ -35,7 +35,7 @@ class RecorderJob(msgspec.Struct, frozen=True):
     """Seconds between two syncs to disk; 0: at the end only."""
 
     async def run(self, part: PartContext) -> None:
-        """Record everything, after what there is of a resumed run."""
+        """Record everything, after what is recorded of a resumed run."""
         with SplitWriter(
             self.path,
             self.metadata,

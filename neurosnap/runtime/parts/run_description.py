@@ -1,7 +1,7 @@
 """The run's description that the coordinator sends to joining parts.
 
-So a part on another machine needs to be told no more than where the hub is and what the
-swarm is called, and no two parts can disagree about the run.
+So a part on another machine needs only the address of the hub and the id of the swarm,
+and no two parts can disagree about the run.
 """
 
 from collections.abc import Collection
@@ -16,13 +16,13 @@ _SHOWN = 8  # names in an error
 
 
 class RunDescription(msgspec.Struct, frozen=True, kw_only=True):
-    """What a run is."""
+    """Description of a run."""
 
     options: RunOptions
     past: ResumePoint | None = None
     """Where it goes on from, where it is taken up again."""
     vacant: tuple[str, ...] = ()
-    """The parts that somebody else starts, by name."""
+    """The parts that are started elsewhere, by name."""
 
     def first(self, who: str) -> int:
         """Return the number of the first message of a part."""
@@ -51,7 +51,7 @@ class RunDescription(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def read_description(content: bytes) -> RunDescription:
-    """Return what a coordinator told.
+    """Decode a coordinator's description.
 
     Raises:
         SwarmError: It is no description of a run.

@@ -52,7 +52,7 @@ class WorkerJob(msgspec.Struct, frozen=True):
     workers: int
     """That share them."""
     learning: RunOptions | None = None
-    """The run whose learning they share, too; None: they do not."""
+    """The run whose learning they share, too; None if they share none."""
 
     async def run(self, part: PartContext) -> None:
         """Be the worker until the end."""

@@ -43,7 +43,7 @@ async def run_world(
     and none is sensed. A tick's state comes before its decision, both from the
     coordinator.
 
-    A live source is waited for on a thread of its own, so that neither messages nor
+    A live source is waited for on another thread, so that neither messages nor
     `stop` have to wait; it is closed at the end.
 
     Args:

@@ -122,7 +122,7 @@ async def test_a_coordinator_that_waits_for_others_to_leave_can_be_stopped() -> 
 
 async def test_who_does_not_leave_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(coordinator_process, "_LEFTOVER", 0.01)
-    rule = r"^swarm demo: must have nobody left of .* has cell/0, world$"
+    rule = r"^swarm demo: must have no part left of .* has cell/0, world$"
     with pytest.raises(SwarmError, match=rule):
         meeting = Meeting({"world", "cell/0"})
         await coordinator_process._wait_alone(
