@@ -25,7 +25,6 @@ from tests.support.ports import free_port
 from tests.support.services import (
     ENDLESS,
     PATH,
-    SMALL,
     SWARM,
     begun,
     ended,
@@ -93,16 +92,36 @@ def is_right(log: Path, ticks: int, folder: Path) -> None:
     assert course(log) == course(in_one_piece(ticks, folder / "inline"))
 
 
+@contextmanager
+def running(
+    log: Path,
+    *more: object,
+    joining: tuple[object, ...] = (),
+    before: Callable[[Hubs], None] = lambda _: None,
+) -> Iterator[tuple[Hubs, Command, Command]]:
+    """A run with cells at all three hubs: these, the last one, and the launcher.
+
+    All of it has ended in order when this is left, unless it is left to itself.
+    """
+    with line() as hubs:
+        before(hubs)
+        last = hubs.start()
+        run = ("run", PATH, *ENDLESS, *ELSEWHERE, *more, "--out", log)
+        with (
+            shares(hubs, *joining) as joined,
+            going(*run, "--connect", hubs.first) as most,
+        ):
+            yield hubs, last, most
+            if not joining:
+                ended(most)
+                for each in joined:
+                    ended(each)
+
+
 def test_three_hubs_make_one_swarm(tmp_path: Path) -> None:
     log = tmp_path / "log.mcap"
-    with line() as hubs:
-        last = hubs.start()
+    with running(log, "--ticks", 40) as (_, last, _):
         assert last.stderr.readline().startswith("linked with the hub at tcp/127.0.0.1")
-        run = ("run", PATH, *SMALL, *ELSEWHERE, "--ticks", 40, "--out", log)
-        with shares(hubs) as joined, going(*run, "--connect", hubs.first) as most:
-            ended(most)
-            for each in joined:
-                ended(each)
     is_right(log, 40, tmp_path)
     parts = Recording.open(log).noted().expected
     assert {f"cell/{cell}" for cell in range(6)} <= set(parts)
@@ -111,17 +130,11 @@ def test_three_hubs_make_one_swarm(tmp_path: Path) -> None:
 @pytest.mark.exhaustive
 def test_services_wait_for_a_hub_that_is_linked_late(tmp_path: Path) -> None:
     log = tmp_path / "log.mcap"
-    with line() as hubs:
-        hubs.link.sever()
-        last = hubs.start()
+    late = running(log, "--ticks", 10, before=lambda hubs: hubs.link.sever())
+    with late as (hubs, last, _):
         assert "waiting for the hub at" in last.stderr.readline()
-        run = ("run", PATH, *SMALL, *ELSEWHERE, "--ticks", 10, "--out", log)
-        with shares(hubs) as joined, going(*run, "--connect", hubs.first) as most:
-            present(hubs.first, "cell/2")
-            hubs.link.heal()
-            ended(most)
-            for each in joined:
-                ended(each)
+        present(hubs.first, "cell/2")
+        hubs.link.heal()
     is_right(log, 10, tmp_path)
 
 
@@ -129,52 +142,23 @@ def test_services_wait_for_a_hub_that_is_linked_late(tmp_path: Path) -> None:
 def test_a_link_that_is_cut_and_heals_costs_nothing(tmp_path: Path) -> None:
     """Whatever is held back is delivered; a wave that was late is asked for again."""
     log = tmp_path / "log.mcap"
-    with line() as hubs:
-        hubs.start()
-        run = (
-            "run",
-            PATH,
-            *ENDLESS,
-            *ELSEWHERE,
-            "--set",
-            "cells.deadline=2",
-            "--out",
-            log,
-        )
-        with shares(hubs) as joined, going(*run, "--connect", hubs.first) as most:
-            begun(hubs.first, 5)
-            cut_until_asked_again(hubs)
-            begun(hubs.first, 15)
-            most.send_signal(signal.SIGINT)
-            ended(most)
-            for each in joined:
-                ended(each)
+    with running(log, "--set", "cells.deadline=2") as (hubs, _, most):
+        begun(hubs.first, 5)
+        cut_until_asked_again(hubs)
+        begun(hubs.first, 15)
+        most.send_signal(signal.SIGINT)
     is_right(log, verify(log).ticks, tmp_path)
 
 
 def test_parts_behind_a_lost_link_are_named_and_the_recording_reads(
     tmp_path: Path,
 ) -> None:
-    log = tmp_path / "log.mcap"
-    with line() as hubs:
-        hubs.start()
-        run = (
-            "run",
-            PATH,
-            *ENDLESS,
-            *ELSEWHERE,
-            "--set",
-            "supervision.restart=never",
-            "--out",
-            log,
-        )
-        with (
-            shares(hubs, "--restart", "never"),
-            going(*run, "--connect", hubs.first) as most,
-        ):
-            begun(hubs.first, 6)
-            hubs.link.sever()
-            said = ended(most, 1)
+    log, never = tmp_path / "log.mcap", ("--restart", "never")
+    mortal = running(log, "--set", "supervision.restart=never", joining=never)
+    with mortal as (hubs, _, most):
+        begun(hubs.first, 6)
+        hubs.link.sever()
+        said = ended(most, 1)
     assert "cell/4" in said or "cell/5" in said
     verdict = verify(log)
     assert verdict.same
@@ -184,18 +168,12 @@ def test_parts_behind_a_lost_link_are_named_and_the_recording_reads(
 @pytest.mark.exhaustive
 def test_a_run_goes_on_when_a_hub_is_killed_and_comes_back(tmp_path: Path) -> None:
     log = tmp_path / "log.mcap"
-    with line() as hubs:
-        last = hubs.start()
-        run = ("run", PATH, *ENDLESS, *ELSEWHERE, "--out", log)
-        with shares(hubs) as joined, going(*run, "--connect", hubs.first) as most:
-            begun(hubs.first, 5)
-            last.kill()
-            hubs.start()
-            begun(hubs.first, 15, f"{SWARM}-1")
-            most.send_signal(signal.SIGINT)
-            ended(most)
-            for each in joined:
-                ended(each)
+    with running(log) as (hubs, last, most):
+        begun(hubs.first, 5)
+        last.kill()
+        hubs.start()
+        begun(hubs.first, 15, f"{SWARM}-1")
+        most.send_signal(signal.SIGINT)
     is_right(log, verify(log).ticks, tmp_path)
 
 

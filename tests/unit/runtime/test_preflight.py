@@ -27,25 +27,36 @@ def test_sensors_fit_as_long_as_all_their_pairs_do(
         preflight.check_sensors(1001)
 
 
-def test_cells_that_are_processes_fit_into_free_memory(
+@pytest.mark.parametrize(
+    ("free", "limits", "most", "rule"),
+    [
+        (
+            BYTES_BESIDE + 100 * BYTES_A_CELL,
+            [],
+            100,
+            r"^cells: must be at most 100 here: each takes 6 MB, free are 1\.2 GB"
+            r" \(run fewer, or with --cells worker\), got 101$",
+        ),
+        (
+            100 * GB,
+            [("wide", 100_000, 0), ("tight", 1_000, 100)],
+            96,
+            r"^cells: must be at most 96 here: each takes 9 threads, tight leaves 900 ",
+        ),
+    ],
+    ids=["memory", "threads"],
+)
+def test_the_tightest_limit_on_cells_counts(
+    free: int,
+    limits: list[tuple[str, int, int]],
+    most: int,
+    rule: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    machine(monkeypatch, BYTES_BESIDE + 100 * BYTES_A_CELL)
-    preflight.check_cells(100)
-    rule = (
-        r"^cells: must be at most 100 here: each takes 6 MB, free are 1\.2 GB"
-        r" \(run fewer, or with --cells worker\), got 101$"
-    )
+    machine(monkeypatch, free, *limits)
+    preflight.check_cells(most)
     with pytest.raises(InvalidValueError, match=rule):
-        preflight.check_cells(101)
-
-
-def test_the_tightest_limit_on_threads_counts(monkeypatch: pytest.MonkeyPatch) -> None:
-    machine(monkeypatch, 100 * GB, ("wide", 100_000, 0), ("tight", 1_000, 100))
-    preflight.check_cells(96)
-    rule = r"^cells: must be at most 96 here: each takes 9 threads, tight leaves 900 "
-    with pytest.raises(InvalidValueError, match=rule):
-        preflight.check_cells(97)
+        preflight.check_cells(most + 1)
 
 
 def test_what_may_be_open_counts(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,12 +5,13 @@ from pathlib import Path
 from shutil import copy
 
 import pytest
+from msgspec import convert
 
-from neurosnap.errors import PartDiedError
+from neurosnap.errors import PartDiedError, SwarmError
 from neurosnap.runtime import run as restart
 from neurosnap.runtime.request import Outcome, RunRequest, Supervision, Watcher
 from neurosnap.runtime.restart_files import RestartFiles
-from neurosnap.runtime.run import run
+from neurosnap.runtime.run import Restarts, run
 from tests.support.restart_runs import names, options_of
 
 TICKS = 12
@@ -90,3 +91,55 @@ async def test_told_to_end_while_a_part_dies_a_run_has_one_more_life(
         else:
             with pytest.raises(PartDiedError, match=r"^hub: must live"):
                 await running
+
+
+# How often and when -------------------------------------------------------------------
+
+DIED = PartDiedError("cell/1: was killed")
+
+
+class Clock:
+    now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def test_restarts_count_only_for_a_while() -> None:
+    clock = Clock()
+    restarts = Restarts(Supervision(max_restarts=2, restart_window=60.0), clock)
+    assert [restarts.allow(DIED) for _ in range(3)] == [True, True, False]
+    clock.now += 59.0
+    assert not restarts.allow(DIED)
+    clock.now += 1.0
+    assert [restarts.allow(DIED) for _ in range(3)] == [True, True, False]
+
+
+def test_a_run_of_months_goes_on_after_any_number_of_faults() -> None:
+    clock = Clock()
+    restarts = Restarts(Supervision(), clock)
+    for _ in range(1000):
+        clock.now += 100.0
+        assert restarts.allow(DIED)
+
+
+def test_none_may_be_allowed() -> None:
+    assert not Restarts(Supervision(max_restarts=0)).allow(DIED)
+
+
+def test_which_errors_are_mended_is_the_policys_to_say() -> None:
+    said = SwarmError("world: the source is gone")
+    for kind, mended in (
+        ("never", []),
+        ("on-failure", [DIED]),
+        ("always", [DIED, said]),
+    ):
+        restarts = Restarts(convert({"restart": kind}, Supervision))
+        assert [error for error in (DIED, said) if restarts.allow(error)] == mended
+
+
+def test_without_a_tick_in_between_each_delay_is_twice_the_last() -> None:
+    restarts = Restarts(Supervision(backoff=1.0))
+    assert [restarts.delay(gained=False) for _ in range(6)] == [2, 4, 8, 16, 30, 30]
+    assert restarts.delay(gained=True) == 1
+    assert restarts.delay(gained=False) == 2

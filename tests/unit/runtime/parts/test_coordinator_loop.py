@@ -1,17 +1,23 @@
 """The shell feeds its core in turn, and lets no failure pass unheard."""
 
 import asyncio
+import logging
 
 import pytest
 
 from neurosnap import wire
+from neurosnap.agent.body import Body
+from neurosnap.errors import PartDiedError
 from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
+from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.parts import coordinator_loop
 from neurosnap.runtime.parts.coordinator_loop import (
     Deadlines,
+    WorldDeadline,
     _CoordinatorLoop,
     run_coordinator,
 )
+from neurosnap.runtime.parts.coordinator_process import answer_within
 from tests.support.patience import PATIENCE
 
 
@@ -159,3 +165,74 @@ async def test_it_says_that_it_goes_on_even_if_nothing_happens(
         )
     assert said[:4] == [7] * 4
     assert core.asked == ["begin", "stop"]
+
+
+# The deadline of the world ------------------------------------------------------------
+
+DECISION = wire.Decision(6, -1, "why")
+WAVE = wire.WaveStart(1, 7, "state", 0, 1)
+STATE = wire.State(7, 1, b"", False, 0, 0, 0, 0, 0)
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
+    monkeypatch.setattr(coordinator_loop, "time", clock)
+    return clock
+
+
+def test_a_world_that_does_not_answer_is_named(clock: Clock) -> None:
+    answer = WorldDeadline(3.0)
+    answer.published(DECISION)
+    clock.now += 3.0
+    answer.check()
+    clock.now += 0.1
+    said = r"^world: must answer the decision of tick 6 within 3 s, got nothing$"
+    with pytest.raises(PartDiedError, match=said):
+        answer.check()
+
+
+def test_who_is_waited_for_is_said_once_a_decision(
+    clock: Clock, caplog: pytest.LogCaptureFixture
+) -> None:
+    answer = WorldDeadline(3.0)
+    with caplog.at_level(logging.WARNING):
+        for tick in (6, 7):
+            answer.published(wire.Decision(tick, -1, ""))
+            for _ in range(5):
+                clock.now += 0.5
+                answer.check()
+    assert caplog.messages == [
+        "waiting for world: tick 7, 1.5 s",
+        "waiting for world: tick 8, 1.5 s",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("patience", "said"),
+    [
+        (3.0, []),  # before the run begins
+        (3.0, [DECISION, WAVE, STATE]),  # waves have deadlines of their own
+        (None, [DECISION]),  # what is outside may take any time
+    ],
+)
+def test_the_world_is_waited_for_only_while_it_has_to_answer(
+    clock: Clock, patience: float | None, said: list[wire.Message]
+) -> None:
+    answer = WorldDeadline(patience)
+    for message in said:
+        clock.now += 2.0
+        answer.published(message)
+    clock.now += 10**6
+    answer.check()
+
+
+@pytest.mark.parametrize(
+    ("source", "seconds"),
+    [("-", None), ("zenoh:", None), ("mqtt:", None), ("log.csv", 6.0)],
+)
+def test_only_what_is_outside_has_no_deadline(
+    source: str, seconds: float | None
+) -> None:
+    options = RunOptions(source=source, body=Body(own=("a",)), deadline=2.0)
+    assert answer_within(options) == seconds
