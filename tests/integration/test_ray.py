@@ -149,8 +149,9 @@ async def test_a_part_that_fails_is_named_in_its_own_words(
     assert verify(tmp_path / "log").ticks == 6
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["INT", "TERM"])
-@pytest.mark.parametrize("place", ["cluster", "local"])
+@pytest.mark.parametrize(
+    ("place", "number"), [("cluster", signal.SIGINT), ("local", signal.SIGTERM)]
+)
 def test_a_run_that_is_interrupted_ends_in_order(
     nodes: Nodes,
     place: str,
@@ -181,7 +182,7 @@ def test_a_run_that_is_interrupted_ends_in_order(
         wait_for_size(process, log, GROWN)
         family = psutil.Process(process.pid).children(recursive=True)
         assert len(actors()) == 6  # hub, recorder, coordinator, world and two workers
-        if (place, number) == ("local", signal.SIGTERM):
+        if place == "local":
             # Ray's own processes, which are ours then, take no order at such a signal.
             process.send_signal(number)
         else:
@@ -233,35 +234,25 @@ async def test_a_cluster_that_is_too_small_says_what_it_lacks(
     )
 
 
-@pytest.mark.parametrize("again", [False, True])
-async def test_room_that_others_have_is_waited_for(nodes: Nodes, again: bool) -> None:
-    kind = PartDiedError if again else SwarmError
-    with taken(nodes):
-        actors = RayActors(nodes.address, PRIVATE, again=again, patience=0)
-        async with Supervisor(actors) as supervisor:
-            with pytest.raises(
-                kind, match=r"^ray: must have 3 free CPUs .* has 0$"
-            ) as e:
-                await supervisor.make_room(WORKERS, asyncio.Event())
-    assert type(e.value) is kind
-
-
-async def test_who_waits_for_room_can_be_stopped(nodes: Nodes) -> None:
+async def test_room_that_others_have_is_waited_for(nodes: Nodes) -> None:
     stop = asyncio.Event()
     stop.set()
+    rule = r"^ray: must have 3 free CPUs .* has 0$"
     with taken(nodes):
+        for again, kind in ((False, SwarmError), (True, PartDiedError)):
+            starter = RayActors(nodes.address, PRIVATE, again=again, patience=0)
+            async with Supervisor(starter) as supervisor:
+                with pytest.raises(kind, match=rule) as raised:
+                    await supervisor.make_room(WORKERS, asyncio.Event())
+            assert type(raised.value) is kind
         async with Supervisor(RayActors(nodes.address, PRIVATE)) as supervisor:
             with pytest.raises(NothingBegunError, match="room on the Ray cluster"):
                 await supervisor.make_room(WORKERS, stop)
-
-
-async def test_room_that_went_with_a_node_may_come_back(nodes: Nodes) -> None:
+    # Room that went with a node may come back.
     many = [f"worker/{number}" for number in range(6)]
-    actors = RayActors(nodes.address, PRIVATE, again=True)
-    async with Supervisor(actors) as supervisor:
-        with pytest.raises(
-            PartDiedError, match=r"^ray: must have 7 CPUs, .* has 6 on 3"
-        ):
+    async with Supervisor(RayActors(nodes.address, PRIVATE, again=True)) as supervisor:
+        lack = r"^ray: must have 7 CPUs, .* has 6 on 3"
+        with pytest.raises(PartDiedError, match=lack):
             await supervisor.make_room(many, asyncio.Event())
 
 
