@@ -22,8 +22,8 @@ from neurosnap.recording.read.observations import alarms_of
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.births import Births, births_of
 from neurosnap.runtime.network import Connections, Network
+from neurosnap.runtime.parts.coordinator_process import read_description
 from neurosnap.runtime.parts.health_listener import HealthListener, Past
-from neurosnap.runtime.parts.run_description import read_description
 
 Fed: TypeAlias = Told | Changed | News
 

@@ -26,11 +26,14 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.runtime.inline_tasks import InlineTasks
 from neurosnap.runtime.network import Connections
-from neurosnap.runtime.parts.coordinator_process import CoordinatorJob, Result
+from neurosnap.runtime.parts.coordinator_process import (
+    CoordinatorJob,
+    Result,
+    RunDescription,
+)
 from neurosnap.runtime.parts.hub_and_cell import CellJob, HubJob
 from neurosnap.runtime.parts.job import Job, PartConnection
 from neurosnap.runtime.parts.recorder_process import recorder_job
-from neurosnap.runtime.parts.run_description import RunDescription
 from neurosnap.runtime.parts.status_publisher import (
     STATUS_PUBLISHER,
     StatusJob,

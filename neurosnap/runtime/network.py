@@ -7,8 +7,13 @@ from typing import Annotated
 import msgspec
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.fabric.security.credentials import Credentials, holder
-from neurosnap.fabric.security.endpoint import HubAddress, check_endpoint, nearest
+from neurosnap.fabric.security.hub_address import (
+    Credentials,
+    HubAddress,
+    check_endpoint,
+    holder,
+    nearest,
+)
 from neurosnap.fabric.security.roles import Role, role_of
 from neurosnap.fabric.zenoh.discovery import Discovery
 from neurosnap.fabric.zenoh.session import reach

@@ -15,10 +15,10 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.recording.replay.resume import past_at
 from neurosnap.runtime.fit_agent import body_of
+from neurosnap.runtime.parts.coordinator_process import RunDescription
 from neurosnap.runtime.parts.hub_and_cell import CellJob
 from neurosnap.runtime.parts.job import Job
 from neurosnap.runtime.parts.recorder_process import recorder_job
-from neurosnap.runtime.parts.run_description import RunDescription
 from neurosnap.runtime.parts.worker_process import WorkerJob
 from neurosnap.runtime.parts.world_process import WorldJob
 from neurosnap.sources.camera import try_camera

@@ -22,8 +22,8 @@ from neurosnap.errors import (
 from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.zenoh.discovery import FoundSwarm
 from neurosnap.runtime.network import Connections, Network
+from neurosnap.runtime.parts.coordinator_process import read_description
 from neurosnap.runtime.parts.job import PartConnection
-from neurosnap.runtime.parts.run_description import read_description
 from neurosnap.runtime.remote_parts import ChooseParts, RemotePart
 from neurosnap.runtime.request import RestartKind
 from neurosnap.runtime.supervisor import RunningPart, Supervisor

@@ -21,7 +21,7 @@ from ray.util.placement_group import (
 )
 
 from neurosnap.errors import InvalidValueError, SwarmError
-from neurosnap.fabric.security.endpoint import stays_here
+from neurosnap.fabric.security.hub_address import stays_here
 
 _ANSWER = 5.0  # seconds in which a cluster must take a connection
 _NODE = "ray.io/node-id"

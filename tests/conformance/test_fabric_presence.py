@@ -8,7 +8,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.fabric.protocol import Place, PlaceHandler
-from neurosnap.fabric.security.endpoint import HubAddress
+from neurosnap.fabric.security.hub_address import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from tests.support.fabrics import Hub, Network, Seen
 from tests.support.patience import PATIENCE

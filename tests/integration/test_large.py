@@ -8,7 +8,7 @@ import pytest
 import zenoh
 
 from neurosnap import wire
-from neurosnap.fabric.security.credentials import Credentials
+from neurosnap.fabric.security.hub_address import Credentials
 from neurosnap.fabric.security.make_keys import make_keys
 from neurosnap.fabric.zenoh.pieces import LARGEST
 from neurosnap.fabric.zenoh.session import configuration

@@ -10,7 +10,7 @@ import pytest
 import zenoh
 
 from neurosnap import wire
-from neurosnap.fabric.security.credentials import Credentials
+from neurosnap.fabric.security.hub_address import Credentials
 from neurosnap.fabric.security.make_keys import make_keys
 from neurosnap.fabric.zenoh.session import configuration
 from tests.support.fabrics import Seen, are_one_network

@@ -16,8 +16,7 @@ import zenoh
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.fabric.security.credentials import Credentials
-from neurosnap.fabric.security.endpoint import HubAddress
+from neurosnap.fabric.security.hub_address import Credentials, HubAddress
 from neurosnap.fabric.security.make_keys import make_keys
 from neurosnap.fabric.security.roles import Role
 from neurosnap.fabric.zenoh.client import ZenohFabric

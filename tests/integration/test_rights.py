@@ -17,7 +17,7 @@ from typer.testing import CliRunner, Result
 
 from neurosnap import wire
 from neurosnap.apps.cli import app
-from neurosnap.fabric.security.credentials import Credentials
+from neurosnap.fabric.security.hub_address import Credentials
 from neurosnap.fabric.security.load_keys import read_credentials
 from neurosnap.fabric.security.make_keys import make_keys, revoke
 from neurosnap.fabric.zenoh.client import ZenohFabric

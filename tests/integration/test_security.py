@@ -19,8 +19,7 @@ from cryptography.hazmat.primitives.serialization import Encoding, load_pem_priv
 
 from neurosnap import wire
 from neurosnap.errors import FabricError, InvalidValueError
-from neurosnap.fabric.security.credentials import Credentials
-from neurosnap.fabric.security.endpoint import HubAddress
+from neurosnap.fabric.security.hub_address import Credentials, HubAddress
 from neurosnap.fabric.security.load_keys import read_credentials
 from neurosnap.fabric.security.make_keys import make_keys
 from neurosnap.fabric.security.roles import RIGHTS, Role

@@ -12,7 +12,7 @@ from itertools import permutations
 from neurosnap import wire
 from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.fabric.protocol import Fabric
-from neurosnap.fabric.security.endpoint import HubAddress
+from neurosnap.fabric.security.hub_address import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from tests.support.patience import PATIENCE
 

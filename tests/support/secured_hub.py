@@ -10,8 +10,7 @@ from typing import ClassVar
 
 from neurosnap import wire
 from neurosnap.fabric.protocol import Handler, PresenceHandler
-from neurosnap.fabric.security.credentials import Credentials
-from neurosnap.fabric.security.endpoint import HubAddress
+from neurosnap.fabric.security.hub_address import Credentials, HubAddress
 from neurosnap.fabric.security.roles import Role, role_of
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from tests.support.patience import PATIENCE

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from neurosnap import wire
 from neurosnap.fabric.protocol import Place
-from neurosnap.fabric.security.endpoint import HubAddress
+from neurosnap.fabric.security.hub_address import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording

@@ -26,7 +26,7 @@ from cryptography.hazmat.primitives.serialization import load_pem_private_key
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.fabric.security.credentials import (
+from neurosnap.fabric.security.hub_address import (
     AUTHORITY,
     NAMES,
     Credentials,

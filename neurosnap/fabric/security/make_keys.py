@@ -27,7 +27,7 @@ from cryptography.hazmat.primitives.serialization import (
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from neurosnap.errors import FabricError, InvalidValueError
-from neurosnap.fabric.security.credentials import (
+from neurosnap.fabric.security.hub_address import (
     AUTHORITY,
     NAMES,
     certificate_file,

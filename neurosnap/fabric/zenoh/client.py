@@ -30,7 +30,7 @@ from neurosnap.fabric.protocol import (
     PresenceHandler,
     check_polled,
 )
-from neurosnap.fabric.security.endpoint import HubAddress
+from neurosnap.fabric.security.hub_address import HubAddress
 from neurosnap.fabric.security.roles import DESCRIPTION, FLUSHED, PLACE
 from neurosnap.fabric.zenoh.inbox import Inbox, Poll
 from neurosnap.fabric.zenoh.pieces import LARGEST, Assembly, pieces

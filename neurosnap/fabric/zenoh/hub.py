@@ -21,8 +21,7 @@ import zenoh
 
 from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.events import wait_any, wait_at_most
-from neurosnap.fabric.security.credentials import Credentials
-from neurosnap.fabric.security.endpoint import check_endpoint, nearest
+from neurosnap.fabric.security.hub_address import Credentials, check_endpoint, nearest
 from neurosnap.fabric.security.roles import EVERY_ROLE, access_list
 from neurosnap.fabric.zenoh.session import absence, nested, settings
 

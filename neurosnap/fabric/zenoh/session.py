@@ -18,7 +18,7 @@ import zenoh
 
 from neurosnap.errors import FabricError
 from neurosnap.fabric.events import wait_any, wait_at_most
-from neurosnap.fabric.security.endpoint import HubAddress
+from neurosnap.fabric.security.hub_address import HubAddress
 from neurosnap.fabric.zenoh.pieces import LARGEST
 
 # What is larger is dropped as it comes in: no part can fill another's memory.

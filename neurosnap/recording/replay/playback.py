@@ -15,8 +15,7 @@ import msgspec
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError
 from neurosnap.fabric.events import wait_at_most
-from neurosnap.fabric.security.credentials import Credentials
-from neurosnap.fabric.security.endpoint import HubAddress, nearest
+from neurosnap.fabric.security.hub_address import Credentials, HubAddress, nearest
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.hub import open_hub
 from neurosnap.recording.read.chunk_messages import Recorded

@@ -20,7 +20,7 @@ from neurosnap import wire
 from neurosnap.agent.growth.changed import Changed
 from neurosnap.errors import MessageError, NeurosnapError, PartDiedError
 from neurosnap.fabric.protocol import Fabric
-from neurosnap.fabric.security.endpoint import HubAddress
+from neurosnap.fabric.security.hub_address import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 
 if TYPE_CHECKING:

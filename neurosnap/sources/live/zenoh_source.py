@@ -30,7 +30,7 @@ import zenoh
 
 from neurosnap import wire
 from neurosnap.errors import FabricError, InvalidValueError, within
-from neurosnap.fabric.security.endpoint import HubAddress
+from neurosnap.fabric.security.hub_address import HubAddress
 from neurosnap.fabric.security.roles import READING
 from neurosnap.fabric.zenoh.discovery import id_of
 from neurosnap.fabric.zenoh.session import connecting

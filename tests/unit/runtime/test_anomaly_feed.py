@@ -14,7 +14,7 @@ from neurosnap.fabric.zenoh.discovery import FoundSwarm
 from neurosnap.protocol.anomaly_messages import Told
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.anomaly_feed import Fed, _Alarms, _Incarnation
-from neurosnap.runtime.parts.run_description import RunDescription
+from neurosnap.runtime.parts.coordinator_process import RunDescription
 from tests.support.patience import PATIENCE
 
 OPTIONS = RunOptions(source="none", body=Body(own=("door", "motion")), watch=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.fabric.security.credentials import AUTHORITY
+from neurosnap.fabric.security.hub_address import AUTHORITY
 from neurosnap.fabric.security.make_keys import make_keys
 from neurosnap.fabric.security.roles import Role
 from neurosnap.runtime.network import Connections, Network

@@ -14,7 +14,7 @@ from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.runtime import remote_parts, service
 from neurosnap.runtime.parts import coordinator_process
-from neurosnap.runtime.parts.run_description import RunDescription, read_description
+from neurosnap.runtime.parts.coordinator_process import RunDescription, read_description
 from neurosnap.runtime.parts.worker_process import WorkerJob
 from neurosnap.runtime.remote_parts import Numbers
 from neurosnap.runtime.service import _Ending

@@ -15,7 +15,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from neurosnap.apps.doctor import check_keys
 from neurosnap.errors import FabricError, InvalidValueError
-from neurosnap.fabric.security.credentials import Credentials
+from neurosnap.fabric.security.hub_address import Credentials
 from neurosnap.fabric.security.load_keys import read_credentials
 from neurosnap.fabric.security.make_keys import make_keys, revoke
 from neurosnap.fabric.security.roles import ROLES
