@@ -15,6 +15,7 @@ from neurosnap.fabric.security.hub_address import HubAddress
 from neurosnap.fabric.zenoh.hub import open_hub
 from neurosnap.fabric.zenoh.session import reach
 from tests.support.commands import Command
+from tests.support.exhaustive import rows
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh]
 
@@ -47,12 +48,16 @@ def waiting(endpoint: str, folder: Path, *line: object) -> Iterator[Command]:
 
 @pytest.mark.parametrize(
     ("line", "number", "code"),
-    [
-        (("run", PATH, "--ticks", 3), signal.SIGINT, 130),
-        (("serve", "coordinator", PATH, "--swarm", "demo"), signal.SIGTERM, 130),
-        (("serve", "recorder", "demo"), signal.SIGINT, 0),
-        (("watch", "demo"), signal.SIGHUP, 0),
-    ],
+    rows(
+        [
+            (("run", PATH, "--ticks", 3), signal.SIGINT, 130),
+            (("watch", "demo"), signal.SIGHUP, 0),
+        ],
+        [
+            (("serve", "coordinator", PATH, "--swarm", "demo"), signal.SIGTERM, 130),
+            (("serve", "recorder", "demo"), signal.SIGINT, 0),
+        ],
+    ),
     ids=lambda value: value[0] if isinstance(value, tuple) else str(value),
 )
 def test_who_waits_for_a_hub_says_so_and_ends_at_once(
