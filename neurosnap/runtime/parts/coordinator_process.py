@@ -119,8 +119,8 @@ class CoordinatorJob(msgspec.Struct, frozen=True):
                 that do not leave; and as from `run_coordinator`.
         """
         description, options = self.description, self.description.options
-        # From `run_coordinator` on the core is used under the lock of its loop alone, by
-        # the delivery threads and by the event loop.
+        # From `run_coordinator` on the core is used under the lock of its loop alone,
+        # by the delivery threads and by the event loop.
         core = coordinator_for(options, description.past)
         patience = self.patience
         if patience is None:
