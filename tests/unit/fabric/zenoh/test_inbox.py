@@ -1,4 +1,4 @@
-"""The doors between threads and the loop: order, bounds, and what a failure does."""
+"""Inboxes between threads and the loop: order, bounds, and what a failure does."""
 
 import asyncio
 import threading
@@ -14,7 +14,7 @@ both = pytest.mark.parametrize("swift", [False, True], ids=["loop", "thread"])
 
 
 class Owner:
-    """Whom a door delivers to; both may be called on any thread."""
+    """What an inbox delivers to; both may be called on any thread."""
 
     def __init__(self, raises: Callable[[list[int]], None] = lambda _: None) -> None:
         self.bursts: list[list[int]] = []
@@ -49,15 +49,15 @@ class Owner:
 @both
 async def test_items_of_one_thread_arrive_in_order(swift: bool) -> None:
     owner = Owner()
-    door = Inbox("me", owner.deliver, owner.fail, swift=swift)
+    inbox = Inbox("me", owner.deliver, owner.fail, swift=swift)
 
     def push() -> None:
         for item in range(5000):
-            door.push(item)
+            inbox.push(item)
 
     await asyncio.to_thread(push)
     await owner.until(lambda: len(owner.items) == 5000)
-    door.close()
+    inbox.close()
     assert owner.items == list(range(5000))
     assert all(owner.bursts)
     assert owner.failures == []
@@ -66,17 +66,17 @@ async def test_items_of_one_thread_arrive_in_order(swift: bool) -> None:
 @both
 async def test_threads_that_push_at_once_lose_nothing(swift: bool) -> None:
     owner = Owner()
-    door = Inbox("me", owner.deliver, owner.fail, swift=swift)
+    inbox = Inbox("me", owner.deliver, owner.fail, swift=swift)
 
     def push(first: int) -> None:
         for item in range(first, first + 1000):
-            door.push(item)
+            inbox.push(item)
 
     async with asyncio.TaskGroup() as group:
         for number in range(4):
             group.create_task(asyncio.to_thread(push, 1000 * number))
     await owner.until(lambda: len(owner.items) == 4000)
-    door.close()
+    inbox.close()
     for number in range(4):
         first = 1000 * number
         mine = [item for item in owner.items if first <= item < first + 1000]
@@ -111,25 +111,15 @@ async def test_an_inbox_delivers_on_the_loop_and_a_thread_on_its_own_thread() ->
 @both
 async def test_what_waits_when_it_is_closed_is_delivered(swift: bool) -> None:
     owner = Owner()
-    door = Inbox("me", owner.deliver, owner.fail, swift=swift)
+    inbox = Inbox("me", owner.deliver, owner.fail, swift=swift)
     for item in range(10):
-        door.push(item)
-    door.close()
-    door.push(99)
+        inbox.push(item)
+    inbox.close()
+    inbox.close()  # twice changes nothing
+    inbox.push(99)
     await owner.until(lambda: len(owner.items) == 10)
     await asyncio.sleep(0)
     assert owner.items == list(range(10))
-
-
-@both
-async def test_closing_twice_changes_nothing(swift: bool) -> None:
-    owner = Owner()
-    door = Inbox("me", owner.deliver, owner.fail, swift=swift)
-    door.close()
-    door.close()
-    door.push(1)
-    await asyncio.sleep(0)
-    assert owner.bursts == []
 
 
 async def test_an_inbox_that_is_pushed_too_much_is_an_error() -> None:
@@ -174,16 +164,6 @@ async def test_a_thread_that_is_pushed_too_much_is_an_error() -> None:
     assert (error.owner, error.capacity) == ("cell/3", 3)
 
 
-async def test_as_many_as_fit_are_no_error() -> None:
-    owner = Owner()
-    inbox = Inbox("me", owner.deliver, owner.fail, capacity=3)
-    for turn in range(1, 4):
-        for item in range(3):
-            inbox.push(item)
-        await owner.until(lambda: len(owner.bursts) == turn)  # noqa: B023
-    assert owner.failures == []
-
-
 class TroubleError(Exception):
     """What a delivery raises."""
 
@@ -196,10 +176,10 @@ async def test_what_a_delivery_raises_goes_to_the_owner_on_the_loop(
         raise TroubleError(items[0])
 
     owner = Owner(refuse)
-    door = Inbox("me", owner.deliver, owner.fail, swift=swift)
-    door.push(7)
+    inbox = Inbox("me", owner.deliver, owner.fail, swift=swift)
+    inbox.push(7)
     await owner.until(lambda: bool(owner.failures))
-    door.close()
+    inbox.close()
     (error,) = owner.failures
     assert isinstance(error, TroubleError)
     assert error.args == (7,)
@@ -210,17 +190,17 @@ async def test_what_a_delivery_raises_goes_to_the_owner_on_the_loop(
 async def test_nothing_is_delivered_after_a_delivery_raised(swift: bool) -> None:
     def refuse(_: list[int]) -> None:
         for item in range(5):
-            door.push(item)  # as another thread may, just then
+            inbox.push(item)  # as another thread may, just then
         raise TroubleError
 
     owner = Owner(refuse)
-    door = Inbox("me", owner.deliver, owner.fail, swift=swift)
-    door.push(7)
+    inbox = Inbox("me", owner.deliver, owner.fail, swift=swift)
+    inbox.push(7)
     await owner.until(lambda: bool(owner.failures))
-    door.push(8)
+    inbox.push(8)
     for _ in range(5):
         await asyncio.sleep(0)
-    door.close()
+    inbox.close()
     assert owner.items == [7]
     assert len(owner.failures) == 1
 
