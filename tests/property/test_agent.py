@@ -5,15 +5,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.agent.actions import Actions, guaranteed
-from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body
 from neurosnap.agent.planner import Planner, subgoals
-from neurosnap.agent.policies import Excited, new_policy
+from neurosnap.agent.policies import Excited
 from neurosnap.agent.policy import AgentKind, Policy
-from neurosnap.agent.random_numbers import RandomNumbers
-from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.sensorium import Sensorium
 from tests.support import agent_oracles as agents
 from tests.support import oracles
 from tests.support.agent_oracles import Fields, Moves, as_array, known
@@ -194,74 +190,3 @@ def test_what_is_guaranteed_by_the_truth_happens(
         promises = guaranteed([graph.up(one) for one in signals])
         for choice, promise in enumerate(promises):
             assert as_set(promise) <= agents.happens(body, moves, fields, place, choice)
-
-
-class Loop:
-    """An agent by hand: the definitions one after the other, over plain sets."""
-
-    def __init__(self, body: Body, threshold: float) -> None:
-        self.body = body
-        self.threshold = threshold
-        self.seen: list[list[bool]] = []
-        self.taken: set[int] | None = None
-        self.state: set[int] = set()
-        self.edges: oracles.Edges = set()
-
-    def observe(self, bits: list[bool]) -> None:
-        self.seen.append(agents.sensed(self.body, bits, self.taken, self.state))
-        n, clock = 2 * len(self.body.sensors), len(self.seen)
-        weights = oracles.counted(n, self.seen)
-        self.edges = oracles.implied(
-            n, weights, lambda i, j: self.threshold * clock
-        ) | oracles.equal(n, weights)
-        raw = agents.complete(self.seen[-1])
-        self.state = oracles.projected(self.edges, raw)
-
-    def take(self, options: set[int], draw: float) -> int:
-        choice = sorted(options)[int(draw * len(options))]
-        self.taken = agents.choices(self.body)[choice]
-        return choice
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("exclusive", [True, False])
-def test_an_agent_is_the_loop_by_hand(kind: AgentKind, exclusive: bool) -> None:
-    # Three places in a line, x and y towards the ends, together or neither: nowhere.
-    body = Body.full(
-        ["low", "better", "worse"], ["x", "y"], [0, 1, 1], exclusive=exclusive
-    )
-    target = ["low*"] if kind == "planner" else []
-    seed, explore, threshold = 5, 0.2, 0.25
-    policy = new_policy(kind, body, seed, target=target, explore=explore)
-    snapshot = EmpiricalSnapshot(Sensorium(body.sensors), threshold)
-    agent, loop = Agent(body, policy, snapshot), Loop(body, threshold)
-    draws, place, change = RandomNumbers(seed), 1, 0
-    reasons = set()
-    for tick in range(1, 61):
-        if tick == 30:
-            loop.taken, place, change = None, 0, 0
-        bits = [place == 0, change > 0, change < 0]
-        decision = agent.act(bits, begins=tick == 30)
-        loop.observe(bits)
-        assert as_set(agent.state) == loop.state
-        pick, chance, *_ = draws.at(tick)
-        able = agents.possible(body, loop.edges, loop.state)
-        if kind == "walker":
-            options = set(range(len(body.choices)))
-        elif kind == "excited":
-            why, options = agents.driven(body, loop.edges, loop.state)
-            options = able if why == "worse*" and chance < explore else options
-        else:
-            goal = {1}
-            options = agents.planned(body, loop.edges, loop.state, goal)
-            options = able if chance < explore else options
-        for number, taken in enumerate(agents.choices(body)):
-            expected = agents.bound(loop.edges, agents.signal(body, taken, loop.state))
-            assert as_set(agent.consequences(number)) == expected
-        assert (decision.tick, decision.action) == (tick, loop.take(options, pick))
-        assert decision == agent.decision
-        reasons.add(decision.why)
-        step = sum(1 - 2 * action for action in loop.taken or ())
-        after = min(2, max(0, place + step))
-        place, change = after, after - place
-    assert len(reasons) > (1 if kind != "walker" else 0)

@@ -2,21 +2,17 @@
 
 import functools
 from fractions import Fraction
-from typing import TypeAlias
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from tests.support import oracles
 from tests.support.snapshots import learned_edges, weights_of
 from tests.support.strategies import Bits, as_set, runs, thresholds
-
-Matrix: TypeAlias = NDArray[np.float64]
 
 SHARES = st.floats(0.001, 0.25) | st.sampled_from([0.25, 1 / 8, 1 / 3 / 2, 0.01])
 # With these and at most twelve observations every weight is a whole number of
@@ -76,54 +72,6 @@ def test_a_discounted_snapshot_is_what_its_definition_says(
         assert weights_of(snapshot) == weights
         assert learned_edges(snapshot, equivalences=False) == strict
         assert learned_edges(snapshot) == strict | both
-
-
-def derived(w: Matrix, limit: Matrix) -> NDArray[np.bool_]:
-    """The derived graph of weights on all pairs of literals; all is exact."""
-    swap = np.arange(len(w)) ^ 1
-    against, other, neither = w[:, swap], w[swap], w[swap][:, swap]
-    least = np.minimum(np.minimum(w, limit), np.minimum(other, neither))
-    edges = (against < least) | ((against == 0) & (other == 0))
-    edges[np.arange(len(w)) // 2 == np.arange(len(w))[:, None] // 2] = False
-    return np.asarray(edges, np.bool_)
-
-
-@given(st.integers(17, 75), st.integers(1, 12), st.booleans(), st.integers(0, 2**32))
-def test_vectors_do_not_show_in_larger_snapshots(
-    sensors: int, ticks: int, by_pair: bool, seed: int
-) -> None:
-    rng = np.random.default_rng(seed)
-    tau = rng.choice([1 / 4, 1 / 8, 1 / 16], (sensors, sensors))
-    tau = np.minimum(tau, tau.T) if by_pair else np.full_like(tau, 1 / 4)
-    share = tau if by_pair else 1 / 4
-    limit = tau.repeat(2, 0).repeat(2, 1)
-    counts = EmpiricalSnapshot(sensors, share)
-    weighted = DiscountedSnapshot(sensors, share, 7 / 8)
-    n = np.zeros((2 * sensors, 2 * sensors))
-    w = np.full((2 * sensors, 2 * sensors), 0.25)
-    levels = rng.integers(0, 6, sensors)
-    for tick in range(1, ticks + 1):
-        bits = (levels < rng.integers(0, 7)) ^ (rng.random(sensors) < 0.03)
-        on = np.stack([bits, ~bits], 1).ravel().astype(float)
-        counts.learn(bits)
-        weighted.learn(bits)
-        n += np.outer(on, on)
-        w = 7 / 8 * w + 1 / 8 * np.outer(on, on)
-        assert (counts.poc_graph().edges == derived(n, limit * tick)).all()
-        edges = derived(w, limit)
-        assert (weighted.poc_graph().edges == edges).all()
-        a, b = (edges & ~edges.T).nonzero()
-        # An implication and its contrapositive move the same weight: once will do.
-        a, b = a[a < b ^ 1], b[a < b ^ 1]
-        against = w[a, b ^ 1]
-        for s, t, sign in [
-            (a, b ^ 1, -1),
-            (a, b, 1),
-            (a ^ 1, b ^ 1, 1),
-            (a ^ 1, b, -1),
-        ]:
-            w[s, t] += sign * against
-            w[t, s] += sign * against
 
 
 @pytest.mark.parametrize(("tau", "decay"), [(0.02, 0.9), (1 / 8000, 63 / 64)])
@@ -204,33 +152,6 @@ def test_a_derived_graph_is_acyclic_between_its_classes(
     assert not oracles.has_cycle({(head[a], head[b]) for a, b in strict})
     assert all(head[a] != head[a ^ 1] for a in range(2 * sensors))
     assert all(snapshot.poc_graph().representative[a] == head[a] for a in head)
-
-
-@given(runs(), runs(), st.booleans(), st.data())
-def test_a_saved_snapshot_goes_on_as_if_nothing_had_happened(
-    first: tuple[int, Bits],
-    second: tuple[int, Bits],
-    counts: bool,
-    data: st.DataObject,
-) -> None:
-    sensors = first[0]
-    assume(second[0] >= sensors)
-    tau = data.draw(thresholds(sensors, SHARES))
-    snapshot: Snapshot = EmpiricalSnapshot(sensors, tau)
-    if not counts:
-        snapshot = DiscountedSnapshot(sensors, tau, data.draw(st.floats(0, 0.99)))
-    for bits in first[1]:
-        snapshot.observe(bits)
-    data_then = snapshot.to_bytes()
-    twin = Snapshot.from_bytes(data_then)
-    assert type(twin) is type(snapshot)
-    assert twin.to_bytes() == data_then
-    assert learned_edges(twin) == learned_edges(snapshot)
-    for bits in second[1]:
-        assert twin.learn(bits[:sensors]) == snapshot.learn(bits[:sensors])
-        twin.observe(bits[:sensors])
-        snapshot.observe(bits[:sensors])
-    assert twin.to_bytes() == snapshot.to_bytes()
 
 
 @given(runs(most=3, longest=4), st.booleans(), st.data())

@@ -109,16 +109,6 @@ def test_lemma_derived_poc_set(relation: tuple[int, list[tuple[int, int]]]) -> N
             assert a == b or not p.equal(a, b)
 
 
-@given(runs(longest=12), st.sampled_from([0.25, 0.1]))
-def test_prop_empirical_implies_acyclic(run: tuple[int, Bits], tau: float) -> None:
-    """[GK] prop "empirical implies acyclic"."""
-    snapshot = EmpiricalSnapshot(run[0], tau)
-    for bits in run[1]:
-        snapshot.learn(bits)
-    p = PocSet.from_graph(snapshot.poc_graph(equivalences=False), snapshot.sensorium)
-    assert not p.graph.classes()
-
-
 @given(snapshots(), st.data())
 def test_lemma_discounted_update(
     drawn: tuple[int, Weights, int], data: st.DataObject

@@ -138,10 +138,11 @@ class Loop:
         return full
 
 
+@pytest.mark.parametrize("share", [0.0, 0.25], ids=["none missing", "some missing"])
 @KINDS
 @EXCLUSIVE
-def test_an_agent_that_misses_readings_is_the_loop_by_hand(
-    kind: AgentKind, exclusive: bool
+def test_an_agent_is_the_loop_by_hand(
+    kind: AgentKind, exclusive: bool, share: float
 ) -> None:
     body, agent = body_of(exclusive), agent_of(kind, exclusive)
     loop, draws = Loop(body), RandomNumbers(SEED)
@@ -153,7 +154,7 @@ def test_an_agent_that_misses_readings_is_the_loop_by_hand(
         if begins:
             loop.taken, place, change = None, 0, 0
         seen: Row = [place == 0, change > 0, change < 0]
-        row: Row = [None if chance.random() < 0.25 else on for on in seen]
+        row: Row = [None if chance.random() < share else on for on in seen]
         if all(on is None for on in row):
             row[0] = seen[0]
         decision = act(agent, row, [bool(chance.random() < 0.5)] * 3, begins)
@@ -171,6 +172,9 @@ def test_an_agent_that_misses_readings_is_the_loop_by_hand(
         else:
             options = agents.planned(body, loop.edges, loop.state, {1})
             options = able if often < EXPLORE else options
+        for number, taken in enumerate(agents.choices(body)):
+            expected = agents.bound(loop.edges, agents.signal(body, taken, loop.state))
+            assert as_set(agent.consequences(number)) == expected
         choice = sorted(options)[int(pick * len(options))]
         assert (decision.tick, decision.action) == (tick, choice)
         reasons.add(decision.why)
@@ -179,5 +183,5 @@ def test_an_agent_that_misses_readings_is_the_loop_by_hand(
         place, change = after, after - place
     assert len(reasons) > (1 if kind != "walker" else 0)
     # Or it would say little: some of what was not read is believed, and some is not.
-    assert predicted
-    assert missing
+    assert bool(predicted) == (share > 0)
+    assert missing or not share

@@ -94,14 +94,6 @@ class TestActing:
             ["a", "b", first, f"{first}&a", f"{first}&~b"], 1
         )
 
-    def test_the_same_seed_acts_the_same_and_another_does_not(self) -> None:
-        def run(seed: int) -> list[Any]:
-            acting = agent("planner", seed)
-            return [acting.act([tick % 3 == 0, tick % 2 == 0]) for tick in range(40)]
-
-        assert run(4) == run(4)
-        assert run(4) != run(5)
-
     def test_a_new_trajectory_follows_no_action_but_forgets_nothing(self) -> None:
         acting = agent()
         for _ in range(5):

@@ -99,47 +99,67 @@ def decided(
     return found
 
 
-def test_it_takes_what_guarantees_better() -> None:
-    known = [("x&a", "better"), ("y", "worse*"), ("z", "worse*")]
-    assert decided(known, state("a"), explore=1.0) == {("x", "guarantees better")}
+BETTER = "guarantees better"
+CALM = "guarantees worse*; nothing guarantees better"
+EXPLORING = "at random, to explore; nothing guarantees better"
+AT_RANDOM = "at random: nothing guarantees better or worse*"
 
 
-def test_only_the_present_context_counts() -> None:
-    known = [("x&a", "better"), ("y", "worse*")]
-    why = "guarantees worse*; nothing guarantees better"
-    assert decided(known, state("a*")) == {("y", why)}
-
-
-def test_failing_that_it_explores_now_and_then() -> None:
-    calm = "guarantees worse*; nothing guarantees better"
-    explores = "at random, to explore; nothing guarantees better"
-    assert decided([("z", "worse*")], state("a"), explore=0.5) == {
-        ("z", calm),
-        *((action, explores) for action in "xyz"),
-    }
-
-
-def test_failing_that_it_walks_at_random() -> None:
-    lost = "at random: nothing guarantees better or worse*"
-    assert decided([("x", "a")], state("a")) == {(action, lost) for action in "xyz"}
-
-
-def test_that_it_has_just_got_better_guarantees_nothing() -> None:
-    lost = "at random: nothing guarantees better or worse*"
-    now = state("a", "better", "worse*", "x", "y*", "z*")
-    assert decided([], now) == {(action, lost) for action in "xyz"}
-
-
-def test_better_that_is_contradicted_is_not_guaranteed() -> None:
-    known = [("y&a", "better"), ("y&~b", "better*"), ("z", "worse*")]
-    why = "guarantees worse*; nothing guarantees better"
-    assert decided(known, state("a", "b*")) == {("z", why)}
-
-
-def test_a_pure_action_believed_impossible_is_taken_all_the_same() -> None:
-    # Or the belief would never be tried, and so never given up.
-    known = [("x&a", "x*"), ("x", "better"), ("y", "worse*")]
-    assert decided(known, state("a")) == {("x", "guarantees better")}
+@pytest.mark.parametrize(
+    ("known", "now", "explore", "expected"),
+    [
+        pytest.param(
+            [("x&a", "better"), ("y", "worse*"), ("z", "worse*")],
+            ["a"],
+            1.0,
+            {("x", BETTER)},
+            id="it takes what guarantees better",
+        ),
+        pytest.param(
+            [("x&a", "better"), ("y", "worse*")],
+            ["a*"],
+            0.0,
+            {("y", CALM)},
+            id="only the present context counts",
+        ),
+        pytest.param(
+            [("z", "worse*")],
+            ["a"],
+            0.5,
+            {("z", CALM), *((action, EXPLORING) for action in "xyz")},
+            id="failing that it explores now and then",
+        ),
+        pytest.param(
+            [],
+            ["a", "better", "worse*", "x", "y*", "z*"],
+            0.0,
+            {(action, AT_RANDOM) for action in "xyz"},
+            id="that it has just got better guarantees nothing",
+        ),
+        pytest.param(
+            [("y&a", "better"), ("y&~b", "better*"), ("z", "worse*")],
+            ["a", "b*"],
+            0.0,
+            {("z", CALM)},
+            id="better that is contradicted is not guaranteed",
+        ),
+        # Or the belief would never be tried, and so never given up.
+        pytest.param(
+            [("x&a", "x*"), ("x", "better"), ("y", "worse*")],
+            ["a"],
+            0.0,
+            {("x", BETTER)},
+            id="a pure action believed impossible is taken all the same",
+        ),
+    ],
+)
+def test_what_it_takes_and_why(
+    known: list[tuple[str, str]],
+    now: list[str],
+    explore: float,
+    expected: set[tuple[str, str]],
+) -> None:
+    assert decided(known, state(*now), explore) == expected
 
 
 def test_the_drives_are_found_wherever_they_stand() -> None:

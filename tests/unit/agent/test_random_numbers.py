@@ -42,39 +42,6 @@ def test_a_late_tick_is_as_good_as_an_early_one() -> None:
     assert (late == RandomNumbers(3).at(2**40)).all()
 
 
-def test_seeds_and_ticks_all_differ() -> None:
-    rows = {
-        tuple(row)
-        for seed in (0, 1, 2, LARGEST - 1, LARGEST)
-        for row in RandomNumbers(seed).table(2050).tolist()
-    }
-    assert len(rows) == 5 * 2050
-
-
-@SEEDS
-def test_each_number_is_uniform(seed: int) -> None:
-    table, bins = RandomNumbers(seed).table(64_000), 64
-    assert (table >= 0).all()
-    assert (table < 1).all()
-    for column in table.T:
-        counts = np.bincount((column * bins).astype(int), minlength=bins)
-        expected = len(column) / bins
-        statistic = ((counts - expected) ** 2 / expected).sum()
-        freedom = bins - 1
-        # Six standard deviations of chi-square, on either side.
-        assert abs(statistic - freedom) < 6 * (2 * freedom) ** 0.5
-
-
-@SEEDS
-def test_the_numbers_of_a_tick_and_of_its_neighbour_have_nothing_in_common(
-    seed: int,
-) -> None:
-    table = RandomNumbers(seed).table(40_001)
-    pairs = np.hstack([table[:-1], table[1:]])
-    correlation = np.corrcoef(pairs.T) - np.eye(2 * WIDTH)
-    assert np.abs(correlation).max() < 6 / 40_000**0.5
-
-
 @pytest.mark.parametrize("count", [1, 2, 3, 5, 7, 1000, 1023, 1024])
 def test_the_ends_of_the_range_pick_the_first_and_the_last(count: int) -> None:
     options = np.arange(10, 10 + count)

@@ -137,20 +137,6 @@ def test_no_more_are_grown_than_there_is_room_for() -> None:
     assert few.births == many.births[:1]
 
 
-def test_the_same_steps_lead_to_the_same_births() -> None:
-    def births(seed: int) -> list[Context]:
-        watched, rng = Watched(), np.random.default_rng(seed)
-        for _ in range(300):
-            before = BEFORE[rng.integers(len(BEFORE))]
-            action = int(rng.integers(2))
-            on = {"a", "b"} <= set(before.split())
-            watched.show(before, "hit" if on and action else "c", action)
-        return watched.births
-
-    assert births(5) == births(5)
-    assert grown("a", "b", action=1) in births(5)
-
-
 @given(st.data())
 def test_a_cover_holds_at_no_counterexample_and_needs_all_its_literals(
     data: st.DataObject,

@@ -59,22 +59,6 @@ def test_only_the_clock_grows_when_nothing_is_known(kind: Kind) -> None:
 
 
 @KINDS
-def test_a_pair_never_known_together_has_no_relation(kind: Kind) -> None:
-    snapshot = kind(3, 0.25)
-    for first, second in BELOW * 40:
-        snapshot.learn([first, second, 0], known=[True, True, False])
-        snapshot.learn([0, 0, first], known=[False, False, True])
-    learned = snapshot.poc_graph().edges
-    assert np.argwhere(learned).tolist() == [[0, 2], [3, 1]]
-    unseen = snapshot.evidence(0, 4)
-    assert not unseen.holds
-    assert unseen.both == unseen.against == snapshot.weight(4, 0)
-    assert unseen.both == (0 if kind is EmpiricalSnapshot else 0.25)
-    twin = kind.from_bytes(snapshot.to_bytes())
-    assert (twin.poc_graph().edges == learned).all()
-
-
-@KINDS
 def test_a_snapshot_takes_more_room_from_the_first_unknown_reading_on(
     kind: Kind,
 ) -> None:
@@ -110,29 +94,6 @@ def test_a_bad_mask_changes_nothing(kind: Kind) -> None:
     with pytest.raises(InvalidValueError, match=r"^observation: must be 0 or 1"):
         snapshot.learn([1, np.nan], [True, False])
     assert snapshot.to_bytes() == before
-
-
-@KINDS
-def test_the_clock_stops_before_dates_would_overflow(kind: Kind) -> None:
-    snapshot = kind(2)
-    snapshot._clock = 2**32 - 1
-    before = snapshot.to_bytes()
-    with pytest.raises(InvalidValueError, match=r"^clock: must stay below 2\*\*32, "):
-        snapshot.learn([1, 0], [True, False])
-    assert snapshot.to_bytes() == before
-
-
-def test_a_threshold_is_a_share_of_when_both_were_known() -> None:
-    snapshot = EmpiricalSnapshot(2, 0.25)
-    see(snapshot, 0, 1, [(1, 1)] * 3 + [(0, 1)] * 3 + [(0, 0)] * 3 + [(1, 0)] * 2)
-    assert snapshot.evidence(0, 2).limit == 0.25 * 11
-    assert snapshot.evidence(0, 2).holds
-    for _ in range(100):
-        snapshot.learn([0, 0], known=[False, True])
-    assert snapshot.evidence(0, 2).limit == 0.25 * 11
-    assert snapshot.evidence(0, 2).holds
-    see(snapshot, 0, 1, [(1, 0)])
-    assert not snapshot.evidence(0, 2).holds
 
 
 def test_as_many_against_as_the_threshold_are_too_many() -> None:
@@ -237,17 +198,6 @@ def test_pairs_known_apart_may_form_a_cycle() -> None:
     # What a sensor weighs depends on which other it is weighed with.
     assert snapshot.weight(0, 2) + snapshot.weight(0, 3) == 2
     assert snapshot.weight(0, 4) + snapshot.weight(0, 5) == 4
-
-
-def test_pairs_known_apart_may_be_equivalent_one_by_one_alone() -> None:
-    snapshot = EmpiricalSnapshot(3, 0.25)
-    see(snapshot, 0, 1, SAME * 2)
-    see(snapshot, 1, 2, SAME * 2)
-    see(snapshot, 0, 2, BELOW * 2)
-    edges = snapshot.poc_graph().edges
-    assert edges[0, 4]
-    assert not edges[4, 0]
-    assert snapshot.poc_graph().leq(4, 0)
 
 
 def test_a_literal_may_be_equivalent_to_its_own_complement() -> None:

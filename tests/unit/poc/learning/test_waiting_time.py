@@ -21,7 +21,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.poc.learning.kinds import DiscountedSnapshot
@@ -210,26 +210,6 @@ def test_an_implication_lasts_exactly_so_many_observations_against_it(
         assert expected == bound == 1
     elif 1 - decay > tau or math.log1p(converse) > -math.log(decay) * bound:
         assert expected > bound
-
-
-@given(st.floats(0.8, 0.999), st.floats(0.001, 0.25), st.floats(0.3, 0.6))
-def test_giving_up_takes_more_than_tau_over_one_minus_q(
-    decay: float, tau: float, converse: float
-) -> None:
-    """Of any decay and threshold, given a converse of weight 0.3 or more.
-
-    ``k >= ln(1 + w) / -ln q``, and ``-ln q < 1.12 (1 - q)`` from 0.8 up, so 0.26 of
-    logarithm leaves ``k > 0.234 / (1 - q)``: enough for a tau of 0.23.
-    """
-    assume(1 - decay + 1e-9 < tau <= 0.23)
-    assume(decay * (1 - converse) / 2 > 1 - decay + 1e-9)
-    snapshot, count = recorded(decay, tau, converse), 0
-    while has(snapshot, A, B):
-        snapshot.learn(ONLY_A)
-        count += 1
-    assert count > tau / (1 - decay)
-    # Untruncated, the weight would have passed tau at the least k with 1 - q^k >= tau.
-    assert count >= math.ceil(math.log1p(-tau) / math.log(decay))
 
 
 def test_with_a_light_converse_an_implication_is_given_up_sooner() -> None:
