@@ -24,7 +24,7 @@ import typer
 from neurosnap import wire
 from neurosnap.apps.cli import app
 from neurosnap.apps.config.json_schema import schema, texts_below
-from neurosnap.apps.config.type_texts import either
+from neurosnap.apps.config.validate import either
 from neurosnap.recording.format import schemas
 
 PAGES = Path(__file__).resolve().parents[1] / "docs"

@@ -1,1 +1,1 @@
-"""What people use: the command line, the page, pictures, figures and exports."""
+"""What people use: the command line, the page, pictures and exports."""

@@ -41,7 +41,6 @@ CELLS = 1000
 """The cells a machine is examined for."""
 
 _SERVICES = 4  # hub, recorder, coordinator, world
-_OLDEST_PYTHON = (3, 11)
 _LONGEST_SOCKET = 107  # bytes of a path in `sockaddr_un`, the closing zero left out
 _PATIENCE = 20.0  # seconds that a child may take
 # Distributions that are imported under another name.
@@ -88,23 +87,6 @@ def _safely(name: str, check: Callable[[], list[Finding]]) -> list[Finding]:
 # Software ----------------------------------------------------------------------------
 
 
-def check_python() -> list[Finding]:
-    """Compare the interpreter with the oldest that will do."""
-    found = ".".join(map(str, sys.version_info[:3]))
-    wanted = ".".join(map(str, _OLDEST_PYTHON))
-    return [
-        Finding(
-            "Python",
-            sys.version_info >= _OLDEST_PYTHON,
-            found,
-            _unless(
-                sys.version_info >= _OLDEST_PYTHON,
-                f"Make the virtual environment with Python {wanted} or newer.",
-            ),
-        )
-    ]
-
-
 def check_packages() -> list[Finding]:
     """Import every required package and compare its version; optional ones too."""
     return [
@@ -141,13 +123,6 @@ def _numbers(version: str) -> tuple[int, ...]:
     """Return a release as numbers: ``1.10.2rc1`` as (1, 10, 2)."""
     release = re.match(r"\d+(\.\d+)*", version)
     return tuple(map(int, release[0].split("."))) if release else ()
-
-
-def check_platform() -> list[Finding]:
-    """Say what is different elsewhere than on Linux."""
-    linux = sys.platform == "linux"
-    fix = "Elsewhere than on Linux, look for left-over cells after a launcher crashed."
-    return [Finding("platform", True, sys.platform, _unless(linux, fix))]
 
 
 # Limits ------------------------------------------------------------------------------
@@ -198,14 +173,6 @@ def check_memory() -> list[Finding]:
     fix = f"Free some memory, or run at most {fit:,} cells."
     found = f"{free / 1e9:.1f} GB free, room for about {fit:,} cells"
     return [Finding(f"memory, {CELLS:,} cells", ok, found, _unless(ok, fix))]
-
-
-def check_cores() -> list[Finding]:
-    """Say how many cores there are; any number will do."""
-    count = len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count()
-    cores = count or 1
-    fix = f"With a second core, {CELLS:,} cells come up about twice as fast."
-    return [Finding("cores", True, str(cores), _unless(cores > 1, fix))]
 
 
 # Files and sockets -------------------------------------------------------------------
@@ -385,13 +352,10 @@ def _shown(limit: int) -> str:
 
 
 _CHECKS: dict[str, Callable[[], list[Finding]]] = {
-    "Python": check_python,
     "packages": check_packages,
-    "platform": check_platform,
     "open files": check_files,
     "processes and threads": check_processes,
     "memory": check_memory,
-    "cores": check_cores,
     "loopback port": check_port,
     "temporary folder": check_temporary,
     "Zenoh": check_zenoh,

@@ -534,7 +534,8 @@ async def test_targets_births_and_gaps_are_marked(
 
 @pytest.mark.slow
 async def test_an_alarm_is_marked_and_gone_to(home_log: Path) -> None:
-    raised = read(home_log).marks(1, 10**6, 1).alarms
+    history = read(home_log)
+    raised = history.marks(1, 10**6, 1).alarms
     *_, alarm = raised
     assert alarm.sensor == FLUSH
     assert alarm.until is None
@@ -544,7 +545,7 @@ async def test_an_alarm_is_marked_and_gone_to(home_log: Path) -> None:
         said = await page.get_attribute("#strip", "aria-label")
         assert f"{len(raised)} alarm" in str(said)
         await go_to(page, alarm.tick - 1)
-        told = read(home_log).marks(1, 10**6, 10**6).anomalies
+        told = history.marks(1, 10**6, 10**6).anomalies
         assert alarm.tick not in [at for at, some in enumerate(told, 1) if some]
         await page.keyboard.press("n")
         await wait_shown(page, alarm.tick)

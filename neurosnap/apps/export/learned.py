@@ -25,7 +25,7 @@ _BYTES_A_PAIR = 100
 
 
 @dataclass(frozen=True)
-class Learned:
+class Findings:
     """What is known of some sensors, and from which readings."""
 
     source: str
@@ -89,7 +89,7 @@ def learned_from(
     threshold: float | str | None = None,
     at: int | None = None,
     on_progress: OnProgress | None = None,
-) -> Learned:
+) -> Findings:
     """Return what readings tell, or what the run of a recording has learned.
 
     Args:
@@ -112,7 +112,7 @@ def learned_from(
         if threshold is None:
             how = f"learned by tick {tick}"
             births = births_of(found)
-            return Learned(source, readings, how, snapshot, recording, births)
+            return Findings(source, readings, how, snapshot, recording, births)
     elif at is not None:
         raise InvalidValueError("at", "must go with a recording", at)
     else:
@@ -120,9 +120,9 @@ def learned_from(
     _check_room(len(readings.columns.sensorium))
     if threshold is None or threshold == SURE:
         how = "by the table's own rule"
-        return Learned(source, readings, how, None, recording)
+        return Findings(source, readings, how, None, recording)
     fitted = EmpiricalSnapshot.fit(readings.columns, threshold, on_progress=on_progress)
-    return Learned(source, readings, f"threshold {threshold}", fitted, recording)
+    return Findings(source, readings, f"threshold {threshold}", fitted, recording)
 
 
 def _check_room(sensors: int) -> None:

@@ -14,7 +14,7 @@ asked                                               answer
 ``/api/series?from=&to=&points=``                   `Series`
 ``/api/image?tick=``                                an image
 ``/api/births``                                     `GrownView`
-``/api/health``                                     `HealthTable`
+``/api/health``                                     `HomeHealth`
 ``/api/marks?from=&to=&bins=``                      `Marks`
 ``/api/beside?tick=&way=``                          `Beside`
 ``/api/raster?from=&to=&columns=&sensor=&sensors=`` `RasterPart`
@@ -347,7 +347,7 @@ class SensorHealthView(msgspec.Struct, frozen=True, kw_only=True):
     """From 1, well, to 0, in alarm."""
 
 
-class HealthTable(msgspec.Struct, frozen=True):
+class HomeHealth(msgspec.Struct, frozen=True):
     """Which sensors seem broken; nothing in a run that judges none."""
 
     progress: str

@@ -42,7 +42,7 @@ class RunHistory:
         """There is no more to read, or it cannot be read."""
 
     @property
-    def health(self) -> api.HealthTable:
+    def health(self) -> api.HomeHealth:
         """Which sensors seem broken."""
         return self._health.health
 

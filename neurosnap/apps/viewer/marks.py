@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.apps.viewer import api
-from neurosnap.apps.viewer.api import HealthTable, RaisedAlarm, SensorHealthView
+from neurosnap.apps.viewer.api import HomeHealth, RaisedAlarm, SensorHealthView
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.tick_messages import Ticks
 from neurosnap.errors import MessageError, RecordingError, ShapeError
@@ -228,13 +228,13 @@ class HealthView:
         """Say that all there is was read."""
         self.health = msgspec.structs.replace(self.health, done=True)
 
-    def _now(self, *, done: bool) -> HealthTable:
+    def _now(self, *, done: bool) -> HomeHealth:
         follower = self._follower
         if follower is None:
-            return HealthTable("", [], [], self._tick, done)
+            return HomeHealth("", [], [], self._tick, done)
         monitor, standing = follower.monitor, follower.standing
         known, health = monitor.known.tolist(), monitor.health.tolist()
-        return HealthTable(
+        return HomeHealth(
             standing.progress.line(),
             [alarm.line() for alarm in standing.alarms],
             [

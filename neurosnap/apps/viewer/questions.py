@@ -6,6 +6,7 @@ name. No path is ever made of what a request says.
 
 import asyncio
 from collections.abc import Awaitable, Callable, Sequence
+from contextlib import AsyncExitStack
 from pathlib import Path
 
 import msgspec
@@ -17,7 +18,7 @@ from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.auth import refusal
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.session import ViewSession, news
-from neurosnap.apps.viewer.tick_difference import Comparisons
+from neurosnap.apps.viewer.tick_difference import difference
 from neurosnap.apps.viewer.time_series import MOST_COLUMNS, MOST_SENSORS
 from neurosnap.errors import InvalidValueError, NeurosnapError
 
@@ -42,7 +43,8 @@ class Questions:
     def __init__(self, sessions: Sequence[ViewSession], stop: asyncio.Event) -> None:
         self._sessions = sessions
         self._stop = stop
-        self._comparisons = Comparisons()
+        self._pairs = asyncio.Lock()
+        """Held by the question that holds two views: two might wait for each other."""
 
     def endpoints(self) -> dict[str, Endpoint]:
         """Return what answers each question, by its name."""
@@ -187,8 +189,11 @@ class Questions:
         """Answer what differs between two ticks."""
         query = request.query_params
         tick, then = (whole(query, name) for name in ("tick", "then"))
-        here, there = self._asked(request), self._asked(request, "other")
-        return _answer(await self._comparisons.difference(here, tick, there, then))
+        pair = dict.fromkeys((self._asked(request), self._asked(request, "other")))
+        async with self._pairs, AsyncExitStack() as stack:
+            views = [await stack.enter_async_context(each.held()) for each in pair]
+            found = await asyncio.to_thread(difference, views[0], tick, views[-1], then)
+        return _answer(found)
 
 
 def _refusing(endpoint: Endpoint) -> Endpoint:

@@ -8,7 +8,7 @@ file under the same name, and everything begins again.
 
 import asyncio
 from collections.abc import AsyncIterator, Callable
-from contextlib import suppress
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import Concatenate, ParamSpec, TypeVar
 
@@ -75,15 +75,22 @@ class ViewSession:
         Raises:
             RecordingError: The recording is not there any more.
         """
+        async with self.held() as view:
+            return await asyncio.to_thread(question, view, *arguments, **named)
 
-        def answered() -> T:
-            # A chunk that cannot be read passes for damage: its ticks for not recorded.
-            if not self.live and (trouble := self.trouble()) is not None:
-                raise RecordingError(trouble)
-            return question(self.run_view, *arguments, **named)
+    @asynccontextmanager
+    async def held(self) -> AsyncIterator[RunView]:
+        """Keep others from the view while the context is entered.
 
+        Raises:
+            RecordingError: The recording is not there any more.
+        """
         async with self._lock:
-            return await asyncio.to_thread(answered)
+            # A chunk that cannot be read passes for damage: its ticks for not recorded.
+            trouble = None if self.live else await asyncio.to_thread(self.trouble)
+            if trouble is not None:
+                raise RecordingError(trouble)
+            yield self.run_view
 
     def trouble(self) -> str | None:
         """Return what has become of the recording; None if it is there."""

@@ -4,7 +4,6 @@ Compared are readings, decisions, believed states and learned orders, of the sen
 that both have, by their names.
 """
 
-import asyncio
 from collections.abc import Sequence
 
 import msgspec
@@ -13,7 +12,6 @@ from numpy.typing import NDArray
 
 from neurosnap.apps.viewer.api import Arrow, Bit, Frame
 from neurosnap.apps.viewer.run_view import RunView
-from neurosnap.apps.viewer.session import ViewSession
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.literals import from_words
 
@@ -60,43 +58,6 @@ class TickDifference(msgspec.Struct, frozen=True, kw_only=True):
     """The covering edges that are drawn, of all sensors."""
     here: Only
     there: Only
-
-
-class Comparisons:
-    """Compares the recordings of one server, on views that nothing else uses.
-
-    One question at a time: the event loop does not wait.
-    """
-
-    def __init__(self) -> None:
-        self._lock = asyncio.Lock()
-        self._views: dict[ViewSession, tuple[RunView, RunView]] = {}
-
-    async def difference(
-        self, here: ViewSession, tick: int, there: ViewSession, then: int
-    ) -> TickDifference:
-        """Return what differs between two ticks.
-
-        Raises:
-            InvalidValueError: There is no such tick.
-            RecordingError: What is needed cannot be read.
-        """
-
-        def work() -> TickDifference:
-            return difference(self._view(here), tick, self._view(there), then)
-
-        async with self._lock:
-            return await asyncio.to_thread(work)
-
-    def _view(self, session: ViewSession) -> RunView:
-        """Return a view of a recording: another one once that is another file."""
-        shown, own = self._views.get(session, (None, None))
-        if own is None or shown is not session.run_view:
-            shown = session.run_view
-            own = RunView(shown.path, shown.scene)
-            self._views[session] = shown, own
-        own.grow()
-        return own
 
 
 def difference(here: RunView, tick: int, there: RunView, then: int) -> TickDifference:

@@ -6,7 +6,6 @@ import os
 import resource
 import socket
 import subprocess
-import sys
 import tempfile
 from collections.abc import Callable
 from functools import partial
@@ -100,8 +99,6 @@ NAMED = partial(package, "no-such-thing")
 OLD = partial(package, "msgspec")
 ROWS: list[tuple[str, list[Patch], Callable[[], Finding], bool, str, str]] = [
     # What is wrong, where it is looked for, whether it will do, and what is said.
-    ("old Python", [be(sys, "version_info", (3, 10, 4))],
-     partial(only, doctor.check_python), False, "3.10.4", "3.11"),
     ("missing package", [require(NEEDED)], NAMED, False, "not installed", INSTALL),
     ("missing extra", [require(f'{NEEDED}; extra == "plot"')], NAMED, True,
      "not installed", INSTALL),
@@ -112,8 +109,6 @@ ROWS: list[tuple[str, list[Patch], Callable[[], Finding], bool, str, str]] = [
     ("newer", [require("msgspec>=1.10", "2")], OLD, True, "2", ""),
     ("broken package", [be(importlib, "import_module", failing(OSError("libz: gone")))],
      partial(package, "eclipse-zenoh"), False, "does not import: libz: gone", "pip"),
-    ("other platform", [be(sys, "platform", "darwin")],
-     partial(only, doctor.check_platform), True, "darwin", "left-over"),
     ("few processes", [files(), user(1000), limit(4096, 4096)],
      partial(only, doctor.check_processes), False, "room for 4,096 of 9,036", "ulimit -u"),
     ("others' processes",
@@ -130,8 +125,6 @@ ROWS: list[tuple[str, list[Patch], Callable[[], Finding], bool, str, str]] = [
      False, "1.2 GB free, room for about 100 cells", "at most 100 cells"),
     ("group's memory", [files(cgroup="0::/", **MEMORY)],
      partial(only, doctor.check_memory), False, "", "at most 0 cells"),
-    ("one core", [be(os, "sched_getaffinity", lambda _: {3})],
-     partial(only, doctor.check_cores), True, "1", "second core"),
     ("no loopback", [be(socket, "socket", Unbindable)],
      partial(only, doctor.check_port), False, "cannot assign", "lo"),
     ("no temporary folder", [be(tempfile, "tempdir", "/is/not/there")],

@@ -163,42 +163,6 @@ def test_sensors_are_grown_as_the_file_says(file: Path) -> None:
     assert [tick for tick, _ in body.awaited] == [40]
 
 
-@pytest.mark.parametrize(
-    ("wrong", "line", "key"),
-    [
-        (
-            "'down'",
-            8,
-            "agent.births[0].action: must be one of forward, back, wait, got",
-        ),
-        ("'forward'\ntick = -1", 9, "agent.births[0].tick: must be 0 or more, got -1"),
-    ],
-)
-def test_a_birth_that_cannot_be_is_found_in_the_file(
-    file: Path, wrong: str, line: int, key: str
-) -> None:
-    literals = "literals = ['below_1', 'below_2']"
-    text = f"{WORLD}[agent]\nkind = 'excited'\n[[agent.births]]\naction = {wrong}\n"
-    with pytest.raises(ConfigError, match=re.escape(f"{file}:{line}: {key}")):
-        prepared(file, f"{text}{literals}\n")
-
-
-@pytest.mark.parametrize(
-    ("literals", "line", "key"),
-    [
-        ("\n'below_2',\n'above'", 11, "agent.births[0].literals[1]: must name a"),
-        ("'below_2'", 9, "agent.births[0].literals: must be of two sensors or more"),
-        ("'below_2', 'below_2*'", 9, "agent.births[0].literals[1]: must not be the"),
-    ],
-)
-def test_literals_that_cannot_be_are_found_in_the_file(
-    file: Path, literals: str, line: int, key: str
-) -> None:
-    text = f"{WORLD}[agent]\nkind = 'excited'\n[[agent.births]]\naction = 'forward'\n"
-    with pytest.raises(ConfigError, match=re.escape(f"{file}:{line}: {key}")):
-        prepared(file, f"{text}literals = [{literals}]\n")
-
-
 # What goes before the file ------------------------------------------------------------
 
 

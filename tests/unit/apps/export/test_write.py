@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from neurosnap import wire
-from neurosnap.apps.export.write import Form, export, form_of
+from neurosnap.apps.export.write import Form, export
 from neurosnap.errors import InvalidValueError, NeurosnapError, RecordingError
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.learning import snapshot_at
@@ -338,15 +338,6 @@ def test_a_full_disk_is_named_with_the_file(
         signal.signal(signal.SIGXFSZ, before)
     assert caught.value.filename == str(out)
     assert not list(tmp_path.iterdir())
-
-
-def test_formats_are_known_by_the_ending_of_a_file() -> None:
-    assert [form_of(Path(f"a.{form}")) for form in ("csv", "parquet", "graphml")] == [
-        *("csv", "parquet", "graphml")
-    ]
-    assert form_of(Path("a.mcap")) is None
-    with pytest.raises(InvalidValueError, match=r"^out: must end with one of .csv, "):
-        form_of(Path("a.xls"))
 
 
 def test_parquet_without_pyarrow_says_what_to_install(
