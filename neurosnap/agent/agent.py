@@ -37,8 +37,10 @@ class Agent:
         body: What is sensed and done. If it has room, sensors are grown from what
             surprises the agent.
         policy: Decides.
-        snapshot: Learns, one sensor for each of the body's; None: a new empirical one.
-        memory: That of a policy that imagines; None: a new one, for one that does not.
+        snapshot: Learns, one sensor for each of the body's; if None, a new empirical
+            one.
+        memory: That of a policy that imagines; if None, a new one, for a policy that
+            does not imagine.
 
     Raises:
         ShapeError: The snapshot has another number of sensors.
@@ -271,7 +273,7 @@ class Agent:
         return self._mind.memory.chance
 
     def set_down(self) -> None:
-        """Take in that it was moved by somebody: what comes next follows no action.
+        """Let what is observed next follow no action, as the agent was moved.
 
         To be told before an observation that begins a trajectory though the last one
         had not come to its end: after a limit on time, or a reset.
@@ -297,7 +299,7 @@ class Agent:
                 action; what the unknown ones are means nothing.
             begins: It is the first observation of a trajectory, an episode's say, and
                 follows no action. The very first one is, said or not.
-            known: ``(n,)`` bool, which readings are known, one at least; None: all.
+            known: ``(n,)`` bool, which readings are known, one at least; if None, all.
 
         Returns:
             The decision: the choice of the body's that is made, and why. O(N²) time.
@@ -341,7 +343,7 @@ class Agent:
         return bound
 
     def _checked(self, known: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
-        """Return which own readings are known, as a source says it; None: all are."""
+        """Return which own readings are known, as a source says it; None if all are."""
         if known is None:
             return None
         own = as_known(known, len(self.body.own))

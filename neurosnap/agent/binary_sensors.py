@@ -35,8 +35,8 @@ class BinarySensors(
     Args:
         env: With a ``Discrete`` action space.
         sensors: In the order of the observation, at least one.
-        state: What the predicates see; None: the observation itself.
-        actions: Names for the actions; None: those the environment has, if any.
+        state: What the predicates see; if None, the observation itself.
+        actions: Names for the actions; if None, those the environment has, if any.
 
     Attributes:
         sensors: The sensors' names.

@@ -276,7 +276,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             state: ``(2N,)``, of the step that ended.
 
         Returns:
-            None: that depends on what is not in the state: on the step before, say.
+            None if that depends on what is not in the state: on the step before, say.
         """
         members = self.members(context)
         if state[[a ^ 1 for a in members]].any():

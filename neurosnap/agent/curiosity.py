@@ -27,7 +27,7 @@ class ImaginedState:
     place: NDArray[np.bool_]
     """``(2N,)``: the literals that hold, as far as they tell places apart."""
     before: "ImaginedState | None" = None
-    """Where the action was taken; None: it is where things are now."""
+    """Where the action was taken; None if it is where things are now."""
     action: int = -1
     """The one that led to it."""
     steps: int = 0
@@ -102,7 +102,7 @@ class Curiosity:
             chance: Whether luck may lead to the target: then no episode is ended.
 
         Returns:
-            An action somewhere, or None: there is nothing to learn.
+            An action somewhere; None if there is nothing to learn.
         """
         best = self._best or self._seen
         if self._end is not None and not chance:

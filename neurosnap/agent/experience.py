@@ -98,7 +98,7 @@ class Experience:
         raised: Places that led no nearer to the target, as `key` tells them apart, and
             how many subgoals farther away each seems to be than it looks.
         surprises: What came of trying something new.
-        plan: What is under way; None: nothing is.
+        plan: What is under way; None if nothing is.
     """
 
     def __init__(self, body: Body) -> None:
@@ -190,14 +190,14 @@ class Experience:
         said = self._own(place) | self.hopeless[action] | self._unread
         return bool(said.reshape(-1, 2).any(axis=1).all())
 
-    def take(
+    def count_trial(
         self,
         action: int,
         state: NDArray[np.bool_],
         foretold: NDArray[np.bool_],
         came: NDArray[np.bool_],
     ) -> None:
-        """Take in what an action led to, before `leave`.
+        """Count an action as a trial, if it was one, before `leave`.
 
         Args:
             action: The one taken.
@@ -210,14 +210,14 @@ class Experience:
             self.surprises.count(action, bool((complement(foretold) & came).any()))
 
     def begin(self, state: NDArray[np.bool_]) -> None:
-        """Take in the state an episode begins in: ``(2N,)``."""
+        """Count the beginning of an episode in a state, ``(2N,)``."""
         here = self.key(state & self.looked_at)
         actions = range(len(self.hopeless))
         news = all((here, action) not in self.tried for action in actions)
         self.surprises.count(BEGINNING, news)
 
     def leave(self, state: NDArray[np.bool_], ends: bool, action: int = -1) -> None:
-        """Take in what came after a state: another episode, or the next step.
+        """Remember how a state was left: by another episode, or by the next step.
 
         Args:
             state: ``(2N,)``.
@@ -238,8 +238,8 @@ class Experience:
     def _own(self, place: NDArray[np.bool_]) -> NDArray[np.bool_]:
         return place[: self.hopeless.shape[1]]
 
-    def enter(self, state: NDArray[np.bool_]) -> None:
-        """Take in a state: ``(2N,)``."""
+    def meet(self, state: NDArray[np.bool_]) -> None:
+        """Remember what a state, ``(2N,)``, had."""
         self.met |= state
 
     def arrays(self) -> Arrays:

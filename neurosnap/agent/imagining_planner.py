@@ -133,7 +133,7 @@ class ImaginingPlanner:
 
         Returns:
             The shortest plan. If there is none and the planner is curious, that to the
-            best thing to try; see `Curiosity`. None: there is nothing of this.
+            best thing to try; see `Curiosity`. None if there is neither.
         """
         told = self._experience
         frontier, seen, left = [ImaginedState(here)], {here.tobytes()}, self._states
@@ -233,7 +233,7 @@ class PlanTold(NamedTuple):
 
 
 def plan_told(why: str, names: Sequence[str]) -> PlanTold | None:
-    """Return the plan that a decision's reason tells of; None: it tells of none.
+    """Return the plan that a decision's reason names; None if it names none.
 
     Args:
         why: The reason.

@@ -14,7 +14,7 @@ from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
 from neurosnap.agent.experience import Experience
 from neurosnap.agent.growth.growth import Growth
-from neurosnap.agent.growth.sensor_changes import body_after, take_in
+from neurosnap.agent.growth.sensor_changes import apply_change, body_after
 from neurosnap.poc.learning.archive import Archived, Arrays, entry, rows_in
 from neurosnap.poc.learning.history import History
 from neurosnap.poc.learning.search import Search, nothing
@@ -34,7 +34,7 @@ class AgentMemory:
 
     Attributes:
         body: What is sensed by now.
-        experience: What a policy that imagines has to know; None: it does not.
+        experience: What a policy that imagines has to know; None if it does not.
         decision: The last one that was followed.
 
     Raises:
@@ -84,13 +84,13 @@ class AgentMemory:
         known: NDArray[np.bool_] | None,
         snapshot: Snapshot,
     ) -> Search[None]:
-        """Take in an observation before it is learned.
+        """Record an observation before it is learned.
 
         Args:
             action: That of the last decision; -1: none was taken.
             begins: The observation begins a trajectory and follows no action.
             observation: ``(N,)``.
-            known: ``(N,)``, which of it is known; None: all.
+            known: ``(N,)``, which of it is known; if None, all.
             snapshot: Has the state before it, and what is believed; weighs what is
                 born.
 
@@ -105,7 +105,7 @@ class AgentMemory:
             foretold = guaranteed([closure])[0, :own]
             if told is not None:
                 came = selection(observation, known)[:own]
-                told.take(action, state, foretold, came)
+                told.count_trial(action, state, foretold, came)
         if told is not None and action >= 0:
             told.leave(state, begins, action)
         self._begins = begins
@@ -115,11 +115,11 @@ class AgentMemory:
         return self._growth.notice(*step, foretold, observation, known, snapshot)
 
     def settle(self, state: NDArray[np.bool_]) -> None:
-        """Take in the state of the observation, ``(2N,)``."""
+        """Remember the state of the observation, ``(2N,)``."""
         told, begins, self._begins = self.experience, self._begins, False
         if told is None:
             return
-        told.enter(state)
+        told.meet(state)
         if begins:
             told.begin(state)
         if self._growth is not None:
@@ -144,7 +144,7 @@ class AgentMemory:
         if body is self.body:
             return False
         self.body = body
-        take_in(body, decision, snapshot)
+        apply_change(body, decision, snapshot)
         self._actions = Actions(body)
         if self._growth is not None:
             self._growth.fit(body)

@@ -59,7 +59,7 @@ class Senses:
         state: NDArray[np.bool_] | None = None,
         before: NDArray[np.bool_] | None = None,
     ) -> NDArray[np.bool_] | None:
-        """Return which readings of the observation are known: ``(N,)``; None: all.
+        """Return which readings are known: ``(N,)``; None if all are.
 
         Actions always are. ``α∧a`` is known where ``α`` was not taken, for then it is
         off; where a literal of the sensor was in the state before, even if only because
@@ -69,7 +69,7 @@ class Senses:
         retired, or is still to be grown, is unknown.
 
         Args:
-            own: ``(n,)``, which readings of the world's own sensors are known; None:
+            own: ``(n,)``, which readings of the world's own sensors are known; if None,
                 all.
             action: As in `observe`.
             state: As in `observe`.

@@ -43,7 +43,7 @@ class Alarm(msgspec.Struct, frozen=True):
     unexpected: int
     """In how many steps it came on since although hardly anything spoke for it."""
     companion: Companion | None
-    """Who says so most; None: nobody in particular."""
+    """The sensor that says so most; None if no one stands out."""
 
     def line(self) -> str:
         """Return the alarm in a line."""

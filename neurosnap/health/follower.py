@@ -95,7 +95,7 @@ class Follower:
             return ReportedAlarm(begun, ended)
         while (end := (self._number + 1) * float(STEP)) <= now:
             number = self._number
-            alarms, well = self.monitor.take(*self._step(end))
+            alarms, well = self.monitor.follow(*self._step(end))
             begun += alarms
             ended += [(name, number) for name in well]
             for name in (*well, *(alarm.sensor for alarm in alarms)):

@@ -86,8 +86,8 @@ class Judge:
         """Return one that goes on by itself from here."""
         return copy.deepcopy(self)
 
-    def hear(self, came_on: NDArray[np.int32], valid: Flags) -> None:
-        """Take note of who came on in a step; nothing is judged.
+    def remember(self, came_on: NDArray[np.int32], valid: Flags) -> None:
+        """Remember which sensors came on in a step; judge nothing.
 
         Args:
             came_on: ``(sensors,)``, how often each came on.
@@ -129,7 +129,7 @@ class Judge:
             longest: ``(sensors,)``, seconds, see `neurosnap.health.steps.Steps`.
             valid: ``(sensors,)``, which readings are known.
         """
-        self.hear(came_on, valid)
+        self.remember(came_on, valid)
         rates = self._rates(learned, number)
         near = heard(self.recent)[-1:]
         trace = np.zeros((1, *self.evidence.shape))
@@ -144,7 +144,7 @@ class Judge:
             trace,
             expected,
         )
-        self._note(trace[0], number, came_on, longest, valid)
+        self._keep_evidence(trace[0], number, came_on, longest, valid)
         ended = self._end(number, came_on, longest)
         self._weigh(learned, number, expected[0])
         return RateChanges(self._begin(learned, number), ended)
@@ -184,7 +184,7 @@ class Judge:
         ill[self.kind != WELL] = 1
         return np.asarray(ill)
 
-    def _note(
+    def _keep_evidence(
         self,
         trace: Floats,
         number: int,
@@ -192,7 +192,7 @@ class Judge:
         longest: NDArray[np.float32],
         valid: Flags,
     ) -> None:
-        """Take in the evidence of a step, and when it began."""
+        """Keep the evidence of a step, and when it began."""
         fresh = (self.evidence <= 0) | (trace <= 0)
         self.since[fresh] = number
         on = came_on > 0

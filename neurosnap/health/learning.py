@@ -57,7 +57,7 @@ class LearnedRates:
         return made | {"least": np.array(self.least)}
 
     @classmethod
-    def of(cls, arrays: Arrays) -> "LearnedRates":
+    def from_arrays(cls, arrays: Arrays) -> "LearnedRates":
         """Return what has these arrays.
 
         Raises:

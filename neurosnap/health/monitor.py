@@ -60,7 +60,7 @@ class HealthMonitor(Archived):
         self._next = LEAST_STEPS
         self._activations = np.zeros(count, np.int64)
         self.learned: LearnedRates | None = None
-        """What was learned; None: too little was seen."""
+        """What was learned; None if too little was seen."""
         self.judge = Judge(count, parse_budget(alarms))
         """The evidence, and who is in alarm."""
 
@@ -93,14 +93,14 @@ class HealthMonitor(Archived):
             len(self._names),
         )
 
-    def take(
+    def follow(
         self, steps: Steps, valid: Flags | None = None
     ) -> tuple[list[Alarm], list[str]]:
-        """Take the steps that come next.
+        """Judge the steps that come next.
 
         Args:
             steps: They follow on those before, if there were any.
-            valid: ``(steps, sensors)``, which readings are known; None: all.
+            valid: ``(steps, sensors)``, which readings are known; if None, all.
 
         Returns:
             The alarms that begin, and the sensors that are well again, by name.
@@ -129,7 +129,7 @@ class HealthMonitor(Archived):
                 ended += [self._names[sensor] for sensor in changes.ended]
                 begun += [self._told(sensor, number) for sensor in changes.begun]
             else:
-                self.judge.hear(steps.came_on[at], known)
+                self.judge.remember(steps.came_on[at], known)
             self._seen += 1
             if self._learns and self._seen >= self._next:
                 self.relearn()
@@ -241,7 +241,7 @@ class HealthMonitor(Archived):
             made._activations[:] = arrays["activations"]
             made.judge.restore(arrays)
             if "weights" in arrays:
-                made.learned = LearnedRates.of(arrays)
+                made.learned = LearnedRates.from_arrays(arrays)
         except (KeyError, TypeError, IndexError) as error:
             raise ValueError(f"must be whole, {error!r} is missing or wrong") from error
         return made

@@ -25,7 +25,7 @@ class News(msgspec.Struct, frozen=True):
     """The step under way when it was."""
     sensor: str
     alarm: Alarm | None
-    """None: the sensor is well again."""
+    """None if the sensor is well again."""
 
     def line(self) -> str:
         """Return it for people."""
@@ -39,7 +39,7 @@ def news(before: Standing | None, now: Standing) -> Iterator[News]:
     Whoever looks seldom misses an alarm that began and ended meanwhile.
 
     Args:
-        before: How they were; None: nothing was known of them.
+        before: How they were; None if nothing was known of them.
         now: How they are.
     """
     alarms = () if before is None else before.alarms

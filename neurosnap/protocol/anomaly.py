@@ -235,7 +235,7 @@ class AnomalyJudge:
         )
         if self._history is not None:
             none = np.zeros_like(seen.bits)
-            self._history.enter(seen.bits, none if observation.paused else seen.known)
+            self._history.record(seen.bits, none if observation.paused else seen.known)
         return found
 
     def to_bytes(self) -> bytes:

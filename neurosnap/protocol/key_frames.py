@@ -89,7 +89,7 @@ def order_of(
     for share in shares:
         pairs = pairs_of(share)
         own = (one for one in bands if one.offset % max(1, every) in pairs)
-        order.take_over(joined(frame.snapshot, map(_stretch, own), share))
+        order.draw_share(joined(frame.snapshot, map(_stretch, own), share))
     return order
 
 

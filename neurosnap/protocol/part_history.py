@@ -52,7 +52,7 @@ class WorkerHistory:
             self._history = None
             self._held[:] = False
         else:
-            history.enter(bits, known)
+            history.record(bits, known)
 
     def take(self, reminder: wire.Reminder) -> None:
         """Take over the histories that the coordinator has.
@@ -74,7 +74,7 @@ class WorkerHistory:
         for cell, on, off in rings:
             place = cell - self._cells.start
             both = unpacked(on, history.length), unpacked(off, history.length)
-            history.put(place, *both)
+            history.set_readings(place, *both)
             self._held[place] = True
 
     def answer(self, recall: wire.Recall) -> list[wire.Message]:

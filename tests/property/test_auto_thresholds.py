@@ -258,7 +258,7 @@ def test_a_grown_sensor_is_as_it_was_after_it_is_saved() -> None:
     for level in rng.random(3000):
         bits = np.array([level < 0.3, level < 0.6, False]) ^ (rng.random(3) < 0.01)
         snapshot.observe(bits, known)
-        history.enter(bits, known)
+        history.record(bits, known)
     on, off = history.ticks_of(0), history.ticks_of(1)
     newborn = answered(snapshot.newborn(2, history.ticks, on, off), history)
     # Nothing is tolerated of it before it is read.

@@ -70,42 +70,6 @@ def test_classes_and_representatives(graph: PocGraph) -> None:
             assert graph.representative[a ^ 1] == min(group) ^ 1
 
 
-@given(graphs())
-def test_heights_are_the_longest_chains(graph: PocGraph) -> None:
-    order = oracles.below_or_equal(len(graph), edges_of(graph.edges))
-    heights = [oracles.chain(order, a) for a in range(len(graph))]
-    assert graph.heights().tolist() == heights
-    assert graph.height() == max(heights, default=0)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@given(graph=graphs())
-def test_a_wiring_leads_where_the_graph_leads(
-    graph: PocGraph, kind: WiringKind
-) -> None:
-    n, edges = len(graph), edges_of(graph.edges)
-    wires = edges_of(graph.wiring(kind))
-    head = graph.representative.tolist()
-    assert oracles.below_or_equal(n, wires) == oracles.below_or_equal(n, edges)
-    assert wires == {(b ^ 1, a ^ 1) for a, b in wires}
-    spokes = {(head[a], a) for a in range(n)} | {(a, head[a]) for a in range(n)}
-    between = wires - spokes
-    assert wires & spokes == {(a, b) for a, b in spokes if a != b}
-    if kind == "derived":
-        contracted = {(head[a], head[b]) for a, b in edges}
-        assert between == {(a, b) for a, b in contracted if a != b}
-    else:
-        order = oracles.below_or_equal(n, edges)
-        strict = {(a, b) for a, b in order if (b, a) not in order}
-        assert between == {
-            (a, b)
-            for a, b in strict
-            if head[a] == a
-            and head[b] == b
-            and not any((a, c) in strict and (c, b) in strict for c in range(n))
-        }
-
-
 @pytest.mark.parametrize("kind", KINDS)
 @given(graph=graphs(), data=st.data())
 def test_depth_counts_hops_and_stays_within_height_and_two(

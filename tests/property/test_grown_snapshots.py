@@ -89,7 +89,7 @@ def newborn_of(
     sensor = len(snapshot.sensorium) - 1
     read = {literal: history.ticks_of(literal) for literal in range(2 * sensor)}
     rings = conjunction(read, *members, history.tick)
-    history.put(sensor, *rings)
+    history.set_readings(sensor, *rings)
     search = snapshot.newborn(sensor, history.ticks, *rings, unread)
     return answered(search, history)
 
@@ -113,7 +113,7 @@ def test_it_is_as_if_it_had_been_there_as_long_as_the_history_goes_back(
         else:
             nothing = np.append(bits[tick], unread), np.append(known[tick], unread)
             grown.observe(*nothing)
-            history.enter(*nothing)
+            history.record(*nothing)
         if tick >= began:
             always.observe(*more)
         if tick + 1 == birth:
@@ -143,7 +143,7 @@ def test_what_was_there_is_as_it_was(
     for tick in range(birth):
         more = np.append(bits[tick], False), np.append(known[tick], False)
         snapshot.observe(*more)
-        history.enter(*more)
+        history.record(*more)
     before = Snapshot.from_bytes(snapshot.to_bytes())
     old = range(2 * count)
     pairs = [(a, b) for a in old for b in old if a >> 1 != b >> 1]
@@ -174,7 +174,7 @@ def test_what_is_not_read_any_more_stays_out_of_the_order(kind: str) -> None:
         a, b = rng.random(2) < 0.5
         bits, known = np.array([a, b, a, False]), np.array([True] * 3 + [False])
         snapshot.observe(bits, known)
-        history.enter(bits, known)
+        history.record(bits, known)
     snapshot.silence(2)
     members = (0, 2), ()
     snapshot.grow(3, "new", newborn_of(snapshot, history, members, [2]), None)
@@ -191,7 +191,7 @@ def test_a_history_keeps_the_last_ticks_in_order() -> None:
     history, rng = History(3, 64), np.random.default_rng(1)
     bits, known = rng.random((200, 3)) < 0.5, rng.random((200, 3)) < 0.7
     for tick in range(200):
-        history.enter(bits[tick], known[tick])
+        history.record(bits[tick], known[tick])
         first = max(0, tick - 63)
         on, off = history.unrolled(history.on), history.unrolled(history.off)
         assert on.tolist() == (bits & known)[first : tick + 1].tolist()

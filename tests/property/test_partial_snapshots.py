@@ -374,24 +374,6 @@ def test_whatever_relation_comes_out_is_ordered_and_projected(
 
 
 @given(relations())
-def test_signals_travel_whatever_relation_comes_out(
-    drawn: tuple[EmpiricalSnapshot, Edges],
-) -> None:
-    snapshot, edges = drawn
-    graph, n = snapshot.poc_graph(), 2 * len(snapshot.sensorium)
-    for wires in (graph.wiring("hasse"), graph.wiring("derived")):
-        plain = edges_of(wires)
-        assert oracles.below_or_equal(n, plain) == oracles.below_or_equal(n, edges)
-        assert {(b ^ 1, a ^ 1) for a, b in plain} == plain
-        assert max(oracles.hops(plain, {a}) for a in range(n)) <= graph.height() + 2
-    named = graph.implications(snapshot.sensorium)
-    literal = snapshot.sensorium.literal
-    pairs = {(literal(a), literal(b)) for a, b in named}
-    pairs |= {(b ^ 1, a ^ 1) for a, b in pairs}
-    assert oracles.below_or_equal(n, pairs) == oracles.below_or_equal(n, edges)
-
-
-@given(relations())
 def test_a_contradiction_generates_no_poc_set(
     drawn: tuple[EmpiricalSnapshot, Edges],
 ) -> None:

@@ -25,7 +25,7 @@ def entered(rows: Sequence[Row]) -> History:
     history = History(len(rows[0]), LENGTH)
     for row in rows:
         known = np.array([on is not None for on in row])
-        history.enter(np.array([on is True for on in row]), known)
+        history.record(np.array([on is True for on in row]), known)
     return history
 
 

@@ -51,7 +51,7 @@ class WholeStates(Growth):
         snapshot: Snapshot,
     ) -> Search[None]:
         """Take in an observation; the last state may have to be grown."""
-        self.history.enter(observation, known)
+        self.history.record(observation, known)
         self._said = {}
         body = self._body
         if action < 0 or len(body.grown) == body.room:

@@ -66,8 +66,9 @@ def cover(
         ticks: How many the history was shown so far.
 
     Returns:
-        Ascending, none of them superfluous; None: there are none, or too many. For each
-        that is chosen it asks for a count of all, and for the ring of the chosen one.
+        Ascending, none of them superfluous; None if there are none, or too many. For
+        each that is chosen it asks for a count of all, and for the ring of the chosen
+        one.
     """
     literals = np.concatenate([one.literals for one in several])
     rings = np.concatenate([one.rings for one in several])
@@ -263,7 +264,7 @@ class Grower:
     def _put_on_trial(
         self, action: int, result: int, literals: tuple[int, ...] | None
     ) -> None:
-        """Take in the cover that was found; None: there is none."""
+        """Put a cover that was found on trial; it is None if there is none."""
         if literals is None:
             self._fail(action, result)
         elif self._is_news(action, literals):
@@ -280,7 +281,7 @@ class Grower:
     ) -> Search[tuple[int, ...] | None]:
         """Look for literals of the state that held together at no counterexample.
 
-        None: there are none, or too many.
+        Returns None if there are none, or too many.
         """
         literals, sensors = self._contexts[action]
         here = state[literals]
@@ -307,7 +308,7 @@ class Grower:
         return None
 
     def retire(self, context: Context) -> None:
-        """Take in that a sensor is not read any more: it may be grown again."""
+        """Let a sensor that is read no more be grown again."""
         self._grown.discard(context)
 
     def trials(self) -> Iterator[Context]:

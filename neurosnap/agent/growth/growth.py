@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from neurosnap.agent.body import Body, Context
 from neurosnap.agent.growth.grower import Grower
 from neurosnap.agent.growth.retirement import is_needless
-from neurosnap.agent.growth.sensor_changes import said_of
+from neurosnap.agent.growth.sensor_changes import birth_fields
 from neurosnap.poc.learning.archive import Arrays
 from neurosnap.poc.learning.history import LENGTH, History, conjunction
 from neurosnap.poc.learning.search import Question, Search, nothing
@@ -68,7 +68,7 @@ class Growth:
         known: NDArray[np.bool_] | None,
         snapshot: Snapshot,
     ) -> Search[None]:
-        """Take in an observation before it is learned.
+        """Record an observation before it is learned.
 
         What is returned is to be run once it is learned.
 
@@ -77,13 +77,13 @@ class Growth:
             state: ``(2N,)``, recorded before it.
             foretold: ``(2n,)``, what the action guaranteed of the world's own sensors.
             observation: ``(N,)``.
-            known: ``(N,)``, which of it is known; None: all.
+            known: ``(N,)``, which of it is known; if None, all.
             snapshot: Weighs what is born.
 
         Returns:
             What is to be asked of the history; the observation is in it then.
         """
-        self.history.enter(observation, known)
+        self.history.record(observation, known)
         if action < 0 or self._grower is None:
             return self._change(nothing(), snapshot)
         came = selection(observation, known)[: 2 * self._own]
@@ -113,7 +113,8 @@ class Growth:
         """Find out what a sensor would have read, and what its weights would be.
 
         Args:
-            due: Its context; None: that of the scripted one whose tick it is, if any.
+            due: Its context; if None, that of the scripted one whose tick it is, if
+                there is one.
             snapshot: Weighs it.
         """
         if due is None and self._awaited and self._awaited[0][0] <= self.history.tick:
@@ -126,12 +127,12 @@ class Growth:
         asked = dict.fromkeys(b for a in (*now, *before) for b in (a, a ^ 1))
         read = (yield Question(readings=tuple(asked))).readings
         on, off = conjunction(read, now, before, self.history.tick)
-        self.history.put(sensor, on, off)
+        self.history.set_readings(sensor, on, off)
         ticks = self.history.ticks
         unread = [body.first_grown + place for place in body.retired]
         newborn = yield from snapshot.newborn(sensor, ticks, on, off, unread)
         self._said |= {"born": sensor, "context": action, "literals": literals}
-        self._said |= said_of(newborn, snapshot)
+        self._said |= birth_fields(newborn, snapshot)
 
     @property
     def changes(self) -> dict[str, Any]:

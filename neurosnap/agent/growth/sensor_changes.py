@@ -64,7 +64,7 @@ def body_before(body: Body, decision: Decision | None) -> Body:
     return msgspec.structs.replace(body, grown=grown, retired=retired)
 
 
-def take_in(body: Body, decision: Decision, snapshot: Snapshot) -> None:
+def apply_change(body: Body, decision: Decision, snapshot: Snapshot) -> None:
     """Let a snapshot go on as a decision says.
 
     Args:
@@ -90,7 +90,7 @@ def take_in(body: Body, decision: Decision, snapshot: Snapshot) -> None:
         snapshot.silence(decision.retires)
 
 
-def said_of(newborn: Newborn, snapshot: Snapshot) -> dict[str, int | bytes]:
+def birth_fields(newborn: Newborn, snapshot: Snapshot) -> dict[str, int | bytes]:
     """Return what a decision says of a newborn, by field."""
     kind = "<u4" if isinstance(snapshot, EmpiricalSnapshot) else "<f8"
     return {

@@ -48,7 +48,7 @@ class ConvexSet:
         """Yield the vertices, each a new ``(2N,)`` bool array, in a fixed order.
 
         Args:
-            limit: The most there may be; None: as many as there are.
+            limit: The most there may be; if None, as many as there are.
 
         Raises:
             InvalidValueError: There are more than `limit`.

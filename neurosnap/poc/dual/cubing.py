@@ -61,7 +61,7 @@ class Cubing:
         """Yield the vertices, in a fixed order.
 
         Args:
-            limit: The most there may be; None: as many as there are.
+            limit: The most there may be; if None, as many as there are.
 
         Yields:
             ``(2N,)`` bool, a new array each. O(N) set operations a vertex, O(N)
@@ -183,7 +183,7 @@ class Cubing:
         """Yield every cube once, from its corner with all its positive literals.
 
         Args:
-            dimension: Only those of this dimension; None: all.
+            dimension: Only those of this dimension; if None, all.
             limit: As for `vertices`.
 
         Yields:

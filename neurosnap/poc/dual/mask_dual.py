@@ -69,7 +69,7 @@ class Dual:
         return from_mask(mask, self.total)
 
     def closed(self, literals: NDArray[np.bool_]) -> int | None:
-        """Return what all vertices with some literals share; None: there are none."""
+        """Return what all vertices with some literals share; None if there are none."""
         closed = self._ubiquitous
         for a in np.flatnonzero(literals).tolist():
             closed |= self.up[a]

@@ -107,7 +107,7 @@ def joined(
         head: From `head_of`.
         stretches: From `stretches_of`, in any order, all of them.
         share: Of which sensors the snapshot is to have the pairs, and the stretches
-            are; None: all.
+            are; if None, all.
 
     Raises:
         InvalidValueError: They make no snapshot.

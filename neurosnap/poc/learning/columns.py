@@ -45,8 +45,8 @@ class Columns:
         Args:
             data: ``(T, N)``: an array of bool or numbers, 0, 1 or NaN for unknown; or a
                 data frame (pandas, polars), whose missing values are unknown.
-            names: Of the sensors; None: those of the data frame's columns, or ``s0``,
-                ``s1`` and so on.
+            names: Of the sensors; if None, those of the data frame's columns, or
+                ``s0``, ``s1`` and so on.
 
         Raises:
             ShapeError: It has not two axes, or there is not one name a column.
@@ -150,7 +150,7 @@ class GrowingColumns:
 
         Args:
             bits: ``(n, N)``; it is kept, not copied.
-            known: ``(n, N)``; None: all.
+            known: ``(n, N)``; if None, all.
 
         Raises:
             ShapeError: They are of another number of sensors.

@@ -112,8 +112,8 @@ class EmpiricalSnapshot(Snapshot):
             data: ``(T, N)``: an array of bool or numbers, 0, 1 or NaN for unknown; a
                 data frame whose missing values are unknown; or `Columns`.
             threshold: As of the class.
-            names: Of the sensors; None: those of the data frame, or ``s0``, ``s1`` and
-                so on. `Columns` have their own.
+            names: Of the sensors; if None, those of the data frame, or ``s0``, ``s1``
+                and so on. `Columns` have their own.
             on_progress: Told how many pairs are done, twice for each.
 
         Returns:
@@ -132,12 +132,12 @@ class EmpiricalSnapshot(Snapshot):
         columns = data if isinstance(data, Columns) else Columns.of(data, names)
         snapshot = cls(columns.sensorium, threshold)
         if snapshot._persistence is None:
-            snapshot._take(columns, on_progress)
+            snapshot._fit_at_once(columns, on_progress)
         else:
-            snapshot._follow(columns, on_progress)
+            snapshot._fit_by_row(columns, on_progress)
         return snapshot
 
-    def _follow(self, columns: Columns, on_progress: OnProgress | None) -> None:
+    def _fit_by_row(self, columns: Columns, on_progress: OnProgress | None) -> None:
         """Observe all rows."""
         pairs = self._pairs.codes.size
         for tick in range(columns.ticks):
@@ -148,7 +148,7 @@ class EmpiricalSnapshot(Snapshot):
         if on_progress is not None:
             on_progress(pairs, pairs)
 
-    def _take(self, columns: Columns, on_progress: OnProgress | None) -> None:
+    def _fit_at_once(self, columns: Columns, on_progress: OnProgress | None) -> None:
         """Become what all rows make of a snapshot that has seen nothing."""
         if columns.ticks >= 2**32:
             rule = "must be below 2**32, which the counts have room for"
@@ -164,7 +164,7 @@ class EmpiricalSnapshot(Snapshot):
             self._weights.marginals[:] = read_on
         else:
             self._weights.widen(0)
-            self._weights.put(slice(None), ticks)
+            self._weights.set(slice(None), ticks)
         self._count(self._clock)  # no bit is known yet: it only derives
         last_changes(columns, ticks, self._pairs, on_progress)
         self._bits[:], self._known[:] = columns.row(columns.ticks - 1)

@@ -72,14 +72,14 @@ class History:
         """How many ticks it holds."""
         return min(self.tick, self.length)
 
-    def enter(
+    def record(
         self, bits: NDArray[np.bool_], known: NDArray[np.bool_] | None = None
     ) -> None:
-        """Take in an observation in the place of the oldest. O(N) time.
+        """Record an observation in the place of the oldest. O(N) time.
 
         Args:
             bits: ``(N,)``.
-            known: ``(N,)``; None: all.
+            known: ``(N,)``; if None, all.
         """
         word, place = self.tick // 64 % len(self.on), np.uint64(self.tick % 64)
         off = ~bits
@@ -172,7 +172,7 @@ class History:
         part.tick = self.tick
         return part
 
-    def put(self, sensor: int, on: Words, off: Words) -> None:
+    def set_readings(self, sensor: int, on: Words, off: Words) -> None:
         """Let a sensor have read on and off at the ticks given, ``(W,)`` each."""
         self.on[:, sensor], self.off[:, sensor] = on, off
 

@@ -121,7 +121,7 @@ class Weights:
         """Each of the four weights of a pair before all learning, in the wide form."""
         return 0 if self.joints.dtype.kind == "u" else 0.25
 
-    def put(self, pairs: slice | list[int], squares: NDArray[Any] | float) -> None:
+    def set(self, pairs: slice | list[int], squares: NDArray[Any] | float) -> None:
         """Set the weights of some pairs of a wide store.
 
         Args:
@@ -152,7 +152,7 @@ class Weights:
             rest = total - mine[i] - mine[j] + both
             yield pairs, np.stack([both, mine[i] - both, mine[j] - both, rest])
 
-    def of(self, a: int, b: int, total: float) -> float:
+    def weight(self, a: int, b: int, total: float) -> float:
         """Return the weight of two literals of different sensors, int or float."""
         high, low = max(a, b), min(a, b)
         pair = pair_of(high, low) - pairs_of(self._share).start

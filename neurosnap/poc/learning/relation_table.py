@@ -113,7 +113,7 @@ def tabulate(
     Args:
         columns: The readings.
         snapshot: What learned from them: its order is shown, and copies that it cannot
-            hold; None: what the rule finds.
+            hold; if None, what the rule finds.
         every: Whether to show those that follow from others, too.
         on_progress: Told how many pairs are counted.
 
@@ -146,8 +146,8 @@ def implications(
         data: As of `EmpiricalSnapshot.fit`.
         threshold: Show the order that a snapshot with this threshold learns, instead of
             what the rule of `neurosnap.poc.learning.relation_rule` finds.
-        names: Of the sensors; None: those of the data frame, or ``s0``, ``s1`` and so
-            on.
+        names: Of the sensors; if None, those of the data frame, or ``s0``, ``s1`` and
+            so on.
         every: Whether to show relations that follow from others, too.
 
     Returns:

@@ -83,7 +83,7 @@ class Snapshot(Archived):
             pair of sensors; each in (0, 1/4]. With unknown readings it is a share of
             the observations in which both sensors were known.
         share: The sensors whose pairs with those before them are learned here, where
-            several share the pairs; None: all. `learn`, `skip`, `evidence` of these
+            several share the pairs; if None, all. `learn`, `skip`, `evidence` of these
             pairs and `arrays` are then as ever, and there is no graph; of no sensor
             there is one, which `relate` makes.
 
@@ -172,7 +172,7 @@ class Snapshot(Archived):
             InvalidValueError: `a` or `b` is no literal, or they have the same sensor.
         """
         self._settle()
-        return self._weights.of(*self._proper(a, b), self._total())
+        return self._weights.weight(*self._proper(a, b), self._total())
 
     def evidence(self, a: int, b: int) -> Evidence:
         """Return what speaks for and against ``a -> b``, and since when it is so.
@@ -196,9 +196,12 @@ class Snapshot(Archived):
         self._settle()
         total = self._total()
         pair = pair_of(a, b) - pairs_of(self._share).start
-        both, against = self._weights.of(a, b, total), self._weights.of(a, b ^ 1, total)
-        other = self._weights.of(a ^ 1, b, total)
-        neither = self._weights.of(a ^ 1, b ^ 1, total)
+        both, against = (
+            self._weights.weight(a, b, total),
+            self._weights.weight(a, b ^ 1, total),
+        )
+        other = self._weights.weight(a ^ 1, b, total)
+        neither = self._weights.weight(a ^ 1, b ^ 1, total)
         total = self._whole(both, against, other, neither)
         return Evidence(
             total=total,
@@ -219,7 +222,7 @@ class Snapshot(Archived):
 
         Args:
             bits: ``(N,)``, one bit a sensor.
-            known: ``(N,)`` bool, which of them are known; None: all. Of the others
+            known: ``(N,)`` bool, which of them are known; if None, all. Of the others
                 the bits mean nothing. The clock counts an observation with none, too.
 
         Returns:
@@ -288,7 +291,7 @@ class Snapshot(Archived):
             self._graphs.clear()
         return codes.size > 0
 
-    def take_over(self, share: "Snapshot") -> None:
+    def draw_share(self, share: "Snapshot") -> None:
         """Let the graph, which has no edges of these pairs, have those of a share.
 
         O(N²) time.
@@ -358,7 +361,7 @@ class Snapshot(Archived):
             sensor: As in `newborn`.
             name: What it is called from now on.
             newborn: What is known of it.
-            reads: What it reads in the present state; None: that is unknown.
+            reads: What it reads in the present state; if None, that is unknown.
 
         Raises:
             InvalidValueError: There is another sensor of that name.
@@ -375,7 +378,7 @@ class Snapshot(Archived):
             self._widen()
         first = sensor * (sensor - 1) // 2
         pairs = slice(first, first + sensor)
-        self._weights.put(pairs, newborn.squares)
+        self._weights.set(pairs, newborn.squares)
         self._sensorium = sensorium
         self._born[sensor] = self._clock - newborn.ticks
         kernels.rewire(sensor, newborn.codes, self._pairs, self.tick)
@@ -396,7 +399,7 @@ class Snapshot(Archived):
             self._widen()
         others = [2 * k for k in range(len(self._sensorium)) if k != sensor]
         pairs = [pair_of(literal, other) for other in others]
-        self._weights.put(pairs, self._weights.start)
+        self._weights.set(pairs, self._weights.start)
         codes = self._pairs.codes
         self._pairs.since[np.array(pairs)[codes[pairs] > 0]] = self.tick
         codes[pairs] = 0
@@ -439,7 +442,7 @@ class Snapshot(Archived):
 
         Args:
             bits: ``(N,)``, one bit a sensor.
-            known: ``(N,)`` bool, which of them are known; None: all.
+            known: ``(N,)`` bool, which of them are known; if None, all.
 
         Returns:
             The new state: ``(2N,)`` bool, a copy.

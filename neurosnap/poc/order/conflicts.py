@@ -107,12 +107,12 @@ def greedy(rows: Words, degrees: Ints, alive: NDArray[np.bool_], rank: Ints) -> 
             return taken[:number]
         taken[number] = best
         number += 1
-        take(rows, degrees, alive, best)
+        remove_vertex(rows, degrees, alive, best)
 
 
 @njit()
-def take(rows: Words, degrees: Ints, alive: NDArray[np.bool_], v: int) -> None:
-    """Take a vertex and its edges out of a graph; see `greedy`."""
+def remove_vertex(rows: Words, degrees: Ints, alive: NDArray[np.bool_], v: int) -> None:
+    """Remove a vertex and its edges from a graph; see `greedy`."""
     alive[v] = False
     degrees[v] = 0
     for k in range(rows.shape[1]):
@@ -151,7 +151,7 @@ def forced(
         for v in range(rows.shape[0]):
             if alive[v] and degrees[v] > most[part[v]]:
                 most[part[v]] -= 1
-                take(rows, degrees, alive, v)
+                remove_vertex(rows, degrees, alive, v)
                 changed = True
 
 

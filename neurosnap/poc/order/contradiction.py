@@ -90,8 +90,8 @@ def contradiction(
         graph: The order.
         observed: A *-selection: one literal of every sensor that has a reading.
         suspicion: ``(N,)``, finite: of several smallest sets of culprits, the one with
-            the largest sum is returned; of several of those, the first in order. None:
-            all alike.
+            the largest sum is returned; of several of those, the first in order. If
+            None, all are alike.
         patience: As for `smallest_cover`: beyond it, culprits are found greedily.
 
     Cost:

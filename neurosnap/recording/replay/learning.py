@@ -7,7 +7,7 @@ from typing import Self
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.agent.growth.sensor_changes import body_after, take_in
+from neurosnap.agent.growth.sensor_changes import apply_change, body_after
 from neurosnap.agent.memory import body_in
 from neurosnap.errors import (
     InvalidValueError,
@@ -88,7 +88,7 @@ class Learning:
         if decision is not None and self.grows:
             try:
                 body = body_after(self.body, decision)
-                take_in(body, decision, self.snapshot)
+                apply_change(body, decision, self.snapshot)
             except MessageError as error:
                 raise RecordingError(f"{place}: /{error}") from error
             self.body = body

@@ -79,19 +79,19 @@ def test_a_trial_is_where_all_seemed_to_be_known_and_it_was_never_taken() -> Non
     here, there = place(wall=True, goal=False, coin=True), place(goal=True)
     came = place(wall=False, goal=False, coin=True)[: 2 * len(BODY.own)]
     other = place(wall=True, goal=False, coin=True)[: 2 * len(BODY.own)]
-    experience.take(0, here, place(wall=False)[: 2 * len(BODY.own)], came)
+    experience.count_trial(0, here, place(wall=False)[: 2 * len(BODY.own)], came)
     assert experience.surprises.share(0) == 1 / 2  # not all was foretold
-    experience.take(0, here, other, came)
+    experience.count_trial(0, here, other, came)
     assert experience.surprises.share(0) == 2 / 3
-    experience.take(0, there, came, came)
+    experience.count_trial(0, there, came, came)
     assert experience.surprises.share(0) == 2 / 4
     assert experience.surprises.share(1) == 1 / 2
     experience.leave(here, ends=False, action=0)
-    experience.take(0, here, other, came)
+    experience.count_trial(0, here, other, came)
     assert experience.surprises.share(0) == 2 / 4  # it was taken there before
     # What is left to chance need not be foretold.
     experience.give_up(by_chance(1))
-    experience.take(1, here, came & ~by_chance(1)[1], came)
+    experience.count_trial(1, here, came & ~by_chance(1)[1], came)
     assert experience.surprises.share(1) == 1 / 3
     again = Experience(BODY)
     again.restore(experience.arrays())

@@ -21,7 +21,7 @@ class Kept(HealthMonitor):
         self.steps: list[Steps] = []
         self.valid: list[list[bool]] = []
 
-    def take(
+    def follow(
         self, steps: Steps, valid: np.ndarray | None = None
     ) -> tuple[list[Alarm], list[str]]:
         assert valid is not None

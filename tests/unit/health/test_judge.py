@@ -18,7 +18,7 @@ def lasting(seconds: float) -> np.ndarray[tuple[int], np.dtype[np.float32]]:
 def noted(judge: Judge, number: int, trace: float, on: bool, longest: float) -> None:
     """Let a judge take in evidence of all kinds."""
     traces = np.full((1, len(KINDS)), trace)
-    judge._note(traces, number, ON if on else OFF, lasting(longest), VALID)
+    judge._keep_evidence(traces, number, ON if on else OFF, lasting(longest), VALID)
 
 
 def test_evidence_began_in_the_step_in_which_it_left_zero() -> None:

@@ -28,7 +28,7 @@ def part(steps: Steps, low: int, high: int) -> Steps:
 def known_well() -> bytes:
     """Return a monitor that has followed the home of seed 1 until the onset."""
     monitor = HealthMonitor(SENSORS)
-    monitor.take(in_steps(lived_in(ONSET_DAY, 1), ONSET_DAY))
+    monitor.follow(in_steps(lived_in(ONSET_DAY, 1), ONSET_DAY))
     return monitor.to_bytes()
 
 
@@ -39,7 +39,7 @@ def watched(
     monitor = HealthMonitor.from_bytes(known_well())
     steps = in_steps(sorted(intervals), DAYS)
     later = part(steps, ONSET_DAY * DAY, len(steps))
-    return monitor, *monitor.take(later, valid)
+    return monitor, *monitor.follow(later, valid)
 
 
 def without(sensor: int, begin: float = ONSET, end: float = math.inf) -> list[Interval]:
@@ -53,14 +53,14 @@ def without(sensor: int, begin: float = ONSET, end: float = math.inf) -> list[In
 
 @pytest.mark.parametrize("seed", [0, 2])
 def test_a_home_with_nothing_wrong_keeps_to_its_budget(seed: int) -> None:
-    begun, _ = HealthMonitor(SENSORS).take(in_steps(lived_in(DAYS, seed), DAYS))
+    begun, _ = HealthMonitor(SENSORS).follow(in_steps(lived_in(DAYS, seed), DAYS))
     # Four weeks at one a week; of a Poisson number with that mean 2 % are above 8.
     assert len(begun) <= 8
 
 
 def test_a_large_budget_tells_nothing_of_what_did_not_happen() -> None:
     steps = in_steps(lived_in(10, 1), 10)
-    begun, _ = HealthMonitor(SENSORS, "20/day").take(steps)
+    begun, _ = HealthMonitor(SENSORS, "20/day").follow(steps)
     assert {alarm.kind for alarm in begun} >= {"silent", "more"}
     for alarm in begun:
         assert alarm.evidence > 0
@@ -119,7 +119,7 @@ def test_a_repaired_sensor_is_well_and_the_repair_is_no_alarm() -> None:
 
 def test_nothing_is_said_before_enough_is_known() -> None:
     monitor = HealthMonitor(SENSORS)
-    begun, _ = monitor.take(in_steps(lived_in(2, 0), 2))
+    begun, _ = monitor.follow(in_steps(lived_in(2, 0), 2))
     assert begun == []
     assert not monitor.known.any()
     assert (monitor.health == 1).all()
@@ -131,11 +131,11 @@ def test_nothing_is_said_before_enough_is_known() -> None:
 def test_it_goes_on_from_its_bytes_bit_for_bit() -> None:
     steps = in_steps(lived_in(9, 5), 9)
     whole, first = HealthMonitor(SENSORS), HealthMonitor(SENSORS)
-    told = whole.take(steps)
+    told = whole.follow(steps)
     half = len(steps) // 2 + 7
-    early = first.take(part(steps, 0, half))
+    early = first.follow(part(steps, 0, half))
     second = HealthMonitor.from_bytes(first.to_bytes())
-    late = second.take(part(steps, half, len(steps)))
+    late = second.follow(part(steps, half, len(steps)))
     assert (early[0] + late[0], early[1] + late[1]) == told
     assert second.to_bytes() == whole.to_bytes()
 
@@ -143,9 +143,9 @@ def test_it_goes_on_from_its_bytes_bit_for_bit() -> None:
 def test_one_step_at_a_time_is_the_same() -> None:
     steps = in_steps(lived_in(6, 6), 6)
     whole, single = HealthMonitor(SENSORS), HealthMonitor(SENSORS)
-    whole.take(steps)
+    whole.follow(steps)
     for at in range(len(steps)):
-        single.take(part(steps, at, at + 1))
+        single.follow(part(steps, at, at + 1))
     assert single.to_bytes() == whole.to_bytes()
 
 
@@ -162,9 +162,9 @@ def test_what_cannot_be_is_refused() -> None:
     with pytest.raises(InvalidValueError, match=r"^alarms: must be a number a hour"):
         HealthMonitor(SENSORS, "often")
     with pytest.raises(ShapeError, match=r"^steps: must have 2 sensors"):
-        HealthMonitor(["a", "b"]).take(steps)
-    monitor.take(steps)
+        HealthMonitor(["a", "b"]).follow(steps)
+    monitor.follow(steps)
     with pytest.raises(InvalidValueError, match=r"^steps: must begin with"):
-        monitor.take(steps)
+        monitor.follow(steps)
     with pytest.raises(InvalidValueError, match=r"^data: must be a HealthMonitor"):
         HealthMonitor.from_bytes(b"nothing")

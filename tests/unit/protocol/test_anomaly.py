@@ -155,7 +155,7 @@ def test_what_rests_on_most_occasions_comes_first() -> None:
     # 0 implies 1 from the first; 2 implies 1, often.
     for bits in [(0, 0, 0), (1, 1, 0), *[(0, 1, 1), (0, 0, 0)] * 5, (0, 1, 0)]:
         snapshot.observe(bits)
-        history.enter(np.array(bits, np.bool_))
+        history.record(np.array(bits, np.bool_))
     graph = snapshot.poc_graph()
     found = AnomalyDetector(3).watch(14, graph, (1, 0, 1), None, snapshot, history)
     assert found is not None

@@ -45,7 +45,7 @@ class Watched:
                 self.begins.append(now)
                 self.judges.append(monitor.judge.copy())
                 self.learned.append(monitor.learned)
-            monitor.take(part(self.steps, at, at + 1))
+            monitor.follow(part(self.steps, at, at + 1))
             _note(monitor.judge, now + STEP, open_, self.mentions)
         self.mentions += [Mention(s, at, home.end) for s, at in open_.items()]
         self.mentions.sort(key=lambda mention: mention.begin)

@@ -46,7 +46,7 @@ class Watched:
         state = np.zeros(2 * len(self.body.sensors), np.bool_)
         state[: 2 * len(NAMES)] = complete(bits(before))
         observation = self.senses.observe(bits(after), action, state)
-        self.history.enter(observation)
+        self.history.record(observation)
         foretold = np.zeros(2 * len(NAMES), np.bool_)
         foretold[[2 * NAMES.index(name) for name in said.split()]] = True
         came = complete(observation[: len(NAMES)])

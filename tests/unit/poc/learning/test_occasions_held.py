@@ -21,7 +21,7 @@ CELLS = {(0, 0): 0, (0, 1): 1, (1, 0): 2, (1, 1): 3}
 def history_of(rows: list[list[float]]) -> History:
     history = History(SENSORS, LENGTH)
     for row in rows:
-        history.enter(np.array(row) == 1, ~np.isnan(row))
+        history.record(np.array(row) == 1, ~np.isnan(row))
     return history
 
 
