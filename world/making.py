@@ -32,10 +32,10 @@ def _maker(
         """Return a world of this kind.
 
         Args:
-            target: A place, or ``"drawn"``: one drawn at every reset. None: there is
+            target: A place, or ``"drawn"``: one drawn at every reset. None if there is
                 no target, and the world is bare.
-            wait: Whether there is an action that stays. None: where there is a target,
-                and in a kind that has it of itself.
+            wait: Whether there is an action that stays. If None, where there is a
+                target, and in a kind that has it of itself.
             arguments: The kind's own.
 
         Raises:

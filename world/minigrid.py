@@ -62,7 +62,7 @@ class Maze(gymnasium.Env[np.int64, np.int64]):
         layout: One of `LAYOUTS`.
         seed: Draws the layout, the place the agent begins at, and the goal.
         actions: What can be done, of `ACTIONS`.
-        render_mode: As in MiniGrid; None: it is never drawn.
+        render_mode: As in MiniGrid; None if it is never drawn.
 
     Attributes:
         P: For each state and action, ``[(1.0, next state, reward, end)]``.

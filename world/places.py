@@ -25,8 +25,8 @@ class PlacesWorld(gymnasium.Env[NDArray[np.int8], np.int64]):
         sensors: A name for each sensor.
         actions: A name for each action.
         moves: ``(actions, places)``; where an action leads from a place.
-        fields: ``(sensors, places)``; where each sensor is on. None: they are drawn at
-            a reset, by an override of `_begin`.
+        fields: ``(sensors, places)``; where each sensor is on. None if they are drawn
+            at a reset, by an override of `_begin`.
         wait: Whether to add a last action, ``wait``, that stays: [GK] "Closing the
             Loop" gives it to the excitation-driven agents.
 

@@ -144,8 +144,8 @@ class PuncturedGridWorld(PlaneWorld):
     Arguments:
         width: How many values x takes, at least 3. 11.
         height: How many values y takes, at least 3. 11.
-        hole: ``(x, y)``, the point removed, on no edge of the grid. None: the middle,
-            ``(width // 2, height // 2)``.
+        hole: ``(x, y)``, the point removed, on no edge of the grid. If None, the
+            middle, ``(width // 2, height // 2)``.
         wait: Whether there is a last action that stays. False.
 
     References:

@@ -53,7 +53,7 @@ class Target(
     Arguments:
         env: A `PlacesWorld`, or one in wrappers that leave observations and actions
             as they are.
-        target: The number of a place; None: it is drawn at every reset.
+        target: The number of a place; None if it is drawn at every reset.
 
     Attributes:
         sensors: The sensors' names, in the order of the observation.

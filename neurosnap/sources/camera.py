@@ -67,7 +67,7 @@ class Camera:
 
 
 def try_camera(source: Source, every: int) -> None:
-    """Draw a source that nobody uses yet, so that a run is refused before it starts.
+    """Draw a source before it is used, so that a run is refused before it starts.
 
     Args:
         source: It is reset.

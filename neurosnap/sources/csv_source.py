@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.protocol import Observed
-from neurosnap.sources.tables.csv_file import CsvFile, Row, TableRows
+from neurosnap.sources.tables.csv_file import CsvFile, TableRow, TableRows
 
 
 class CsvSource:
@@ -26,7 +26,7 @@ class CsvSource:
 
     def __init__(self, path: str) -> None:
         self._path = path
-        self._rows: Iterator[Row] | None = None
+        self._rows: Iterator[TableRow] | None = None
         rows = TableRows(CsvFile(path), Wanted())
         self.sensors = rows.sensors
         self.orders: tuple[int, ...] = (0,) * len(self.sensors)
@@ -60,14 +60,14 @@ class CsvSource:
         """
         if self._rows is None:
             raise NeurosnapError(f"{self._path}: step needs a call of first before")
-        # Not until the file ends: rows that were added meanwhile are nobody's.
+        # Not until the file ends: rows that were added meanwhile do not count.
         return self._next(self._rows) if self._left else None
 
     def close(self) -> None:
         """Close the file."""
         self._rows = None
 
-    def _next(self, rows: Iterator[Row], *, begins: bool = False) -> Observed:
+    def _next(self, rows: Iterator[TableRow], *, begins: bool = False) -> Observed:
         row = next(rows, None)
         if row is None:
             raise self._changed()
@@ -79,6 +79,6 @@ class CsvSource:
         return InvalidValueError(self._path, rule, "other contents")
 
 
-def _told(rows: TableRows) -> Iterator[Row]:
+def _told(rows: TableRows) -> Iterator[TableRow]:
     """Yield the rows in which something is known."""
     return (row for row in rows.rows() if row.known is None or row.known.any())

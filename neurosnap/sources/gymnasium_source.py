@@ -117,7 +117,7 @@ def _make(name: str, arguments: Mapping[str, Argument]) -> gymnasium.Env[Any, An
     Without its passive checker: that only warns, and what matters here is checked here.
     """
     with warnings.catch_warnings():
-        # Advice to whoever develops the environment; here it would be noise, and fatal
+        # Advice to developers of the environment; here it would be noise, and fatal
         # where warnings are errors.
         warnings.simplefilter("ignore")
         import_worlds()
@@ -133,7 +133,7 @@ def _make(name: str, arguments: Mapping[str, Argument]) -> gymnasium.Env[Any, An
         except gymnasium.error.Error as error:
             raise _unknown(name, identifier) from error
         except TypeError as error:
-            # The only way Gymnasium tells of an argument that an environment lacks.
+            # The only way Gymnasium names an argument that an environment lacks.
             if not arguments or "argument" not in str(error):
                 raise
             rule = f"must be ones that {name} takes"

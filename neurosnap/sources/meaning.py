@@ -44,9 +44,9 @@ class Comparison(NamedTuple):
     limit: float
     release: float | None = None
     """Off beyond this, on the other side; between the two, both included, as it was
-    before. None: off wherever it is not on."""
+    before. None if it is off wherever it is not on."""
     unit: str = ""
-    """What both are in, as `plain_unit` has it; empty: nobody said."""
+    """What both are in, as `plain_unit` has it; empty if that was not said."""
 
     @property
     def name(self) -> str:
@@ -109,7 +109,7 @@ class Wanted:
         patterns: Names, or patterns with ``*`` and ``?``; none: what a kind of data
             takes by itself.
         comparisons: Of sensors with numbers; these are read, too.
-        time: The name of the column with the time; None: ``time``, if it is the first.
+        time: The name of the column with the time; None for a first ``time``.
     """
 
     patterns: tuple[str, ...] = ()
@@ -153,7 +153,7 @@ class Reader:
 
     Args:
         name: Of the sensor.
-        comparison: None: values are words.
+        comparison: None if values are words.
     """
 
     def __init__(self, name: str, comparison: Comparison | None = None) -> None:
@@ -162,7 +162,7 @@ class Reader:
         self._before: bool | None = None
 
     def read(self, text: str) -> bool | None:
-        """Return what a value says; None: that nothing is known.
+        """Return what a value says; None if it is unknown.
 
         Raises:
             ValueError: It says nothing; the text is the rule.

@@ -162,7 +162,7 @@ class LiveArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     stale_after: Seconds | None = None
     """Seconds after which a reading is believed no more; None if it always is."""
     interval: Seconds | None = None
-    """Seconds between two ticks; None: a tick as soon as something changed."""
+    """Seconds between two ticks; None if each change is a tick."""
     min_interval: Annotated[float, msgspec.Meta(ge=0)] = 0.0
     """Without `interval`: seconds between two ticks at least."""
     max_interval: Seconds | None = None

@@ -9,13 +9,12 @@ from neurosnap.agent.body import Body
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.write.recorder import run_recorder
 from neurosnap.recording.write.rotation import SplitWriter
 from neurosnap.runtime.parts import coordinator_process
 from neurosnap.runtime.parts.coordinator_loop import Deadlines, run_coordinator
 from neurosnap.runtime.parts.hub_and_cell import run_cell
 from neurosnap.runtime.parts.job import take_part
-from neurosnap.runtime.parts.recorder_process import describe
+from neurosnap.runtime.parts.recorder_process import describe, run_recorder
 from neurosnap.runtime.parts.world_process import run_world
 from neurosnap.sources.open import open_source
 from tests.support.secured_hub import SWARM, Hub

@@ -40,7 +40,7 @@ class _Writer(Writer):
 
 
 class Recorder:
-    """Writes down what it hears, as `neurosnap.recording.write.recorder` does.
+    """Writes down what it hears, as `neurosnap.runtime.parts.recorder_process` does.
 
     Args:
         log: Where; must not exist yet.

@@ -94,7 +94,7 @@ class RunningNumbers:
         self._next.setdefault(sender, first)
 
     def receive(self, sender: str, sequence: int) -> bool:
-        """Take note of one message; constant time as long as they come in order.
+        """Count one message; constant time as long as they come in order.
 
         Args:
             sender: Who sent it.
@@ -120,7 +120,7 @@ class RunningNumbers:
         return False
 
     def _fill(self, sender: str, sequence: int) -> bool:
-        """Take `sequence` out of the sender's gaps; tell whether it was in one."""
+        """Take `sequence` out of the sender's gaps; return whether it was in one."""
         gaps = self._gaps.get(sender, [])
         index = bisect_right(gaps, sequence, key=_start) - 1
         if index < 0 or sequence >= gaps[index][1]:

@@ -161,7 +161,7 @@ class Layout(msgspec.Struct):
     gaps: list[Gap] = []
     """Where messages are missing that no damage of this file explains."""
     data_end: int | None = None
-    """Where the record starts that ends the data; None: it was not found."""
+    """Where the record starts that ends the data; None if it was not found."""
     summarized: bool = False
     """There is a summary, and its checksum is right."""
     sure: bool = False

@@ -47,7 +47,7 @@ def find_record(
     end: int,
     only: Collection[int] = (Opcode.CHUNK, Opcode.METADATA),
 ) -> int | None:
-    """Return where the first sure record starts in a range; None: there is none.
+    """Return where the first sure record starts in a range; None if there is none.
 
     Time: one pass over the range. What looks like a chunk and is none costs its own
     length; a file that is made of such is given up on after four times its size.

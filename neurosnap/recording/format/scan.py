@@ -222,7 +222,7 @@ def _file_attachment(layout: Layout, at: int, body: bytes) -> None:
 
 
 def _file_end(path: Path, file: BinaryIO, layout: Layout, at: int) -> None:
-    """Take over what is behind the data: the summary, whole, torn or damaged.
+    """Read what is behind the data: the summary, whole, torn or damaged.
 
     Args:
         path: The recording.
@@ -248,7 +248,7 @@ def _file_end(path: Path, file: BinaryIO, layout: Layout, at: int) -> None:
         why = str(error).removeprefix(f"{path}: ")
         layout.damage.append(Damage(start, layout.size, why, "nothing"))
         return
-    # In place: whoever looks at the layout looks at this one.
+    # In place: others refer to this layout.
     for name in ("metadata", "gaps", "damage", "chunks", "channels"):
         setattr(layout, name, getattr(whole, name))
     layout.attachments, layout.summarized = whole.attachments, True
@@ -259,7 +259,7 @@ def _file_end(path: Path, file: BinaryIO, layout: Layout, at: int) -> None:
 
 
 def _footer(file: BinaryIO, start: int, size: int) -> int | None:
-    """Return where the footer starts, going from record to record; None: nowhere."""
+    """Return where the footer starts, going from record to record; None if nowhere."""
     with suppress(ValueError):
         for opcode, body, after in heads(file, start, size):
             if opcode == Opcode.FOOTER and after - body == FOOTER.size:

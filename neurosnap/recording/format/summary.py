@@ -56,7 +56,7 @@ def summary_place(file: BinaryIO, size: int) -> tuple[int, int] | None:
 def read_summary(
     path: Path, file: BinaryIO, layout: Layout, start: int, end: int
 ) -> None:
-    """Take over what a summary says.
+    """Read what a summary says.
 
     Args:
         path: The recording.

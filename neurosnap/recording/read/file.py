@@ -126,7 +126,7 @@ class RecordingFile:
 
     @property
     def part(self) -> int | None:
-        """Which of the files of its run it is, from 0; None: it is the only one.
+        """Which of the files of its run it is, from 0; None if it is the only one.
 
         Raises:
             RecordingError: What it says of that is no number.
@@ -297,7 +297,7 @@ class RecordingFile:
         """Return the messages in the order they were recorded.
 
         Args:
-            topics: Only these, named as in `wire.TOPICS`; None: all. The others are
+            topics: Only these, named as in `wire.TOPICS`; if None, all. The others are
                 not decoded, and in a finished recording chunks without any of them
                 are not even unpacked.
             start: Only those recorded at this time or later, nanoseconds.

@@ -29,7 +29,7 @@ class OwnReadings(NamedTuple):
     known: NDArray[np.bool_]
     """``(n,)``, which readings are known. While learning is paused none is."""
     begins: bool = False
-    """Nobody listened before it."""
+    """Readings before it were missed."""
 
 
 def own_readings(message: wire.Observation, sent: int, body: Body) -> OwnReadings:

@@ -150,7 +150,7 @@ class TickIndex:
         return 0
 
     def keyframe(self, tick: int) -> wire.KeyFrame | None:
-        """Return the last key-frame at a tick or before; None: there is none.
+        """Return the last key-frame at a tick or before; None if there is none.
 
         Only chunks that are said to have one are unpacked.
         """
@@ -162,7 +162,7 @@ class TickIndex:
         return None
 
     def bands(self, frame: wire.KeyFrame) -> list[wire.Band]:
-        """Return what there is of a key-frame's bands."""
+        """Return the bands of a key-frame that are there."""
         found: list[wire.Band] = []
         number = max(0, self.chunk_of(frame.tick) - 1)
         stop = min(self.chunk_after(frame.tick + 1) + 2, len(self))

@@ -1,7 +1,7 @@
 """Iterates over ticks: reading, state and decision together.
 
 What belongs to a tick comes from several senders and so in any order, but never far
-apart: whoever sends it waits for the others. A tick is given out once it is whole and
+apart: each sender waits for the others. A tick is given out once it is whole and
 its turn has come; only what is under way is held in memory.
 """
 
@@ -20,7 +20,7 @@ WINDOW = 1024
 
 
 class Tick(msgspec.Struct):
-    """What was recorded of one tick; None: that was not."""
+    """What was recorded of one tick; None for what was not."""
 
     number: int
     observation: wire.Observation | None = None
@@ -57,7 +57,7 @@ class InOrder:
         self._closing = recording.closing
 
     def add(self, recorded: Recorded) -> list[Tick]:
-        """Take in a message of one of `TOPICS`; return the ticks whose turn has come.
+        """Add a message of one of `TOPICS`; return the ticks whose turn has come.
 
         Raises:
             RecordingError: Its tick was given out already.

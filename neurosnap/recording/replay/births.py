@@ -23,13 +23,13 @@ class RecordedBirth(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     """Its formula: an action, and the literals that must have held before it."""
     history: int | None
-    """How many ticks its weights came from; None: that is not recorded."""
+    """How many ticks its weights came from; None if that is not recorded."""
     exact: bool = True
     """Whether the tick is known; if not, `tick` is that of the first key-frame that has
     the sensor, and it was grown then or before."""
     retired: int | None = None
     """The tick whose decision retired it, or of the first key-frame in which it has;
-    None: it is read still."""
+    None if it is read still."""
 
 
 class Births:

@@ -65,7 +65,7 @@ class Learning:
 
         Args:
             observation: The observation.
-            decision: The tick's; it says which sensors come or go. None: none does.
+            decision: The tick's; it says which sensors come or go. None if none does.
 
         Raises:
             RecordingError: It is of another tick, or of other sensors.

@@ -60,7 +60,7 @@ class DifferenceError(NeurosnapError):
 
 
 def start_of(recording: Recording, tick: int = 0) -> Start | None:
-    """Return where to begin with a recording; None: with the run.
+    """Return where to begin with a recording; None if with the run.
 
     Args:
         recording: A run's.
@@ -83,7 +83,7 @@ class Replay:
 
     Args:
         recording: What to replay.
-        start: One of its key-frames, to begin there; None: with the run.
+        start: One of its key-frames, to begin there; None to begin with the run.
 
     Raises:
         RecordingError: It is not a run's, or the key-frame not one of it.
@@ -219,7 +219,7 @@ class Replay:
             )
 
     def _check_bands(self, frame: wire.KeyFrame) -> None:
-        """Hold the bands of a key-frame against what was learned, whoever sent them.
+        """Verify the bands of a key-frame against what was learned.
 
         One that is lost shows in its sender's numbers.
         """
@@ -439,7 +439,7 @@ class Replay:
     # Reading --------------------------------------------------------------------------
 
     def _read_until(self, found: Callable[[], bool]) -> bool:
-        """Read on until there is what is looked for; tell whether there is."""
+        """Read on until `found` holds; return whether it does."""
         while not found():
             recorded = next(self._messages, None)
             if recorded is None:
@@ -519,7 +519,7 @@ def is_stretch(band: wire.Band, arrays: Arrays) -> bool:
 
 
 def known_in(frame: wire.KeyFrame, options: RunOptions) -> NDArray[np.bool_] | None:
-    """Return which readings of a key-frame's tick were known: ``(N,)``; None: all.
+    """Return which readings of a key-frame's tick were known, ``(N,)``; None if all.
 
     Raises:
         ShapeError: It is of another number of sensors.

@@ -74,7 +74,7 @@ def find_resume_point(
 
     Args:
         log: Its recording; of several files the first, or the last.
-        most: Go on from no tick after this one. Whoever goes on with a run as it was
+        most: Go on from no tick after this one. A run that goes on as it was
             has to leave its last tick to be done: its end is a part of that.
 
     Raises:
@@ -306,7 +306,7 @@ def _ticks(replay: Replay, most: int | None) -> Iterator[int]:
 
 
 def _start(recording: Recording, most: int | None) -> Start | None:
-    """Return the key-frame to derive from; None: the start of the run.
+    """Return the key-frame to derive from; None for the start of the run.
 
     It is the last one behind which every cell, or worker, has reported, and not the
     last of all. A message that is lost shows in the numbers of what its sender says

@@ -20,7 +20,7 @@ class Arrival(NamedTuple):
     """When it came, nanoseconds since the epoch."""
 
 
-class Progress(NamedTuple):
+class CoordinatorProgress(NamedTuple):
     """How far the coordinator has come, by what it has said."""
 
     tick: int = 0
@@ -34,8 +34,8 @@ class Progress(NamedTuple):
     frame: int = 0
     """The tick of its last key-frame."""
 
-    def after(self, message: wire.Message) -> "Progress":
-        """Return how far it is with one more message of anybody."""
+    def after(self, message: wire.Message) -> "CoordinatorProgress":
+        """Return how far it is with one more message, of any sender."""
         match message:
             case wire.WaveStart(wave=wave) if wave > self.wave:
                 return self._replace(wave=wave)
@@ -87,7 +87,7 @@ class CausalOrder:
 
     def __init__(self, patience: int) -> None:
         self._patience = patience
-        self._said = Progress()
+        self._said = CoordinatorProgress()
         self._early: list[Arrival] = []
         self._behind: set[str] = set()  # who has something in there
 

@@ -2,8 +2,8 @@
 
 Waiting for the disk may take long, and the recorder must not. One file that has its end
 is saved at a time: a run that writes faster than the disk takes it waits there, so that
-no heap of files grows that a power cut would take. Of a file that grows nobody waits
-for the last sync; the next one begins after it.
+no heap of files grows that a power cut would take. A file that grows is not waited
+for at its last sync; the next one begins after it.
 
 A sync that failed is raised once, and what was written is given up: the system may have
 dropped it, so that a second sync would succeed and say nothing.
@@ -58,7 +58,7 @@ class FsyncThread:
                         sync_folder(path.parent)
                         self._named.add(path)
                 except FileNotFoundError:
-                    pass  # the folder was moved; whoever flushes notices
+                    pass  # the folder was moved; the next flush notices
                 except OSError as error:
                     rule = "must reach the disk"
                     got = f"{error.strerror} for {str(path)!r}"
@@ -103,7 +103,7 @@ class FsyncThread:
             saved.result()
 
     def close(self) -> None:
-        """End the thread, once it has saved what there is; may be called twice.
+        """End the thread, once it has saved all files; may be called twice.
 
         Raises:
             RecordingError: As `wait`; or a file that grew did not reach the disk.

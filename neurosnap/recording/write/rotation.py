@@ -45,7 +45,11 @@ from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.recording.format.completeness import Completeness, added_up
 from neurosnap.recording.format.records import CLOSING
 from neurosnap.recording.read.recording import part_path, part_paths
-from neurosnap.recording.write.causal_order import Arrival, CausalOrder, Progress
+from neurosnap.recording.write.causal_order import (
+    Arrival,
+    CausalOrder,
+    CoordinatorProgress,
+)
 from neurosnap.recording.write.copying import begin_recording, facts_of
 from neurosnap.recording.write.fsync_thread import FsyncThread
 from neurosnap.recording.write.writer import Writer
@@ -167,7 +171,7 @@ class SplitWriter:
         """Write one message into the file it belongs to; see `Writer.add`.
 
         Returns:
-            The message; None: it is foreign, and left out.
+            The message; None if it is foreign, and left out.
 
         Raises:
             RecordingError: The disk does not take what it is given, or a file exists
@@ -251,7 +255,9 @@ class SplitWriter:
             return False
         tick, wave = self._boundary.decision.tick, self._boundary.wave
         # The newest file begins with the key-frame of the tick, and its bands.
-        said = Progress(tick, wave, (tick + 1, 0), learn=tick, frame=tick - 1)
+        said = CoordinatorProgress(
+            tick, wave, (tick + 1, 0), learn=tick, frame=tick - 1
+        )
         if not said.is_before(message):
             return True
         self._pass(sender, sequence, older)

@@ -173,7 +173,7 @@ class Writer:
             self.write(message, delivery, log_time)
 
     def read(self, delivery: wire.Delivery) -> wire.Message | None:
-        """Return what was delivered; None: it is foreign, and counted as that."""
+        """Return what was delivered; None if it is foreign, and counted as that."""
         key, sequence, sent, payload = delivery
         try:
             message = wire.decode(key, payload)
@@ -221,7 +221,7 @@ class Writer:
             raise self._failed(error) from error
 
     def note_frame(self, frame: wire.KeyFrame, sent: int, log_time: int) -> None:
-        """Take note of the key-frame that may be the last.
+        """Remember the key-frame that may be the last.
 
         Args:
             frame: In this file, or the first of the next.
@@ -468,7 +468,7 @@ def _rescued(path: Path, descriptor: int) -> Path | None:
         descriptor: The file's; all that was written to it is flushed.
 
     Returns:
-        Where the copy is; None: the file has a name.
+        Where the copy is; None if the file has a name.
 
     Raises:
         OSError: It cannot be copied. There is no such copy then.

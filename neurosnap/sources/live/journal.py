@@ -74,7 +74,7 @@ class JournalRow(msgspec.Struct, frozen=True, array_like=True, tag="row"):
     known: bytes
     """Which of the readings are known, packed; empty if all are."""
     begins: bool = False
-    """It follows no action, since nobody listened before it."""
+    """It follows no action: readings before it were missed."""
     paused: bool = False
     """Nothing is to be learned from it."""
 
@@ -366,7 +366,7 @@ class Journal:
                 written += os.write(self._descriptor, data[written:])
         except OSError as error:
             with contextlib.suppress(OSError):
-                # Nobody reads on behind half a record.
+                # What follows half a record is never read.
                 os.ftruncate(self._descriptor, self._size)
                 os.lseek(self._descriptor, self._size, os.SEEK_SET)
             raise _failed("writable", error, self.folder) from error

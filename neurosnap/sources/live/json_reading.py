@@ -9,7 +9,7 @@ A whole reading, which gets a tick of its own; what it does not name is unknown:
     {"bits": {"door": true, "motion": 0}, "at": 1690000000.0}
     {"tick": 12, "bits": [1, 0]}
 
-The names, for whoever has not said them otherwise; before everything else::
+The names, where they are not given to the run; before everything else::
 
     {"sensors": ["door", "motion"]}
 
@@ -155,7 +155,7 @@ def too_long(size: object) -> InvalidValueError:
 
 
 def value(said: object) -> bool | None:
-    """Return what a sensor read; None: it does not know.
+    """Return what a sensor read; None if it does not know.
 
     Raises:
         InvalidValueError: `said` is no such value.

@@ -36,7 +36,7 @@ TOLERANCE = 1.0
 
 Bits: TypeAlias = NDArray[np.bool_]
 Spans: TypeAlias = float | Sequence[float | None] | None
-"""Seconds, one for all sensors or one a sensor; None: no such bound."""
+"""Seconds, one for all sensors or one a sensor; None if there is no such bound."""
 
 
 Combine: TypeAlias = Literal["any", "all", "last"]
@@ -58,7 +58,7 @@ class LatestReadings:
         stale_after: Seconds after which a reading is believed no more, above 0.
         seen_within: For sensors that are on while messages come: for how many seconds
             after one, above 0. Staleness means nothing for these.
-        combine: How the topics of each sensor combine; None: ``last`` for all.
+        combine: How the topics of each sensor combine; if None, ``last`` for all.
 
     Raises:
         InvalidValueError: There is no sensor, a name is none, or a span is not above 0.
@@ -116,7 +116,7 @@ class LatestReadings:
 
         Args:
             sensor: Whose, in [0, N).
-            on: What it read; None: it says itself that it does not know. A sensor with
+            on: What it read; None if it says that it does not know. A sensor with
                 `seen_within` is there whatever it says.
             at: When it was read.
             now: When it came, never before any time given earlier.
@@ -193,7 +193,7 @@ class LatestReadings:
         return on & ~(off & self._all), on | off | (now >= self._silent_from)
 
     def next_change(self, now: float) -> float | None:
-        """Return when `observation` changes next if nothing comes; None: never."""
+        """Return when `observation` changes next if nothing comes; None if never."""
         turns = np.concatenate((self._on_until, self._off_until, self._silent_from))
         ahead = turns[(turns > now) & np.isfinite(turns)]
         return float(ahead.min()) if ahead.size else None
@@ -229,7 +229,7 @@ class CombinedTopics:
 
         Args:
             topic: Whose.
-            on: What it says; None: nothing is known of the topic any more.
+            on: What it says; None if nothing is known of the topic any more.
             until: When it goes stale; never before any given earlier.
         """
         for said in self._until.values():

@@ -67,22 +67,22 @@ class Timing(NamedTuple):
     wall: Callable[[], float] = time.time
     """Seconds since the epoch, which is what readings are stamped in."""
     condition: threading.Condition | None = None
-    """The lock, and how to wait; None: one of its own."""
+    """The lock, and how to wait; if None, a new one."""
 
 
 class LiveSource:
     """A live `Source` over the latest readings and a schedule.
 
     Args:
-        latest: Holds the latest readings; nobody else may touch it from now on.
+        latest: Holds the latest readings; used by this source alone from now on.
         schedule: Says when a tick is due; likewise.
-        feeder: Is started with the first tick and stopped by `close`; None: whoever has
-            the source hands readings in.
+        feeder: Is started with the first tick and stopped by `close`; if None, the
+            owner of the source hands readings in.
         actions: The names of the atomic actions, one of which is taken at each step.
         actuate: Carries out the choice that `step` is called with, if there are
             actions; on the world's thread, so it should not take long.
-        journal: Where rows are written before they are given; None: nowhere.
-        most: Rows that there are to be at most; None: no bound.
+        journal: Where rows are written before they are given; None for nowhere.
+        most: Rows that there are to be at most; None for no bound.
         timing: For tests.
     """
 
@@ -122,7 +122,7 @@ class LiveSource:
         self._number = {name: k for k, name in enumerate(latest.sensors)}
         self._most = most
         self._rows = 0 if journal is None else journal.last  # rows there are, in all
-        self._fresh = True  # nobody has listened before the next row
+        self._fresh = True  # readings before the next row were missed
         self._waiting: deque[Observed] = deque()
         self._shown: Observed | None = None  # the last row, be it given or waiting
         self._turn = 0  # a waiting call ends when this has changed; see `let_go`
@@ -233,7 +233,7 @@ class LiveSource:
         """Write the latest readings down if they have changed and are due.
 
         Returns:
-            Seconds until they are due; 0: they were written. None: there is no change.
+            Seconds until they are due, 0 if they were written; None without a change.
         """
         seen = self._latest.observation(now)
         patience = self._patience(seen, now)
@@ -277,8 +277,8 @@ class LiveSource:
 
         Args:
             sensor: Its name.
-            on: What it read; None: it does not know.
-            at: When, in seconds since the epoch; None: now.
+            on: What it read; None if it does not know.
+            at: When, in seconds since the epoch; if None, now.
         """
         self.receive_all({sensor: on}, at)
 
@@ -333,8 +333,8 @@ class LiveSource:
         Where `WAITING` of them wait already, it is dropped and counted.
 
         Args:
-            readings: One a sensor; None: unknown. A reading without any known one is
-                taken in and gets no tick.
+            readings: One a sensor; None if unknown. A reading without any known one
+                gets no tick.
             at: When they were read, as for `receive`. Staleness and lateness do not
                 matter for its own tick, only for what is left as the latest.
             spare: It is not dropped: the feeder waits for room before it reads more.
@@ -399,7 +399,7 @@ class LiveSource:
     def listens(self, on: bool) -> None:
         """Note whether the feeder listens from now on; from any thread.
 
-        While nobody listens, silence says nothing of a sensor with `seen_within`. A
+        While it does not listen, silence says nothing of a sensor with `seen_within`. A
         feeder listens from its start, unless it says otherwise.
         """
         with self._condition:
@@ -519,7 +519,7 @@ class LiveSource:
         self._condition.wait(until if patience is None else min(until, patience))
 
     def _patience(self, seen: tuple[Bits, Bits], now: float) -> float | None:
-        """Return the seconds until `seen` is due; None: it makes no tick due."""
+        """Return the seconds until `seen` is due; None if it makes no tick due."""
         changed = self._is_change(seen)
         self._sensitive = True
         if not seen[1].any():
@@ -541,7 +541,7 @@ class ClockMapping:
     """Converts stamps; equal ones stay equal, and in order they stay in order.
 
     The difference of the two clocks is kept until it is clearly another one, because
-    somebody put the wall clock right: taken anew for each stamp it would jitter, and so
+    the wall clock was put right: taken anew for each stamp it would jitter, and so
     put equal ones in some order.
 
     Args:

@@ -20,7 +20,7 @@ from neurosnap.sources.live.journal import JournalRow
 from neurosnap.sources.live.latest_readings import Bits
 from neurosnap.sources.protocol import Observed
 
-_PATIENCE = 20.0  # seconds until somebody answers: it may have died, and be coming back
+_PATIENCE = 20.0  # seconds until the intake answers: it may be coming back
 _AGAIN = 0.02  # seconds between two tries
 
 
@@ -84,7 +84,7 @@ class RemoteSource:
         self.actions = actions
         self._address = address
         self._socket: socket.socket | None = None
-        self._asking = threading.Lock()  # held by whoever waits for an answer
+        self._asking = threading.Lock()  # held while an answer is waited for
         self._closed = False
 
     def go_on(self, tick: int) -> Bits | None:
@@ -125,7 +125,7 @@ class RemoteSource:
             The readings; None if the source is closed, or over.
 
         Raises:
-            PartDiedError: Nobody is there any more to take readings in.
+            PartDiedError: The intake is gone.
             NeurosnapError: What the source failed of.
         """
         match self._ask(Ask(action)):
@@ -137,7 +137,7 @@ class RemoteSource:
                 return row.observed(len(self.sensors))
 
     def close(self) -> None:
-        """Let go whoever waits; from any thread, also twice."""
+        """Wake a waiting caller; from any thread, also twice."""
         self._closed = True
         if self._socket is not None:
             with contextlib.suppress(OSError):  # the other end may be faster

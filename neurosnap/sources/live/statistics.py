@@ -67,7 +67,7 @@ class Refusals:
         self._strangers: set[str] = set()
 
     def refuse(self, text: str) -> None:
-        """Count one, and tell of it unless the last line is too recent.
+        """Count one, and log it unless the last line is too recent.
 
         Args:
             text: What it was, as ``name: rule, got value``.
@@ -97,7 +97,7 @@ class Refusals:
         )
 
     def flush(self) -> None:
-        """Tell how many were not told of since the last line, if any."""
+        """Log how many were not logged since the last line, if any."""
         if self._untold:
             _logger.warning("%d more were refused and are not shown", self._untold)
             self._untold = 0

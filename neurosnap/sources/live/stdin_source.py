@@ -1,9 +1,9 @@
 """Standard input as a source: one JSON reading per line; see `json_reading`.
 
 A whole reading is never skipped: what was read is handed in at once, and while too many
-wait for their tick nothing more is read: the pipe holds back whoever writes. Single
+wait for their tick nothing more is read: the pipe holds back the writer. Single
 readings become the latest ones, and the schedule decides when these are a tick. A line
-that is no reading is told of with its number, and the run goes on; the end of the input
+that is no reading is logged with its number, and the run goes on; the end of the input
 ends it in order.
 """
 
@@ -34,7 +34,7 @@ class StdinFeeder:
 
     Args:
         descriptor: Open for reading: a pipe, a terminal, a file. It is not closed.
-        head: The first line, with the blank ones before it, where somebody has read it
+        head: The first line, with the blank ones before it, where it was read
             already. A source that goes on with a run had what it says.
     """
 
@@ -99,7 +99,7 @@ class StdinFeeder:
 
     def _take(self, source: LiveSource, number: int, line: bytes | None) -> None:
         if source.is_full:
-            return  # the run has all its ticks: nobody asked for more
+            return  # the run has all its ticks
         place = f"{_NAME}:{number}"
         if line is None:
             source.refuse(str(within(place, too_long("a longer line"))))
@@ -114,7 +114,7 @@ def first_line(descriptor: int = STANDARD_INPUT) -> bytes:
     """Return the first line that is not blank, with those before it, and read no more.
 
     Waits for it. It comes without its line feed, and is read byte by byte, so that
-    whoever reads on misses nothing.
+    the feeder misses nothing.
 
     Raises:
         InvalidValueError: It is too long, or there is none.
@@ -174,12 +174,12 @@ class Lines:
         self._limit = limit
         self._number = 0
         self._begun: bytes | None = b""
-        """What there is of the next line; None: it is too long already."""
+        """The beginning of the next line; None if it is too long already."""
 
     def feed(self, piece: bytes) -> Iterator[tuple[int, bytes | None]]:
         """Yield the number and the text of every line that `piece` ends.
 
-        The text comes without its line feed; None: the line was too long.
+        The text comes without its line feed; None if the line was too long.
         """
         *ended, rest = piece.split(b"\n")
         for part in ended:

@@ -61,7 +61,7 @@ class OnChange:
     Args:
         min_interval: Seconds between two ticks at least, 0 or more.
         max_interval: Seconds between two ticks at most, changed or not; above 0, and
-            `min_interval` or more; None: without change there is no tick.
+            `min_interval` or more; None if there is no tick without change.
 
     Raises:
         InvalidValueError: An interval is out of its range.
@@ -113,7 +113,7 @@ def new_schedule(
     """Return the schedule that a table or arguments describe.
 
     Args:
-        interval: Seconds from tick to tick; None: a tick as soon as something changes.
+        interval: Seconds from tick to tick; None if each change is a tick.
         min_interval: Without `interval`: as for `OnChange`; 0: not given.
         max_interval: Without `interval`: as for `OnChange`.
 

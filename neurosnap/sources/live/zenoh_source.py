@@ -13,9 +13,9 @@ While the swarm is busy up to `WAITING` whole readings wait; then what comes is 
 and counted. Nothing here can hold a program back: a callback that blocks would stop
 every message of the process. Who needs a tick for each reading without exception waits
 for the ``state`` of one before putting the next. What is put before the world listens
-is lost; a declared publisher's matching status tells when it does.
+is lost; a declared publisher's matching status says when it does.
 
-What goes back is what parts tell each other anyway, as JSON: ``state`` (the state the
+What goes back is what parts send each other anyway, as JSON: ``state`` (the state the
 swarm believes in, ``literals`` packed and in base64), ``decision`` (the action) and
 ``observation`` (which readings made the tick). Under TLS a program that publishes shows
 the certificate of the role ``sensor``, and can do nothing else; one that listens shows

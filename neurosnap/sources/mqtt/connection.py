@@ -6,7 +6,7 @@ client library's own leftovers of a broken connection cannot mix with the next o
 
 Messages are handed over inside the library's callback, not queued: its queue, when
 full, drops the *newest* message, after the broker has been told that it arrived.
-Whoever receives must be quick and must not raise.
+The receiver must be quick and must not raise.
 
 What is wrong at the start is an error: a refused name or password and a certificate
 that is not trusted at once, anything else when the patience is over. Once connected, a
@@ -56,7 +56,7 @@ class MqttLink:
         broker: Where it is.
         role: What its client ids say after the common beginning.
         status: A topic that says ``online`` while it is connected and ``offline``
-            otherwise, retained, by a last will if need be; None: no such topic.
+            otherwise, retained, by a last will if need be; None if there is none.
         forget: At the end, let the broker forget the status and all that was held.
         filters: What to subscribe to, with QoS 1.
         receive: Takes what comes; is called in the loop of `serve`, must be quick and
@@ -215,7 +215,7 @@ class MqttLink:
                 await self._waiting.wait()
 
     def _batch(self) -> list[Outgoing]:
-        """Return what to send next; where there is nothing, `_waiting` tells of it."""
+        """Return what to send next; where there is nothing, clear `_waiting`."""
         with self._lock:
             batch = self._outbox.batch(time.monotonic())
             if not batch:
@@ -238,7 +238,7 @@ class MqttLink:
     async def _publish_one(self, client: aiomqtt.Client, message: Outgoing) -> None:
         """Publish `message`; it counts as sent once the broker has it.
 
-        With QoS 0 it does so from the start: nobody says whether it arrived, and it
+        With QoS 0 it does so from the start: whether it arrived is not known, and it
         must not come twice.
         """
         topic, payload, qos, retain = message
@@ -301,7 +301,7 @@ class MqttLink:
 
 
 def _trust(broker: MqttBroker) -> ssl.SSLContext | None:
-    """Return whom to trust; None: the connection is not encrypted."""
+    """Return whom to trust; None if the connection is not encrypted."""
     if not broker.tls:
         return None
     try:
@@ -374,7 +374,7 @@ class Backoff:
         return delay * self._rng.uniform(0.5, 1.0)
 
     def failed(self, error: Exception, lasted: float) -> None:
-        """Take note of how a connection ended.
+        """Note how a connection ended.
 
         Args:
             error: Of what.

@@ -83,7 +83,7 @@ class EmbeddedBroker:
             raise self._error
 
     def _bound(self) -> socket.socket:
-        """Return a socket of our own: the library would not tell which port it got."""
+        """Return a socket of our own: the library would not say which port it got."""
         bound = socket.socket()
         bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:

@@ -1,8 +1,8 @@
 """The options of an MQTT source; stored in the recording, without secrets.
 
 The password is named by where it is found, a file or a variable of the environment, and
-is read by whoever connects. Nothing here connects, and nothing here needs the library
-that does: a recording is read without it.
+is read where a connection is made. Nothing here connects, or needs the library that
+does: a recording is read without it.
 """
 
 import os
@@ -63,14 +63,14 @@ class MqttBroker(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     host: Text = "localhost"
     """Its name or address."""
     port: Annotated[int, msgspec.Meta(ge=1, le=65535)] | None = None
-    """Its port; None: 8883 with TLS and 1883 without."""
+    """Its port; if None, 8883 with TLS and 1883 without."""
     tls: bool = False
     """Whether the connection is encrypted and the broker's certificate checked. Without
     it a password crosses the network in the clear."""
     ca_file: Text | None = None
     """PEM certificates to trust instead of the system's; only with TLS."""
     username: Text | None = None
-    """Who connects; None: nobody in particular."""
+    """Who connects; None if the broker does not ask."""
     password_file: Text | None = None
     """A file whose first line is the password."""
     password_env: Text | None = None
@@ -114,7 +114,7 @@ class MqttBroker(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         return 8883 if self.tls else 1883
 
     def password(self) -> str | None:
-        """Return the password from where it is kept; None: there is none.
+        """Return the password from where it is kept; None if there is none.
 
         Raises:
             InvalidValueError: It is not there. The text names the place, never what was
@@ -156,10 +156,10 @@ class MqttSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """How the topics that match a filter with ``+`` or ``#`` are one sensor. "any": on
     where one is on, off where all are off; "all": on where all are on, off where one is
     off; topics that are stale or said nothing yet are left out. "last": as the latest
-    message of them all says. None: "any" with ``+`` or ``#``, or else "last"."""
+    message of them all says. If None, "any" with ``+`` or ``#``, or else "last"."""
     field: Text | None = None
     """The way to a field of a JSON payload, levels apart by dots, places in a list by
-    number (``climate.0.value``); None: the whole payload is meant."""
+    number (``climate.0.value``); None if the whole payload is meant."""
     on: tuple[Text, ...] = ON
     """Words that mean on, whatever their case."""
     off: tuple[Text, ...] = OFF
@@ -168,19 +168,20 @@ class MqttSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """On where a number is greater than this."""
     off_below: Number | None = None
     """With `on_above`: off only where it is smaller than this, and between the two, as
-    it was before, both included; None: off where it is not greater than `on_above`."""
+    it was before, both included; if None, off where it is not greater than
+    `on_above`."""
     on_below: Number | None = None
     """On where a number is smaller than this."""
     off_above: Number | None = None
     """With `on_below`: off only where it is greater than this; as `off_below`."""
     seen_within: Seconds | None = None
     """On where some message came in the last so many seconds, whatever it says, and off
-    otherwise. What the broker kept does not count: nobody knows when it came."""
+    otherwise. What the broker kept does not count: it may be old."""
     stale_after: Seconds | None = None
-    """Seconds after which a reading no longer counts; None: the source's own rule."""
+    """Seconds after which a reading no longer counts; if None, the source's own."""
     device_class: DeviceClass | None = None
     """What it senses, in Home Assistant's words, which show it with icons and words of
-    their own ("open", "detected"); None: plain on and off."""
+    their own ("open", "detected"); if None, plain on and off."""
 
     def __post_init__(self) -> None:
         if not is_filter(self.topic):
@@ -266,11 +267,11 @@ class MqttTick(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     """When a tick happens: by the clock, or on change."""
 
     interval: Seconds | None = None
-    """Seconds from tick to tick; None: a tick whenever a reading has changed."""
+    """Seconds from tick to tick; None for a tick whenever a reading has changed."""
     min_interval: Annotated[float, msgspec.Meta(ge=0, le=31_536_000)] = _LEAST
     """On change: seconds between two ticks at least."""
     max_interval: Seconds | None = None
-    """On change: seconds between two ticks at most; None: as many as it takes."""
+    """On change: seconds between two ticks at most; None for no limit."""
 
     def __post_init__(self) -> None:
         self.schedule()
@@ -302,8 +303,8 @@ class MqttPublish(
     there with its history, as unavailable, until the next run."""
     page: Text | None = None
     """Where Home Assistant's link "visit" leads, ``http://...`` or ``https://...``: a
-    dashboard, or a page of your own. None: no link. The page of ``--view`` is for this
-    machine only, and its address is a secret, so it is never published."""
+    dashboard, or a page of your own. None for no link. The page of ``--view`` is for
+    this machine only, and its address is a secret, so it is never published."""
 
     def __post_init__(self) -> None:
         if self.page is not None and not _is_address(self.page):
@@ -339,7 +340,7 @@ class MqttOptions(
     tick: MqttTick = MqttTick()
     """When a tick happens."""
     publish: MqttPublish | None = None
-    """What is published of the run; None: nothing but actions."""
+    """What is published of the run; if None, nothing but actions."""
 
     def __post_init__(self) -> None:
         Sensorium([sensor.name for sensor in self.sensors])

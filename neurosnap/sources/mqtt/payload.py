@@ -1,6 +1,6 @@
 """Converts MQTT payloads to on, off or unknown.
 
-A reading that breaks a rule changes nothing: whoever reads says what was wrong, and the
+A reading that breaks a rule changes nothing: an error says what was wrong, and the
 sensor keeps what it had until that is stale.
 """
 
@@ -102,7 +102,7 @@ class PayloadReader:
         self._compared: dict[str, bool] = {}
 
     def read(self, payload: Payload) -> bool | None:
-        """Return whether `payload` says on or off; None: it says unknown.
+        """Return whether `payload` says on or off; None if it says unknown.
 
         Raises:
             InvalidValueError: It says neither; the text has the topic and the first 40

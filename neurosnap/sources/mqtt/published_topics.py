@@ -125,7 +125,7 @@ def predictions(
     Args:
         names: The sensors' names: N of them.
         literals: ``(2N,)``, coherent.
-        known: ``(N,)``: which were read; None: all.
+        known: ``(N,)``: which were read; None if all were.
 
     Returns:
         A JSON object of names and ``ON`` or ``OFF``; of what neither was read nor is

@@ -1,6 +1,6 @@
 """Publishes a run's beliefs, predictions, decisions and anomalies.
 
-Only changes are published, each retained: whoever comes later is told how things are,
+Only changes are published, each retained: a program that comes later gets the latest,
 and a broker that was restarted is told again. An orderly end says ``offline`` and
 leaves the rest, so that Home Assistant keeps the device with its history; with
 `MqttPublish.forget` all of it is taken back.
@@ -46,7 +46,7 @@ class MqttPublisher:
         broker: Where to.
         publish: Under which topics.
         sensors: The names of all sensors of the run, contextual ones included.
-        own: How many of them, from the first on, are published; None: all.
+        own: How many of them, from the first on, are published; None if all are.
         actions: The names of the actions, one of which is taken at each step; none:
             nothing is decided.
         classes: What sensors sense, by their names, where that was said.
@@ -107,7 +107,7 @@ class MqttPublisher:
 
         Args:
             state: What the coordinator published.
-            known: ``(N,)``: which sensors were read at that tick; None: all.
+            known: ``(N,)``: which sensors were read at that tick; None if all were.
 
         Raises:
             ShapeError: It is the state of another number of sensors, or `known` is.
@@ -157,7 +157,7 @@ class MqttPublisher:
         """Publish that there is an anomaly now, or that there is none.
 
         Args:
-            record: What JSON can hold; None: there is none, and the last one stays to
+            record: What JSON can hold; None if there is none: the last one stays to
                 be looked at.
         """
         if record is not None:

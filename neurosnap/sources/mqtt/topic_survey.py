@@ -189,12 +189,12 @@ def _as_json(value: object) -> str:
 
 
 def _sensor(topic: str, field: str, values: list[str]) -> MqttSensor | None:
-    """Return a sensor without a name, or None: what was said is no sensor's."""
+    """Return a sensor without a name; None if what was said is no sensor's."""
     said = [msgspec.json.decode(value) for value in values]
     words = {
         word
         for value in said
-        if (word := _word(value)) not in UNKNOWN  # nor does it tell anything
+        if (word := _word(value)) not in UNKNOWN  # nor does it say anything
     }
     counts = any(type(value) in {int, float} for value in said)
     if not words or (counts and words != {"0", "1"}):

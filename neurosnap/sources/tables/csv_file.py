@@ -147,7 +147,7 @@ def _lines(
         raise InvalidValueError("source", rule, path) from error
 
 
-class Row(NamedTuple):
+class TableRow(NamedTuple):
     """One row."""
 
     time: str
@@ -155,7 +155,7 @@ class Row(NamedTuple):
     bits: NDArray[np.bool_]
     """``(N,)``."""
     known: NDArray[np.bool_] | None
-    """``(N,)``; None: all are."""
+    """``(N,)``; None if all are."""
 
 
 class TableRows:
@@ -193,7 +193,7 @@ class TableRows:
         except InvalidValueError as error:
             raise within(where, error) from error
 
-    def rows(self, on_progress: OnProgress | None = None) -> Iterator[Row]:
+    def rows(self, on_progress: OnProgress | None = None) -> Iterator[TableRow]:
         """Yield the rows below the header.
 
         Raises:
@@ -216,7 +216,7 @@ class TableRows:
             for reader in self._wanted.readers(name)
         ]
 
-    def _plain(self, data: bytes) -> Row | None:
+    def _plain(self, data: bytes) -> TableRow | None:
         """Return a row of CSV in which all cells are 0 or 1; None if it is another."""
         delimiter = self._file.delimiter.encode()
         time = b""
@@ -232,11 +232,11 @@ class TableRows:
             return None
         if not (letters[1::2] == delimiter[0]).all() or not time.isascii():
             return None
-        return Row(time.decode().strip(), bits, None)
+        return TableRow(time.decode().strip(), bits, None)
 
     def _row(
         self, line: int, cells: list[str], readers: list[tuple[int, Reader]]
-    ) -> Row:
+    ) -> TableRow:
         values: list[bool | None] = []
         for place, reader in readers:
             cell = cells[place]
@@ -251,8 +251,8 @@ class TableRows:
         time = cells[self._skipped] if self.timed and self._skipped is not None else ""
         bits = np.array([value is True for value in values], np.bool_)
         if None not in values:
-            return Row(time, bits, None)
-        return Row(time, bits, np.array([value is not None for value in values]))
+            return TableRow(time, bits, None)
+        return TableRow(time, bits, np.array([value is not None for value in values]))
 
 
 def _skipped(header: list[str], wanted: Wanted, where: str) -> int | None:

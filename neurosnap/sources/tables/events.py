@@ -33,7 +33,7 @@ class Events:
     """Takes events in any order; of those at the same time, the first comes first.
 
     Args:
-        initial: What sensors read before their first event; None: that is unknown.
+        initial: What sensors read before their first event; None if that is unknown.
     """
 
     def __init__(self, initial: bool | None = None) -> None:
@@ -42,19 +42,19 @@ class Events:
         self._times, self._who, self._said = array("d"), array("q"), array("b")
 
     def add(self, time: float, name: str, value: bool | None) -> None:
-        """Take in an event.
+        """Add an event.
 
         Args:
             time: Seconds since 1970.
             name: Of the sensor.
-            value: What it reads from then on; None: that is unknown.
+            value: What it reads from then on; None if that is unknown.
         """
         self._times.append(time)
         self._who.append(self._sensors.setdefault(name, len(self._sensors)))
         self._said.append(_UNKNOWN if value is None else int(value))
 
     def read(self, time: float, reader: Reader, text: str, where: str) -> None:
-        """Take in an event by what the data say of it.
+        """Add an event by what the data say of it.
 
         Raises:
             InvalidValueError: They say neither on nor off.
@@ -107,7 +107,7 @@ _MILLISECONDS = 1e11
 
 
 def roles(header: list[str], time: str | None = None) -> tuple[int, int, int] | None:
-    """Return which columns hold time, sensor and value; None: it is no log.
+    """Return which columns hold time, sensor and value; None if it is no log.
 
     Args:
         header: The names of the columns.

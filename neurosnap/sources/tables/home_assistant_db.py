@@ -57,7 +57,7 @@ def read_home_assistant(
     """
     uri = f"{Path(path).absolute().as_uri()}?mode=ro"
     if not Path(f"{path}-wal").exists():
-        # Nobody writes it now: no file is needed beside it, nor the right to make one.
+        # Not being written, it needs no file beside it, nor the right to make one.
         uri += "&immutable=1"
     try:
         with closing(sqlite3.connect(uri, uri=True)) as database:

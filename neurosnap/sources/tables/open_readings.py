@@ -33,7 +33,7 @@ def open_readings(
 
     Args:
         path: Where it is.
-        wanted: Which sensors to read, and how; None: what there is.
+        wanted: Which sensors to read, and how; if None, all there are.
         on_progress: Told how much is read, and of how much.
 
     Raises:

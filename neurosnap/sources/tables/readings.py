@@ -17,7 +17,7 @@ class Readings:
 
     columns: Columns
     times: Sequence[str] | None = None
-    """``(T,)``, as the data have them, or in UTC; None: there are none."""
+    """``(T,)``, as the data have them, or in UTC; None if there are none."""
 
     def moment(self, tick: int) -> str:
         """Return when a tick from 1 on was; nothing, if that is not known."""

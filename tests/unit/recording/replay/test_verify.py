@@ -1,4 +1,4 @@
-"""Recordings of runs with unknown readings, and of runs before reports had an epoch."""
+"""Recordings of runs with unknown readings, and with reports that were refused."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -7,7 +7,6 @@ import msgspec
 import pytest
 
 from neurosnap import wire
-from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
@@ -173,30 +172,3 @@ def test_what_was_refused_of_a_wave_that_settled_is_refused_again(
     verdict = verify(rewritten(log, lambda one: one.payload, before=before))
     assert (verdict.difference, verdict.complete) == (None, True)
     assert verdict.states == TICKS
-
-
-# Key-frames ---------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("change", ["less", "other"])
-def test_a_key_frame_holds_all_that_was_learned_and_nothing_else(
-    tmp_path: Path, change: str
-) -> None:
-    source = Scripted(rows(unknown=False), ACTIONS)
-    log = record(source, tmp_path / "log.mcap")
-
-    def altered(one: Recorded) -> bytes:
-        if not isinstance(one.message, wire.KeyFrame):
-            return one.payload
-        arrays = unpack_arrays(one.message.snapshot)
-        if change == "less":
-            del arrays["since"]
-        else:
-            arrays["marginals"] = arrays["marginals"] + arrays["marginals"].dtype.type(
-                1
-            )
-        packed = pack_arrays(arrays)
-        return wire.encode(msgspec.structs.replace(one.message, snapshot=packed))
-
-    verdict = verify(rewritten(log, altered))
-    assert verdict.difference is not None

@@ -19,11 +19,11 @@ from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
-from neurosnap.recording.write import recorder
 from neurosnap.recording.write.fsync_thread import FsyncThread
-from neurosnap.recording.write.recorder import run_recorder
 from neurosnap.recording.write.rotation import Split, SplitWriter
 from neurosnap.recording.write.writer import Writer
+from neurosnap.runtime.parts import recorder_process as recorder
+from neurosnap.runtime.parts.recorder_process import run_recorder
 from tests.support.recordings import EACH, NOW
 from tests.support.split_runs import EVERY, SMALL, upto
 

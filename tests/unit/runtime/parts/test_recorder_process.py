@@ -9,9 +9,9 @@ from neurosnap import wire
 from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.fabric.protocol import Place
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.write import recorder
-from neurosnap.recording.write.recorder import _Listener
 from neurosnap.recording.write.rotation import SplitWriter
+from neurosnap.runtime.parts import recorder_process as recorder
+from neurosnap.runtime.parts.recorder_process import _Listener
 from tests.support.recordings import EACH
 
 OAK, ELM = Place("oak", 4711), Place("elm", 2)
