@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
-from neurosnap.agent.default_threshold import default_threshold
 from neurosnap.agent.environment import Outing, describe, walk
 from neurosnap.agent.growth.birth import Birth, with_births
 from neurosnap.agent.growth.grower import ROOM
@@ -21,7 +20,7 @@ from neurosnap.agent.imagining_planner import STATES, ImaginingPlanner
 from neurosnap.agent.memory import AgentMemory
 from neurosnap.agent.planner import target_literals
 from neurosnap.agent.policies import Aims, new_policy
-from neurosnap.agent.policy import TRIES, AgentKind, Policy
+from neurosnap.agent.policy import TRIES, AgentKind, Policy, default_threshold
 from neurosnap.agent.senses import Senses
 from neurosnap.agent.tick import Mind, Sensed, answered_at_once, tick
 from neurosnap.errors import InvalidValueError, ShapeError

@@ -6,10 +6,10 @@ becomes an implication like any other, ``α∧a → b``, which a snapshot can le
 
 A *grown* contextual sensor has several literals, ``α∧(a₁∧…∧aₖ)``. It is on iff ``α``
 was taken where all of them held. One of them may be an action or a contextual sensor,
-on in the state before, which tells of the step before that: in ``α∧(β∧b)``, ``α`` was
+on in the state before, which is about the step before that: in ``α∧(β∧b)``, ``α`` was
 taken after ``β`` was taken where ``b`` held. A body gets these sensors one by one while
 it lives. It has room for so many from the start, behind all other sensors: no number
-ever changes, and what nobody has grown yet reads nothing.
+ever changes, and what is not grown yet reads nothing.
 
 References:
     [GK] "Algorithm: Computing the consequences of an action", eqn:context, where a

@@ -23,7 +23,7 @@ from neurosnap.wire import Decision
 
 @dataclass(frozen=True)
 class Description:
-    """What there is to sense and to do."""
+    """The sensors and actions of an environment."""
 
     sensors: tuple[str, ...]
     """The sensors' names; ``s0``, ``s1``, and so on where it has none for them."""
@@ -165,8 +165,8 @@ class Continuing(Autoreset):
 
     As in `gymnasium.wrappers.Autoreset`: that step resets, whatever the action is, with
     reward 0.0. But no end is ever reported. An action that is ignored is no action:
-    what is observed then is no consequence of it, and whoever learns from actions has
-    to know.
+    what is observed then is no consequence of it, and what learns from actions has to
+    know.
 
     Info says `begins`: whether the observation is a reset's, the caller's or its own,
     or of one the environment says so of; `episode`, counted from 0 since the last reset

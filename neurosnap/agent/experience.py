@@ -32,7 +32,7 @@ class Surprises:
         self._counts = np.zeros((actions + 1, 2), np.int64)  # trials, surprises
 
     def count(self, action: int, surprise: bool) -> None:
-        """Take in a trial; an action's or `BEGINNING`."""
+        """Count a trial of an action, or of `BEGINNING`."""
         self._counts[action] += (1, surprise)
 
     def share(self, action: int) -> float:
@@ -44,7 +44,7 @@ class Surprises:
         return float((surprises + 1) / (trials + 2))
 
     def arrays(self) -> Arrays:
-        """Return all there is to know, by name."""
+        """Return its whole state as arrays, by name."""
         return {"surprises": self._counts}
 
     def restore(self, arrays: Arrays) -> None:
@@ -167,7 +167,7 @@ class Experience:
         return bool((unsaid & telling & self.hopeless[action]).any())
 
     def give_up(self, hopeless: NDArray[np.bool_]) -> None:
-        """Take in which results of actions, ``(actions, 2n)``, are left to chance."""
+        """Leave results of actions, ``(actions, 2n)``, to chance."""
         self.hopeless = hopeless
         chance = hopeless.all(axis=0).reshape(-1, 2).all(axis=1)
         foreseen = np.ones_like(self._foreseen)
@@ -243,7 +243,7 @@ class Experience:
         self.met |= state
 
     def arrays(self) -> Arrays:
-        """Return all there is to know, by name."""
+        """Return its whole state as arrays, by name."""
         size = len(self.met)
         plan = self.plan or Plan((), np.zeros((0, size), np.bool_), "")
         octets = (size + 7) // 8

@@ -53,7 +53,7 @@ class ImaginingPlanner:
         target: Literals to be achieved jointly; none: to explore is all there is to do.
         seed: Draws among equals, and when to act at random.
         explore: The share of random actions, in [0, 1].
-        experience: What was met so far; whoever decides by this keeps it up to date.
+        experience: What was met so far; kept up to date by the caller.
         states: How many states a decision may imagine.
         curious: Whether to go to the nearest action with an unknown outcome where no
             plan leads to the target, unless what it does there is left to chance.

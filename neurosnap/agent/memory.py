@@ -247,7 +247,7 @@ class _Archive(Archived):
         self._arrays = arrays
 
     def arrays(self) -> Arrays:
-        """Return all there is to know, by name."""
+        """Return its whole state as arrays, by name."""
         return self._arrays
 
     @classmethod

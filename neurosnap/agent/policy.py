@@ -1,4 +1,4 @@
-"""The interface of a policy, and the kinds of policies.
+"""The interface of a policy, the kinds there are, and what is chosen unless told.
 
 A policy does not know who answers what it asks. In process it is the propagation over
 the graph, in a swarm it is waves: the decisions are the same. The paper's policies are
@@ -7,13 +7,14 @@ from tick to tick is in its `Experience`, so that it can be recorded.
 """
 
 from collections.abc import Callable, Generator, Sequence
-from typing import Literal, Protocol, TypeAlias
+from typing import Final, Literal, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
 from neurosnap.errors import InvalidValueError
+from neurosnap.poc.learning.thresholds import AUTO
 
 AgentKind: TypeAlias = Literal["walker", "excited", "planner"]
 
@@ -74,6 +75,31 @@ def decided(
     except StopIteration as end:
         action, why = end.value
         return action, why
+
+
+EXACT: Final = 1 / 100_000
+"""A threshold that allows for no exception in the first hundred thousand ticks."""
+
+
+def default_threshold(body: Body, discrete: bool) -> float | Literal["auto"]:
+    """Return the threshold of an empirical snapshot for which none is given.
+
+    In a world of discrete states an action leads to the same wherever the same is
+    sensed, or the sensors do not tell: one exception disproves a belief. What tolerates
+    exceptions takes what is rare there for noise: a goal, or what is done beside a
+    cliff. Where sensors are bins of what is continuous, each action has exceptions at
+    the edges of the bins, and a memory that allows for none believes nothing of use.
+
+    Args:
+        body: What is sensed and done.
+        discrete: Whether its world shows discrete states.
+
+    Returns:
+        `EXACT` for an agent that senses its actions in context, if the world is
+        discrete or it has room for sensors to be grown; otherwise ``"auto"``: each pair
+        of sensors chooses its own.
+    """
+    return EXACT if body.context and (discrete or body.room) else AUTO
 
 
 def checked_share(explore: float) -> float:

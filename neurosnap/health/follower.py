@@ -61,14 +61,14 @@ class Follower:
     def observe(
         self, on: Flags, known: Flags, at: float, *, begins: bool = False
     ) -> ReportedAlarm:
-        """Take in an observation.
+        """Observe a tick.
 
         Args:
             on: ``(N,)``, which sensors are on.
             known: ``(N,)``, which readings are known. One that is unknown is not on.
             at: When it was, seconds since 1970. One before the last counts as of its
                 time.
-            begins: Nobody listened before it: what was on meanwhile is unknown.
+            begins: Nothing was read before it: what was on meanwhile is unknown.
 
         Returns:
             What is said of the steps that were over by then. A step costs a millisecond
@@ -77,14 +77,14 @@ class Follower:
         if self._at is None:
             self._at, self._number = at, int(at // STEP)
         elif begins:
-            nobody = np.zeros(len(on), np.bool_)
-            self._read(nobody, nobody, self._at)
+            none = np.zeros(len(on), np.bool_)
+            self._read(none, none, self._at)
         said = self.until(at)
         self._read(on, known, max(at, self._at))
         return said
 
     def until(self, now: float) -> ReportedAlarm:
-        """Let time pass: a silence is one although nobody says so.
+        """Let time pass without an observation.
 
         Args:
             now: Seconds since 1970. Before the first observation it does nothing.

@@ -127,7 +127,7 @@ def per_step(rates: Floats, alone: Floats) -> Floats:
 def heard(active: Flags) -> Flags:
     """Return whether others were active lately, ``(steps, sensors)``.
 
-    A home in which nobody is says nothing about its sensors.
+    An empty home says nothing about its sensors.
     """
     sums = np.zeros((len(active) + 1, active.shape[1]), np.int64)
     np.cumsum(active, axis=0, out=sums[1:])

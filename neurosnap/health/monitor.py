@@ -207,7 +207,7 @@ class HealthMonitor(Archived):
         return 0.0
 
     def arrays(self) -> Arrays:
-        """Return all there is to know, by name."""
+        """Return its whole state as arrays, by name."""
         kept = slice(self._kept)
         head = {
             "names": np.array(self._names),

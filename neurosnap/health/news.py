@@ -36,7 +36,7 @@ class News(msgspec.Struct, frozen=True):
 def news(before: Standing | None, now: Standing) -> Iterator[News]:
     """Yield what is over, and then what was raised.
 
-    Whoever looks seldom misses an alarm that began and ended meanwhile.
+    An alarm that begins and ends between two looks is missed.
 
     Args:
         before: How they were; None if nothing was known of them.

@@ -5,10 +5,9 @@ from typing import Annotated, Any, Literal, TypeAlias
 import msgspec
 
 from neurosnap.agent.body import Body
-from neurosnap.agent.default_threshold import EXACT
 from neurosnap.agent.memory import AgentMemory
 from neurosnap.agent.policies import new_policy
-from neurosnap.agent.policy import EXPLORE, AgentKind, Policy
+from neurosnap.agent.policy import EXACT, EXPLORE, AgentKind, Policy
 from neurosnap.errors import InvalidValueError
 from neurosnap.health.budget import NEVER, parse_budget
 from neurosnap.poc.learning.history import LENGTH

@@ -11,9 +11,9 @@ from gymnasium.spaces import Box, Dict, Discrete, MultiBinary, Tuple
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.binary_sensors import BinarySensors
 from neurosnap.agent.body import Body
-from neurosnap.agent.default_threshold import EXACT, default_threshold
 from neurosnap.agent.environment import describe
 from neurosnap.agent.policies import new_policy
+from neurosnap.agent.policy import EXACT, default_threshold
 from neurosnap.agent.sensor import thresholds
 from neurosnap.apps.config.load import load
 from neurosnap.apps.config.prepare import prepare

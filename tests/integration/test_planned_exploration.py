@@ -7,7 +7,7 @@ import msgspec
 import pytest
 
 from neurosnap.agent.agent import Agent
-from neurosnap.agent.default_threshold import EXACT
+from neurosnap.agent.policy import EXACT
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.request import RunRequest

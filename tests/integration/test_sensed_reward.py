@@ -9,8 +9,8 @@ import pytest
 
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.binary_sensors import BinarySensors
-from neurosnap.agent.default_threshold import EXACT
 from neurosnap.agent.environment import Continuing
+from neurosnap.agent.policy import EXACT
 from neurosnap.agent.sensor import Sensor, Trajectory, one_hot, rewarded
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.recording.replay.verify import verify

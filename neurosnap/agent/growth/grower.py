@@ -175,7 +175,7 @@ class Grower:
         came: NDArray[np.bool_],
         ticks: int,
     ) -> Search[Context | None]:
-        """Take in what an action led to, and return the sensor to grow now, if any.
+        """Compare what an action led to with what it guaranteed; find a sensor to grow.
 
         The history that is asked must have the observation after it. Nothing is asked
         where all that came was guaranteed.
@@ -317,7 +317,7 @@ class Grower:
             yield from (trial.context for trial in trials)
 
     def arrays(self) -> Arrays:
-        """Return all there is to know, by name."""
+        """Return its whole state as arrays, by name."""
         # In the order of the numbers: one that was restored met them in another order.
         trials = [trial for _, many in sorted(self._trials.items()) for trial in many]
         rows = [

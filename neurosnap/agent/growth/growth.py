@@ -152,7 +152,7 @@ class Growth:
             self._said["retires"] = body.first_grown + place
 
     def arrays(self) -> Arrays:
-        """Return all there is to know, by name."""
+        """Return its whole state as arrays, by name."""
         found = {} if self._grower is None else self._grower.arrays()
         return self.history.arrays() | found
 

@@ -3,7 +3,7 @@
 What it guarantees of the world's own sensors, a part of its context guarantees as well.
 Or each of these was guaranteed, whenever it was on, by some other sensor that was on,
 too: so several wide contexts take the place of a narrow one that came first. If they do
-not where nobody has been yet, that is a surprise, and it is grown again.
+not where the agent has not been yet, that is a surprise, and it is grown again.
 """
 
 import numpy as np
@@ -77,7 +77,7 @@ def _not_covered(
     remembered = int(np.bitwise_count(was_on).sum())
     if not remembered:
         return results
-    # Where nobody has been for longer than the history is, others may be missing:
+    # Where it has not been for longer than the history is, others may be missing:
     # the sensor would retire, be missed, and be grown again, time and again.
     # (Shares of a discounted snapshot are at most 1: it forgets such times, too.)
     result = results[0]

@@ -1,6 +1,6 @@
 """Sensors that are grown or retire: as decisions say so, and as a snapshot takes it in.
 
-A decision carries all it takes, so that whoever follows a run learns of a birth what
+A decision carries all it takes, so that a reader of a run learns of a birth what
 the run did, without its history.
 """
 

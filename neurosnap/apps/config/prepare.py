@@ -17,7 +17,7 @@ import msgspec
 from msgspec import UNSET
 
 from neurosnap.agent.body import Body
-from neurosnap.agent.default_threshold import default_threshold
+from neurosnap.agent.policy import default_threshold
 from neurosnap.apps.config.load import Loaded
 from neurosnap.apps.config.problems import Keys, dotted
 from neurosnap.apps.config.recording_names import LOGS, free_path, new_path

@@ -104,7 +104,7 @@ def cubes_among(
     """Yield the cubes of `CellComplex.cubical`, vertices first.
 
     Args:
-        corners: As there.
+        corners: ``(vertices, n)`` bool, one corner of the ``n``-cube a row.
 
     Yields:
         A corner, ``(n,)`` bool, and the directions the cube extends in, ``(n,)`` bool;

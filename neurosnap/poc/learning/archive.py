@@ -39,7 +39,7 @@ class Archived(abc.ABC):
         cls._kinds[cls.__name__] = cls
 
     def to_bytes(self) -> bytes:
-        """Return all there is to know as the bytes of an ``.npz`` file.
+        """Return its whole state as the bytes of an ``.npz`` file.
 
         Equal contents give equal bytes.
         """
@@ -65,7 +65,7 @@ class Archived(abc.ABC):
 
     @abc.abstractmethod
     def arrays(self) -> Arrays:
-        """Return all there is to know, by name."""
+        """Return its whole state as arrays, by name."""
 
     @classmethod
     @abc.abstractmethod

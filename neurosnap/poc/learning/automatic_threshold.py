@@ -94,7 +94,7 @@ class Persistence:
         count_readings(bits, known, self._last, self.spells)
 
     def arrays(self) -> Arrays:
-        """Return all there is to know, by name."""
+        """Return its whole state as arrays, by name."""
         return {"spells": self.spells[0], "last": self._last}
 
     def restore(self, arrays: Arrays) -> None:

@@ -53,7 +53,7 @@ def stretches_of(
         cut = slice(pairs.start - own.start, pairs.stop - own.start)
         for name in OF_PAIRS:
             part = arrays.get(name, np.zeros(0))[..., cut]
-            # Where nobody shares, the rows of an array are one stretch.
+            # Where pairs are not shared, the rows of an array are one stretch.
             several = part.reshape(
                 (-1, len(pairs)) if shares and len(pairs) else (1, -1)
             )

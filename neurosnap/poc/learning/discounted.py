@@ -105,7 +105,7 @@ class DiscountedSnapshot(Snapshot):
         return 1.0
 
     def arrays(self) -> Arrays:
-        """Return all there is to know, by name."""
+        """Return its whole state as arrays, by name."""
         # Truncation rounds, and a difference at the very edge of the tolerance may
         # fall on its other side: so the codes are kept and not derived again.
         decay = np.array(self._decay)

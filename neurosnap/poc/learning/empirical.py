@@ -88,7 +88,7 @@ class EmpiricalSnapshot(Snapshot):
         return super().threshold if self._persistence is None else AUTO
 
     def arrays(self) -> Arrays:
-        """Return all there is to know, by name."""
+        """Return its whole state as arrays, by name."""
         if self._persistence is None:
             return super().arrays()
         # What was broken stands from one test to the next: that is in the codes.

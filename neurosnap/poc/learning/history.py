@@ -191,7 +191,7 @@ class History:
         return np.roll(flat, -first, axis=0)[: self.ticks].astype(np.bool_)
 
     def arrays(self) -> Arrays:
-        """Return all there is to know, by name."""
+        """Return its whole state as arrays, by name."""
         return {"on": self.on, "off": self.off, "next": np.array(self.tick, np.int64)}
 
     @classmethod

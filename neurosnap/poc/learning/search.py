@@ -76,7 +76,7 @@ Search: TypeAlias = Generator[Question, Answer, T]
 
 
 class Answering(Protocol):
-    """Whoever has a history."""
+    """Answers questions about a history."""
 
     def answer(self, question: Question) -> Answer:
         """Answer a question."""

@@ -215,7 +215,7 @@ class Snapshot(Archived):
         )
 
     def learn(self, bits: ArrayLike, known: ArrayLike | None = None) -> bool:
-        """Take in an observation: weights and graph follow, the state stays.
+        """Learn an observation: weights and graph change, the state stays.
 
         From the first observation with an unknown reading on, a snapshot takes four
         times the room, and longer to learn.
@@ -562,7 +562,7 @@ class Snapshot(Archived):
         """Set codes and rows to what goes with the weights just restored."""
 
     def arrays(self) -> Arrays:
-        """Return all there is to know, by name."""
+        """Return its whole state as arrays, by name."""
         self._settle()
         return {
             "names": np.array(self._sensorium.names, np.str_),

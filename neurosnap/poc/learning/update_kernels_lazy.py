@@ -245,7 +245,7 @@ def _write_limits(
 def _read(
     bits: NDArray[np.uint8], clock: int, marginals: NDArray[np.uint32], lag: Lag
 ) -> None:
-    """Take in the readings."""
+    """Record the readings, and count them in the marginals."""
     place = np.uint64(clock & 63)
     for j in range(bits.shape[0]):
         marginals[j] = np.uint32(marginals[j] + np.uint32(bits[j]))

@@ -37,32 +37,6 @@ def starfish(*actions: str) -> list[tuple[str, str]]:
 
 
 class TestSignals:
-    def test_a_pure_action_comes_alone_with_its_context(self) -> None:
-        body = Body.full(["a", "b"], ["go", "stay"])
-        state = array(body, "a", "b*", "stay", "stay&a", "go*")
-        signals = Actions(body).signals(state)
-        assert [set(one) for one in signals] == [
-            literals(body, "go", "go&a", "go&~b"),
-            literals(body, "stay", "stay&a", "stay&~b"),
-        ]
-
-    def test_what_the_state_does_not_know_is_in_no_context(self) -> None:
-        body = Body.full(["a", "b"], ["go"])
-        (signal,) = Actions(body).signals(array(body, "b"))
-        assert set(signal) == literals(body, "go", "go&b")
-        (nothing,) = Actions(body).signals(array(body))
-        assert set(nothing) == literals(body, "go")
-
-    def test_a_generalised_action_is_complete_and_has_all_contexts(self) -> None:
-        body = Body.full(["a"], ["x", "y"], exclusive=False)
-        signals = Actions(body).signals(array(body, "a*"))
-        assert [set(one) for one in signals] == [
-            literals(body, "x*", "y*"),
-            literals(body, "x", "y*", "x&~a"),
-            literals(body, "x*", "y", "y&~a"),
-            literals(body, "x", "y", "x&~a", "y&~a"),
-        ]
-
     def test_signals_are_plain_numbers_each_once(self) -> None:
         body = Body.full(["a", "b"], ["x", "y"], exclusive=False)
         for signal in Actions(body).signals(array(body, "a", "b")):
@@ -91,35 +65,11 @@ class TestAdmissible:
         possible = repertoire.admissible([relation.up(signal) for signal in signals])
         return possible.nonzero()[0].tolist()
 
-    def test_with_nothing_known_all_can_be_done(self) -> None:
-        body = Body.full(["a"], ACTIONS, exclusive=False)
-        assert self.able(body, graph(body), "a") == list(range(8))
-
     def test_a_starfish_has_the_pure_actions_and_none(self) -> None:
         # [GK] "Invoking Actions Synchronously".
         body = Body.full(["a"], ACTIONS, exclusive=False)
         relation = graph(body, *starfish(*ACTIONS))
         assert self.able(body, relation, "a") == [0, 0b001, 0b010, 0b100]
-
-    def test_an_action_that_comes_with_another_cannot_be_done_without(self) -> None:
-        body = Body.full(["a"], ["x", "y"], exclusive=False)
-        assert self.able(body, graph(body, ("x", "y"))) == [0b00, 0b10, 0b11]
-
-    def test_actions_that_exclude_each_other_by_way_of_a_third_sensor(self) -> None:
-        body = Body.full(["a"], ["x", "y"], exclusive=False)
-        relation = graph(body, ("x", "a"), ("a", "y*"))
-        assert self.able(body, relation) == [0b00, 0b01, 0b10]
-
-    def test_a_context_can_make_an_action_impossible_where_it_holds(self) -> None:
-        body = Body.full(["a"], ["x", "y"], exclusive=False)
-        relation = graph(body, ("x&a", "x*"))
-        assert self.able(body, relation, "a") == [0b00, 0b10]
-        assert self.able(body, relation, "a*") == [0b00, 0b01, 0b10, 0b11]
-
-    def test_contexts_that_contradict_each_other_forbid_nothing(self) -> None:
-        body = Body.full(["a", "b", "c"], ["x"], exclusive=False)
-        relation = graph(body, ("x&a", "c"), ("x&b", "c*"))
-        assert self.able(body, relation, "a", "b") == [0, 1]
 
     def test_a_context_against_what_an_action_always_does_forbids_it_there(
         self,
@@ -148,15 +98,6 @@ class TestAdmissible:
             taken = [tick % 4 == action for action in range(3)]
             snapshot.observe([tick % 5 < 2, *taken])
         assert self.able(body, snapshot.poc_graph()) == [0, 0b001, 0b010, 0b100]
-
-    def test_that_one_of_two_is_always_taken_is_learned(self) -> None:
-        body = Body(
-            own=("a",), actions=("x", "y"), exclusive=False, senses_actions=True
-        )
-        snapshot = EmpiricalSnapshot(Sensorium(body.sensors))
-        for tick in range(60):
-            snapshot.observe([tick % 5 < 2, tick % 2 == 0, tick % 2 == 1])
-        assert self.able(body, snapshot.poc_graph()) == [0b01, 0b10]
 
 
 class TestGuaranteed:

@@ -84,25 +84,6 @@ class TestActing:
             assert decision is acting.decision
         assert acting.snapshot.clock == 3
 
-    def test_the_step_is_sensed_and_learned(self) -> None:
-        acting = agent()
-        first = BODY.actions[acting.act([1, 0]).action]
-        assert times(acting) == {"a": 1}
-        # Everything seen once, the state is complete: a, and not b.
-        acting.act([0, 1])
-        assert times(acting) == dict.fromkeys(
-            ["a", "b", first, f"{first}&a", f"{first}&~b"], 1
-        )
-
-    def test_a_new_trajectory_follows_no_action_but_forgets_nothing(self) -> None:
-        acting = agent()
-        for _ in range(5):
-            acting.act([1, 0])
-        before = times(acting)
-        assert before["x"] + before["y"] == 4  # nothing went before the first
-        assert acting.act([1, 0], begins=True).tick == 6
-        assert times(acting) == before | {"a": 6}
-
     def test_it_goes_on_with_a_snapshot_that_has_learned(self) -> None:
         snapshot = EmpiricalSnapshot(Sensorium(BODY.sensors))
         old = Agent(BODY, Walker(2, 0), snapshot)
@@ -118,23 +99,6 @@ class TestActing:
         for _ in range(3):
             assert watching.act([1, 0]).action == -1
         assert as_set(watching.state) == {0, 3}
-
-    def test_what_is_unknown_is_neither_on_nor_off(self) -> None:
-        acting = agent()
-        known = np.array([True, False])
-        first = BODY.actions[acting.act([1, 1], known=known).action]
-        assert 0 in as_set(acting.state)
-        assert not as_set(acting.state) & {2, 3}
-        acting.act([1, 1])
-        # What it did is known, and where: but not whether that was with b or without.
-        sensors = Sensorium(BODY.sensors)
-        a, b, with_a = (sensors.literal(name) for name in ("a", "b", f"{first}&a"))
-        with_b, without_b = (f"{first}&b", f"{first}&~b")
-        counts = acting.snapshot
-        assert counts.evidence(a, b).total == 1
-        assert counts.evidence(a, with_a).total == 2
-        for name in (with_b, without_b):
-            assert counts.evidence(a, sensors.literal(name)).total == 1
 
     def test_who_says_what_is_known_may_use_the_same_array_again(self) -> None:
         acting, other = agent("planner"), agent("planner")
@@ -202,13 +166,6 @@ class TestActing:
             Agent(BODY, Walker(2, 0), EmpiricalSnapshot(2))
 
 
-def times(acting: Agent) -> dict[str, int]:
-    """How often each sensor was on, those that never were left out."""
-    counts = acting.snapshot.arrays()["marginals"].tolist()
-    names = acting.snapshot.sensorium
-    return {name: n for name, n in zip(names, counts, strict=True) if n}
-
-
 class TestConsequences:
     def test_what_was_learned_is_foreseen_by_name_and_by_number(self) -> None:
         body = Body.full(["a"], ["x", "y"])
@@ -223,16 +180,6 @@ class TestConsequences:
             assert bound[literal(leads)]
             assert not bound[literal(not_to)]
             assert (bound == acting.consequences(number)).all()
-
-    def test_to_ask_changes_nothing(self) -> None:
-        asking, other = agent(seed=2), agent(seed=2)
-        for tick in range(20):
-            bits = [tick % 2 == 0, tick % 3 == 0]
-            assert asking.act(bits) == other.act(bits)
-            asking.consequences("x")
-
-    def test_before_anything_is_seen_an_action_leads_to_itself(self) -> None:
-        assert as_set(agent().consequences("y")) == {2 * 3}
 
     def test_a_name_among_free_actions_is_that_action_alone(self) -> None:
         body = Body.full(["a"], ["x", "y", "z"], exclusive=False)
@@ -268,23 +215,11 @@ class TestOf:
         assert body == Body.full(Lamps.sensors, Lamps.actions, exclusive=False)
         assert len(body.choices) == 4
 
-    def test_attributes_of_a_wrapper_count(self) -> None:
-        class Renamed(gymnasium.Wrapper[Any, Any, Any, Any]):
-            sensors = ("low", "high", "better", "worse")
-
-        body = Agent.of(Renamed(Line()), "walker").body
-        assert body.own == Renamed.sensors
-        assert body.actions == Line.actions
-
     def test_an_unfit_environment_is_refused_by_its_name(self) -> None:
         env = Line()
         env.observation_space = Discrete(4)
         with pytest.raises(InvalidValueError, match=r"^Line: observation space: must"):
             Agent.of(env, "walker")
-
-    def test_a_world_without_drives_excites_nobody(self) -> None:
-        with pytest.raises(InvalidValueError, match=r"^agent excited: must have a"):
-            Agent.of(Lamps(), "excited")
 
     @pytest.mark.parametrize("discounted", [False, True])
     def test_who_smells_the_target_learns_to_keep_to_it(self, discounted: bool) -> None:

@@ -1,6 +1,5 @@
 """What a snapshot refuses, where it starts, and how far it counts."""
 
-import math
 from typing import TypeAlias
 
 import numpy as np
@@ -140,33 +139,6 @@ def test_a_weight_is_of_a_proper_pair() -> None:
         snapshot.weight(0, 4)
     assert type(snapshot.weight(0, 2)) is int
     assert type(DiscountedSnapshot(2).weight(0, 2)) is float
-
-
-@pytest.mark.parametrize("clock", [2**31 - 2, 2**31, 2**32 - 3])
-def test_counts_are_right_beyond_31_bits(clock: int) -> None:
-    tau, half = 1 / 8, clock // 2
-    snapshot = EmpiricalSnapshot(3, tau)
-    limit = math.ceil(tau * (clock + 1))
-    # Of s0 without s1 there is just too much, of s0 without s2 just little enough.
-    marginals = [half, half + 9, half + 9]
-    joints = [half - limit, half - limit + 1, half + 4]
-    snapshot._clock = clock
-    snapshot._weights.marginals[:] = marginals
-    snapshot._weights.joints[:] = joints
-    snapshot.learn([False, False, True])
-    edges = snapshot.poc_graph().edges
-    for i, j, joint in [(1, 0, joints[0]), (2, 0, joints[1]), (2, 1, joints[2])]:
-        x, y = marginals[i] + (i == 2), marginals[j] + (j == 2)
-        w = {(0, 0): joint, (0, 1): x - joint, (1, 0): y - joint}
-        w[1, 1] = clock + 1 - x - y + joint
-        for s, t in w:
-            assert snapshot.weight(2 * i + s, 2 * j + t) == w[s, t]
-            against = w[s, 1 - t]
-            others = [value for key, value in w.items() if key != (s, 1 - t)]
-            expected = against < min(tau * (clock + 1), *others)
-            assert edges[2 * i + s, 2 * j + t] == expected
-    assert edges[0, 4]
-    assert not edges[0, 2]
 
 
 def test_the_clock_stops_where_counts_would_overflow() -> None:
