@@ -177,10 +177,9 @@ def test_a_run_in_several_files_has_all_of_them(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("cells", ["process", "worker"])
-def test_in_processes_it_is_the_same(log: Path, tmp_path: Path, cells: str) -> None:
+def test_in_processes_it_is_the_same(log: Path, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
-    recorded_run(lake_run(cells=cells, workers=2), path)
+    recorded_run(lake_run(cells="worker", workers=2), path)
     assert_all_there(path)
     assert course(path) == course(log)
     here, there = images(log), images(path)
@@ -204,17 +203,6 @@ def test_the_command_line_takes_it(tmp_path: Path) -> None:
     happy("run", LAKE, *given)
     assert sorted(images(path)) == [1, 8, 15]
     assert Recording.open(path).options.frames == 7
-
-
-def test_a_file_takes_it(tmp_path: Path) -> None:
-    path = tmp_path / "run.mcap"
-    file = tmp_path / "run.toml"
-    file.write_text(
-        f'[source]\nkind = "world"\nid = "{LAKE}"\n[run]\nticks = 5\n[cells]\n'
-        f'kind = "inline"\n[recording]\npath = "{path}"\nframes = 4\n'
-    )
-    happy("run", file)
-    assert sorted(images(path)) == [1, 5]
 
 
 @pytest.mark.parametrize("source", ["neurosnap/Path-v0", "neurosnap/Grid-v0"])

@@ -73,9 +73,14 @@ def start_of(recording: Recording, tick: int = 0) -> Start | None:
     first = recording.begins
     start = last_start(recording, max(tick, first))
     if start is None and first:
-        rule = f"must hold the key-frame of tick {first}"
-        raise RecordingError(f"{recording.path}: {rule}, got none")
+        raise lacks_key_frame(recording)
     return start if tick or first else None
+
+
+def lacks_key_frame(recording: Recording) -> RecordingError:
+    """Return the error for a file that lacks the key-frame that it begins with."""
+    rule = f"must hold the key-frame of tick {recording.begins}"
+    return RecordingError(f"{recording.path}: {rule}, got none")
 
 
 class Replay:

@@ -33,7 +33,12 @@ from neurosnap.recording.read.recording import (
     part_paths,
 )
 from neurosnap.recording.read.stretches import stretches
-from neurosnap.recording.replay.replay import DifferenceError, Replay, start_of
+from neurosnap.recording.replay.replay import (
+    DifferenceError,
+    Replay,
+    lacks_key_frame,
+    start_of,
+)
 from neurosnap.sensorium import pack
 
 T = TypeVar("T")
@@ -122,13 +127,12 @@ def _resume_point_in(
     recording: Recording, stretch: Recording, lacks: bool, most: int | None
 ) -> tuple[RunOptions, ResumePoint]:
     """Find out where a run can go on in one stretch of its last file."""
-    options = recording.options
     tick, waves, state = _derive(stretch, most, lacks)
-    body = _body(recording, options, tick)
-    return options, ResumePoint(
+    actions, body = _taken(recording, tick)
+    return recording.options, ResumePoint(
         log=str(recording.path),
         tick=tick,
-        actions=_actions(recording, options, tick),
+        actions=actions,
         state=state,
         counts=_counts(recording, stretch, tick, waves),
         resumed=(*(t for t in recording.resumed if t < tick), tick),
@@ -320,8 +324,7 @@ def _start(recording: Recording, most: int | None) -> Start | None:
     }
     first = recording.begins
     if first and not begun:
-        rule = f"must hold the key-frame of tick {first}"
-        raise RecordingError(f"{recording.path}: {rule}, got none")
+        raise lacks_key_frame(recording)
     heard = min(_reported(recording).values(), default=0)
     behind = [tick for tick, waves in begun.items() if waves < heard]
     known = [tick for tick in behind if tick < max(begun)]
@@ -346,34 +349,23 @@ def _reported(recording: Recording) -> dict[str, int]:
     return last
 
 
-def _actions(recording: Recording, options: RunOptions, tick: int) -> tuple[int, ...]:
-    """Return the actions decided on at ticks 1 to `tick` - 1."""
-    if not options.body.actions:
-        return (-1,) * (tick - 1)
-    taken = {
-        decision.tick: decision.action
-        for decision in _decisions(recording)
-        if decision.tick < tick
-    }
-    actions = tuple(taken[before] for before in range(1, tick) if before in taken)
-    if len(actions) < tick - 1:
+def _taken(recording: Recording, tick: int) -> tuple[tuple[int, ...], Body]:
+    """Return the actions of the ticks before one, and what was sensed at that one.
+
+    Raises:
+        RecordingError: One of the decisions is missing.
+    """
+    body = recording.options.body
+    if not (body.actions or body.room):
+        return (-1,) * (tick - 1), body
+    found = {each.tick: each for each in _decisions(recording) if 0 < each.tick < tick}
+    if len(found) < tick - 1:
         rule = f"must have its decisions of ticks 1 to {tick - 1}, to do them again"
-        raise RecordingError(f"{recording.path}: {rule}, got {len(actions)}")
-    return actions
-
-
-def _body(recording: Recording, options: RunOptions, tick: int) -> Body:
-    """Return what was sensed when a tick's decision was taken."""
-    body = options.body
-    if not body.room:
-        return body
-    taken = {decision.tick: decision for decision in _decisions(recording)}
-    for before in range(1, tick):
-        if before not in taken:
-            rule = f"must have its decisions of ticks 1 to {tick - 1}, for what it grew"
-            raise RecordingError(f"{recording.path}: {rule}, lacks that of {before}")
-        body = body_after(body, taken[before])
-    return body
+        raise RecordingError(f"{recording.path}: {rule}, got {len(found)}")
+    decisions = [found[before] for before in range(1, tick)]
+    for decision in decisions if body.room else ():
+        body = body_after(body, decision)
+    return tuple(decision.action for decision in decisions), body
 
 
 def _decisions(recording: Recording) -> Iterator[wire.Decision]:

@@ -1,26 +1,44 @@
-"""A run says from where it went on."""
+"""A run says from where it went on, and one in several files goes on from the last."""
 
 from pathlib import Path
 
+import msgspec
 import pytest
 
+from neurosnap import wire
 from neurosnap.agent.body import Body
+from neurosnap.errors import RecordingError
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.replay.resume import find_resume_point
+from neurosnap.recording.read.recording import Recording, part_path
+from neurosnap.recording.replay.resume import find_resume_point, restore, whole_ticks
+from neurosnap.recording.replay.verify import verify
+from neurosnap.recording.write.rotation import SplitWriter
+from neurosnap.recording.write.writer import Writer
 from tests.golden.drive import drive, record
 from tests.golden.scenarios import rows
+from tests.support.course import course
+from tests.support.recorded_messages import first
 from tests.support.scripted_sources import Scripted
+from tests.support.split_runs import (
+    EVERY,
+    SMALL,
+    TICKS,
+    last_of,
+    made,
+    options_workers,
+    upto,
+    write,
+)
 
-TICKS, EVERY = 40, 10
+SHORT = 40
 OPTIONS = RunOptions(
     source="scripted",
     body=Body(own=tuple("abcdef")),
-    ticks=TICKS,
+    ticks=SHORT,
     threshold=0.06,
     keyframe_every=EVERY,
 )
-ROWS = rows(TICKS, 3)
+ROWS = rows(SHORT, 3)
 
 
 def test_a_run_that_got_no_further_says_once_where_it_went_on(tmp_path: Path) -> None:
@@ -42,3 +60,114 @@ def test_it_goes_on_from_any_tick(tmp_path: Path, tick: int) -> None:
     record(driven, OPTIONS, tmp_path / "log.mcap")
     _, past = find_resume_point(tmp_path / "log.mcap", tick)
     assert (past.tick, past.resumed) == (tick, (tick,))
+
+
+# In several files ---------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("small")
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.95])
+def test_a_run_goes_on_in_its_last_file(
+    whole: Path, tmp_path: Path, share: float
+) -> None:
+    workers = options_workers(whole)
+    paths = write(whole, tmp_path / "log.mcap", Recording.open(whole).messages())
+    for number in (4, 5, 6):
+        if number > 4:
+            paths[number].unlink()
+    data = paths[4].read_bytes()
+    chunks = Recording.open(paths[4]).files[0].layout.chunks
+    at = chunks[int(share * len(chunks))].offset
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(data[:at])
+    paths[4].write_bytes(data[:at])
+    _, past = find_resume_point(paths[0])
+    assert (past.log, past.part, past.begins) == (str(paths[4]), 4, 4 * EVERY)
+    assert 4 * EVERY <= past.tick < 5 * EVERY
+    assert past.tick == whole_ticks(paths[0])
+    assert len(past.actions) == past.tick - 1
+    paths[4].unlink()
+    past = msgspec.structs.replace(past, log=str(cut))
+    made(tmp_path / "log.mcap", workers, past)
+    assert not part_path(cut, 4).exists()
+    again = verify(paths[0])
+    assert (again.difference, again.complete, again.ticks) == (None, True, TICKS)
+    assert verify(paths[4]).same
+    assert course(paths[0]) == course(whole)
+
+
+def test_a_key_frame_is_no_proof_that_all_before_it_is_there(
+    whole: Path, tmp_path: Path
+) -> None:
+    """Somebody's messages are lost from before a key-frame on, and nobody else's."""
+    recorded = list(Recording.open(whole).messages())
+    lost = recorded[last_of(recorded, 2 * EVERY)]
+    log, who = tmp_path / "log.mcap", lost.message.sender
+    with Writer(log) as writer:
+        writer.start(Recording.open(whole).metadata)
+        for one in recorded[: len(upto(recorded, 3 * EVERY)) + 1]:
+            if one.message.sender != who or one.sequence < lost.sequence:
+                writer.add(one.delivery, one.log_time)
+    _, past = find_resume_point(log)
+    assert past.tick == 2 * EVERY - 1
+    core = restore(past, TICKS)
+    assert (core.tick, core.in_flight) == (past.tick, ())
+    assert whole_ticks(log) == past.tick
+
+
+def test_nor_is_the_key_frame_that_another_file_begins_with(
+    whole: Path, tmp_path: Path
+) -> None:
+    """The last message before it is lost, and its sender says nothing behind it."""
+    recorded = list(Recording.open(whole).messages())
+    place, _ = first(recorded, wire.KeyFrame, lambda frame: frame.tick == 2 * EVERY)
+    lost, log = last_of(recorded, 2 * EVERY), tmp_path / "log.mcap"
+    with SplitWriter(log, Recording.open(whole).metadata, split=SMALL) as writer:
+        for number, one in enumerate(recorded[: place + 1]):
+            if number != lost:
+                writer.add(one.delivery, one.log_time)
+        # So long after that nobody waits any more, and the file before gets its end.
+        late = recorded[place + 1]
+        writer.add(late.delivery, late.log_time + 10**12)
+        writer.flush(late.log_time + 10**12)
+    assert Recording.open(part_path(log, 1)).cut is None
+    assert Recording.open(part_path(log, 2)).begins == 2 * EVERY
+    _, past = find_resume_point(log)
+    assert (past.tick, past.part) == (2 * EVERY - 1, 1)
+    assert whole_ticks(log) == past.tick
+
+
+def test_what_is_restored_is_derived_from_the_last_key_frame_alone(
+    whole: Path, tmp_path: Path
+) -> None:
+    """What was looked back on goes no further back: there it may lack something."""
+    recorded = list(Recording.open(whole).messages())
+    _, past = find_resume_point(whole, 3 * EVERY + 5)
+    del recorded[last_of(recorded, 3 * EVERY)]
+    log = tmp_path / "log.mcap"
+    with Writer(log) as writer:
+        writer.start(Recording.open(whole).metadata)
+        for one in recorded:
+            writer.add(one.delivery, one.log_time)
+    core = restore(msgspec.structs.replace(past, log=str(log)), TICKS)
+    assert (core.tick, core.in_flight) == (3 * EVERY + 5, ())
+
+
+def test_behind_a_file_without_end_nothing_counts(whole: Path, tmp_path: Path) -> None:
+    """What a file lacks at its end, the next one is based on."""
+    paths = write(whole, tmp_path / "log.mcap", Recording.open(whole).messages())
+    layout = Recording.open(paths[2]).files[0].layout
+    paths[2].write_bytes(paths[2].read_bytes()[: layout.chunks[-8].offset])
+    _, past = find_resume_point(paths[0])
+    assert (past.part, past.begins) == (2, 2 * EVERY)
+    assert 2 * EVERY <= past.tick < 3 * EVERY
+
+
+def test_without_its_first_files_a_world_that_acts_cannot_go_on(
+    whole: Path, tmp_path: Path
+) -> None:
+    paths = write(whole, tmp_path / "log.mcap", Recording.open(whole).messages())
+    paths[1].unlink()
+    rule = r"must have its decisions of ticks 1 to 59, to do them again, got 49"
+    with pytest.raises(RecordingError, match=rule):
+        find_resume_point(paths[6])
