@@ -49,7 +49,7 @@ async def test_one_senders_messages_keep_their_order_whatever_their_key_and_size
             wire.Leave("sender"),
         )
     ]
-    keys = ("keyframe", "excite/**", "inhibit/**", "leave/**")
+    keys = ("keyframe", "pulse/**", "leave/**")
     async with listening(network, *keys) as heard, network.end("sender") as sender:
         for message in messages:
             sender.publish(message)
@@ -60,21 +60,21 @@ async def test_one_senders_messages_keep_their_order_whatever_their_key_and_size
 
 async def test_a_key_expression_picks_its_messages(network: Network) -> None:
     async with (
-        listening(network, "excite/1/**", "inhibit/**") as some,
+        listening(network, "pulse/*/cell/1", "leave/**") as some,
         listening(network, "**", who="all") as everything,
         network.end("sender") as sender,
     ):
         for target in range(8):
-            sender.publish(wire.Pulse(1, 0, target, 1, 0))
+            sender.publish(wire.Pulse(1, target % 4, target, 1, 0))
         sender.publish(wire.Leave("sender"))
         await everything.wait(9)
         await some.wait(5)
         assert [d.key for d in some.deliveries] == [
-            "inhibit/0/cell/0",
-            "excite/1/cell/0",
-            "inhibit/1/cell/0",
-            "inhibit/2/cell/0",
-            "inhibit/3/cell/0",
+            "pulse/1/cell/1",
+            "pulse/1/cell/1",
+            "pulse/3/cell/1",
+            "pulse/3/cell/1",
+            "leave/sender",
         ]
 
 
