@@ -17,13 +17,13 @@ from neurosnap.fabric.events import wait_any
 from neurosnap.health.news import Standing
 from neurosnap.runtime.child_processes import ChildProcesses
 from neurosnap.runtime.parts.job import (
+    Advanced,
     Done,
     Failed,
     Grown,
     Health,
     Job,
     PartConnection,
-    Progress,
     Ready,
     Report,
 )
@@ -120,7 +120,7 @@ class Supervisor:
         match report:
             case Ready():
                 part.ready.set()
-            case Progress(tick=tick):
+            case Advanced(tick=tick):
                 self.has_begun = True
                 self._pass_on(self._watcher.on_tick, tick)
             case Grown(changes=changes):

@@ -41,7 +41,7 @@ class Ready(msgspec.Struct, frozen=True, tag=True):
     who: str
 
 
-class Progress(msgspec.Struct, frozen=True, tag=True):
+class Advanced(msgspec.Struct, frozen=True, tag=True):
     """The part has come so far."""
 
     who: str
@@ -78,7 +78,7 @@ class Failed(msgspec.Struct, frozen=True, tag=True):
     """It would be able to if another part had not died."""
 
 
-Report: TypeAlias = Ready | Progress | Grown | Health | Done | Failed
+Report: TypeAlias = Ready | Advanced | Grown | Health | Done | Failed
 
 _encode = msgspec.json.encode
 _decoder: msgspec.json.Decoder[Report] = msgspec.json.Decoder(Report)
@@ -134,7 +134,7 @@ class Reporter:
         if now < self._next_progress and not is_next:
             return
         self._tick, self._next_progress = tick, now + _PROGRESS
-        self._send(Progress(self._who, tick))
+        self._send(Advanced(self._who, tick))
 
     def changed(self, changes: list[Changed]) -> None:
         """Say what was grown or retired. Only for parts with a pipe of their own."""

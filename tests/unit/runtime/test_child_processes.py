@@ -9,7 +9,7 @@ from multiprocessing.connection import Connection
 import msgspec
 import pytest
 
-from neurosnap.runtime.parts.job import Done, Failed, Progress, Reporter, read_report
+from neurosnap.runtime.parts.job import Advanced, Done, Failed, Reporter, read_report
 
 
 class Line(Connection):
@@ -46,9 +46,9 @@ def test_reports_of_two_threads_come_one_after_the_other() -> None:
     for thread in (last, between):
         thread.join()
     done, progress = (
-        msgspec.json.decode(one, type=Done | Progress) for one in line.said
+        msgspec.json.decode(one, type=Done | Advanced) for one in line.said
     )
-    assert (type(done), type(progress)) == (Done, Progress)
+    assert (type(done), type(progress)) == (Done, Advanced)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from neurosnap.agent.growth.changed import Changed
 from neurosnap.health.alarm import AlarmProgress
 from neurosnap.health.news import Standing
 from neurosnap.runtime.launch import Jobs, _parts_here, host_jobs
-from neurosnap.runtime.parts.job import Grown, Health, PartContext, Progress, Report
+from neurosnap.runtime.parts.job import Advanced, Grown, Health, PartContext, Report
 from neurosnap.runtime.request import Site, Watcher
 from neurosnap.runtime.supervisor import Supervisor
 
@@ -45,7 +45,7 @@ def test_what_parts_report_is_passed_on_in_order() -> None:
     grown = Changed(4, 24, "press&a&b")
     now = [Standing(step, AlarmProgress(9, 40, 0, 2)) for step in (7, 8)]
     health = [Health(who, msgspec.Raw(msgspec.json.encode(each))) for each in now]
-    come = [Progress(who, tick) for tick in (3, 4, 4)]
+    come = [Advanced(who, tick) for tick in (3, 4, 4)]
     reported(supervisor, *come, Grown(who, [grown]), *health)
     assert (ticks, changes, standings) == ([3, 4, 4], [grown], now)
     assert supervisor.health == now[-1]
@@ -59,7 +59,7 @@ async def test_an_error_of_the_watcher_ends_the_run_and_it_is_called_no_more() -
         raise LookupError("no such part")
 
     supervisor = Supervisor(watcher=Watcher(refuse))
-    come = [Progress("coordinator", tick) for tick in (1, 2)]
+    come = [Advanced("coordinator", tick) for tick in (1, 2)]
     reported(supervisor, *come)
     with pytest.raises(LookupError, match="no such part"):
         await supervisor.wait(asyncio.Event())

@@ -15,11 +15,11 @@ from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.run import run
 from tests.support.restart_runs import names, options_of
 
+Recordings = dict[tuple[int, int], bytes]
+
 
 @pytest.fixture(scope="module")
-def recordings(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> dict[tuple[int, int], bytes]:
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> Recordings:
     """Finished recordings, by their ticks and their seed."""
     folder, found = tmp_path_factory.mktemp("runs"), {}
     for ticks, seed in ((5, 3), (30, 3), (60, 3), (30, 4)):
@@ -66,9 +66,7 @@ def gone_on(
     return lives.go_on(lives.furthest(options), before)[1]
 
 
-def test_a_damaged_recording_is_kept_beside(
-    log: Path, recordings: dict[tuple[int, int], bytes]
-) -> None:
+def test_a_damaged_recording_is_kept_beside(log: Path, recordings: Recordings) -> None:
     log.write_bytes(recordings[30, 3])
     bad = flipped(recordings[30, 3], in_chunk(log))
     log.write_bytes(bad)
@@ -86,7 +84,7 @@ def test_a_damaged_recording_is_kept_beside(
 
 
 def test_a_recording_whose_length_is_damaged_is_no_cut_one(
-    log: Path, recordings: dict[tuple[int, int], bytes]
+    log: Path, recordings: Recordings
 ) -> None:
     log.write_bytes(recordings[30, 3])
     chunks = Recording.open(log).files[0].layout.chunks
@@ -104,7 +102,7 @@ def test_a_recording_whose_length_is_damaged_is_no_cut_one(
 
 
 def test_what_the_recording_holds_is_not_kept(
-    log: Path, recordings: dict[tuple[int, int], bytes]
+    log: Path, recordings: Recordings
 ) -> None:
     log.write_bytes(recordings[30, 3])
     lives = RestartFiles(log)
@@ -122,7 +120,7 @@ def test_what_the_recording_holds_is_not_kept(
 
 
 def test_readings_that_another_life_did_not_see_are_kept(
-    log: Path, recordings: dict[tuple[int, int], bytes]
+    log: Path, recordings: Recordings
 ) -> None:
     log.write_bytes(recordings[30, 3])
     lives = RestartFiles(log)
@@ -137,7 +135,7 @@ def test_readings_that_another_life_did_not_see_are_kept(
 
 
 def test_what_is_kept_gets_the_next_free_name(
-    log: Path, recordings: dict[tuple[int, int], bytes]
+    log: Path, recordings: Recordings
 ) -> None:
     earlier = log.with_name("run.damaged-1.mcap")
     earlier.write_bytes(b"of an earlier run")
@@ -181,7 +179,7 @@ def test_a_file_behind_a_damaged_one_is_gone_on_from(log: Path) -> None:
 
 def test_who_is_killed_between_two_steps_leaves_every_tick(
     tmp_path: Path,
-    recordings: dict[tuple[int, int], bytes],
+    recordings: Recordings,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     rename, unlink, steps = Path.rename, Path.unlink, [0]
@@ -238,7 +236,7 @@ def test_who_is_killed_between_two_steps_leaves_every_tick(
 
 
 def test_of_two_lives_that_saw_other_things_none_is_deleted(
-    log: Path, recordings: dict[tuple[int, int], bytes]
+    log: Path, recordings: Recordings
 ) -> None:
     log.write_bytes(recordings[30, 4])
     log.with_name("run.mcap.broken").write_bytes(recordings[60, 3])
