@@ -101,7 +101,7 @@ async def test_what_fails_a_part_comes_out_of_serve_once_first(
 async def test_only_one_key_can_be_polled(network: Network) -> None:
     async with network.end("part") as end:
         with pytest.raises(InvalidValueError, match=r"^keys: must be one where it is"):
-            await end.subscribe(("state", "decide"), Heard(), poll=0.01)
+            await end.subscribe(("state", "decision"), Heard(), poll=0.01)
 
 
 # The hub ------------------------------------------------------------------------------
