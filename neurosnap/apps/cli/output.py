@@ -353,6 +353,7 @@ def changed_line(changed: Changed) -> str:
     """Return what is said when a sensor is grown, or read no more.
 
     Example:
+        >>> from neurosnap.agent.growth.changed import Changed
         >>> changed_line(Changed(tick=83, sensor=24, name="press&a&b", retires=False))
         'tick 83: grew press&a&b'
     """
