@@ -133,20 +133,14 @@ class Judge:
         rates = self._rates(learned, number)
         near = heard(self.recent)[-1:]
         trace = np.zeros((1, *self.evidence.shape))
-        expected = np.zeros((1, len(self.kind)))
-        read = came_on[None], longest[None], valid[None]
+        due = np.zeros((1, len(self.kind)))
+        judged = JudgedSteps(rates, near, came_on[None], longest[None], valid[None])
         follow(
-            self.clocks,
-            self.sums,
-            learned.scales,
-            learned.least,
-            JudgedSteps(rates, near, *read),
-            trace,
-            expected,
+            self.clocks, self.sums, learned.scales, learned.least, judged, trace, due
         )
         self._keep_evidence(trace[0], number, came_on, longest, valid)
         ended = self._end(number, came_on, longest)
-        self._weigh(learned, number, expected[0])
+        self._weigh(learned, number, due[0])
         return RateChanges(self._begin(learned, number), ended)
 
     def _rates(self, learned: LearnedRates, number: int) -> Floats:

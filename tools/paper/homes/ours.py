@@ -134,18 +134,14 @@ class Ours:
         count = high - low
         trace = np.zeros((count, 1, judge.evidence.shape[1]))
         due = np.zeros((count, 1))
+        read = own.came_on[:count], own.longest[:count], np.ones((count, 1), np.bool_)
+        cut = np.ascontiguousarray
         follow(
-            np.ascontiguousarray(judge.clocks[:, one]),
-            np.ascontiguousarray(judge.sums[:, one]),
-            np.ascontiguousarray(learned.scales[:, one]),
+            cut(judge.clocks[:, one]),
+            cut(judge.sums[:, one]),
+            cut(learned.scales[:, one]),
             learned.least,
-            JudgedSteps(
-                rates=np.ascontiguousarray(rates[:, :, one]),
-                heard=np.ascontiguousarray(near[:, one]),
-                came_on=own.came_on[:count],
-                longest=own.longest[:count],
-                valid=np.ones((count, 1), np.bool_),
-            ),
+            JudgedSteps(cut(rates[:, :, one]), cut(near[:, one]), *read),
             trace,
             due,
         )
