@@ -270,7 +270,7 @@ class _WorldServer:
     async def _let_go(self, waiting: asyncio.Task[object] | asyncio.Task[None]) -> None:
         """End what waits for the source; it may be on its way there still."""
         while not waiting.done():
-            self._source.let_go()
+            self._source.wake_reader()
             await asyncio.wait((waiting,), timeout=_MOMENT)
         await waiting
 
@@ -301,7 +301,7 @@ class _WorldServer:
         source = self._source
         try:
             if isinstance(question, remote_source.IntakeRecall):
-                known = pack_known(source.go_on(question.tick))
+                known = pack_known(source.resume_after(question.tick))
                 return JournalRow(question.tick, b"", known)
             action = question.action
             seen = source.step(action) if source.given else source.first()

@@ -33,7 +33,7 @@ class CsvSource:
         self.actions: tuple[str, ...] = ()
         self.exclusive: bool = True
         self.discrete: bool = False
-        self.length: int | None = sum(1 for _ in _told(rows))
+        self.length: int | None = sum(1 for _ in _known_rows(rows))
         if self.length == 0:
             raise InvalidValueError(path, "must have rows below its header", 0)
         self._left = 0
@@ -47,7 +47,7 @@ class CsvSource:
         rows = TableRows(CsvFile(self._path), Wanted())
         if rows.sensors != self.sensors:
             raise self._changed()
-        self._rows = _told(rows)
+        self._rows = _known_rows(rows)
         self._left = self.length or 0
         return self._next(self._rows, begins=True)
 
@@ -79,6 +79,6 @@ class CsvSource:
         return InvalidValueError(self._path, rule, "other contents")
 
 
-def _told(rows: TableRows) -> Iterator[TableRow]:
+def _known_rows(rows: TableRows) -> Iterator[TableRow]:
     """Yield the rows in which something is known."""
     return (row for row in rows.rows() if row.known is None or row.known.any())

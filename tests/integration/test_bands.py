@@ -143,7 +143,7 @@ def test_they_go_into_the_file_that_their_key_frame_begins(
         writer.start(last.metadata)
         for sender, number in (last.files[0].share or {}).items():
             writer.sequences.begin(sender, number)
-        writer.note_share()
+        writer.write_share()
         for recorded in kept[: frame + 1]:
             writer.add(recorded.delivery, recorded.log_time)
         writer.abandon()

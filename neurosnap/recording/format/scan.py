@@ -77,7 +77,7 @@ def scan_index(path: Path) -> Layout:
             else:
                 whole.walked = whole.size
                 return whole
-        _go_on(path, file, layout)
+        _walk_on(path, file, layout)
         return layout
 
 
@@ -92,7 +92,7 @@ def scan_growth(path: Path, layout: Layout) -> bool:
         if size == layout.size or layout.cut is None:
             return False
         layout.size = size
-        _go_on(path, file, layout)
+        _walk_on(path, file, layout)
         return True
 
 
@@ -134,7 +134,7 @@ def _header(file: BinaryIO, size: int) -> tuple[int, bytes]:
     return opcode, file.read(after - body)
 
 
-def _go_on(path: Path, file: BinaryIO, layout: Layout) -> None:
+def _walk_on(path: Path, file: BinaryIO, layout: Layout) -> None:
     """Walk on from where the walk stopped, to the end or to where the file was cut."""
     layout.cut = None
     over = False
@@ -290,7 +290,7 @@ def scan(path: Path) -> Layout:
                     f"the data must have checksum {noted:#010x}, got {computed:#010x}:"
                     " all messages are whole, what is written of them may not be"
                 )
-                _note(layout, Damage(0, layout.data_end or 0, why, "nothing"))
+                _add_damage(layout, Damage(0, layout.data_end or 0, why, "nothing"))
     return layout
 
 
@@ -310,7 +310,7 @@ def _sums(file: BinaryIO, layout: Layout) -> tuple[int | None, int]:
     if (opcode, length) != (Opcode.DATA_END, CRC.size):
         why = "the data must end with a record that says so, got another"
         end = layout.data_end
-        _note(layout, Damage(end, end + len(record), why, "nothing"))
+        _add_damage(layout, Damage(end, end + len(record), why, "nothing"))
         return None, computed
     return int.from_bytes(record[HEAD.size :], "little"), computed
 
@@ -324,7 +324,7 @@ def _prove(path: Path, file: BinaryIO, layout: Layout) -> None:
         except RecordingError as error:
             why = str(error).removeprefix(f"{path}: at byte {chunk.offset}: ")
             spoiled = Damage(chunk.start_offset, chunk.stop_offset, why, "chunk")
-            _note(layout, spoiled)
+            _add_damage(layout, spoiled)
         else:
             good.append(chunk)
     layout.chunks = good
@@ -333,7 +333,7 @@ def _prove(path: Path, file: BinaryIO, layout: Layout) -> None:
             del layout.attachments[attached.name]
             why = f"attachment {attached.name!r} must match its checksum, got another"
             start, stop = attached.offset - HEAD.size, attached.offset + attached.length
-            _note(layout, Damage(start, stop, why, "nothing"))
+            _add_damage(layout, Damage(start, stop, why, "nothing"))
     if layout.data_end is None:
         _cut_behind(file, layout)
 
@@ -366,7 +366,7 @@ def _is_attached(file: BinaryIO, attached: Attached) -> bool:
     return len(body) == attached.length and zlib.crc32(body[: -CRC.size]) == noted
 
 
-def _note(layout: Layout, damage: Damage) -> None:
+def _add_damage(layout: Layout, damage: Damage) -> None:
     bisect.insort(layout.damage, damage, key=lambda one: one.start)
 
 

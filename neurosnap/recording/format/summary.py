@@ -80,7 +80,7 @@ def read_summary(
         raise damaged(path, start, rule, f"{computed:#010x}")
     try:
         for opcode, body, after in heads(io.BytesIO(summary), 0, len(summary)):
-            _take_summed(path, file, layout, opcode, summary[body:after])
+            _file_summed(path, file, layout, opcode, summary[body:after])
     except MALFORMED as error:
         rule = "the summary must be well-formed"
         raise damaged(path, start, rule, error) from error
@@ -88,7 +88,7 @@ def read_summary(
     layout.summarized = True
 
 
-def _take_summed(
+def _file_summed(
     path: Path, file: BinaryIO, layout: Layout, opcode: int, body: bytes
 ) -> None:
     match opcode:
@@ -108,12 +108,12 @@ def _take_summed(
             )
         case Opcode.METADATA_INDEX:
             noted: MetadataIndex = parse(MetadataIndex.read, body)
-            _take_noted(path, file, layout, noted)
+            _file_noted(path, file, layout, noted)
         case _:
             pass
 
 
-def _take_noted(
+def _file_noted(
     path: Path, file: BinaryIO, layout: Layout, noted: MetadataIndex
 ) -> None:
     """File the metadata an index entry is of, or that it is damaged."""

@@ -125,7 +125,7 @@ class ChunkMessages:
             decode = msgspec.json.Decoder(wire.TOPICS[topic]).decode
             try:
                 self._kept[topic] = [
-                    decode(self._found.payload(k)) for k in self._of(topic)
+                    decode(self._found.payload(k)) for k in self._places_of(topic)
                 ]
             except UNREADABLE as error:
                 raise self._wrong(topic, error) from error
@@ -133,7 +133,7 @@ class ChunkMessages:
 
     def sequences(self, topic: str) -> list[int]:
         """Return the running numbers of the messages of a topic."""
-        return [self._found.sequence(k) for k in self._of(topic)]
+        return [self._found.sequence(k) for k in self._places_of(topic)]
 
     def observed(self) -> list[tuple[wire.Observation, int]]:
         """Return the observations, each with when it was sent, ns since 1970.
@@ -141,10 +141,10 @@ class ChunkMessages:
         Raises:
             RecordingError: Something else is among them.
         """
-        times = map(self._found.sent, self._of("observation"))
+        times = map(self._found.sent, self._places_of("observation"))
         return list(zip(self.all("observation", wire.Observation), times, strict=True))
 
-    def _of(self, topic: str) -> list[int]:
+    def _places_of(self, topic: str) -> list[int]:
         """Return which messages are of a topic."""
         of = [channel for channel, name in self._topics.items() if name == topic]
         places: list[int] = np.flatnonzero(np.isin(self._found.channels, of)).tolist()

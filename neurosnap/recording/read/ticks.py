@@ -82,7 +82,7 @@ class InOrder:
 
     def rest(self) -> list[Tick]:
         """Return the ticks still under way, where nothing more will come."""
-        rest = [self._give(number) for number in sorted(self._under_way)]
+        rest = [self._release(number) for number in sorted(self._under_way)]
         # Where another file follows, the last decision is said again in that one.
         closing = self._closing
         if rest and closing is not None and closing.tick == rest[-1].number:
@@ -94,12 +94,12 @@ class InOrder:
         while (
             following := self._under_way.get(self._last + 1)
         ) is not None and following.whole:
-            due.append(self._give(following.number))
+            due.append(self._release(following.number))
         while len(self._under_way) > WINDOW:
-            due.append(self._give(min(self._under_way)))
+            due.append(self._release(min(self._under_way)))
         return due
 
-    def _give(self, number: int) -> Tick:
+    def _release(self, number: int) -> Tick:
         self._last = number
         return self._under_way.pop(number)
 

@@ -70,7 +70,7 @@ class Births:
                 body = body_after(self.body, message)
             except MessageError:
                 return
-        self._go_on(body, message.tick, history, exact)
+        self._follow_body(body, message.tick, history, exact)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -109,7 +109,9 @@ class Births:
         there = range(self.body.first_grown + len(grown))
         return [sensor for sensor in there if sensor not in gone]
 
-    def _go_on(self, body: Body, tick: int, history: int | None, exact: bool) -> None:
+    def _follow_body(
+        self, body: Body, tick: int, history: int | None, exact: bool
+    ) -> None:
         self._tick = max(self._tick, tick)
         before = self.body
         if len(body.grown) < len(before.grown) or body == before:

@@ -275,7 +275,7 @@ class Replay:
         late = self._late(recorded)
         if late is not None:
             return self.core.overdue(late)
-        return self._give_all(self._awaited(recorded.message))
+        return self._feed_all(self._awaited(recorded.message))
 
     def _late(self, recorded: Recorded) -> int | None:
         """Return what was late if `recorded` was sent for that, as in `in_flight`."""
@@ -330,16 +330,16 @@ class Replay:
             case _:
                 return None
 
-    def _give_all(self, awaited: _Key | None) -> list[wire.Message]:
+    def _feed_all(self, awaited: _Key | None) -> list[wire.Message]:
         """Give the core what it waits for, one by one, until it says something."""
         while awaited is not None and self._read_until(lambda: awaited in self._inputs):
             for message in self._inputs.pop(awaited):
-                said = self._give(message)
+                said = self._feed_one(message)
                 if said or isinstance(message, wire.Observation):
                     return said
         return []
 
-    def _give(self, message: wire.Message) -> list[wire.Message]:
+    def _feed_one(self, message: wire.Message) -> list[wire.Message]:
         """Give the core a message that was recorded, and check that it is right.
 
         What the core refuses it refused then, too: that counts for nothing.
@@ -373,7 +373,7 @@ class Replay:
         self._read_until(lambda: bool(self._outputs))
         following = self._outputs[0].message if self._outputs else None
         if not isinstance(following, wire.Recall) or not following.repeats:
-            self._said.extend(self._give_all(self._awaited(following)))
+            self._said.extend(self._feed_all(self._awaited(following)))
 
     # Checking what it was given -------------------------------------------------------
 

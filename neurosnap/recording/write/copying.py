@@ -64,7 +64,7 @@ def _copy_into(
         lost = lost or piece.lost
         for recorded in filter(keeps, piece.messages()):
             if lost:
-                writer.note_gap(lost)
+                writer.write_gap(lost)
                 lost = ""
             writer.write(recorded.message, recorded.delivery, recorded.log_time)
 
@@ -105,7 +105,7 @@ def salvage(log: Path, out: Path) -> Salvaged:
             lost = _copy(writer, recording.files)
             lost = "; ".join((lost, *recording.unread)).strip("; ")
             if lost:
-                writer.note_gap(lost)
+                writer.write_gap(lost)
             noted = recording.noted()
             totals = recording.totals or {}
             kept = {k: v for k, v in totals.items() if k not in _BALANCE}
@@ -121,7 +121,7 @@ def _begin_shares(writer: Writer, share: Mapping[str, int], part: int | None) ->
     for sender, number in share.items():
         writer.sequences.begin(sender, number)
     if part:
-        writer.note_share()
+        writer.write_share()
 
 
 def _copy(writer: Writer, files: Sequence[RecordingFile]) -> str:

@@ -147,15 +147,15 @@ class SplitWriter:
         part = {"part": str(self._number), "begins": str(self._begins)}
         return {**self._metadata, **part}
 
-    def note_places(self, places: Mapping[str, Place]) -> None:
+    def write_places(self, places: Mapping[str, Place]) -> None:
         """Write down where parts are, in each file from now on.
 
         Raises:
-            RecordingError: See `Writer.note_places`.
+            RecordingError: See `Writer.write_places`.
         """
         self._places = dict(places)
         if places:
-            self._newest.note_places(places)
+            self._newest.write_places(places)
 
     def upcoming(self, sender: str) -> int:
         """Return the number after the highest that came from `sender`."""
@@ -224,12 +224,12 @@ class SplitWriter:
         self._close()
         self._older = self._newest
         self._warn_of_size(self._older)
-        self._older.note_frame(frame, delivery.sent, log_time)
+        self._older.remember_frame(frame, delivery.sent, log_time)
         self._number += 1
         self._begins = frame.tick
         self._newest = self._new_writer()
         self._newest.start(self._facts())
-        self.note_places(self._places)
+        self.write_places(self._places)
         decision = wire.Decision(frame.tick, frame.action, frame.why)
         self._boundary = _Boundary(decision, frame.waves, log_time + LATE)
         self._passed = set()
@@ -298,7 +298,7 @@ class SplitWriter:
         for sender, end in ends.items():
             self._newest.sequences.begin(sender, end)
         # Written first: a run that resumes from the newest file needs it.
-        self._newest.note_share()
+        self._newest.write_share()
         if not is_whole:
             older.abandon()
             self._closed.append(older.balance(ends))

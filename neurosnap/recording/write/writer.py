@@ -213,14 +213,14 @@ class Writer:
         if not self.sequences.receive(message.sender, sequence):
             return
         if type(message) is wire.KeyFrame:
-            self.note_frame(message, sent, log_time)
+            self.remember_frame(message, sent, log_time)
         channel = self._channels[wire.topic(key)]
         try:
             self._mcap.add_message(channel, log_time, payload, sent, sequence)
         except OSError as error:
             raise self._failed(error) from error
 
-    def note_frame(self, frame: wire.KeyFrame, sent: int, log_time: int) -> None:
+    def remember_frame(self, frame: wire.KeyFrame, sent: int, log_time: int) -> None:
         """Remember the key-frame that may be the last.
 
         Args:
@@ -230,33 +230,33 @@ class Writer:
         """
         self._keyframe = (frame, sent, log_time)
 
-    def note_share(self) -> None:
+    def write_share(self) -> None:
         """Write down what numbers the senders' shares of this file begin with.
 
         Raises:
             RecordingError: The recording is not open, or cannot be written.
         """
         first = msgspec.json.encode(self.sequences.first).decode()
-        self._note(SHARE, {"first": first})
+        self._write_metadata(SHARE, {"first": first})
 
-    def note_places(self, places: Mapping[str, Place]) -> None:
+    def write_places(self, places: Mapping[str, Place]) -> None:
         """Write down where parts are, by name; what was noted before is forgotten.
 
         Raises:
             RecordingError: The recording is not open, or cannot be written.
         """
-        self._note(PLACES, {who: place.text for who, place in places.items()})
+        self._write_metadata(PLACES, {who: place.text for who, place in places.items()})
 
-    def note_gap(self, why: str) -> None:
+    def write_gap(self, why: str) -> None:
         """Write down that messages are missing here, in what is copied.
 
         Raises:
             RecordingError: The recording is not open, or cannot be written.
         """
-        self._note(GAP, {"why": why})
+        self._write_metadata(GAP, {"why": why})
         self._gaps += 1
 
-    def _note(self, name: str, facts: Mapping[str, str]) -> None:
+    def _write_metadata(self, name: str, facts: Mapping[str, str]) -> None:
         """Write metadata behind what has come so far."""
         self._demand(self._started and self._open, "must be started and open")
         try:

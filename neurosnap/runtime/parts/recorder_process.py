@@ -283,7 +283,7 @@ class _Listener:
         """Write down where parts are, unless nothing of that is new."""
         if self._places != self._noted:
             self._noted = dict(self._places)
-            self._writer.note_places(self._noted)
+            self._writer.write_places(self._noted)
 
     def _give_up(self, who: str) -> None:
         self._going.pop(who, None)

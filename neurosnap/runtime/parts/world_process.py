@@ -142,7 +142,7 @@ class WorldJob(msgspec.Struct, frozen=True):
             if kept is not None:
                 # In a thread: it asks another process, which may be coming back.
                 tick = 0 if past is None else past.tick
-                known = await asyncio.to_thread(kept.go_on, tick)
+                known = await asyncio.to_thread(kept.resume_after, tick)
             async with (
                 connection.fabric(swift=True) as fabric,
                 synced(source, options.sync),
@@ -165,7 +165,7 @@ class WorldJob(msgspec.Struct, frozen=True):
 def open_kept(
     options: RunOptions, way_in: WayIn, hub: Hub | None = None
 ) -> LiveSource | RemoteSource:
-    """Return the source of a run whose readings are kept; `go_on` comes first.
+    """Return the source of a run whose readings are kept; `resume_after` comes first.
 
     Raises:
         NeurosnapError: As from `open_live`; or readings cannot be kept.

@@ -11,10 +11,10 @@ readings are a tick.
 
 With a journal each row (the readings of one tick) is written as soon as it is certain
 to get a tick: a whole reading when it arrives, the latest readings when they become a
-tick. After a restart the same rows are given again (`go_on`). While no tick is waited
-for (`keep_changes`), the clock does not turn the latest readings into rows, but each
-change of them becomes one, within the limits of the schedule and of `WAITING`: so a
-restart hides no more changes than a busy swarm does.
+tick. After a restart the same rows are given again (`resume_after`). While no tick is
+waited for (`keep_changes`), the clock does not turn the latest readings into rows, but
+each change of them becomes one, within the limits of the schedule and of `WAITING`: so
+a restart hides no more changes than a busy swarm does.
 """
 
 import logging
@@ -125,7 +125,7 @@ class LiveSource:
         self._fresh = True  # readings before the next row were missed
         self._waiting: deque[Observed] = deque()
         self._shown: Observed | None = None  # the last row, be it given or waiting
-        self._turn = 0  # a waiting call ends when this has changed; see `let_go`
+        self._turn = 0  # a waiting call ends when this has changed; see `wake_reader`
         self._away = False
         self._pauses = False  # what comes from now on
         self._unshown: Bits = np.zeros(len(latest.sensors), np.bool_)
@@ -175,7 +175,7 @@ class LiveSource:
         self.resumed |= not self._started
         return self._tick()
 
-    def go_on(self, tick: int) -> Bits | None:
+    def resume_after(self, tick: int) -> Bits | None:
         """Let the row after `tick` be given next.
 
         With a journal this comes before anything is asked; without one it does nothing.
@@ -205,7 +205,7 @@ class LiveSource:
             self.resumed |= tick > 0
             return None if shown is None else shown.known
 
-    def let_go(self) -> None:
+    def wake_reader(self) -> None:
         """Wake a caller that waits for a row; it gets None. From any thread."""
         with self._condition:
             self._turn += 1
@@ -213,7 +213,7 @@ class LiveSource:
             self._condition.notify_all()
 
     def keep_changes(self) -> None:
-        """Write each change that would have been a row to the journal, until `let_go`.
+        """Write each change that would be a row to the journal, until `wake_reader`.
 
         To be used while no tick is waited for. The next `first` or `step` raises the
         journal's error, if there is one.

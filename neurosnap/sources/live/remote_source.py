@@ -87,7 +87,7 @@ class RemoteSource:
         self._asking = threading.Lock()  # held while an answer is waited for
         self._closed = False
 
-    def go_on(self, tick: int) -> Bits | None:
+    def resume_after(self, tick: int) -> Bits | None:
         """Let the row after `tick` be the next, before anything is asked.
 
         Returns:

@@ -71,16 +71,16 @@ class StdinFeeder:
             if self._head is not None:
                 for number, line in self._lines.feed(self._head + b"\n"):
                     if not source.resumed:
-                        self._take(source, number, line)
+                        self._receive_line(source, number, line)
             while source.wait_for_room():
                 piece = self._read()
                 for number, line in self._lines.feed(piece):
-                    self._take(source, number, line)
+                    self._receive_line(source, number, line)
                 if not piece:
                     break
             if self._open and not source.is_full:
                 for number, line in self._lines.finish():
-                    self._take(source, number, line)
+                    self._receive_line(source, number, line)
             source.end()
         except OSError as error:
             rule = f"must be readable, got {error.strerror}"
@@ -97,7 +97,9 @@ class StdinFeeder:
             return b""
         return os.read(self._descriptor, _PIECE)
 
-    def _take(self, source: LiveSource, number: int, line: bytes | None) -> None:
+    def _receive_line(
+        self, source: LiveSource, number: int, line: bytes | None
+    ) -> None:
         if source.is_full:
             return  # the run has all its ticks
         place = f"{_NAME}:{number}"

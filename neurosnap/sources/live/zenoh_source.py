@@ -83,7 +83,7 @@ class ZenohFeeder:
         # knows of that.
         names = dict.fromkeys((hub.swarm, id_of(hub.swarm)))
 
-        def take(sample: zenoh.Sample) -> None:
+        def on_sample(sample: zenoh.Sample) -> None:
             if sample.kind == zenoh.SampleKind.PUT:
                 *_, key = str(sample.key_expr).split("/", 2)
                 hand_over(source, key, sample.payload)
@@ -95,7 +95,7 @@ class ZenohFeeder:
             for name in names:
                 listener = session.declare_subscriber(
                     f"{wire.ROOT}/{name}/{READING}/**",
-                    zenoh.handlers.Callback(take, indirect=False),
+                    zenoh.handlers.Callback(on_sample, indirect=False),
                 )
                 self._open.callback(listener.undeclare)
         except zenoh.ZError as error:

@@ -133,13 +133,13 @@ class MqttLink:
                 try:
                     await self._session(stop)
                 except (aiomqtt.MqttError, InvalidValueError) as error:
-                    _let_go(error)
+                    _close_failed_socket(error)
                     now = time.monotonic()
                     if not self._was_connected and not stop.is_set():
                         late = now - began >= self._broker.patience
                         give_up(self._broker, error, late=late)
                     self._backoff.failed(error, now - since)
-                    self._say(error, now)
+                    self._log_trouble(error, now)
                     with contextlib.suppress(TimeoutError):
                         await asyncio.wait_for(stop.wait(), self._backoff.delay())
         finally:
@@ -282,7 +282,7 @@ class MqttLink:
         if self._loop is not None:
             self._loop.call_soon_threadsafe(self._waiting.set)
 
-    def _say(self, error: Exception, now: float) -> None:
+    def _log_trouble(self, error: Exception, now: float) -> None:
         """Say once an outage what is wrong, and again when that changes."""
         self._away_since = now if self._away_since is None else self._away_since
         left_out = self._second and now - self._away_since < _LONG
@@ -332,7 +332,7 @@ async def _listen(client: aiomqtt.Client) -> None:
         pass
 
 
-def _let_go(error: Exception) -> None:
+def _close_failed_socket(error: Exception) -> None:
     """Close the socket of a failed handshake, which paho leaves to whom it may concern.
 
     Nothing but the frames that the error came through refers to it, and they live as

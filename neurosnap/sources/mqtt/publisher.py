@@ -99,7 +99,7 @@ class MqttPublisher:
             self._link.hold(discovery_topic(publish), found)
         if judges:
             for topic in self._topics.health:
-                self._say(topic, now=_ON[False], last="")
+                self._hold_json(topic, now=_ON[False], last="")
         self.anomaly(None)
 
     def state(self, state: wire.State, known: NDArray[np.bool_] | None = None) -> None:
@@ -130,7 +130,7 @@ class MqttPublisher:
             self._due, self._read = state.tick + state.tick // _STEPS + 1, read
             # What is believed, and of the sensors how many were read at this tick.
             said_ = {"ticks": state.tick, "implications": state.edges, "read": read}
-            self._say(self._topics.progress, **said_, of=count)
+            self._hold_json(self._topics.progress, **said_, of=count)
 
     def learning(self, paused: bool) -> None:
         """Publish whether what came last is learned from."""
@@ -151,7 +151,7 @@ class MqttPublisher:
             rule = f"must be a whole number in 0..{count - 1}"
             raise InvalidValueError("action", rule, choice)
         action = self._actions[choice]
-        self._say(self._topics.decision, action=action, why=decision_.why)
+        self._hold_json(self._topics.decision, action=action, why=decision_.why)
 
     def anomaly(self, record: Mapping[str, object] | None) -> None:
         """Publish that there is an anomaly now, or that there is none.
@@ -163,7 +163,7 @@ class MqttPublisher:
         if record is not None:
             self._last = record
         now = _ON[record is not None]
-        self._say(self._topics.anomaly, now=now, last=self._last or {})
+        self._hold_json(self._topics.anomaly, now=now, last=self._last or {})
 
     def health(self, standing: Standing) -> None:
         """Publish how the sensors are; beside the others, by one thread at a time."""
@@ -174,9 +174,9 @@ class MqttPublisher:
                 last = alarm or self._alarms[place] or ""
                 self._alarms[place] = alarm
                 now = _ON[alarm is not None]
-                self._say(self._topics.health[place], now=now, last=last)
+                self._hold_json(self._topics.health[place], now=now, last=last)
         progress = standing.progress
-        self._say(
+        self._hold_json(
             self._topics.known,
             changes=progress.activations,
             of_about=progress.of_about,
@@ -184,7 +184,7 @@ class MqttPublisher:
             of=progress.sensors,
         )
 
-    def _say(self, topic: str, **said: object) -> None:
+    def _hold_json(self, topic: str, **said: object) -> None:
         """Let `topic` say a JSON object from now on."""
         self._link.hold(topic, msgspec.json.encode(said))
 

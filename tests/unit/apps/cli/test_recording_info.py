@@ -86,7 +86,9 @@ def test_it_says_where_the_parts_of_a_swarm_on_several_machines_were(
 ) -> None:
     with Writer(path) as writer:
         writer.start({"seed": "7"})
-        writer.note_places({"world": Place("oak.lan", 4711), "cell/0": Place("elm", 2)})
+        writer.write_places(
+            {"world": Place("oak.lan", 4711), "cell/0": Place("elm", 2)}
+        )
         writer.finish({"ticks": "4"}, {})
     lines = render(describe(Recording.open(path))).split("\n")
     at = lines.index("run:")

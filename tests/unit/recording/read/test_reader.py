@@ -93,9 +93,9 @@ def test_where_parts_were_comes_back(path: Path, whole: bool) -> None:
     places = {"world": Place("oak.lan", 4711), "cell/0": Place("elm", 2)}
     with Writer(path) as writer:
         writer.start({})
-        writer.note_places({"world": Place("ash", 1)})
+        writer.write_places({"world": Place("ash", 1)})
         writer.add(next(delivered([EACH["observation"]])), NOW)
-        writer.note_places(places)
+        writer.write_places(places)
         if whole:
             writer.finish({}, {})
     assert Recording.open(path).files[-1].places == places

@@ -94,7 +94,7 @@ def test_every_file_says_where_parts_are(whole: Path, tmp_path: Path) -> None:
     old, places = Recording.open_file(whole), {"world": Place("oak", 4711)}
     log = tmp_path / "log.mcap"
     with SplitWriter(log, old.metadata, split=SMALL) as writer:
-        writer.note_places(places)
+        writer.write_places(places)
         for count, one in enumerate(old.messages()):
             writer.add(one.delivery, 10**18 + count)
         writer.finish({}, old.noted().expected)
@@ -187,10 +187,10 @@ def test_a_gap_that_one_of_them_notes_is_the_runs(whole: Path, tmp_path: Path) -
     old, copy = Recording.open_file(paths[0]), tmp_path / "copy.mcap"
     with Writer(copy) as writer:
         writer.start(old.metadata)
-        writer.note_share()
+        writer.write_share()
         for one in old.messages():
             writer.add(one.delivery, one.log_time)
-        writer.note_gap("bytes 5 to 9 of another file: damaged")
+        writer.write_gap("bytes 5 to 9 of another file: damaged")
         writer.finish(old.totals or {}, old.noted().expected)
     assert Recording.open(paths[0]).completeness().whole
     copy.replace(paths[0])

@@ -300,7 +300,7 @@ def test_a_noted_gap_is_never_whole(path: Path) -> None:
         writer.start({})
         for delivery in traffic(20):
             writer.add(delivery, NOW)
-        writer.note_gap("bytes 5 to 9 of another file: damaged")
+        writer.write_gap("bytes 5 to 9 of another file: damaged")
         balance = writer.finish({}, {})
     assert (balance.missing, balance.gaps, balance.whole) == ({}, 1, False)
     assert Recording.open(path).completeness() == balance

@@ -78,22 +78,22 @@ def bits(*numbers: int) -> list[list[bool]]:
 
 def test_what_was_given_is_given_again_and_what_waited_follows(kept: Kept) -> None:
     source = kept.source()
-    source.go_on(0)
+    source.resume_after(0)
     give(source, 1, 2, 3, 0)
     assert taken(source, 3) == bits(1, 2, 3)
-    source.go_on(1)
+    source.resume_after(1)
     give(source, 1)
     assert taken(source, 4) == bits(2, 3, 0, 1)
 
 
 def test_so_it_is_for_another_source_on_the_same_journal(kept: Kept) -> None:
     before = kept.source()
-    before.go_on(0)
+    before.resume_after(0)
     give(before, 1, 2, 3)
     assert taken(before, 2) == bits(1, 2)
     after = kept.source()
     assert after.resumed
-    after.go_on(1)
+    after.resume_after(1)
     give(after, 0)
     rows = [row for row in (after.step(0), after.step(0), after.step(0)) if row]
     assert [row.bits.tolist() for row in rows] == bits(2, 3, 0)
@@ -103,39 +103,39 @@ def test_so_it_is_for_another_source_on_the_same_journal(kept: Kept) -> None:
 
 def test_what_was_known_at_the_tick_is_told(kept: Kept) -> None:
     source = kept.source()
-    source.go_on(0)
+    source.resume_after(0)
     source.receive_whole([True, None])
     source.receive_whole([True, True])
     taken(source, 2)
-    known = source.go_on(1)
+    known = source.resume_after(1)
     assert known is not None
     assert known.tolist() == [True, False]
-    assert source.go_on(2) is None
+    assert source.resume_after(2) is None
 
 
 def test_each_change_that_nobody_asks_for_is_kept(kept: Kept) -> None:
     time = FakeTime()
     source = kept.source(OnChange(), time)
-    source.go_on(0)
+    source.resume_after(0)
     source.receive("door", True)
     source.receive("motion", False)
     assert taken(source, 1) == bits(1)
     for moment, on in [(1.0, False), (2.0, True), (2.0, True), (2.0, False)]:
         time.at(moment, lambda on=on: source.receive("door", on))  # type: ignore[misc]
-    time.at(5.0, source.let_go)
+    time.at(5.0, source.wake_reader)
     source.keep_changes()
-    source.go_on(1)
+    source.resume_after(1)
     assert taken(source, 3) == bits(0, 1, 0)
 
 
 def test_ticks_by_the_clock_do_not_pile_up_while_nobody_asks(kept: Kept) -> None:
     time = FakeTime()
     source = kept.source(Clocked(0.1), time)
-    source.go_on(0)
+    source.resume_after(0)
     source.receive_all({"door": True, "motion": True})
     assert taken(source, 1) == bits(3)
     time.at(50.0, lambda: source.receive("door", False))
-    time.at(100.0, source.let_go)
+    time.at(100.0, source.wake_reader)
     source.keep_changes()
     assert kept.rows() == 2
 
@@ -143,12 +143,12 @@ def test_ticks_by_the_clock_do_not_pile_up_while_nobody_asks(kept: Kept) -> None
 def test_what_nobody_asks_for_is_bounded(kept: Kept) -> None:
     time = FakeTime()
     source = kept.source(OnChange(), time)
-    source.go_on(0)
+    source.resume_after(0)
     source.receive_all({"door": True, "motion": True})
     taken(source, 1)
     for number in range(2 * WAITING):
         time.at(number + 1.0, lambda n=number: source.receive("door", n % 2 == 1))  # type: ignore[misc]
-    time.at(3.0 * WAITING, source.let_go)
+    time.at(3.0 * WAITING, source.wake_reader)
     source.keep_changes()
     assert kept.rows() == 1 + WAITING
 
@@ -156,15 +156,15 @@ def test_what_nobody_asks_for_is_bounded(kept: Kept) -> None:
 def test_an_action_is_carried_out_once_however_often_it_is_decided(kept: Kept) -> None:
     done: list[int] = []
     source = kept.source(done=done)
-    source.go_on(0)
+    source.resume_after(0)
     give(source, 1, 2, 3)
     assert source.first() is not None
     assert source.step(1) is not None
-    source.go_on(1)
+    source.resume_after(1)
     assert source.step(1) is not None  # at the same tick
     assert done == [1]
     again = kept.source(done=done)
-    again.go_on(1)
+    again.resume_after(1)
     assert again.step(1) is not None
     assert done == [1]
     assert again.step(0) is not None
@@ -173,7 +173,7 @@ def test_an_action_is_carried_out_once_however_often_it_is_decided(kept: Kept) -
 
 def test_no_more_is_taken_in_than_the_run_has_ticks(kept: Kept) -> None:
     source = kept.source(most=2)
-    source.go_on(0)
+    source.resume_after(0)
     give(source, 1, 2, 3)
     assert source.is_full
     assert not source.wait_for_room()
@@ -184,7 +184,7 @@ def test_a_full_disk_fails_the_run_once_what_was_written_is_used(
     kept: Kept, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     source = kept.source()
-    source.go_on(0)
+    source.resume_after(0)
     give(source, 1)
 
     def full(*_: object) -> int:
@@ -217,7 +217,7 @@ def test_a_pause_is_a_tick_and_is_given_again(kept: Kept) -> None:
     assert [row.paused for row in read_journal(kept.folder).rows] == said
 
     again = kept.source()
-    again.go_on(1)
+    again.resume_after(1)
     said = [shown(again), shown(again)]
     again.receive("motion", True)  # it was paused when it died, and is still
     said.append(shown(again))

@@ -33,7 +33,7 @@ def test_slugs_are_plain_and_all_different(names: list[str]) -> None:
     assert all(re.fullmatch("[A-Za-z0-9_-]+", slug) for slug in made)
 
 
-@given(names=st.lists(st.from_regex(r"\A[a-z0-9-]{1,4}\Z"), unique=True))
+@given(names=st.lists(st.text("ab09-", min_size=1, max_size=4), unique=True))
 def test_a_plain_name_is_its_own_slug(names: list[str]) -> None:
     assert slugs(names) == tuple(names)
 
