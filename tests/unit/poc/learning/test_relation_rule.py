@@ -40,8 +40,7 @@ def assert_whole(wanted: Planted) -> None:
 def test_what_is_planted_is_found_whole_and_nothing_else(
     noise: float, hold: float
 ) -> None:
-    for seed in range(3):
-        assert_whole(planted(seed, noise, hold=hold))
+    assert_whole(planted(0, noise, hold=hold))
 
 
 @pytest.mark.parametrize("hold", [0.9, 0.98])
