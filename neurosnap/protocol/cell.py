@@ -100,6 +100,9 @@ class Cell:
         self._settled_below = 1
         self._fence = 0  # the newest wave announced to all, as far as received
         self._remembered = 0  # pulses, in all waves
+        # Of the batch that is worked on.
+        self._out: list[wire.Message] = []
+        self._touched: dict[int, _Wave] = {}  # waves that owe a report
 
     def receive(self, batch: Iterable[wire.Message]) -> list[wire.Message]:
         """Take in `batch` and return what the cell sends for it, in order.
@@ -107,19 +110,16 @@ class Cell:
         Pulses come before the report of their wave, because neighbours are waiting for
         them. Cost: proportional to the batch and to the out-edges of what fires.
         """
-        out: list[wire.Message] = []
-        touched: dict[int, _Wave] = {}  # waves that owe a report
         for message in batch:
             try:
-                self._take(message, touched, out)
+                self._receive(message)
             except MessageError as error:
-                out.append(wire.Fault(self._who, str(error)))
-        self._report(touched, out)
+                self._out.append(wire.Fault(self._who, str(error)))
+        self._report()
+        out, self._out = self._out, []
         return out
 
-    def _take(
-        self, message: wire.Message, touched: dict[int, _Wave], out: list[wire.Message]
-    ) -> None:
+    def _receive(self, message: wire.Message) -> None:
         """Take in a message that can be right.
 
         Raises:
@@ -127,64 +127,43 @@ class Cell:
         """
         match message:
             case wire.Pulse():  # first: there are by far the most
-                self._check_pulse(message)
-                self._pulse(message, touched, out)
+                self._receive_pulse(message)
             case wire.WaveStart():
-                self._check_start(message)
-                self._start(message, touched, out)
+                self._start(message)
             case wire.Observation():
-                self._check_observation(message)
-                self._latch(message, touched, out)
+                self._observe(message)
             case wire.Wiring():
-                self._check_wiring(message)
-                self._rewire(message, touched, out)
-            case wire.Recall() | wire.Reminder():
-                self._look_back(message, out)
+                self._rewire(message)
+            case wire.Recall(cell=cell) if cell not in (-1, self.cell):
+                raise MessageError(f"recall: must be for this cell, got {cell}")
+            case wire.Recall():
+                self._out += self._history.answer(message)
+            case wire.Reminder():
+                self._history.remember(message)
             case _:
                 raise MessageError(f"{wire.topic(message.key)}: is not for a cell")
 
-    def _look_back(
-        self, message: wire.Recall | wire.Reminder, out: list[wire.Message]
-    ) -> None:
-        """Answer from the cell's history, or take it over.
+    # Waves -------------------------------------------------------------------------
 
-        Raises:
-            MessageError: The message cannot be right.
-        """
-        if isinstance(message, wire.Reminder):
-            self._history.take(message)
-        elif message.cell in (-1, self.cell):
-            out += self._history.answer(message)
-        else:
-            got = message.cell
-            raise MessageError(f"recall: must be for this cell, got {got}")
-
-    # What cannot be right ------------------------------------------------------------
-
-    def _check_start(self, start: wire.WaveStart) -> None:
-        if start.cell not in (-1, self.cell):
-            raise MessageError(f"wavestart: must be for this cell, got {start.cell}")
-        check_start(start)
-        self._readings.check_tick("wavestart", start.tick)
-        self._check_wave("wavestart", start)
-
-    def _check_pulse(self, pulse: wire.Pulse) -> None:
+    def _receive_pulse(self, pulse: wire.Pulse) -> None:
         if pulse.target not in self._targets:
             raise MessageError(f"pulse: must be for this cell, got {pulse.target}")
         if (most := max(pulse.hops, pulse.credit)) > DEEPEST:
             rule = f"must have hops, credit up to {DEEPEST}"
             raise MessageError(f"pulse: {rule}, got {most}")
         self._check_wave("pulse", pulse)
-
-    def _check_wiring(self, wiring: wire.Wiring) -> None:
-        if wiring.cell != self.cell:
-            raise MessageError(f"wiring: must be for this cell, got {wiring.cell}")
-        most = max(len(wiring.add), len(wiring.add_complement))
-        if most > DEEPEST:
-            rule = f"must have up to {DEEPEST} targets"
-            raise MessageError(f"wiring: {rule}, got {most}")
-        # A wave fences every wiring, so wiring numbers grow no faster than waves.
-        check_number("wiring: epoch", wiring.epoch, self._fence)
+        if pulse.wave < self._settled_below:
+            return
+        wave = self._wave(pulse.wave, pulse.fence)
+        way = (pulse.source, pulse.target)
+        if way in wave.seen:
+            return
+        wave.seen.add(way)
+        self._remembered += 1
+        if self._is_open(wave):
+            self._reach(pulse.target, pulse.hops, pulse.credit, wave)
+        else:
+            wave.held.append(pulse)
 
     def _check_wave(self, name: str, of: wire.Pulse | wire.WaveStart) -> None:
         check_number(f"{name}: wave", max(of.wave, of.fence), self._fence)
@@ -197,39 +176,6 @@ class Cell:
             rule = f"must be one of {_PULSES} in flight"
             raise MessageError(f"{name}: {rule}, got one more")
 
-    def _check_observation(self, observation: wire.Observation) -> None:
-        size = len(observation.bits)
-        if size <= self.cell // 8:
-            rule = f"must hold sensor {self.cell}"
-            raise MessageError(f"observation: {rule}, got {size} bytes")
-        if self._bytes and size != self._bytes:
-            rule = f"must hold {self._bytes} bytes as before"
-            raise MessageError(f"observation: {rule}, got {size}")
-        check_readings(observation)
-        self._readings.check_tick("observation", observation.tick)
-
-    # Waves -------------------------------------------------------------------------
-
-    def _pulse(
-        self,
-        pulse: wire.Pulse,
-        touched: dict[int, _Wave],
-        out: list[wire.Message],
-    ) -> None:
-        if pulse.wave < self._settled_below:
-            return
-        wave = self._wave(pulse.wave, pulse.fence)
-        way = (pulse.source, pulse.target)
-        if way in wave.seen:
-            return
-        wave.seen.add(way)
-        self._remembered += 1
-        if self._is_open(wave):
-            self._reach(pulse.target, pulse.hops, pulse.credit, wave, out)
-            touched[wave.number] = wave
-        else:
-            wave.held.append(pulse)
-
     def _wave(self, number: int, fence: int) -> _Wave:
         """Return what is known of a wave, which may be nothing yet."""
         wave = self._waves.get(number)
@@ -237,25 +183,25 @@ class Cell:
             wave = self._waves[number] = _Wave(number, fence)
         return wave
 
-    def _start(
-        self,
-        start: wire.WaveStart,
-        touched: dict[int, _Wave],
-        out: list[wire.Message],
-    ) -> None:
+    def _start(self, start: wire.WaveStart) -> None:
+        if start.cell not in (-1, self.cell):
+            raise MessageError(f"wavestart: must be for this cell, got {start.cell}")
+        check_start(start)
+        self._readings.check_tick("wavestart", start.tick)
+        self._check_wave("wavestart", start)
         if start.settled_below > self._settled_below:
             self._settled_below = start.settled_below
             self._forget()
         if start.wave >= self._settled_below:
             wave = self._wave(start.wave, start.fence)
             wave.start = wave.start or self._narrowed(start)
-            self._open(wave, touched, out)
+            self._open(wave)
         if start.cell < 0 and start.wave > self._fence:
             first, self._fence = not self._fence, start.wave
             if first:
                 self._forget()
             for wave in self._waves.values():
-                self._open(wave, touched, out)
+                self._open(wave)
 
     def _forget(self) -> None:
         """Forget the waves that have settled, and those that cannot come about."""
@@ -284,9 +230,7 @@ class Cell:
             )
         )
 
-    def _open(
-        self, wave: _Wave, touched: dict[int, _Wave], out: list[wire.Message]
-    ) -> None:
+    def _open(self, wave: _Wave) -> None:
         """Fire what the signal asks of this cell, then the pulses that came early.
 
         May be called again: the signal and each held pulse are processed only once.
@@ -300,12 +244,10 @@ class Cell:
             if start.kind == "state":
                 wave.due = self._due(self._readings[start.tick])
             for literal in self._asked(start):
-                self._reach(literal, 0, start.credit, wave, out)
-                touched[wave.number] = wave
+                self._reach(literal, 0, start.credit, wave)
         held, wave.held = wave.held, []
         for pulse in held:
-            self._reach(pulse.target, pulse.hops, pulse.credit, wave, out)
-            touched[wave.number] = wave
+            self._reach(pulse.target, pulse.hops, pulse.credit, wave)
 
     def _asked(self, start: wire.WaveStart) -> tuple[int, ...]:
         """Return the literals of this cell that a wave's signal holds."""
@@ -330,16 +272,15 @@ class Cell:
                     count += not known or _is_on(known, sensor)
         return count
 
-    def _reach(
-        self, literal: int, hops: int, credit: int, wave: _Wave, out: list[wire.Message]
-    ) -> None:
+    def _reach(self, literal: int, hops: int, credit: int, wave: _Wave) -> None:
         """Fire `literal`, or give the credit back if it has fired in this wave."""
+        self._touched[wave.number] = wave
         if literal in wave.fired:
             wave.credit.append(credit)
             return
         targets = self._targets[literal]
         shares = split_evenly(credit, len(targets) + 1)
-        out.extend(
+        self._out.extend(
             wire.Pulse(wave.number, literal, target, hops + 1, share, wave.fence)
             for target, share in zip(targets, shares[1:], strict=True)
         )
@@ -349,9 +290,9 @@ class Cell:
         wave.credit.append(shares[0])
         wave.pulses += len(targets)
 
-    def _report(self, touched: dict[int, _Wave], out: list[wire.Message]) -> None:
-        """Append one report for each wave in `touched` of which no more is due."""
-        for wave in touched.values():
+    def _report(self) -> None:
+        """Send one report for each wave touched of which no more is due."""
+        for wave in self._touched.values():
             if len(wave.seen) < wave.due:
                 continue
             report = wire.CellReport(
@@ -366,32 +307,39 @@ class Cell:
             )
             wave.part += 1
             wave.literals, wave.hops, wave.credit, wave.pulses = [], [], [], 0
-            out.append(report)
-        touched.clear()
+            self._out.append(report)
+        self._touched = {}
 
     # Observations and wirings --------------------------------------------------------
 
-    def _latch(
-        self,
-        observation: wire.Observation,
-        touched: dict[int, _Wave],
-        out: list[wire.Message],
-    ) -> None:
+    def _observe(self, observation: wire.Observation) -> None:
+        size = len(observation.bits)
+        if size <= self.cell // 8:
+            rule = f"must hold sensor {self.cell}"
+            raise MessageError(f"observation: {rule}, got {size} bytes")
+        if self._bytes and size != self._bytes:
+            rule = f"must hold {self._bytes} bytes as before"
+            raise MessageError(f"observation: {rule}, got {size}")
+        check_readings(observation)
+        self._readings.check_tick("observation", observation.tick)
         if observation.tick in self._readings:
             return
-        self._bytes = len(observation.bits)
+        self._bytes = size
         self._readings.keep(observation.tick, observation)
-        self._history.enter(observation.tick, self._read(observation))
+        self._history.observe(observation.tick, self._read(observation))
         for wave in list(self._waves.values()):
             if wave.start is not None and wave.start.tick == observation.tick:
-                self._open(wave, touched, out)
+                self._open(wave)
 
-    def _rewire(
-        self,
-        wiring: wire.Wiring,
-        touched: dict[int, _Wave],
-        out: list[wire.Message],
-    ) -> None:
+    def _rewire(self, wiring: wire.Wiring) -> None:
+        if wiring.cell != self.cell:
+            raise MessageError(f"wiring: must be for this cell, got {wiring.cell}")
+        most = max(len(wiring.add), len(wiring.add_complement))
+        if most > DEEPEST:
+            rule = f"must have up to {DEEPEST} targets"
+            raise MessageError(f"wiring: {rule}, got {most}")
+        # A wave fences every wiring, so wiring numbers grow no faster than waves.
+        check_number("wiring: epoch", wiring.epoch, self._fence)
         if wiring.epoch <= self._epoch:
             return
         if wiring.after not in (0, self._epoch):
@@ -399,10 +347,9 @@ class Cell:
             # state; staying silent makes the wave's deadline name this cell.
             self._wired = False
             missed = f"must build on epoch {self._epoch}, got {wiring.after}"
-            out.append(wire.Fault(self._who, f"wiring: {missed}"))
-            return
+            raise MessageError(f"wiring: {missed}")
         # Literals that fired earlier in this batch are reported with the old epoch.
-        self._report(touched, out)
+        self._report()
         own, complement = 2 * self.cell, 2 * self.cell + 1
         for literal, add, drop in (
             (own, wiring.add, wiring.drop),

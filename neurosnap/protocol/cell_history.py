@@ -31,8 +31,8 @@ class CellHistory:
         self._length = 0
         self._rings = {2 * cell: 0, 2 * cell + 1: 0}
 
-    def enter(self, tick: int, literals: tuple[int, ...]) -> None:
-        """Take in what was read at a tick. O(length) bits are copied.
+    def observe(self, tick: int, literals: tuple[int, ...]) -> None:
+        """Add what was read at a tick. O(length) bits are copied.
 
         Args:
             tick: The tick.
@@ -49,7 +49,7 @@ class CellHistory:
             self._rings[literal] = others | bit if literal in literals else others
         self._tick = tick
 
-    def take(self, reminder: wire.Reminder) -> None:
+    def remember(self, reminder: wire.Reminder) -> None:
         """Take over the history that the coordinator has.
 
         Raises:

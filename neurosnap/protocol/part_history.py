@@ -41,10 +41,10 @@ class WorkerHistory:
         self._history: History | None = None
         self._held = np.zeros(len(cells), np.bool_)  # which cells have theirs
 
-    def enter(
+    def observe(
         self, tick: int, bits: NDArray[np.bool_], known: NDArray[np.bool_] | None
     ) -> None:
-        """Take in what the worker's cells read at a tick. O(cells) time."""
+        """Add what the worker's cells read at a tick. O(cells) time."""
         history = self._history
         if history is None or tick <= history.tick:
             return
@@ -54,7 +54,7 @@ class WorkerHistory:
         else:
             history.record(bits, known)
 
-    def take(self, reminder: wire.Reminder) -> None:
+    def remember(self, reminder: wire.Reminder) -> None:
         """Take over the histories that the coordinator has.
 
         Raises:

@@ -99,6 +99,7 @@ class Worker:
         self._announced = 0  # the last wave that was
         self._held = 0  # pulses that came and wait, in all waves
         self._remembered = 0  # batches, in all waves
+        self._out: list[wire.Message] = []  # of the batch that is worked on
 
     def receive(self, batch: Iterable[wire.Message]) -> list[wire.Message]:
         """Take in `batch` and return what the worker sends for it, in order.
@@ -107,46 +108,42 @@ class Worker:
         because others are waiting for them. Cost: proportional to the batch, to the
         cells for each wave in it, and to the out-edges of what fires.
         """
-        out: list[wire.Message] = []
         for message in batch:
             try:
-                self._take(message, out)
+                self._receive(message)
             except MessageError as error:
-                out.append(wire.Fault(self._who, str(error)))
-        self._advance(out)
+                self._out.append(wire.Fault(self._who, str(error)))
+        self._advance()
+        out, self._out = self._out, []
         return out
 
-    def _take(self, message: wire.Message, out: list[wire.Message]) -> None:
-        """Take in one message; refuse one that cannot be right."""
+    def _receive(self, message: wire.Message) -> None:
+        """Take in a message that can be right.
+
+        Raises:
+            MessageError: It cannot; nothing has changed.
+        """
         match message:
             case wire.PulseBatch():
                 self._hold(message)
             case wire.WaveStart():
-                self._check_start(message)
                 self._start(message)
             case wire.Observation():
-                self._check_observation(message)
-                self._latch(message)
+                self._observe(message)
             case wire.WorkerWiring():
-                # One far ahead would make the true ones all come too late.
-                check_number("workerwiring: epoch", message.epoch, self._epoch)
-                self._edges.check(message)
-                # What came before it was meant for the wiring before it.
-                self._advance(out)
                 self._rewire(message)
             case wire.Recall():
-                out += self._history.answer(message)
+                self._out += self._history.answer(message)
             case wire.Reminder():
-                self._history.take(message)
+                self._history.remember(message)
             case _ if self._learning is None:
                 raise MessageError(f"{wire.topic(message.key)}: is not for a worker")
             case wire.Learn():
                 if message.bits:  # the observation itself may have been lost
-                    self._check_observation(message)
-                    self._latch(message)
-                out += self._learning.learn(message)
+                    self._observe(message)
+                self._out += self._learning.learn(message)
             case wire.Band():
-                self._learning.take_band(message)
+                self._learning.receive_band(message)
             case _:
                 raise MessageError(f"{wire.topic(message.key)}: is not for a worker")
 
@@ -180,7 +177,7 @@ class Worker:
             wave = self._waves[number] = _WorkerWave(number)
         return wave
 
-    def _check_start(self, start: wire.WaveStart) -> None:
+    def _start(self, start: wire.WaveStart) -> None:
         if start.cell >= 0:
             raise MessageError(
                 f"wavestart: must be for all, got one for cell {start.cell}"
@@ -189,16 +186,9 @@ class Worker:
         check_number("wavestart: wave", start.wave, self._announced)
         self._readings.check_tick("wavestart", start.tick)
         # What it settles makes room for it.
-        check_room("wavestart", start.wave, self._left(start))
-
-    def _left(self, start: wire.WaveStart) -> dict[int, _WorkerWave]:
-        """Return the waves known that may still come about after `start`."""
-        below = max(self._settled_below, start.settled_below)
-        beyond = max(self._announced, start.wave) + AHEAD
-        return {n: w for n, w in self._waves.items() if below <= n <= beyond}
-
-    def _start(self, start: wire.WaveStart) -> None:
-        self._waves = self._left(start)
+        left = self._left(start)
+        check_room("wavestart", start.wave, left)
+        self._waves = left
         self._held = sum(wave.held for wave in self._waves.values())
         self._remembered = sum(len(wave.seen) for wave in self._waves.values())
         self._announced = max(self._announced, start.wave)
@@ -207,6 +197,12 @@ class Worker:
             wave = self._wave(start.wave)
             if wave.reached is None:
                 wave.start = wave.start or self._narrowed(start)
+
+    def _left(self, start: wire.WaveStart) -> dict[int, _WorkerWave]:
+        """Return the waves known that may still come about after `start`."""
+        below = max(self._settled_below, start.settled_below)
+        beyond = max(self._announced, start.wave) + AHEAD
+        return {n: w for n, w in self._waves.items() if below <= n <= beyond}
 
     def _narrowed(self, start: wire.WaveStart) -> wire.WaveStart:
         """Return `start` with no more of its signal than is kept: its own, once."""
@@ -218,7 +214,7 @@ class Worker:
         kept = tuple(dict.fromkeys(own.tolist()))
         return msgspec.structs.replace(start, kind="signal", signal=kept)
 
-    def _advance(self, out: list[wire.Message]) -> None:
+    def _advance(self) -> None:
         """Pass on all that can be; what cannot be yet waits with its wave."""
         if not self._wired:
             return
@@ -226,7 +222,7 @@ class Worker:
             if wave.start is not None:
                 self._open(wave, wave.start)
             if wave.reached is not None and wave.waiting:
-                self._spread(wave, wave.reached, out)
+                self._spread(wave, wave.reached)
 
     def _open(self, wave: _WorkerWave, start: wire.WaveStart) -> None:
         """Let the wave's signal fire, if all is there that it takes."""
@@ -243,9 +239,7 @@ class Worker:
             credit = np.full_like(asked, start.credit)
             wave.waiting.append(Pulses(asked, asked, np.zeros_like(asked), credit))
 
-    def _spread(
-        self, wave: _WorkerWave, reached: Ints, out: list[wire.Message]
-    ) -> None:
+    def _spread(self, wave: _WorkerWave, reached: Ints) -> None:
         """Pass on what waits in a wave, and report."""
         net = self._edges.net
         _, targets, hops, credit = map(np.concatenate, zip(*wave.waiting, strict=True))
@@ -262,8 +256,9 @@ class Worker:
                 part = wave.parts.get(to, 0)
                 wave.parts[to] = part + 1
                 fields = (field.tobytes() for field in leaving)
-                out.append(wire.PulseBatch(wave.number, self.worker, to, part, *fields))
-        out.append(
+                batch = wire.PulseBatch(wave.number, self.worker, to, part, *fields)
+                self._out.append(batch)
+        self._out.append(
             wire.WorkerReport(
                 wave=wave.number,
                 worker=self.worker,
@@ -279,15 +274,13 @@ class Worker:
 
     # What the coordinator and the world say ------------------------------------------
 
-    def _check_observation(self, observation: wire.Observation | wire.Learn) -> None:
+    def _observe(self, observation: wire.Observation | wire.Learn) -> None:
         size = (self._hosted[-1].stop + 7) // 8
         if len(observation.bits) != size:
             got = f"got {len(observation.bits)}"
             raise MessageError(f"observation: must hold {size} bytes, {got}")
         check_readings(observation)
         self._readings.check_tick("observation", observation.tick)
-
-    def _latch(self, observation: wire.Observation | wire.Learn) -> None:
         if observation.tick in self._readings:
             return
         cells = np.arange(self._cells.start, self._cells.stop, dtype=np.int32)
@@ -297,9 +290,13 @@ class Worker:
             known = _unpacked(observation.known)[cells] > 0
             cells = cells[known]
         self._readings.keep(observation.tick, 2 * cells + (1 - bits[cells]))
-        self._history.enter(observation.tick, own, known)
+        self._history.observe(observation.tick, own, known)
 
     def _rewire(self, wiring: wire.WorkerWiring) -> None:
+        # One far ahead would make the true ones all come too late.
+        check_number("workerwiring: epoch", wiring.epoch, self._epoch)
+        self._edges.check(wiring)
+        self._advance()  # what came before it was meant for the wiring before it
         if wiring.epoch <= self._epoch:
             return
         if wiring.after not in (0, self._epoch):

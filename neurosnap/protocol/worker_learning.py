@@ -134,7 +134,7 @@ class WorkerLearning:
         args = self._snapshot.tick, self._band, self._who, self._shares
         return bands_of(self._snapshot, *args)
 
-    def take_band(self, band: wire.Band) -> None:
+    def receive_band(self, band: wire.Band) -> None:
         """Keep a band to begin with, if it is of this share and of a later tick."""
         if band.tick <= self._snapshot.tick:
             return

@@ -505,7 +505,7 @@ def _workers(
         worker = options.new_worker_learning(number)
         if worker is not None and frame is not None:
             for band in bands:
-                worker.take_band(band)
+                worker.receive_band(band)
             worker.begin(frame.snapshot)
         if worker is not None:
             found.append(worker)

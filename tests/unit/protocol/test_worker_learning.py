@@ -89,7 +89,7 @@ def test_it_begins_with_the_bands_of_its_share_whatever_their_order() -> None:
         straight.learn(learn(tick))
     older = [*bands_of(whole(2), 2, 4, "it", SHARES)]
     for band in (*older, *bands[:-1]):
-        worker.take_band(band)
+        worker.receive_band(band)
     with pytest.raises(
         MessageError, match=r"must come after the bands .* lacks 4 byte"
     ):
@@ -97,7 +97,7 @@ def test_it_begins_with_the_bands_of_its_share_whatever_their_order() -> None:
     with pytest.raises(MessageError, match="must be of tick 1, got tick 4"):
         worker.learn(learn(4))
     for band in (*bands[::-1], *bands):
-        worker.take_band(band)
+        worker.receive_band(band)
     first = straight.learn(learn(4))
     assert worker.learn(learn(4, begins=head)) == first
     assert worker.learn(learn(4, begins=head)) == first, "and does not begin again"
@@ -107,7 +107,7 @@ def test_it_begins_with_the_bands_of_its_share_whatever_their_order() -> None:
 def test_it_says_at_once_what_it_began_with() -> None:
     worker, bands = new(), [*bands_of(whole(3), 3, 4, "it", SHARES)]
     for band in bands:
-        worker.take_band(band)
+        worker.receive_band(band)
     message = wire.Learn(3, frame=3, begins=head_of(whole(3)))
     *said, answer = worker.learn(message)
     own = [band.offset for band in bands if band.offset >= 6]
@@ -143,7 +143,7 @@ def test_what_is_no_snapshot_to_begin_with_is_refused() -> None:
         worker.learn(learn(4, begins=b"x"))
     for band in bands_of(whole(3), 3, 4, "it", SHARES):
         wrong = memoryview(b"\xff" * len(band.data))
-        worker.take_band(msgspec.structs.replace(band, data=wrong))
+        worker.receive_band(msgspec.structs.replace(band, data=wrong))
     with pytest.raises(MessageError, match="learn: bands: must be a Snapshot"):
         worker.learn(learn(4, begins=head))
     assert worker.tick == 0
