@@ -8,10 +8,10 @@ base64.
 
 Which process sent a message follows from its key alone. A topic is one role's to say,
 and a topic that several parts say ends its key with the part: ``leave/cell/3``,
-``pulse/7/cell/3``. So whoever lets a part use certain keys decides for whom it can
-speak, and `decode` refuses a payload that names another. The sender's running number
-and clock travel beside the payload (`Delivery`), so that completeness can be proved
-without a word about it in the messages.
+``pulse/7/cell/3``. So the keys that a part may use decide as which part it can speak,
+and `decode` refuses a payload that names another. The sender's running number and clock
+travel beside the payload (`Delivery`), so that completeness can be proved without a
+word about it in the messages.
 """
 
 import re
@@ -127,8 +127,8 @@ class WaveStart(_Message, frozen=True):
     repeats: Natural = 0
     """The number of the wave that was given up for this one; 0: none."""
     fence: Natural = 0
-    """The last wave announced to every cell, itself or one before. Whoever has seen
-    that has every wiring this wave is meant for, and may act."""
+    """The last wave announced to every cell, itself or one before. A cell that has seen
+    it has every wiring this wave is meant for, and may act."""
     cell: Annotated[int, msgspec.Meta(ge=-1, le=_LARGEST)] = -1
     """The one cell this copy is for; -1: for all."""
 
@@ -156,7 +156,7 @@ class Pulse(_Message, frozen=True):
 
     @property
     def sender(self) -> str:
-        """Who sent it."""
+        """The part that sent it."""
         return f"cell/{self.source >> 1}"
 
     @property
@@ -206,7 +206,7 @@ class WorkerWiring(_Message, frozen=True):
     add: bytes = b""
     """Edges gained, as `numbers`: source and target of each, ascending."""
     drop: bytes = b""
-    """Edges lost, likewise."""
+    """Edges lost, as `numbers`: source and target of each, ascending."""
 
 
 class PulseBatch(_Message, frozen=True):
@@ -229,11 +229,11 @@ class PulseBatch(_Message, frozen=True):
     sources: bytes
     """The literals that fired, as `numbers`, one a pulse."""
     targets: bytes
-    """The literals they make fire, likewise."""
+    """The literals they make fire, as `numbers`."""
     hops: bytes
-    """Edges from the signal to the target along the way the pulse came, likewise."""
+    """Edges from the signal to the target along each pulse's way, as `numbers`."""
     credit: bytes
-    """Exponents, likewise: each pulse carries the share ``2^-e`` of the wave."""
+    """Exponents, as `numbers`: each pulse carries the share ``2^-e`` of the wave."""
 
 
 class WorkerReport(_Message, frozen=True):
@@ -251,12 +251,12 @@ class WorkerReport(_Message, frozen=True):
     literals: bytes
     """Literals that fired, as `numbers`."""
     hops: bytes
-    """For each of `literals`, the hops of the pulse that made it fire, likewise."""
+    """For each of `literals`, the hops of the pulse that made it fire, as `numbers`."""
     credit: Naturals
     """Exponents, ascending: the shares ``2^-e`` that end here, added up until each
     came once."""
     pulses: Natural
-    """Pulses along edges of its cells, those to cells of its own included."""
+    """Pulses along edges of its cells, those to its own cells included."""
     epoch: Natural = 0
     """The worker's last frame of wiring when it acted; 0: it was never wired."""
 
@@ -384,8 +384,8 @@ class Decision(_Message, frozen=True, omit_defaults=True):
 class KeyFrame(_Message, frozen=True):
     """The whole snapshot after one tick, and what else it takes to go on from there.
 
-    Nothing is under way at that point, and the next wiring is whole, for everybody: so
-    whoever starts here needs no message from before.
+    Nothing is under way at that point, and the next wiring is whole, for all cells: so
+    a part that starts here needs no message from before.
     """
 
     _key: ClassVar[str] = "keyframe"
@@ -434,7 +434,7 @@ class Band(_Message, frozen=True):
     _key: ClassVar[str] = "band/{0.who}"
 
     who: str
-    """Who holds it."""
+    """The part that holds it."""
     tick: Natural
     """That of the key-frame."""
     array: str
@@ -454,7 +454,7 @@ class Recall(_Message, frozen=True, omit_defaults=True):
     """
 
     tick: Numbered
-    """The last tick that counts; whoever answers has its reading."""
+    """The last tick that counts; a part that answers has its reading."""
     round: Numbered
     """Which of the tick's questions it is, from 1."""
     repeats: Natural = 0
@@ -502,7 +502,7 @@ class Recalled(_Message, frozen=True, omit_defaults=True):
     tick: Numbered
     """That of the question."""
     round: Numbered
-    """Likewise."""
+    """That of the question."""
     lacks: Naturals = ()
     """The sender's cells that were asked and have no history up to that tick; if there
     are any, nothing else is said."""
@@ -533,15 +533,15 @@ class Reminder(_Message, frozen=True):
     on: bytes
     """A ring for each cell: the ticks at which it read on."""
     off: bytes
-    """Likewise: at which it read off."""
+    """A ring for each cell: the ticks at which it read off."""
 
 
 class Learn(_Message, frozen=True, omit_defaults=True):
     """What the workers learn now, where they share the learning.
 
     Each learns the pairs of its share of the sensors. That it is said by the
-    coordinator, and not taken from the observation, makes everybody learn the same: a
-    refused observation is learned by nobody.
+    coordinator, and not taken from the observation, makes all workers learn the same: a
+    refused observation is learned by none.
     """
 
     _key: ClassVar[str] = "learn"
@@ -552,15 +552,15 @@ class Learn(_Message, frozen=True, omit_defaults=True):
     bits: bytes = b""
     """As in the observation."""
     known: bytes = b""
-    """Likewise."""
+    """As in the observation."""
     paused: bool = False
-    """Likewise: nothing is learned."""
+    """As in the observation: nothing is learned."""
     frame: Natural = 0
     """The tick of a key-frame that they send the bands of, before they answer; that is
     the tick learned last. 0: none."""
     begins: bytes = b""
     """In a run that goes on, until they have learned something: the snapshot of its
-    first key-frame, for those who know of nothing but the bands behind that."""
+    first key-frame, for workers that know nothing but the bands behind that."""
     sources: Naturals = ()
     """Literals: what spoke for these implications, and against them, before this was
     learned?"""
@@ -639,7 +639,7 @@ class Image(_Message, frozen=True):
 
 
 class Fault(_Message, frozen=True):
-    """Somebody met a message that is bad or unexpected, and dropped it."""
+    """A part met a message that is bad or unexpected, and dropped it."""
 
     _sender: ClassVar[str] = "{0.who}"
     _key: ClassVar[str] = "fault/{0.who}"
@@ -651,7 +651,7 @@ class Fault(_Message, frozen=True):
 
 
 class Leave(_Message, frozen=True):
-    """A part's last message. Whoever has it and all before it has everything."""
+    """A part's last message: what came before it is all that the part sent."""
 
     _sender: ClassVar[str] = "{0.who}"
     _key: ClassVar[str] = "leave/{0.who}"
@@ -748,7 +748,7 @@ _NAMING: dict[type[Message], str] = {
 def is_part(who: str) -> bool:
     """Tell whether `who` can be a part's name, as in ``cell/3``.
 
-    Only then can it stand in a key: there a ``*`` would be anybody.
+    Only then can it stand in a key: there a ``*`` would be any part.
     """
     return _PART.fullmatch(who) is not None
 

@@ -44,7 +44,7 @@ class AnomalyDetector:
 
     Which of several smallest sets of culprits is returned goes by what came before:
     the sensors that have been candidates most, each time for a share of the blame, lose
-    2 % of it a tick. Among equals it is who did *not* change since the last coherent
+    2 % of it a tick. Among equals it is what did *not* change since the last coherent
     observation: as a rule the world moves and the sensor at fault does not.
 
     Args:
@@ -92,9 +92,9 @@ class AnomalyDetector:
             tick: Of the observation; larger every time.
             graph: What was believed before it: it is not learned yet.
             bits: ``(N,)``, one bit a sensor.
-            known: ``(N,)`` bool, which of them are known; None: all.
-            snapshot: Who believes, for evidence; it did not learn the observation yet.
-            history: The readings before it, for occasions; None: none are counted.
+            known: ``(N,)`` bool, which of them are known; None if all are.
+            snapshot: Where to find evidence; it did not learn the observation yet.
+            history: The readings before it, for occasions; None if none are counted.
 
         Raises:
             ShapeError: Something has another number of sensors.

@@ -69,8 +69,8 @@ class Link(msgspec.Struct, frozen=True):
     since: int
     """The tick since which it is believed."""
     occasions: int | None = None
-    """On how many occasions it was put to the test before, and held; None: that was not
-    counted."""
+    """On how many occasions it was put to the test before, and held; None if that was
+    not counted."""
 
 
 class Told(msgspec.Struct, frozen=True):
@@ -90,7 +90,7 @@ def told(anomaly: wire.Anomaly, sensors: Sequence[str]) -> Told:
     """Return what people are told of an anomaly.
 
     Args:
-        anomaly: As it came; what it says is checked by nobody before.
+        anomaly: As it came, not checked yet.
         sensors: The names of the sensors.
 
     Raises:
@@ -145,7 +145,7 @@ def anomaly_line(told: Told) -> str:
     """Return an anomaly as one line that names a few of what it is about."""
     long = f", since tick {told.since}" if told.since < told.tick else ""
     exact = "" if told.exact else " (at least)"
-    likely = few(told.culprits) or "nobody"
+    likely = few(told.culprits) or "no sensor"
     others = [name for name in told.candidates if name not in told.culprits]
     perhaps = f" or {few(others)}" if others else ""
     shown = [f"{link.implication} ({evidence(link)})" for link in told.broken[:_LINKS]]

@@ -8,9 +8,9 @@ Its invariants:
 - Whatever credit comes in goes out again, in pulses at once and in a report that waits
   for the pulses that are sure to come. In a state wave every literal that was read
   fires, and the observation says which these are. So a cell reports once, and not for
-  each burst. (Its in-edges are the contrapositives of its out-edges: ``a -> b`` iff
+  each batch. (Its in-edges are the contrapositives of its out-edges: ``a -> b`` iff
   ``b* -> a*``.) If a pulse is lost, the wave is repeated as a signal, of which a cell
-  does not know what is to come: then each burst is reported, and who is silent shows.
+  does not know what is to come: then each batch is reported, and what is silent shows.
 - Nothing of a wave is done before its fence has been seen: the last wave announced to
   every cell, itself or one before (and, in a state wave, before the reading of its
   tick). The coordinator sends wirings before the fence, so what fires is always the
@@ -105,7 +105,7 @@ class Cell:
         self._touched: dict[int, _Wave] = {}  # waves that owe a report
 
     def receive(self, batch: Iterable[wire.Message]) -> list[wire.Message]:
-        """Take in `batch` and return what the cell sends for it, in order.
+        """Receive `batch` and return what the cell sends for it, in order.
 
         Pulses come before the report of their wave, because neighbours are waiting for
         them. Cost: proportional to the batch and to the out-edges of what fires.
@@ -120,7 +120,7 @@ class Cell:
         return out
 
     def _receive(self, message: wire.Message) -> None:
-        """Take in a message that can be right.
+        """Act on a message that can be right.
 
         Raises:
             MessageError: It cannot; nothing has changed.

@@ -15,8 +15,8 @@ each call and the sending of what it returns.
 The state is what the cells reported. The snapshot only learns weights here; it is told
 the state (`Snapshot.adopt`) and never asked for one.
 
-Right after a key-frame all there is in here is a function of what that says, and of the
-run's options: nothing is under way, what a policy keeps is in the key-frame, and what
+Right after a key-frame the whole core is a function of what that says, and of the run's
+options: nothing is under way, what a policy keeps is in the key-frame, and what
 was known of the cells' wiring is forgotten, so that the next goes to all of them, and
 whole.
 """
@@ -93,8 +93,8 @@ class Coordinator:
     Args:
         options: The run's.
         snapshot: Learns; None for a new one, as the options say.
-        policy: Decides; None likewise.
-        memory: What the agent knows besides the snapshot; None likewise.
+        policy: Decides; None for a new one.
+        memory: What the agent knows besides the snapshot; None for nothing.
         repeats: How often a wave that does not settle is sent again, and a question
             that is not answered is asked again.
     """
@@ -157,8 +157,8 @@ class Coordinator:
 
         Args:
             options: The run's.
-            frame: One of its key-frames, for the core that has just said it; None: the
-                core has seen nothing yet.
+            frame: One of its key-frames, for the core that has just said it; None for
+                one that has seen nothing yet.
             bands: What belongs to the key-frame.
 
         Raises:
@@ -197,7 +197,7 @@ class Coordinator:
             self._judge.restore(frame.history)
         self._count_grown()
 
-    # What it is asked by those who run it ---------------------------------------------
+    # What its process asks it ---------------------------------------------------------
 
     @property
     def tick(self) -> int:
@@ -295,7 +295,7 @@ class Coordinator:
     # Messages in, messages out --------------------------------------------------------
 
     def receive(self, message: wire.Message) -> list[wire.Message]:
-        """Take in one message and return what is to be sent for it, in order.
+        """Receive a message and return what is to be sent for it, in order.
 
         Reads: observations, reports, faults. Publishes: wirings and a wave start for an
         observation; for the report that settles a wave its result, then the planning
@@ -310,7 +310,7 @@ class Coordinator:
                 return self._receive_recalled(message)
             case wire.Learned():
                 return self._receive_learned(message)
-            case wire.Fault():  # anybody's: its own come back to it, too
+            case wire.Fault():  # of any part: its own come back to it, too
                 self.totals.faults += 1
                 return []
             case _:
@@ -413,7 +413,7 @@ class Coordinator:
         return self._learning.ask_to_learn(self._observation, self._anomaly)
 
     def _receive_learned(self, message: wire.Learned) -> list[wire.Message]:
-        """Take in what a worker learned; go on once all have."""
+        """Learn what a worker reports; go on once all have."""
         learn = self._learning.under_way
         try:
             pairs = self._learning.receive(message)
@@ -450,7 +450,7 @@ class Coordinator:
     def _settle(
         self, report: wire.CellReport | wire.WorkerReport
     ) -> list[wire.Message]:
-        """Take in a report on a wave; go on if the wave has settled with it."""
+        """Count a report on a wave; go on if the wave has settled with it."""
         try:
             wave = self._control.report(report)
         except MessageError as error:
@@ -462,7 +462,7 @@ class Coordinator:
         self.totals.pulses += wave.pulses
         self.totals.depth = max(self.totals.depth, wave.depth)
         if wave.number in self._asked:
-            return self._take_reached(wave, reached)
+            return self._settle_planning(wave, reached)
         state = reached & ~complement(reached)
         self.snapshot.adopt(state)
         report_on_it = self._state(wave, reached, state)
@@ -472,7 +472,7 @@ class Coordinator:
     def _remind(self, now: int) -> list[wire.Message]:
         """Tell a cell that has just been born what it would have read before.
 
-        It has taken part in a wave by now: whoever hosts it has this tick's readings.
+        It has taken part in a wave by now: its host has this tick's readings.
         """
         born = self.decision.born
         if born < 0:
@@ -480,7 +480,7 @@ class Coordinator:
         return self._recall.remind(now, born, self._mind.memory.history)
 
     def _receive_recalled(self, message: wire.Recalled) -> list[wire.Message]:
-        """Take in what a part answers from its histories; go on once all have."""
+        """Receive what a part answers from its histories; go on once all have."""
         if not self._grows:
             return [_fault(f"recalled: must be asked, got {message.who:.40}")]
         try:
@@ -498,10 +498,10 @@ class Coordinator:
             self._asked[self._control.waves] = index
         return starts
 
-    def _take_reached(
+    def _settle_planning(
         self, wave: Wave, reached: NDArray[np.bool_]
     ) -> list[wire.Message]:
-        """Take in a settled planning wave; go on if it was the last that was asked."""
+        """Close a settled planning wave; go on if it was the last that was asked."""
         self._answers[self._asked.pop(wave.number)] = reached
         result = wire.Reached(
             tick=wave.tick,
@@ -568,7 +568,7 @@ class Coordinator:
         self.totals.grown, self.totals.retired = len(body.grown), len(body.retired)
 
     def _keyframe(self) -> list[wire.Message]:
-        """Return what somebody else may go on from: nothing older matters then."""
+        """Return what a run may go on from: nothing older matters then."""
         judge, options = self._judge, self._options
         history = b"" if judge is None else judge.to_bytes()
         self._control.forget()

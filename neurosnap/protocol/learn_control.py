@@ -107,8 +107,8 @@ class LearnControl:
         """Tell them again.
 
         Raises:
-            AnswerLostError: They were told as often as allowed; it names who is
-                silent.
+            AnswerLostError: They were told as often as allowed; it names the
+                silent ones.
         """
         if self._learn is None:
             return []
@@ -116,11 +116,11 @@ class LearnControl:
         return [*self.passed_on, self._learn]
 
     def receive(self, learned: wire.Learned) -> Pairs | None:
-        """Take in what a worker learned; nothing is under way once all have.
+        """Receive what a worker learned; nothing is under way once all have.
 
         Returns:
             As `pairs_in`. No two messages are of the same pairs, so it does not matter
-            in which order they came. None: it came before, or was given up.
+            in which order they came. None if it came before, or was given up.
 
         Raises:
             MessageError: It cannot be right.

@@ -57,7 +57,7 @@ def hosts(cells: int, workers: int) -> list[str]:
 
     Args:
         cells: How many cells there are.
-        workers: How many share them; 0: every cell is a part of its own.
+        workers: How many share them; 0 if every cell is a part by itself.
 
     Example:
         >>> hosts(3, 0), hosts(3, 2)

@@ -3,7 +3,7 @@
 Pure: a question in, messages out; answers in, and once the last has come, what they
 come to. One question is under way at a time. Cells that say they lack a history get it
 from the coordinator, which keeps one for its key-frames, and are asked again. What is
-asked follows from the question and from who lacked what, whatever the order in which
+asked follows from the question and from what parts lack, whatever the order in which
 the answers came.
 """
 
@@ -33,7 +33,7 @@ class RecallControl:
     Args:
         sensors: How many cells there are.
         repeats: How often a question that is not answered is asked again.
-        workers: How many workers share the cells; 0: every cell is a part of its own.
+        workers: How many workers share the cells; 0 if every cell is a part by itself.
     """
 
     def __init__(self, sensors: int, repeats: int, workers: int) -> None:
@@ -110,8 +110,8 @@ class RecallControl:
         """Give up the round under way and ask again.
 
         Raises:
-            AnswerLostError: It was asked as often as allowed; the error names who has
-                not answered.
+            AnswerLostError: It was asked as often as allowed; the error names the
+                parts that have not answered.
         """
         recall = self._recall
         if recall is None:
@@ -125,13 +125,13 @@ class RecallControl:
     def receive(
         self, answer: wire.Recalled, history: History
     ) -> Answer | list[wire.Message]:
-        """Take in an answer. Return what all say, or what is to be sent.
+        """Receive an answer. Return what all say, or what is to be sent.
 
         An answer of a round that was given up, or that came before, is dropped.
 
         Args:
-            answer: Somebody's.
-            history: What the coordinator has kept for those who lack theirs.
+            answer: A part's.
+            history: What the coordinator has kept for parts that lack theirs.
 
         Raises:
             MessageError: It cannot be right.
@@ -165,7 +165,7 @@ class RecallControl:
     def _reminders(
         self, lacking: list[str], tick: int, history: History
     ) -> Iterator[wire.Reminder]:
-        """Yield what those lack who have answered so."""
+        """Yield what some parts have answered that they lack."""
         for who in lacking:
             answer = self._round.answers[who]
             lacks = sorted(answer.lacks) if answer is not None else []

@@ -2,7 +2,7 @@
 
 A wave, a question to the histories of cells, and what workers learn are asked, gathered
 and asked again in the same way. They differ in how an answer is checked, and in what
-shows who is silent.
+shows which parts are silent.
 """
 
 from collections.abc import Iterable, Sequence
@@ -21,7 +21,7 @@ class Round(Generic[T]):
     Args:
         what: Names it in an error, as in ``recall 3 (tick 4)``.
         repeats: How often it may be asked again.
-        parts: The names of those who are asked.
+        parts: The names of the parts that are asked.
 
     Attributes:
         answers: By part; None as long as it is silent.
@@ -36,7 +36,7 @@ class Round(Generic[T]):
 
     @property
     def silent(self) -> list[str]:
-        """Those who have not answered."""
+        """The parts that have not answered."""
         return [who for who, answer in self.answers.items() if answer is None]
 
     def ask_again(
@@ -50,8 +50,8 @@ class Round(Generic[T]):
         """Count that it is asked once more.
 
         Args:
-            names: Those because of whom it is.
-            lack: What is the matter with them.
+            names: The parts because of which it is.
+            lack: What they lack.
             rule: What should have come about.
             spare: Tries that do not count.
 

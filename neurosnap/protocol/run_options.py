@@ -145,7 +145,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
         ]
         | None
     ) = None
-    """None: the snapshot's own default."""
+    """None for the snapshot's own default."""
     wiring: Annotated[
         WiringKind,
         option(
@@ -284,7 +284,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
         if self.keep and not self.split:
             raise InvalidValueError("keep", "must come with split", self.keep)
         if self.keep and self.body.actions:
-            # Whoever goes on after a death does all of them again.
+            # A run that goes on after a death does all of them again.
             rule = "must go with a source that takes no actions"
             raise InvalidValueError("keep", rule, self.keep)
         if self.learning == "spread" and self.cells != "worker":
@@ -300,7 +300,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
         return self.body.sensors
 
     def new_policy(self) -> Policy:
-        """Return who decides.
+        """Return the policy that decides.
 
         Raises:
             InvalidValueError: The body or the target is not fit for such an agent.
@@ -308,7 +308,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
         return self.policy_with(self.new_memory())
 
     def policy_with(self, memory: AgentMemory) -> Policy:
-        """Return who decides, by what a memory knows."""
+        """Return the policy that decides, by what a memory knows."""
         return new_policy(
             self.agent,
             self.body,
@@ -330,7 +330,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def sharing(self) -> int:
-        """How many workers share the cells; 0: every cell is a part of its own.
+        """How many workers share the cells; 0 if every cell is a part by itself.
 
         Raises:
             InvalidValueError: There are more workers than cells.
@@ -382,7 +382,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
         return learning_shares(len(self.sensors), self.sharing)
 
     def new_worker_learning(self, worker: int) -> WorkerLearning | None:
-        """Return what a worker learns when the run starts; None: nothing."""
+        """Return what a worker learns when the run starts; None if nothing."""
         if not (shares := self.learning_shares):
             return None
         snapshot = self.new_snapshot(shares[worker])

@@ -98,8 +98,7 @@ class SentWiring:
             parts = list(range(len(self._parts)))
             messages = self._wire_whole(parts)
         else:
-            gained = np.setdiff1d(edges, before, assume_unique=True)
-            lost = np.setdiff1d(before, edges, assume_unique=True)
+            gained, lost = _changes(before, edges)
             sources = np.concatenate((gained, lost)) >> 32
             found = np.searchsorted(self._ends, sources, side="right") - 1
             parts = np.unique(found).tolist()
@@ -209,6 +208,16 @@ class SentWiring:
 
 def _part(report: wire.CellReport | wire.WorkerReport) -> int:
     return report.worker if isinstance(report, wire.WorkerReport) else report.cell
+
+
+def _changes(before: Edges, after: Edges) -> tuple[Edges, Edges]:
+    """Return the edges gained and lost, ascending. O(e) time."""
+    # Of two ascending lists a stable sort makes one by merging them.
+    both = np.sort(np.concatenate((before, after)), kind="stable")
+    differs = np.concatenate(([True], both[1:] != both[:-1], [True]))
+    once = both[differs[1:] & differs[:-1]]
+    gained = np.searchsorted(after, once) < np.searchsorted(after, once, "right")
+    return once[gained], once[~gained]
 
 
 def _listed(edges: Edges, literals: int) -> list[tuple[int, ...]]:

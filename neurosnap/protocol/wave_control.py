@@ -98,9 +98,9 @@ class WaveControl:
 
         Args:
             kind: As in the message.
-            tick: Likewise.
-            signal: Likewise.
-            repeats: Likewise.
+            tick: The tick it belongs to.
+            signal: The literals that fire; empty in a state wave.
+            repeats: The number of the wave given up for this one.
             seeds: For a state wave without a signal, how many sensors' readings are
                 known: exactly these cells fire at the start. 0: all are.
 
@@ -129,7 +129,7 @@ class WaveControl:
         return [wave.start(below, self._fence, cell) for cell in cells]
 
     def report(self, report: wire.CellReport | wire.WorkerReport) -> Wave | None:
-        """Take in a report; return its wave if that has settled now.
+        """Count a report; return its wave if that has settled now.
 
         A report on a wave that was given up is dropped. A report computed with other
         edges than those in force is refused, and its credit is not counted: the wave

@@ -40,7 +40,7 @@ from neurosnap.protocol.worker_kernels import (
 from neurosnap.protocol.worker_learning import WorkerLearning
 
 _HELD = 1 << 24  # pulses that may wait for what their waves take
-_BURSTS = 1 << 17  # a worker remembers of all waves together
+_BATCHES = 1 << 17  # a worker remembers of all waves together
 
 
 class _WorkerWave:
@@ -74,7 +74,7 @@ class Worker:
     Args:
         worker: Its number.
         hosted: The cells of every worker, ascending, without a gap.
-        learning: What it learns, where workers share the learning; None: nothing.
+        learning: What it learns, where workers share the learning; else None.
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class Worker:
         self._out: list[wire.Message] = []  # of the batch that is worked on
 
     def receive(self, batch: Iterable[wire.Message]) -> list[wire.Message]:
-        """Take in `batch` and return what the worker sends for it, in order.
+        """Receive `batch` and return what the worker sends for it, in order.
 
         All that came of a wave is worked on at once. Its pulses come before its report,
         because others are waiting for them. Cost: proportional to the batch, to the
@@ -118,7 +118,7 @@ class Worker:
         return out
 
     def _receive(self, message: wire.Message) -> None:
-        """Take in a message that can be right.
+        """Act on a message that can be right.
 
         Raises:
             MessageError: It cannot; nothing has changed.
@@ -157,8 +157,8 @@ class Worker:
             return
         if self._held + len(pulses.hops) > _HELD:
             raise MessageError(f"pulsebatch: must leave up to {_HELD} pulses waiting")
-        if self._remembered >= _BURSTS:
-            rule = f"must be one of {_BURSTS} in flight"
+        if self._remembered >= _BATCHES:
+            rule = f"must be one of {_BATCHES} in flight"
             raise MessageError(f"pulsebatch: {rule}, got one more")
         check_room("pulsebatch", batch.wave, self._waves)
         wave = self._wave(batch.wave)

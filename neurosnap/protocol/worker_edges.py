@@ -63,7 +63,7 @@ class WorkerEdges:
                     )
 
     def change(self, wiring: wire.WorkerWiring) -> None:
-        """Take in a frame that `check` lets pass. O(e + k log e) time."""
+        """Apply a frame that `check` lets pass. O(e + k log e) time."""
         edges = self._edges if wiring.after else self._edges[:0]
         drop = joined(pairs("drop", wiring.drop))
         places, there = _found(edges, drop)

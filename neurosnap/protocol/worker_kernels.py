@@ -20,7 +20,7 @@ class Net(NamedTuple):
     targets: Ints
     """``(e,)``, literals of any cell; ascending for each source."""
     owners: Ints
-    """``(e,)``, who hosts each target's cell."""
+    """``(e,)``, the worker that hosts each target's cell."""
 
 
 class Pulses(NamedTuple):
@@ -33,7 +33,7 @@ class Pulses(NamedTuple):
 
 
 class Fired(NamedTuple):
-    """What came of some pulses."""
+    """What fired by some pulses, and what ended here."""
 
     literals: Ints
     """``(f,)``, the literals that fired, by hops."""
@@ -64,7 +64,7 @@ def spread(net: Net, reached: Ints, targets: Ints, hops: Ints, credit: Ints) -> 
         credit: ``(k,)``, exponents.
 
     Returns:
-        What came of them. O(n + k + the edges of what fires) time.
+        What fired. O(n + k + the edges of what fires) time.
     """
     least = credit.min()
     back = np.zeros(64, np.int64)

@@ -172,9 +172,9 @@ def pieces_of(
     """Return what changed; one message at least.
 
     Args:
-        worker: Who learned.
+        worker: The number of the worker that learned.
         tick: When.
-        changes: What did; None: nothing.
+        changes: What did; None if nothing.
         most: Bytes of codes in a message.
     """
     pieces: list[wire.Learned] = []

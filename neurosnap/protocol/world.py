@@ -66,11 +66,11 @@ class World:
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """What it has to hear of."""
+        """The topics it has to receive."""
         return ("state", "decision") if self._senses.looks_back else ("decision",)
 
-    def hear(self, message: wire.Message) -> wire.Decision | None:
-        """Take in a message; return it if it is a decision to be answered.
+    def receive(self, message: wire.Message) -> wire.Decision | None:
+        """Receive a message; return it if it is a decision to be answered.
 
         A decision that came before changes nothing.
 
@@ -109,7 +109,7 @@ class World:
             self._body, self._senses = body, Senses(body)
 
     def answer(self, decision: wire.Decision) -> wire.Observation | None:
-        """Return the observation that follows a decision; None: the source is over.
+        """Return the observation that follows a decision; None if the source is over.
 
         With a live source it takes as long as that does.
 

@@ -162,7 +162,7 @@ def _join(
     world = World(source, options.body, past)
 
     def answer(message: wire.Message) -> Messages:
-        decision = world.hear(message)
+        decision = world.receive(message)
         if decision is None:
             return []
         return [world.answer(decision) or wire.Leave("world")]

@@ -45,7 +45,7 @@ class GrowingSwarm(SimulatedSwarm):
 
     def _decided(self, deliveries: list[wire.Delivery]) -> None:
         for delivery in deliveries:
-            decision = self._lamp.hear(wire.decode(delivery.key, delivery.payload))
+            decision = self._lamp.receive(wire.decode(delivery.key, delivery.payload))
             if decision is not None and (observed := self._lamp.answer(decision)):
                 self._world.publish(observed)
 

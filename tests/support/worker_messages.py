@@ -31,7 +31,7 @@ def wired(*pairs: tuple[int, int]) -> Worker:
     return worker
 
 
-def burst(
+def batch(
     *pulses: tuple[int, int, int, int], wave: int = 1, worker: int = 0, part: int = 0
 ) -> wire.PulseBatch:
     """Return pulses to the worker under test: source, target, hops, credit each."""
@@ -49,5 +49,12 @@ def pulses_in(message: wire.PulseBatch) -> list[tuple[int, int, int, int]]:
     return list(zip(*columns, strict=True))
 
 
-def fired_in(tally: wire.WorkerReport) -> dict[int, int]:
-    return dict(zip(*wire.fired(tally), strict=True))
+def fired_in(report: wire.WorkerReport) -> dict[int, int]:
+    return dict(zip(*wire.fired(report), strict=True))
+
+
+def fired_by(worker: Worker, *messages: wire.Message) -> dict[int, int]:
+    """Return what fires by messages for which a worker sends one report alone."""
+    (report,) = worker.receive(messages)
+    assert isinstance(report, wire.WorkerReport)
+    return fired_in(report)

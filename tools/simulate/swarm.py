@@ -154,7 +154,7 @@ class Life:
 
         def answer(message: wire.Message) -> list[wire.Message]:
             try:
-                decision = world.hear(message)
+                decision = world.receive(message)
             except MessageError as error:
                 return [wire.Fault("world", str(error))]
             if decision is None:

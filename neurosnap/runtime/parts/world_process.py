@@ -64,7 +64,7 @@ async def run_world(
     def handle(deliveries: list[wire.Delivery]) -> None:
         for message in decoded(fabric, deliveries):
             try:
-                decision = world.hear(message)
+                decision = world.receive(message)
             except MessageError as error:
                 fabric.publish(wire.Fault("world", str(error)))
                 continue

@@ -8,10 +8,11 @@ from hypothesis import strategies as st
 
 from neurosnap import wire
 from neurosnap.protocol.cell import Cell
-from neurosnap.sensorium import pack
+from tests.support import swarm_parts
 from tests.support.cell_messages import (
     COMPLEMENT,
     OWN,
+    ask,
     given_out,
     observation,
     pulse,
@@ -21,83 +22,304 @@ from tests.support.cell_messages import (
 )
 from tests.support.wave_messages import share, start, state_wave
 
-# Firing -------------------------------------------------------------------------------
+SCENES = """
+a pulse makes it pulse its targets and report
+  < wiring 1 after 0 +2>4 +2>7
+  < wave 1; pulse 0>2 hops 3 credit 1
+  > 1: 2>4 hops 4 credit 3; 1: 2>7 hops 4 credit 3; 1.0: fired 2@3 back 2 sent 2 by 1
+a signal makes it fire at no hops
+  < wiring 1 after 0 +2>4
+  < wave 1 of 0 2 5 credit 2
+  > 1: 2>4 hops 1 credit 3; 1.0: fired 2@0 back 3 sent 1 by 1
+a signal that asks others leaves it silent
+  < wiring 1 after 0 +2>4
+  < wave 1 of 0 5
+each literal fires along its own edges, pulses before the report
+  < wiring 1 after 0 +2>4 +2>6 +3>8
+  < wave 1 of 2 3 credit 1
+  > 1: 2>4 hops 1 credit 3; 1: 2>6 hops 1 credit 3; 1: 3>8 hops 1 credit 2
+  > 1.0: fired 2@0 3@0 back 2 2 sent 3 by 1
+never wired, it gives all credit back
+  < wave 1 of 2 credit 5
+  > 1.0: fired 2@0 back 5 sent 0 by 0
+it fires once a wave, and its reports are numbered
+  < wiring 1 after 0 +2>4
+  < wave 1; pulse 0>2
+  > 1: 2>4 hops 2 credit 4; 1.0: fired 2@1 back 4 sent 1 by 1
+  < pulse 6>2 hops 9 credit 7
+  > 1.1: fired none back 7 sent 0 by 1
+  < pulse 8>2
+  > 1.2: fired none back 3 sent 0 by 1
+  < wave 2; pulse 0>2 wave 2
+  > 2: 2>4 hops 2 credit 4; 2.0: fired 2@1 back 4 sent 1 by 1
+the first pulse gives the hops
+  < wiring 1 after 0 +2>4
+  < wave 1; pulse 0>2 hops 5; pulse 6>2 hops 2
+  > 1: 2>4 hops 6 credit 4; 1.0: fired 2@5 back 4 3 sent 1 by 1
+a batch takes one report a wave
+  < wiring 1 after 0 +2>4
+  < wave 1; wave 2; pulse 0>2; pulse 0>2 wave 2; pulse 6>2
+  > 1: 2>4 hops 2 credit 4; 2: 2>4 hops 2 credit 4
+  > 1.0: fired 2@1 back 4 3 sent 1 by 1; 2.0: fired 2@1 back 4 sent 1 by 1
+in a state wave it fires its reading
+  < wiring 1 after 0 +2>5 +3>7
+  < read 3 010; state 1 at 3
+  > 1: 2>5 hops 1 credit 1; 1.0: fired 2@0 back 1 sent 1 by 1
+  < read 4 000; state 2 at 4
+  > 2: 3>7 hops 1 credit 1; 2.0: fired 3@0 back 1 sent 1 by 1
+a state wave waits for its reading
+  < wiring 1 after 0 +2>5 +3>7
+  < read 2 010; state 1 at 3
+  < pulse 0>2 credit 4
+  < read 3 000
+  > 1: 3>7 hops 1 credit 1; 1: 2>5 hops 2 credit 5
+  > 1.0: fired 3@0 2@1 back 1 5 sent 2 by 1
+a repeated state wave names the readings and waits for none
+  < wiring 1 after 0 +2>5
+  < state 2 at 3 of 0 3 4
+  > 2.0: fired 3@0 back 0 sent 0 by 1
+what was not observed does not fire in a repeat either
+  < wiring 1 after 0 +2>4
+  < state 1 at 1 of 0 5
+a reading is kept once
+  < wiring 1 after 0 +2>5
+  < read 3 010; read 3 000
+  < state 1 at 3
+  > 1: 2>5 hops 1 credit 1; 1.0: fired 2@0 back 1 sent 1 by 1
+it reports once all that is sure to pulse it has, and then what comes
+  < wiring 1 after 0 +2>4 +2>6 +3>9
+  < read 3 01001; state 1 at 3
+  > 1: 2>4 hops 1 credit 2; 1: 2>6 hops 1 credit 2
+  < pulse 5>3
+  > 1: 3>9 hops 2 credit 4
+  < pulse 7>3
+  < pulse 8>2
+  > 1.0: fired 2@0 3@1 back 1 4 3 3 sent 3 by 1
+  < pulse 10>2
+  > 1.1: fired none back 3 sent 0 by 1
+what came before the wave counts as come
+  < wiring 1 after 0 +2>4
+  < pulse 5>3
+  < read 3 010; state 1 at 3
+  > 1: 2>4 hops 1 credit 1; 1.0: fired 2@0 3@1 back 1 3 sent 1 by 1
+it waits for no pulse of a sensor whose reading is unknown
+  < wiring 1 after 0 +2>4 +2>6
+  < read 3 010?; state 1 at 3
+  > 1: 2>4 hops 1 credit 2; 1: 2>6 hops 1 credit 2
+  < pulse 5>3
+  > 1.0: fired 2@0 3@1 back 1 3 sent 2 by 1
+of a repeated state wave each batch is reported
+  < wiring 1 after 0 +2>4
+  < read 3 010; state 1 at 3
+  > 1: 2>4 hops 1 credit 1
+  < state 2 at 3 of 2
+  > 2: 2>4 hops 1 credit 1; 2.0: fired 2@0 back 1 sent 1 by 1
+  < pulse 5>3 wave 2
+  > 2.1: fired 3@1 back 3 sent 0 by 1
+with an unknown reading it starts no wave and passes pulses on
+  < wiring 1 after 0 +2>4
+  < read 1 1?1; state 1 at 1
+  < pulse 0>2 credit 2
+  > 1: 2>4 hops 2 credit 3; 1.0: fired 2@1 back 3 sent 1 by 1
+  < state 2 at 2; pulse 0>2 wave 2
+  < read 2 1?1
+  > 2: 2>4 hops 2 credit 4; 2.0: fired 2@1 back 4 sent 1 by 1
+  < read 3 ?1?; state 3 at 3
+  > 3: 2>4 hops 1 credit 1; 3.0: fired 2@0 back 1 sent 1 by 1
+it holds pulses until their wave starts, each once
+  < wiring 1 after 0 +2>4
+  < pulse 0>2 credit 2; pulse 6>2 credit 2; pulse 0>2 credit 2
+  < pulse 0>2 wave 2
+  < wave 1
+  > 1: 2>4 hops 2 credit 3; 1.0: fired 2@1 back 3 2 sent 1 by 1
+a held pulse fires along the wiring that came before the start
+  < wiring 1 after 0 +2>4
+  < pulse 0>2
+  < wiring 2 after 1 +2>8 -2>4; wave 1
+  > 1: 2>8 hops 2 credit 4; 1.0: fired 2@1 back 4 sent 1 by 2
+a wave it was not told of makes it fire all the same
+  < wiring 1 after 0 +2>4
+  < wave 3
+  < pulse 0>2 credit 1 wave 5 behind 3
+  > 5: 2>4 hops 2 credit 2 behind 3; 5.0: fired 2@1 back 2 sent 1 by 1
+it holds such a wave until its fence
+  < wiring 1 after 0 +2>4
+  < wave 2
+  < pulse 0>2 wave 5 behind 3; ask 6 behind 3 of 2
+  < wave 3
+  > 5: 2>4 hops 2 credit 4 behind 3; 6: 2>4 hops 1 credit 1 behind 3
+  > 5.0: fired 2@1 back 4 sent 1 by 1; 6.0: fired 2@0 back 1 sent 1 by 1
+a fence that comes late counts where a later one has come
+  < wiring 1 after 0 +2>4
+  < wave 9; wave 3
+  < pulse 0>2 wave 10 behind 9
+  > 10: 2>4 hops 2 credit 4 behind 9; 10.0: fired 2@1 back 4 sent 1 by 1
+only what is announced to all is a fence
+  < wiring 1 after 0 +2>4
+  < wave 1; ask 5 behind 1 of 0
+  < pulse 0>2 wave 6 behind 5
+a pulse may overtake the start and no credit is lost
+  < wiring 1 after 0 +2>4
+  < wave 1
+  < pulse 0>2 wave 2 behind 1
+  > 2: 2>4 hops 2 credit 4 behind 1; 2.0: fired 2@1 back 4 sent 1 by 1
+  < ask 2 behind 1 of 2 credit 1
+  > 2.1: fired none back 1 sent 0 by 1
+what has settled is forgotten and stays settled
+  < wiring 1 after 0 +2>4
+  < wave 1; wave 2; pulse 0>2; pulse 0>2 wave 2
+  > 1: 2>4 hops 2 credit 4; 2: 2>4 hops 2 credit 4; 1.0: fired 2@1 back 4 sent 1 by 1
+  > 2.0: fired 2@1 back 4 sent 1 by 1
+  < wave 3 below 2
+  < pulse 6>2; wave 1 of 2
+  < pulse 6>2 wave 2
+  > 2.1: fired none back 3 sent 0 by 1
+  < wave 5 below 5; wave 6 below 3
+  < pulse 0>2 wave 4; wave 4 of 2 below 3
+it says by which wiring it acted, and what comes after does not count
+  < wiring 1 after 0 +2>4
+  < wave 1 of 2; wiring 2 after 1 +2>8 -2>4; pulse 0>2; wave 2 of 2
+  > 1: 2>4 hops 1 credit 1; 1.0: fired 2@0 back 1 sent 1 by 1; 2: 2>8 hops 1 credit 1
+  > 1.1: fired none back 3 sent 0 by 2; 2.0: fired 2@0 back 1 sent 1 by 2
+changes build on the wiring before
+  < wiring 1 after 0 +2>4 +2>6 +3>8
+  < wiring 2 after 1 +2>9 -2>4 +3>5 -3>8
+  < wave 1 of 2 3
+  > 1: 2>6 hops 1 credit 2; 1: 2>9 hops 1 credit 2; 1: 3>5 hops 1 credit 1
+  > 1.0: fired 2@0 3@0 back 1 1 sent 3 by 2
+a whole wiring forgets the one before
+  < wiring 1 after 0 +2>4 +2>6 +3>8
+  < wiring 7 after 0 +2>9
+  < wave 1 of 2 3
+  > 1: 2>9 hops 1 credit 1; 1.0: fired 2@0 3@0 back 1 0 sent 1 by 7
+a wiring that comes again changes nothing
+  < wiring 1 after 0 +2>4
+  < wiring 2 after 1 +2>6 -2>4; wiring 2 after 1 +2>6 -2>4
+  < wiring 1 after 0 +2>4
+  < wave 1 of 2
+  > 1: 2>6 hops 1 credit 1; 1.0: fired 2@0 back 1 sent 1 by 2
+a gap in the wirings silences it until it is wired whole
+  < wiring 1 after 0 +2>4
+  < wiring 3 after 2 +2>6
+  > wiring: must build on epoch 1, got 2
+  < wiring 4 after 3 +2>8
+  > wiring: must build on epoch 1, got 3
+  < wave 1 of 2; pulse 0>2; read 1 010; state 2 at 1
+  < wiring 5 after 0 +2>4 +2>6
+  < wave 3 of 2 below 3
+  > 3: 2>4 hops 1 credit 2; 3: 2>6 hops 1 credit 2; 3.0: fired 2@0 back 1 sent 2 by 5
+a change of a wiring that was replaced is a gap
+  < wiring 1 after 0 +2>4
+  < wiring 2 after 1 +2>6
+  < wiring 3 after 1 +2>8
+  > wiring: must build on epoch 2, got 1
+"""
+"""What the cell of sensor 1 receives in batches, and what it sends for each.
+
+A pulse is of wave 1 and has 3 of credit, if it does not say. What pulses a literal is
+the complement of what its complement pulses: where sensor 2 is off, literal 5 is read,
+and a cell with the edge 2 -> 4 is pulsed along 5 -> 3.
+"""
 
 
-def test_a_pulse_makes_it_pulse_its_targets_and_report() -> None:
-    cell = wired(4, 7)
-    assert cell.receive([start(), pulse(0, hops=3, credit=1)]) == [
-        wire.Pulse(1, OWN, 4, 4, 3, 1),
-        wire.Pulse(1, OWN, 7, 4, 3, 1),
-        wire.CellReport(1, 1, 0, (OWN,), (3,), (2,), 2, epoch=1),
-    ]
+def received(text: str) -> wire.Message:
+    """Return the message that a text stands for, such as ``wave 1 of 2 5``."""
+    kind, first, *words = text.split()
+    given: dict[str, list[int]] = {}
+    numbers: list[int] = []
+    for word in words:
+        if word.isalpha():
+            numbers = given.setdefault(word, [])
+        elif word.isdecimal():
+            numbers.append(int(word))
+
+    def of(name: str, default: int = 0) -> int:
+        return given.get(name, [default])[0]
+
+    signal, credit = given.get("of", []), of("credit")
+    match kind:
+        case "wave":
+            return start(int(first), *signal, credit=credit, below=of("below", 1))
+        case "state":
+            return state_wave(int(first), of("at"), *signal)
+        case "ask":
+            return ask(int(first), of("behind"), *signal, credit=credit)
+        case "pulse":
+            source, target = map(int, first.split(">"))
+            much, wave = (of("hops", 1), of("credit", 3)), of("wave", 1)
+            return pulse(source, target, *much, wave, of("behind", wave))
+        case "read":
+            digits = {"1": True, "0": False, "?": None}
+            return swarm_parts.observation(int(first), [digits[d] for d in words[0]])
+        case _:
+            add, drop, add_complement, drop_complement = (
+                tuple(int(word[3:]) for word in words if word.startswith(sign))
+                for sign in ("+2", "-2", "+3", "-3")
+            )
+            changes = add, drop, add_complement, drop_complement
+            return wire.Wiring(1, int(first), of("after"), *changes)
 
 
-def test_a_signal_makes_it_fire_at_no_hops() -> None:
-    cell = wired(4)
-    assert cell.receive([start(1, 0, OWN, 5, credit=2)]) == [
-        wire.Pulse(1, OWN, 4, 1, 3, 1),
-        wire.CellReport(1, 1, 0, (OWN,), (0,), (3,), 1, epoch=1),
-    ]
+def shown(message: wire.Message) -> str:
+    """Return what a cell sends as a text."""
+    match message:
+        case wire.Pulse(wave, source, target, hops, credit, fence):
+            behind = "" if fence == wave else f" behind {fence}"
+            return f"{wave}: {source}>{target} hops {hops} credit {credit}{behind}"
+        case wire.CellReport(wave, _, part, literals, hops, credit, pulses, epoch):
+            each = zip(literals, hops, strict=True)
+            fired = " ".join(f"{literal}@{hop}" for literal, hop in each) or "none"
+            back = " ".join(map(str, credit))
+            return f"{wave}.{part}: fired {fired} back {back} sent {pulses} by {epoch}"
+        case wire.Fault(_, what):
+            return what
+        case _:
+            raise AssertionError(message)
 
 
-def test_a_signal_that_asks_others_leaves_it_silent() -> None:
-    assert wired(4).receive([start(1, 0, 5)]) == []
+def scenes() -> dict[str, list[tuple[str, str]]]:
+    """Return what is received and sent, batch by batch, by the name of a scene."""
+    found: dict[str, list[tuple[str, str]]] = {}
+    batches: list[tuple[str, str]] = []
+    for line in SCENES.strip().splitlines():
+        mark, text = line[:3].strip(), line[3:].strip()
+        if mark == "<":
+            batches.append((text, ""))
+        elif mark == ">":
+            batch, said = batches[-1]
+            batches[-1] = batch, f"{said}; {text}" if said else text
+        else:
+            batches = found[line] = []
+    return found
 
 
-def test_each_literal_fires_along_its_own_edges() -> None:
-    cell = wired(4, complement=[6])
-    out = cell.receive([start(1, OWN, COMPLEMENT, credit=1)])
-    assert {(p.source, p.target) for p in sent(out)} == {(OWN, 4), (COMPLEMENT, 6)}
-    (report,) = reports(out)
-    assert report.literals == (OWN, COMPLEMENT)
-
-
-def test_without_edges_all_credit_goes_back() -> None:
+@pytest.mark.parametrize("name", scenes())
+def test_what_it_sends_for_what_it_receives(name: str) -> None:
     cell = Cell(1)
-    assert cell.receive([start(1, OWN, credit=5)]) == [
-        wire.CellReport(1, 1, 0, (OWN,), (0,), (5,), 0)
-    ]
+    for batch, expected in scenes()[name]:
+        said = cell.receive([received(text) for text in batch.split("; ")])
+        assert "; ".join(map(shown, said)) == expected, batch
 
 
-def test_it_fires_once_a_wave() -> None:
-    cell = wired(4)
-    first = cell.receive([start(), pulse(0)])
-    again = cell.receive([pulse(6, hops=9, credit=7)])
-    assert len(sent(first)) == 1
-    assert again == [wire.CellReport(1, 1, 1, (), (), (7,), 0, epoch=1)]
+def test_it_remembers_the_latest_readings() -> None:
+    cell = wired(5)
+    for tick in range(1, 30):
+        cell.receive([observation(tick, on=True)])
+    assert cell.receive([state_wave(1, 2)]) == []
+    assert len(reports(cell.receive([state_wave(2, 29)]))) == 1
 
 
-def test_it_fires_again_in_another_wave() -> None:
-    cell = wired(4)
-    cell.receive([start(1), pulse(0)])
-    out = cell.receive([start(2), pulse(0, wave=2)])
-    assert [p.wave for p in sent(out)] == [2]
-
-
-def test_the_first_pulse_gives_the_hops() -> None:
-    (report,) = reports(
-        wired(4).receive([start(), pulse(0, hops=5), pulse(6, hops=2), pulse(8)])
-    )
-    assert report.hops == (5,)
-
-
-def test_pulses_go_out_before_the_report() -> None:
-    out = wired(4, 6, complement=[8]).receive([start(1, OWN, COMPLEMENT)])
-    assert [type(m) for m in out] == [*[wire.Pulse] * 3, wire.CellReport]
-
-
-def test_reports_of_a_wave_are_numbered() -> None:
-    cell = wired(4)
-    cell.receive([start()])
-    parts = [reports(cell.receive([pulse(s)]))[0].part for s in (0, 6, 8)]
-    assert parts == [0, 1, 2]
-
-
-def test_a_burst_takes_one_report_a_wave() -> None:
-    cell = wired(4)
-    out = cell.receive([start(1), start(2), pulse(0), pulse(0, wave=2), pulse(6)])
-    assert [(r.wave, len(r.credit)) for r in reports(out)] == [(1, 2), (2, 1)]
+@pytest.mark.parametrize("batches", [1, 2, 3])
+def test_it_reports_once_however_what_is_due_comes(batches: int) -> None:
+    cell = wired(4, 6, complement=[9])
+    # 5 -> 3, 7 -> 3 and 8 -> 2 are due: sensors 2 and 3 are off, and 4 is on.
+    due = [pulse(5, COMPLEMENT), pulse(7, COMPLEMENT), pulse(8)]
+    assert reports(cell.receive([received("read 3 01001"), state_wave(1, 3)])) == []
+    for number in range(batches - 1):
+        assert reports(cell.receive([due[number]])) == []
+    (report,) = reports(cell.receive(due[batches - 1 :]))
+    assert (report.part, set(report.literals)) == (0, {OWN, COMPLEMENT})
+    assert (len(report.credit), report.pulses) == (4, 3)
 
 
 @given(
@@ -112,7 +334,7 @@ def test_a_burst_takes_one_report_a_wave() -> None:
     ),
     cut=st.integers(0, 12),
 )
-def test_what_credit_comes_in_goes_out_in_the_same_burst(
+def test_what_credit_comes_in_goes_out_in_the_same_batch(
     own: set[int],
     complement: set[int],
     signal: set[int],
@@ -123,103 +345,11 @@ def test_what_credit_comes_in_goes_out_in_the_same_burst(
     cell = wired(*sorted(own), complement=sorted(complement))
     out = cell.receive([start(1, *sorted(signal), credit=signal_credit)])
     assert given_out(out) == len(signal) * share(signal_credit)
-    for burst in (pulses[:cut], pulses[cut:]):
-        came = sum((share(credit) for _, _, credit in burst), Fraction(0))
-        out = cell.receive([pulse(s, t, credit=e) for s, t, e in burst])
+    for batch in (pulses[:cut], pulses[cut:]):
+        came = sum((share(credit) for _, _, credit in batch), Fraction(0))
+        out = cell.receive([pulse(s, t, credit=e) for s, t, e in batch])
         assert given_out(out) == came
         assert sum(r.pulses for r in reports(out)) == len(sent(out))
-
-
-# State waves --------------------------------------------------------------------------
-
-# Who pulses a literal is the complement of what its complement pulses: where sensor 2
-# is off, literal 5 is read, and a cell with the edge 2 -> 4 is pulsed along 5 -> 3.
-
-
-@pytest.mark.parametrize(("on", "literal"), [(True, OWN), (False, COMPLEMENT)])
-def test_in_a_state_wave_it_fires_its_reading(on: bool, literal: int) -> None:
-    cell = wired(5, complement=[7])
-    out = cell.receive([observation(3, on=on), state_wave(1, 3)])
-    (report,) = reports(out)
-    assert report.literals == (literal,)
-    assert given_out(out) == 1
-
-
-def test_a_state_wave_waits_for_its_reading() -> None:
-    cell = wired(5, complement=[7])
-    assert cell.receive([observation(2, on=True), state_wave(1, 3)]) == []
-    assert cell.receive([pulse(0, credit=4)]) == []
-    out = cell.receive([observation(3, on=False)])
-    (report,) = reports(out)
-    assert report.literals == (COMPLEMENT, OWN)
-    assert given_out(out) == 1 + share(4)
-
-
-def test_a_repeated_state_wave_names_the_readings_and_waits_for_none() -> None:
-    (report,) = reports(wired(5).receive([state_wave(2, 3, 0, COMPLEMENT, 4)]))
-    assert report.literals == (COMPLEMENT,)
-
-
-def test_a_reading_is_latched_once() -> None:
-    cell = wired(5)
-    cell.receive([observation(3, on=True), observation(3, on=False)])
-    (report,) = reports(cell.receive([state_wave(1, 3)]))
-    assert report.literals == (OWN,)
-
-
-def test_it_remembers_the_latest_readings() -> None:
-    cell = wired(5)
-    for tick in range(1, 30):
-        cell.receive([observation(tick, on=True)])
-    assert cell.receive([state_wave(1, 2)]) == []
-    assert len(reports(cell.receive([state_wave(2, 29)]))) == 1
-
-
-@pytest.mark.parametrize("bursts", [1, 2, 3])
-def test_it_reports_once_all_that_is_sure_to_pulse_it_has(bursts: int) -> None:
-    cell = wired(4, 6, complement=[9])
-    tick = wire.Observation(3, pack([False, True, False, False, True]))
-    # 5 -> 3, 7 -> 3 and 8 -> 2 are due: sensors 2 and 3 are off, and 4 is on.
-    due = [pulse(5, COMPLEMENT), pulse(7, COMPLEMENT), pulse(8)]
-    fired = cell.receive([tick, state_wave(1, 3)])
-    assert [type(m) for m in fired] == [wire.Pulse, wire.Pulse]
-    for number in range(bursts - 1):
-        assert reports(cell.receive([due[number]])) == []
-    (report,) = reports(out := cell.receive(due[bursts - 1 :]))
-    assert (report.part, set(report.literals)) == (0, {OWN, COMPLEMENT})
-    assert len(report.credit) == 4
-    assert report.pulses == 3
-    # Whatever else comes is reported as it comes.
-    (more,) = reports(cell.receive([pulse(10)]))
-    assert (more.part, more.pulses) == (1, 0)
-    assert isinstance(out[-1], wire.CellReport)
-
-
-def test_what_came_before_the_wave_counts_as_come() -> None:
-    cell = wired(4)
-    tick = wire.Observation(3, pack([False, True, False]))
-    assert cell.receive([pulse(5, COMPLEMENT)]) == []
-    assert len(reports(cell.receive([tick, state_wave(1, 3)]))) == 1
-
-
-def test_nobody_waits_for_whose_reading_is_unknown() -> None:
-    cell = wired(4, 6)
-    bits, known = pack([False, True, False, False]), pack([True, True, True, False])
-    assert reports(cell.receive([wire.Observation(3, bits, known=known)])) == []
-    assert reports(cell.receive([state_wave(1, 3)])) == []
-    (report,) = reports(cell.receive([pulse(5, COMPLEMENT)]))
-    assert report.literals == (OWN, COMPLEMENT)
-
-
-def test_of_a_repeated_state_wave_each_burst_is_reported() -> None:
-    cell = wired(4)
-    tick = wire.Observation(3, pack([False, True, False]))
-    cell.receive([tick, state_wave(1, 3)])
-    assert len(reports(cell.receive([state_wave(2, 3, OWN)]))) == 1
-    assert len(reports(cell.receive([pulse(5, COMPLEMENT, wave=2)]))) == 1
-
-
-# What comes again ---------------------------------------------------------------------
 
 
 def test_a_message_that_comes_again_changes_nothing() -> None:
@@ -244,62 +374,6 @@ def test_a_message_that_comes_again_changes_nothing() -> None:
             assert often.receive([earlier]) == []
 
 
-def test_a_pulse_that_comes_again_while_held_counts_once() -> None:
-    cell = wired(4)
-    cell.receive([pulse(0, credit=2), pulse(0, credit=2)])
-    assert given_out(cell.receive([start()])) == share(2)
-
-
-# Unknown readings ---------------------------------------------------------------------
-
-
-def partly(tick: int, *known: int) -> wire.Message:
-    """An observation of which only these of three sensors are known: they are on."""
-    bits = pack([sensor in known for sensor in range(3)])
-    return wire.Observation(tick, bits, known=bits)
-
-
-def test_a_cell_whose_reading_is_unknown_starts_no_wave_and_passes_pulses_on() -> None:
-    cell = wired(4)
-    assert cell.receive([partly(1, 0, 2), state_wave(1, 1)]) == []
-    out = cell.receive([pulse(0, credit=2)])
-    assert [(p.target, p.hops) for p in sent(out)] == [(4, 2)]
-    assert given_out(out) == share(2)
-
-
-def test_it_holds_pulses_until_it_knows_that_its_reading_is_unknown() -> None:
-    cell = wired(4)
-    assert cell.receive([state_wave(1, 1), pulse(0)]) == []
-    assert len(sent(cell.receive([partly(1, 0, 2)]))) == 1
-
-
-def test_a_known_reading_among_unknown_ones_starts_a_wave() -> None:
-    (report,) = reports(wired().receive([partly(1, 1), state_wave(1, 1)]))
-    assert report.literals == (OWN,)
-
-
-def test_what_was_not_observed_does_not_fire_in_a_repeat_either() -> None:
-    assert wired(4).receive([state_wave(1, 1, 0, 5)]) == []
-
-
-@pytest.mark.parametrize(
-    ("bits", "known", "what"),
-    [
-        (b"\x02", b"\x02\x00", "must say which of 1 bytes are known, got 2 bytes"),
-        (b"\x02", b"\x05", "must be 0 where it is not known, got sensor 1 on"),
-        (b"\x00", b"\x00", "must hold a reading that is known, got none"),
-    ],
-)
-def test_an_observation_that_contradicts_itself_is_a_fault(
-    bits: bytes, known: bytes, what: str
-) -> None:
-    cell = wired(5)
-    wrong = wire.Observation(1, bits, known=known)
-    assert cell.receive([wrong]) == [wire.Fault("cell/1", f"observation: {what}")]
-    (report,) = reports(cell.receive([observation(1, on=False), state_wave(1, 1)]))
-    assert report.literals == (COMPLEMENT,)
-
-
 # What is not for it -------------------------------------------------------------------
 
 
@@ -309,10 +383,14 @@ def test_an_observation_that_contradicts_itself_is_a_fault(
         (pulse(0, 4), "pulse: must be for this cell, got 4"),
         (wire.Wiring(2, 5, 0, add=(4,)), "wiring: must be for this cell, got 2"),
         (wire.Observation(1, b""), "observation: must hold sensor 1, got 0 bytes"),
+        (
+            wire.Observation(1, b"\x02", known=b"\x05"),
+            "observation: must be 0 where it is not known, got sensor 1 on",
+        ),
         (wire.Decision(1, 0, "?"), "decision: is not for a cell"),
         (wire.CellReport(1, 0, 0, (), (), (), 0), "cellreport: is not for a cell"),
     ],
-    ids=["pulse", "wiring", "observation", "decision", "report"],
+    ids=["pulse", "wiring", "observation", "readings", "decision", "report"],
 )
 def test_what_is_not_for_it_is_a_fault_and_changes_nothing(
     message: wire.Message, what: str

@@ -16,6 +16,7 @@ from tests.support.coordinator_runs import (
     new,
     observed,
     only,
+    partly,
 )
 
 # Out of turn --------------------------------------------------------------------------
@@ -47,20 +48,25 @@ def test_a_second_observation_while_waves_fly_is_a_fault() -> None:
 
 
 @pytest.mark.parametrize(
-    ("packed", "what"),
+    ("packed", "known", "what"),
     [
-        (b"", "packed bits: must be 1 bytes long for 3 bits, got 0"),
-        (b"\0\0", "packed bits: must be 1 bytes long for 3 bits, got 2"),
-        (b"\x08", "packed bits: must be 0 beyond the first 3 bits, got b'\\x08'"),
+        (b"", b"", "packed bits: must be 1 bytes long for 3 bits, got 0"),
+        (b"\0\0", b"", "packed bits: must be 1 bytes long for 3 bits, got 2"),
+        (b"\x08", b"", "packed bits: must be 0 beyond the first 3 bits, got b'\\x08'"),
+        (b"\1", b"\x09", "packed bits: must be 0 beyond the first 3 bits, got b'\\t'"),
+        (b"\1", b"\x06", "must be 0 where it is not known, got sensor 0 on"),
     ],
 )
-def test_an_observation_of_another_length_is_a_fault(packed: bytes, what: str) -> None:
+def test_an_observation_that_cannot_be_right_is_a_fault(
+    packed: bytes, known: bytes, what: str
+) -> None:
     core = new()
     core.begin()
-    assert core.receive(wire.Observation(1, packed)) == [
+    assert core.receive(wire.Observation(1, packed, known=known)) == [
         wire.Fault("coordinator", f"observation: {what}")
     ]
     assert core.in_flight == ()
+    assert core.snapshot.clock == 0
     assert only(wire.WaveStart, core.receive(observed(1, "000")))
 
 
@@ -166,3 +172,15 @@ def test_a_wave_that_stays_lost_names_credit_and_silent_cells() -> None:
     )
     with pytest.raises(AnswerLostError, match=expected):
         swarm.core.overdue(2)
+
+
+def test_a_late_wave_is_repeated_with_what_is_known() -> None:
+    swarm = Swarm(new())
+    swarm.run(ROWS[:4])
+    swarm.lost = lambda m: isinstance(m, wire.CellReport)
+    swarm.say([partly(5, "?10")])
+    swarm.lost = lambda _: False
+    said = swarm.say(swarm.core.overdue(swarm.core.in_flight[0]))
+    start = only(wire.WaveStart, said)[0]
+    assert (start.kind, start.signal, start.credit) == ("state", (2, 5), 1)
+    assert only(wire.State, said)

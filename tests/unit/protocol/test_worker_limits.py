@@ -10,8 +10,9 @@ from tests.support.wave_messages import packed, start, state_wave
 from tests.support.worker_messages import (
     ME,
     SENSORS,
-    burst,
+    batch,
     edges,
+    fired_by,
     fired_in,
     observation,
     wired,
@@ -24,9 +25,9 @@ def test_what_came_before_changes_nothing() -> None:
         wire.WorkerWiring(ME, 2, 1, edges([(10, 0)])),
         observation(1, 3),
         state_wave(1, 1, credit=4),
-        burst((0, 8, 1, 1)),
-        burst((0, 10, 1, 1), part=1),
-        burst((12, 10, 1, 1), worker=2),
+        batch((0, 8, 1, 1)),
+        batch((0, 10, 1, 1), part=1),
+        batch((12, 10, 1, 1), worker=2),
     ]
     assert worker.receive(said)
     assert worker.receive(said) == []
@@ -76,26 +77,30 @@ WRONG: list[tuple[wire.Message, str]] = [
     (observation(50), "observation: tick must be at most 8 ticks after 1, got 50"),
     (wire.Observation(2, b"\0"), "observation: must hold 2 bytes, got 1"),
     (
-        msgspec.structs.replace(burst((0, 6, 1, 1)), to=2),
+        wire.Observation(2, b"\1\0", known=b"\2\0"),
+        "observation: must be 0 where it is not known, got sensor 0 on",
+    ),
+    (
+        msgspec.structs.replace(batch((0, 6, 1, 1)), to=2),
         "pulsebatch: must be for this worker, got 2",
     ),
-    (burst((6, 6, 1, 1), worker=1), "pulsebatch: must be another worker's, got 1"),
-    (burst((0, 6, 1, 1), worker=3), "pulsebatch: must be another worker's, got 3"),
-    (burst((12, 6, 1, 1)), "pulsebatch: sources must be 0 to 5, got 12 to 12"),
+    (batch((6, 6, 1, 1), worker=1), "pulsebatch: must be another worker's, got 1"),
+    (batch((0, 6, 1, 1), worker=3), "pulsebatch: must be another worker's, got 3"),
+    (batch((12, 6, 1, 1)), "pulsebatch: sources must be 0 to 5, got 12 to 12"),
     (
-        burst((0, 6, 1, 1), (0, 12, 1, 1)),
+        batch((0, 6, 1, 1), (0, 12, 1, 1)),
         "pulsebatch: targets must be 6 to 11, got 6 to 12",
     ),
-    (burst((0, 6, 0, 1)), "pulsebatch: hops must be 1 to"),
-    (burst((0, 6, DEEPEST + 1, 1)), "pulsebatch: hops must be 1 to"),
-    (burst((0, 6, 1, -1)), "pulsebatch: credit must be 0 to"),
-    (burst((0, 6, 1, DEEPEST + 1)), "pulsebatch: credit must be 0 to"),
+    (batch((0, 6, 0, 1)), "pulsebatch: hops must be 1 to"),
+    (batch((0, 6, DEEPEST + 1, 1)), "pulsebatch: hops must be 1 to"),
+    (batch((0, 6, 1, -1)), "pulsebatch: credit must be 0 to"),
+    (batch((0, 6, 1, DEEPEST + 1)), "pulsebatch: credit must be 0 to"),
     (
-        burst((0, 6, 1, 1), wave=10_000),
+        batch((0, 6, 1, 1), wave=10_000),
         "pulsebatch: wave must be at most 4096 beyond 1",
     ),
     (
-        msgspec.structs.replace(burst((0, 6, 1, 1)), hops=packed(1, 1)),
+        msgspec.structs.replace(batch((0, 6, 1, 1)), hops=packed(1, 1)),
         "pulsebatch: must be whole pulses, got [1, 2]",
     ),
     (
@@ -103,7 +108,7 @@ WRONG: list[tuple[wire.Message, str]] = [
         "pulsebatch: must be whole pulses, got [0]",
     ),
     (
-        msgspec.structs.replace(burst((0, 6, 1, 1)), hops=b"\1"),
+        msgspec.structs.replace(batch((0, 6, 1, 1)), hops=b"\1"),
         "pulsebatch: hops: must be four bytes a number, got 1",
     ),
 ]
@@ -116,7 +121,7 @@ def test_what_cannot_be_right_is_a_fault_and_changes_nothing(
     workers = [wired((6, 8), (8, 0)), wired((6, 8), (8, 0))]
     before: list[wire.Message] = [observation(1, 3), state_wave(1, 1, credit=4)]
     after: list[wire.Message] = [
-        burst((0, 10, 1, 1)),
+        batch((0, 10, 1, 1)),
         start(2, 6),
         observation(2),
         state_wave(3, 2, credit=4),
@@ -134,20 +139,18 @@ def test_what_cannot_be_right_is_a_fault_and_changes_nothing(
 def test_more_pulses_than_may_wait_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("neurosnap.protocol.worker._HELD", 3)
     worker = wired()
-    held = burst((0, 6, 1, 1), (0, 8, 1, 1))
+    held = batch((0, 6, 1, 1), (0, 8, 1, 1))
     assert worker.receive([held]) == []
-    more = burst((0, 6, 1, 1), (0, 8, 1, 1), wave=2)
+    more = batch((0, 6, 1, 1), (0, 8, 1, 1), wave=2)
     (fault,) = worker.receive([more])
     assert fault == wire.Fault(
         "worker/1", "pulsebatch: must leave up to 3 pulses waiting"
     )
-    (tally,) = worker.receive([start()])
-    assert isinstance(tally, wire.WorkerReport)
+    assert fired_by(worker, start())
     # Those wait no more, and those of a wave that is forgotten do not either.
     assert worker.receive([more]) == []
-    (tally,) = worker.receive([start(3, 6, below=3)])
-    assert isinstance(tally, wire.WorkerReport)
-    assert worker.receive([burst((0, 6, 1, 1), (0, 8, 1, 1), wave=4)]) == []
+    assert fired_by(worker, start(3, 6, below=3))
+    assert worker.receive([batch((0, 6, 1, 1), (0, 8, 1, 1), wave=4)]) == []
 
 
 def test_what_stays_here_is_gathered_for_nobody(
@@ -165,20 +168,19 @@ def test_what_stays_here_is_gathered_for_nobody(
     assert gathered == [0, 2]
 
 
-def test_more_bursts_than_are_remembered_are_refused_until_waves_settle(
+def test_more_batches_than_are_remembered_are_refused_until_waves_settle(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("neurosnap.protocol.worker._BURSTS", 2)
+    monkeypatch.setattr("neurosnap.protocol.worker._BATCHES", 2)
     worker = wired()
     worker.receive([start(1, 6)])
     for part in (0, 1):
-        worker.receive([burst((0, 8, 1, 1), part=part)])
-    said = worker.receive([burst((0, 8, 1, 1), part=2)])
+        worker.receive([batch((0, 8, 1, 1), part=part)])
+    said = worker.receive([batch((0, 8, 1, 1), part=2)])
     what = "pulsebatch: must be one of 2 in flight, got one more"
     assert said == [wire.Fault("worker/1", what)]
     worker.receive([start(2, 6, below=2)])
-    (tally,) = worker.receive([burst((0, 8, 1, 1), wave=2)])
-    assert isinstance(tally, wire.WorkerReport)
+    assert fired_by(worker, batch((0, 8, 1, 1), wave=2))
 
 
 def test_more_waves_than_may_be_in_flight_are_refused_until_some_settle(
@@ -186,7 +188,7 @@ def test_more_waves_than_may_be_in_flight_are_refused_until_some_settle(
 ) -> None:
     monkeypatch.setattr("neurosnap.protocol.message_checks.WAVES", 3)
     worker = wired()
-    waiting = [burst((0, 8, 1, 1), wave=wave) for wave in (2, 3, 4, 5)]
+    waiting = [batch((0, 8, 1, 1), wave=wave) for wave in (2, 3, 4, 5)]
     (fault,) = worker.receive(waiting)
     what = "pulsebatch: must be of 3 waves in all, got wave 5 too"
     assert fault == wire.Fault("worker/1", what)
@@ -194,17 +196,14 @@ def test_more_waves_than_may_be_in_flight_are_refused_until_some_settle(
     what = "wavestart: must be of 3 waves in all, got wave 1 too"
     assert fault == wire.Fault("worker/1", what)
     # What a wave settles makes room for it.
-    (tally,) = worker.receive([start(5, 6, below=3)])
-    assert isinstance(tally, wire.WorkerReport)
+    assert fired_by(worker, start(5, 6, below=3))
     assert set(worker._waves) == {3, 4, 5}
 
 
 def test_a_frame_that_is_only_just_near_enough_is_taken() -> None:
     worker = wired((6, 8))
     assert worker.receive([wire.WorkerWiring(ME, 4097, 0, edges([(6, 10)]))]) == []
-    (tally,) = worker.receive([start(1, 6)])
-    assert isinstance(tally, wire.WorkerReport)
-    assert fired_in(tally) == {6: 0, 10: 1}
+    assert fired_by(worker, start(1, 6)) == {6: 0, 10: 1}
 
 
 def test_of_a_signal_only_its_own_literals_are_kept_each_once() -> None:

@@ -36,7 +36,7 @@ ROWS: list[list[bool | None]] = [
 
 def told(world: World, tick: int, action: int = -1) -> wire.Observation | None:
     """Return what the world answers to a decision it hears."""
-    decision = world.hear(wire.Decision(tick, action, "as asked"))
+    decision = world.receive(wire.Decision(tick, action, "as asked"))
     assert decision is not None
     return world.answer(decision)
 
@@ -44,7 +44,7 @@ def told(world: World, tick: int, action: int = -1) -> wire.Observation | None:
 def believe(world: World, tick: int) -> None:
     """Let it hear a state that says nothing."""
     literals = pack([False] * (2 * len(ACTING.sensors)))
-    world.hear(wire.State(tick, 1, literals, False, 0, 0, 0, 0, 0))
+    world.receive(wire.State(tick, 1, literals, False, 0, 0, 0, 0, 0))
 
 
 def past(tick: int, *actions: int, sensors: int = 2, state: bytes = b"") -> ResumePoint:
@@ -89,7 +89,7 @@ def test_what_a_sensor_in_context_is_made_of_may_be_unknown() -> None:
             if on is not None:
                 literals[2 * k + (not on)] = True
         state = wire.State(tick + 1, 1, pack(literals), False, 0, 0, 0, 0, 0)
-        assert world.hear(state) is None
+        assert world.receive(state) is None
 
 
 def test_a_source_that_knows_nothing_is_named() -> None:
@@ -103,10 +103,10 @@ def test_a_source_that_knows_nothing_is_named() -> None:
 def test_a_decision_that_came_before_changes_nothing() -> None:
     world = World(Scripted(ROWS), PLAIN)
     told(world, 0)
-    assert world.hear(wire.Decision(0, -1, "again")) is None
-    decision = world.hear(wire.Decision(1, -1, "once"))
+    assert world.receive(wire.Decision(0, -1, "again")) is None
+    decision = world.receive(wire.Decision(1, -1, "once"))
     # Nor does one that comes again while the source is still being waited for.
-    assert world.hear(wire.Decision(1, -1, "once")) is None
+    assert world.receive(wire.Decision(1, -1, "once")) is None
     assert decision is not None
     assert world.answer(decision) == wire.Observation(2, b"\x02", known=b"\x02")
 
@@ -118,7 +118,7 @@ def test_a_decision_that_cannot_be_right_is_refused(tick: int, action: int) -> N
     with pytest.raises(
         MessageError, match=r"^decision: must be for tick 1, of 2 choices"
     ):
-        world.hear(wire.Decision(tick, action, "?"))
+        world.receive(wire.Decision(tick, action, "?"))
     believe(world, 1)
     assert told(world, 1, 0) is not None
 
@@ -128,7 +128,7 @@ def test_a_decision_without_its_state_is_refused_where_that_is_looked_at() -> No
     told(world, 0)
     rule = r"^decision: must come after the state of tick 1, got that of 0$"
     with pytest.raises(MessageError, match=rule):
-        world.hear(wire.Decision(1, 0, "too early"))
+        world.receive(wire.Decision(1, 0, "too early"))
     believe(world, 1)
     assert told(world, 1, 0) is not None
 
@@ -139,7 +139,7 @@ def test_a_state_that_cannot_be_right_is_refused() -> None:
     with pytest.raises(
         MessageError, match=r"^state: packed bits: must be 3 bytes long"
     ):
-        world.hear(wire.State(1, 1, b"\x00", False, 0, 0, 0, 0, 0))
+        world.receive(wire.State(1, 1, b"\x00", False, 0, 0, 0, 0, 0))
 
 
 def test_a_source_is_brought_to_where_it_was() -> None:
