@@ -267,49 +267,33 @@ def test_the_deepest_share_counts() -> None:
     assert not wave.is_settled
 
 
-EDGES = {0: [2, 5], 2: [6], 5: [], 6: []}
+EDGES: dict[int, list[int]] = {0: [2, 5], 2: [6], 4: [], 5: [], 6: []}
+FIRST = report(0, [0], [3], pulses=2)
 
 
-def targets(literal: int) -> list[int]:
-    return EDGES[literal]
-
-
-def test_cells_of_the_signal_are_silent_until_they_report() -> None:
-    wave = signal_wave(0, 6)
-    assert wave.silent([0, 6], targets) == [0, 3]
-    give(wave, report(3, [6], [1]))
-    assert wave.silent([0, 6], targets) == [0]
-
-
-def test_a_cell_that_reported_only_one_of_its_literals_is_silent_still() -> None:
-    wave = signal_wave(0, 7)
-    give(wave, report(3, [6], [3]))
-    assert wave.silent([0, 7], targets) == [0, 3]
-
-
-def test_targets_of_what_fired_are_silent_until_they_report() -> None:
-    wave = signal_wave(0)
-    give(wave, report(0, [0], [2], pulses=2))
-    assert wave.silent([0], targets) == [1, 2]
-    give(wave, report(1, [2], [2], hops=[1], pulses=1))
-    assert wave.silent([0], targets) == [2, 3]
-
-
-def test_a_cell_that_fired_its_other_literal_can_still_be_silent() -> None:
-    wave = signal_wave(0, 4)
-    give(wave, report(0, [0], [3], pulses=2))
-    give(wave, report(2, [4], [1]))
-    assert wave.silent([0, 4], {**EDGES, 4: []}.__getitem__) == [1, 2]
-
-
-def test_nobody_is_silent_in_a_settled_wave() -> None:
-    wave = signal_wave(0)
-    give(wave, report(0, [0], [2], pulses=2))
-    give(wave, report(1, [2], [3], pulses=1))
-    give(wave, report(2, [5], [1]))
-    give(wave, report(3, [6], [3]))
-    assert wave.is_settled
-    assert wave.silent([0], targets) == []
+@pytest.mark.parametrize(
+    ("signal", "reports", "silent"),
+    [
+        ((0, 6), [], [0, 3]),
+        ((0, 6), [report(3, [6], [2])], [0]),
+        ((0, 7), [report(3, [6], [3])], [0, 3]),  # its other literal is owed still
+        ((0,), [FIRST], [1, 2]),
+        ((0,), [FIRST, report(1, [2], [3], hops=[1], pulses=1)], [2, 3]),
+        ((0, 4), [FIRST, report(2, [4], [1])], [1, 2]),
+        (
+            (0,),
+            [FIRST, report(1, [2], [3]), report(2, [5], [3]), report(3, [6], [3])],
+            [],
+        ),
+    ],
+)
+def test_what_was_to_fire_and_did_not_report_is_silent(
+    signal: tuple[int, ...], reports: list[wire.CellReport], silent: list[int]
+) -> None:
+    wave = signal_wave(*signal)
+    for one in reports:
+        give(wave, one)
+    assert wave.silent(signal, EDGES.__getitem__) == silent
 
 
 @given(credit=st.integers(0, 10_000), parts=st.integers(1, 300))
