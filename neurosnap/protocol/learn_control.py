@@ -4,7 +4,7 @@ Pure: what is to be learned in, a message out; what the workers learned in, and 
 last of it has come, all of it, in an order that does not depend on when it came.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import TypeAlias
 
 import msgspec
@@ -145,7 +145,20 @@ class LearnControl:
 
     def weighed(self, anomaly: wire.Anomaly) -> wire.Anomaly:
         """Return an anomaly with what the workers say spoke for what it broke."""
-        return weighed(anomaly, self._last, self._weights)
+        asked = list(zip(self._last.sources, self._last.targets, strict=True))
+        found: dict[tuple[int, int], tuple[float, float, int]] = {}
+        for each in self._weights:
+            columns = each.places, each.support, each.against, each.since
+            for place, support, against, since in zip(*columns, strict=True):
+                found[asked[place]] = support, against, since
+        links = zip(anomaly.sources, anomaly.targets, strict=True)
+        several = [found.get(pair, (0.0, 0.0, 0)) for pair in links]
+        return msgspec.structs.replace(
+            anomaly,
+            support=tuple(support for support, _, _ in several),
+            against=tuple(against for _, against, _ in several),
+            learned=tuple(since for _, _, since in several),
+        )
 
     def _check(self, learned: wire.Learned, learn: wire.Learn) -> Pairs:
         """Return what a message says changed; refuse what cannot be right.
@@ -186,32 +199,6 @@ def to_weigh(anomaly: wire.Anomaly) -> tuple[wire.Naturals, wire.Naturals]:
     links = zip(anomaly.sources, anomaly.targets, strict=True)
     some = dict.fromkeys(pair for pair in links if pair[0] >> 1 != pair[1] >> 1)
     return tuple(a for a, _ in some), tuple(b for _, b in some)
-
-
-def weighed(
-    anomaly: wire.Anomaly, learn: wire.Learn, learned: Iterable[wire.Learned]
-) -> wire.Anomaly:
-    """Return an anomaly with what spoke for and against the implications it names.
-
-    Args:
-        anomaly: Without.
-        learn: What asked for them.
-        learned: What all workers answered.
-    """
-    asked = list(zip(learn.sources, learn.targets, strict=True))
-    found: dict[tuple[int, int], tuple[float, float, int]] = {}
-    for each in learned:
-        columns = each.places, each.support, each.against, each.since
-        for place, support, against, since in zip(*columns, strict=True):
-            found[asked[place]] = support, against, since
-    links = zip(anomaly.sources, anomaly.targets, strict=True)
-    several = [found.get(pair, (0.0, 0.0, 0)) for pair in links]
-    return msgspec.structs.replace(
-        anomaly,
-        support=tuple(support for support, _, _ in several),
-        against=tuple(against for _, against, _ in several),
-        learned=tuple(since for _, _, since in several),
-    )
 
 
 def pairs_in(message: wire.Learned, share: range) -> Pairs:

@@ -23,6 +23,7 @@ from tests.support.simulated_swarm import (
 pytestmark = pytest.mark.slow
 
 CASES = 100
+MOST = 1 << 16  # edges in a frame
 Rows = list[list[bool]]
 Name = tuple[str, int]
 
@@ -84,7 +85,7 @@ class OneLost(NamedTuple):
 
 
 @functools.cache
-def lose_one(seed: int, *, shared: bool, frame: int = 1 << 16) -> OneLost | None:
+def lose_one(seed: int, *, shared: bool, frame: int = MOST) -> OneLost | None:
     """Lose one wiring of a run; None: there is none."""
     case = Case(seed, shared=shared, frame=frame)
     undisturbed = case.run()
@@ -96,25 +97,13 @@ def lose_one(seed: int, *, shared: bool, frame: int = 1 << 16) -> OneLost | None
     return OneLost(case, sent, lost, case.run(lost))
 
 
-def is_noticed(found: OneLost | None) -> bool:
-    """Tell whether any wave had to be repeated for what was lost."""
-    return found is not None and found.swarm.repeats > 0
-
-
-@pytest.mark.parametrize("shared", [False, True])
-def test_a_lost_wiring_changes_no_state(shared: bool) -> None:
+@pytest.mark.parametrize(("shared", "frame"), [(False, MOST), (True, MOST), (True, 1)])
+def test_a_lost_wiring_changes_no_state(shared: bool, frame: int) -> None:
     noticed = 0
     for seed in range(CASES):
         with repeatable(seed):
-            noticed += is_noticed(lose_one(seed, shared=shared))
-    assert noticed > CASES / 3
-
-
-def test_a_lost_frame_of_many_changes_no_state() -> None:
-    noticed = 0
-    for seed in range(CASES):
-        with repeatable(seed):
-            noticed += is_noticed(lose_one(seed, shared=True, frame=1))
+            found = lose_one(seed, shared=shared, frame=frame)
+            noticed += found is not None and found.swarm.repeats > 0
     assert noticed > CASES / 3
 
 

@@ -14,8 +14,8 @@ from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.sensorium import pack
-from tests.support.answering_swarm import AnsweringSwarm
 from tests.support.run_options import core_options
+from tests.support.swarm_parts import AnsweringSwarm
 
 SENSORS = 3
 M = TypeVar("M")

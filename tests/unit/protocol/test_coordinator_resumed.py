@@ -13,9 +13,8 @@ from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.run_options import RunOptions, SnapshotKind
 from neurosnap.protocol.sent_wiring import SentWiring
 from neurosnap.protocol.wave_control import WaveControl
-from tests.support.answering_swarm import AnsweringSwarm
 from tests.support.edges import edge_list
-from tests.support.swarm_parts import observation
+from tests.support.swarm_parts import AnsweringSwarm, observation
 
 SENSORS = ("a", "b", "c", "d")
 TICKS = 40
