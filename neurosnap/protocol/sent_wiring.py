@@ -214,8 +214,9 @@ def _changes(before: Edges, after: Edges) -> tuple[Edges, Edges]:
     """Return the edges gained and lost, ascending. O(e) time."""
     # Of two ascending lists a stable sort makes one by merging them.
     both = np.sort(np.concatenate((before, after)), kind="stable")
-    differs = np.concatenate(([True], both[1:] != both[:-1], [True]))
-    once = both[differs[1:] & differs[:-1]]
+    differs = np.ones(len(both) + 1, np.bool_)  # from the one before
+    differs[1:-1] = both[1:] != both[:-1]
+    once = both[differs[:-1] & differs[1:]]
     gained = np.searchsorted(after, once) < np.searchsorted(after, once, "right")
     return once[gained], once[~gained]
 
