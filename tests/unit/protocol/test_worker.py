@@ -237,7 +237,9 @@ def test_it_takes_the_shortest_ways_and_keeps_the_credit(
         start(1, *signal, credit=2),
         *([batch(*coming)] if coming else []),
     ]
-    hops_found, leaving, back, pulses = {}, [], Fraction(0), 0
+    hops_found: dict[int, int] = {}
+    leaving: list[tuple[int, int, int, int]] = []
+    back, pulses = Fraction(0), 0
     for message in wired(*pairs).receive(said):
         if isinstance(message, wire.PulseBatch):
             leaving += pulses_in(message)
