@@ -39,7 +39,17 @@ from neurosnap.system.signals import SIGNALS, unheeded
 # Per child: a sentinel and the pipe that makes it, here; the same again in the server.
 _FILES_A_CHILD = 3
 _FILES_BESIDE = 200
-
+END = signal.SIGUSR1
+"""What asks a child to end. Not one of those that reach the whole process group: when
+which part ends is for the launcher to say."""
+_PR_SET_PDEATHSIG = 1
+_PR_SET_NAME = 15
+# Seconds each part goes on once the launcher is dead: time for the coordinator to end
+# its tick, for the others to leave, for the recorder to hear them.
+_LINGER = {"coordinator": 0.0, "recorder": 2.0, "intake": 2.0, "hub": 5.0}
+_LINGER_OTHERS = 1.0
+_LOADED_BY = os.getpid()
+"""The fork server, in children that it forked with this module loaded."""
 _hiding = threading.Lock()  # of the main module, which is the whole process's
 
 
@@ -218,19 +228,6 @@ def allow_files(children: int) -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
     elif soft != resource.RLIM_INFINITY and soft < needed:
         resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
-
-
-END = signal.SIGUSR1
-"""What asks a child to end. Not one of those that reach the whole process group: when
-which part ends is for the launcher to say."""
-_PR_SET_PDEATHSIG = 1
-_PR_SET_NAME = 15
-# Seconds each part goes on once the launcher is dead: time for the coordinator to end
-# its tick, for the others to leave, for the recorder to hear them.
-_LINGER = {"coordinator": 0.0, "recorder": 2.0, "intake": 2.0, "hub": 5.0}
-_LINGER_OTHERS = 1.0
-_LOADED_BY = os.getpid()
-"""The fork server, in children that it forked with this module loaded."""
 
 
 def serve_children() -> None:

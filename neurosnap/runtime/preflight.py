@@ -15,6 +15,12 @@ from neurosnap.errors import InvalidValueError, SwarmError
 from neurosnap.runtime.child_processes import allow_files
 
 _SERVICES = 4  # hub, recorder, coordinator, world
+THREADS_A_CELL = 9  # one of Python's, one that delivers, the rest Zenoh's
+BYTES_A_CELL = 6_000_000
+BYTES_BESIDE = 600_000_000  # coordinator, recorder and world with numpy and numba
+BYTES_A_PAIR = 12
+"""Of two sensors: their weights and dates, the order and its covers, a key-frame.
+Measured: 10 in the coordinator of 3,000."""
 
 
 def check_sensors(sensors: int) -> None:
@@ -57,14 +63,6 @@ def check_cells(cells: int) -> None:
     except SwarmError as error:
         rule = f"must fit what may be open: {error}; or {remedy}"
         raise InvalidValueError("cells", rule, cells) from error
-
-
-THREADS_A_CELL = 9  # one of Python's, one that delivers, the rest Zenoh's
-BYTES_A_CELL = 6_000_000
-BYTES_BESIDE = 600_000_000  # coordinator, recorder and world with numpy and numba
-BYTES_A_PAIR = 12
-"""Of two sensors: their weights and dates, the order and its covers, a key-frame.
-Measured: 10 in the coordinator of 3,000."""
 
 
 def process_limits() -> Iterator[tuple[str, int, int]]:

@@ -48,6 +48,7 @@ from neurosnap.sources.open import is_live, open_source
 
 MORE = 300
 """Ticks that a resumed run adds unless asked otherwise."""
+_LONGEST = 30.0  # seconds
 
 
 async def run(
@@ -265,9 +266,6 @@ async def _stop_once_redone(
         yield heeded
     finally:
         following.cancel()
-
-
-_LONGEST = 30.0  # seconds
 
 
 class Restarts:

@@ -28,6 +28,20 @@ _UNDATED: dict[str, dict[str, str | None]] = {
     "svg": {"Date": None},
     "pdf": {"CreationDate": None},
 }
+FEW = ("#004488", "#bb5566", "#ddaa33")
+"""For up to three things; the lightest is for areas and thick lines."""
+MANY = ("#004488", "#994455", "#997700", "#6699cc", "#ee99aa", "#eecc66", "#000000")
+"""For up to seven things."""
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+"""A marker for each of `MANY`."""
+HUES = (("#004488", "#6699cc"), ("#994455", "#ee99aa"), ("#997700", "#eecc66"))
+"""The darkest and the lightest shade of each hue of `MANY`."""
+QUANTITY = "viridis"
+"""The colour map of a quantity, by matplotlib's name: from dark to light."""
+Rgb: TypeAlias = tuple[float, float, float]
+"""Red, green and blue, each in [0, 1]."""
+_LIGHTEST = 0.85  # of the map's length: what is lighter is lost on white paper
+_DARK = "#22262b"
 
 
 def canvas_type(what: str) -> "type[Figure]":
@@ -70,28 +84,6 @@ def encoded(figure: "Figure", kind: str, dpi: int = 150) -> bytes:
         warnings.filterwarnings("ignore", message="Glyph")
         figure.savefig(buffer, dpi=dpi, format=kind, metadata=_UNDATED[kind])
     return buffer.getvalue()
-
-
-FEW = ("#004488", "#bb5566", "#ddaa33")
-"""For up to three things; the lightest is for areas and thick lines."""
-
-MANY = ("#004488", "#994455", "#997700", "#6699cc", "#ee99aa", "#eecc66", "#000000")
-"""For up to seven things."""
-
-MARKERS = ("o", "s", "^", "D", "v", "P", "X")
-"""A marker for each of `MANY`."""
-
-HUES = (("#004488", "#6699cc"), ("#994455", "#ee99aa"), ("#997700", "#eecc66"))
-"""The darkest and the lightest shade of each hue of `MANY`."""
-
-QUANTITY = "viridis"
-"""The colour map of a quantity, by matplotlib's name: from dark to light."""
-
-Rgb: TypeAlias = tuple[float, float, float]
-"""Red, green and blue, each in [0, 1]."""
-
-_LIGHTEST = 0.85  # of the map's length: what is lighter is lost on white paper
-_DARK = "#22262b"
 
 
 def rgb(colour: str) -> Rgb:

@@ -22,6 +22,7 @@ AUTHORITY = "ca"
 """The stem of the authority's files, which stand beside those of roles and parts."""
 NAMES = "names.json"
 """The file beside them that says which certificates a hub accepts."""
+_WILDCARDS = {"0.0.0.0": "127.0.0.1", "[::]": "[::1]"}
 
 
 class Credentials(msgspec.Struct, frozen=True):
@@ -100,9 +101,6 @@ def certificate_file(folder: Path, stem: str) -> Path:
 def key_file(folder: Path, stem: str) -> Path:
     """Return where the private key of a part, a role or the authority is."""
     return folder / f"{stem}.key"
-
-
-_WILDCARDS = {"0.0.0.0": "127.0.0.1", "[::]": "[::1]"}
 
 
 class HubAddress(msgspec.Struct, frozen=True):

@@ -28,6 +28,8 @@ from neurosnap.fabric.zenoh.session import absence, nested, settings
 _SOURCE = re.compile(r" at /\S+\.rs:\d+")  # places in the engine's own code
 _SPARE = 100  # sessions beside those expected: watchers, and parts that come back
 _RETRY = {"period_init_ms": 50, "period_max_ms": 1000, "period_increase_factor": 1.5}
+_SAID_AFTER = 2.0  # seconds
+_DANGER = "what hubs send each other may be lost; make new keys without it"
 
 
 def open_hub(
@@ -103,10 +105,6 @@ def hub_document(
             **guard,
         )
     )
-
-
-_SAID_AFTER = 2.0  # seconds
-_DANGER = "what hubs send each other may be lost; make new keys without it"
 
 
 async def follow_links(

@@ -27,6 +27,11 @@ _BOUNDED = {"transport/link/rx/max_message_size": LARGEST}
 _UNHURRIED = {
     "transport/link/tx/queue/congestion_control/block/wait_before_close": 60_000_000
 }
+_log = logging.getLogger(__name__)
+_SAID_AFTER = 2.0  # seconds
+_PAUSE = 0.2  # seconds between two tries
+_LAST = 5.0  # seconds that the program's end may wait for a try that was left alone
+_LOOK = 1.0  # seconds that a look at whether anybody listens may take
 
 
 def settings(mode: str, **more: object) -> dict[str, object]:
@@ -92,14 +97,6 @@ def connecting(hub: HubAddress, patience: float) -> zenoh.Config:
         },
         **guard,
     )
-
-
-_log = logging.getLogger(__name__)
-
-_SAID_AFTER = 2.0  # seconds
-_PAUSE = 0.2  # seconds between two tries
-_LAST = 5.0  # seconds that the program's end may wait for a try that was left alone
-_LOOK = 1.0  # seconds that a look at whether anybody listens may take
 
 
 async def reach(
