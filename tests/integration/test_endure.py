@@ -1,7 +1,4 @@
-"""A run goes on when parts of it die, here or on another host, and comes to the same.
-
-`test_growing_swarm` has each part die alone, around the births of sensors.
-"""
+"""A run goes on when parts die, here or on another host, and comes to the same."""
 
 import asyncio
 from pathlib import Path
@@ -30,6 +27,7 @@ pytestmark = [
 
 TOGETHER = (
     ("cell/2",),
+    ("world",),
     ("recorder", "coordinator"),
     ("hub", "recorder", "world", "cell/0"),
 )

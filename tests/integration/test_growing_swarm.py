@@ -3,6 +3,7 @@
 import asyncio
 import re
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -10,7 +11,9 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.agent.agent import Agent
+from neurosnap.agent.growth.birth import Birth
 from neurosnap.agent.growth.changed import Changed
+from neurosnap.agent.policy import EXACT
 from neurosnap.errors import RecordingError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.anomaly_messages import Told
@@ -25,8 +28,11 @@ from neurosnap.runtime.anomaly_feed import recorded
 from neurosnap.runtime.request import Outcome, RunRequest, Watcher
 from neurosnap.runtime.run import run
 from neurosnap.sources.open import open_source
+from tests.support.aliased_worlds import NAME as MAZE
+from tests.support.command_line import call
 from tests.support.course import course
 from tests.support.disturbed_runs import ENDLESS, Disturbed
+from tests.support.exhaustive import rows
 from tests.support.lamp import BIRTH, LIMITED, lamp_options
 from tests.support.recorded_messages import first
 from tests.support.rewritten_recordings import (
@@ -35,6 +41,8 @@ from tests.support.rewritten_recordings import (
     rewritten,
 )
 from tests.support.run_options import options_for
+
+pytestmark = pytest.mark.slow
 
 TICKS = 40
 GROWN = "press&a&b"
@@ -68,45 +76,125 @@ def decisions(log: Path) -> dict[int, wire.Decision]:
     return {one.tick: one for one in messages if isinstance(one, wire.Decision)}
 
 
+BIRTHS = (
+    Birth("turn_a", ("a", "b*")),
+    Birth("press", ("b", "a"), 12),
+    Birth("press", ("a*", "lit"), 12),
+)
+
+
+def scripted(**more: object) -> RunOptions:
+    """Return a run in which sensors are grown by a script."""
+    return lamp_options(**{"ticks": 30, "births": BIRTHS, "grow": 0, **more})
+
+
+def planned(**more: object) -> RunOptions:
+    """Return a run that explores the lake by plan."""
+    given = {"grow": 4, "imagine": 300, "target": (), "threshold": EXACT, "ticks": 41}
+    return options_for(
+        "neurosnap/FrozenLake-v0",
+        5,
+        agent="planner",
+        explore="planned",
+        **{**given, **more},  # type: ignore[arg-type]
+    )
+
+
+RUNS: dict[str, Callable[..., RunOptions]] = {
+    "grows": partial(lamp_options, ticks=TICKS),
+    "cut off": partial(lamp_options, LIMITED, ticks=TICKS),
+    "scripted": scripted,
+    "scripted and grows": partial(scripted, grow=2),
+    "planned": planned,
+    "steps back": partial(
+        options_for,
+        MAZE,
+        5,
+        agent="planner",
+        ticks=200,
+        grow=8,
+        imagine=20,
+        target=(),
+        explore=0.1,
+        threshold=0.001,
+        keyframe_every=50,
+    ),
+    "rewarded": partial(
+        options_for,
+        "neurosnap/FrozenLake-v0",
+        1,
+        {"senses_reward": True},
+        agent="planner",
+        grow=30,
+        imagine=300,
+        target=("rewarded",),
+        explore="planned",
+        threshold=EXACT,
+        ticks=40,
+    ),
+}
+
+
 @pytest.fixture(scope="module")
 def inline(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    log = tmp_path_factory.mktemp("inline") / "log"
-    made(lamp_options(ticks=TICKS, cells="inline"), log)
+    log = tmp_path_factory.mktemp("inline") / "grows"
+    made(RUNS["grows"](cells="inline"), log)
+    made(RUNS["scripted"](cells="inline"), log.with_name("scripted"))
     return log
 
 
+@pytest.mark.zenoh
 @pytest.mark.parametrize(
-    "cells",
-    [
-        "inline",
-        pytest.param("worker", marks=pytest.mark.zenoh),
-        pytest.param("process", marks=[pytest.mark.zenoh, pytest.mark.slow]),
-    ],
+    ("name", "cells"),
+    rows(
+        [
+            *(("grows", cells) for cells in ("inline", "worker", "process")),
+            ("cut off", "inline"),
+            ("scripted", "inline"),
+            ("scripted and grows", "worker"),
+            ("planned", "inline"),
+            ("steps back", "inline"),
+            ("rewarded", "inline"),
+        ],
+        [
+            ("cut off", "worker"),
+            ("scripted", "process"),
+            ("scripted and grows", "process"),
+            ("planned", "worker"),
+            ("steps back", "worker"),
+            ("rewarded", "worker"),
+        ],
+    ),
 )
-def test_a_swarm_grows_what_one_agent_grows(cells: CellKind, tmp_path: Path) -> None:
-    options, log = lamp_options(ticks=TICKS, cells=cells), tmp_path / "log"
-    made(options, log)
-    verdict = verify(log)
-    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, TICKS)
-    swarm, alone = decisions(log), by_one_agent(options)
-    assert [swarm[tick] for tick in range(1, TICKS)] == alone[:-1]
-    assert [one.tick for one in alone if one.born >= 0] == [BIRTH]
-
-
-@pytest.mark.parametrize(
-    "cells", ["inline", pytest.param("worker", marks=pytest.mark.zenoh)]
-)
-def test_where_a_limit_cut_an_episode_off_no_episode_ends(
-    cells: CellKind, tmp_path: Path
+def test_a_swarm_decides_and_grows_as_one_agent(
+    name: str, cells: CellKind, tmp_path: Path
 ) -> None:
-    options, log = lamp_options(LIMITED, ticks=TICKS, cells=cells), tmp_path / "log"
+    options, log = RUNS[name](cells=cells), tmp_path / "log"
     made(options, log)
+    ticks = options.ticks
     verdict = verify(log)
-    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, TICKS)
-    swarm = decisions(log)
-    assert [swarm[tick] for tick in range(1, TICKS)] == by_one_agent(options)[:-1]
+    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, ticks)
+    swarm, alone = decisions(log), by_one_agent(options)
+    assert [swarm[tick] for tick in range(1, ticks)] == alone[:-1]
+    born = {one.tick: (one.context, one.literals) for one in alone if one.born >= 0}
+    match name:
+        case "grows":
+            assert list(born) == [BIRTH]
+        case "scripted" | "scripted and grows":
+            assert (born[12], born[13]) == ((2, (0, 2)), (2, (1, 4)))
+        case "planned":
+            assert any(one.why.startswith("to learn what") for one in alone)
+            assert any(one.why == "at random, to explore" for one in alone)
+        case "steps back":
+            split = options.body.split
+            assert any(split(literals)[1] for _, literals in born.values())
+
+
+def test_where_a_limit_cut_an_episode_off_no_episode_ends(tmp_path: Path) -> None:
+    options, log = lamp_options(LIMITED, ticks=TICKS, cells="inline"), tmp_path / "log"
+    made(options, log)
     assert not ends_at_last(options, log)
-    # Without a word of the limit, as in older recordings, it is an end.
+    # If the recording does not say that a limit cut it off, it is an end.
     untold = changing(wire.Observation, lambda m: m.cut, lambda _: {"cut": False})
     assert not verify(rewritten(log, tmp_path / "untold", untold)).same
 
@@ -150,6 +238,25 @@ def test_what_was_grown_is_called_by_its_formula_and_learned_as_in_the_run(
             assert learning.snapshot.to_bytes() == frames[tick].to_bytes()
 
 
+def test_what_a_script_grows_has_weights_cells_and_names(inline: Path) -> None:
+    log = inline.with_name("scripted")
+    birth = decisions(log)[12]
+    first = scripted().body.first_grown
+    assert birth.born == first + 1  # behind the one that is there from the start
+    assert birth.history == 12
+    assert len(birth.weights) == 4 * 4 * birth.born
+    names = learned_at(Recording.open(log), 30).sensorium.names
+    assert names[first:] == ("turn_a&a&~b", "press&a&b", "press&~a&lit")
+    on = {
+        recorded.message.tick
+        for recorded in Recording.open(log).messages(("observation",))
+        if isinstance(recorded.message, wire.Observation)
+        and recorded.message.bits[birth.born >> 3] >> (birth.born & 7) & 1
+    }
+    assert on
+    assert min(on) > 12
+
+
 @pytest.mark.parametrize(
     "cells", ["inline", pytest.param("worker", marks=pytest.mark.zenoh)]
 )
@@ -162,7 +269,6 @@ def test_a_birth_is_told_when_it_happens(cells: CellKind) -> None:
     assert (outcome.totals.grown, outcome.totals.retired) == (1, 0)
 
 
-@pytest.mark.slow
 def test_an_anomaly_of_what_was_grown_is_told_by_its_name(tmp_path: Path) -> None:
     options = options_for(
         "neurosnap/FrozenLake-v0",
@@ -211,18 +317,24 @@ def test_a_decision_that_cannot_be_right_is_named(
         learning.learn(observation, msgspec.structs.replace(birth, **wrong))
 
 
-@pytest.mark.parametrize("stop", [BIRTH - 5, BIRTH, BIRTH + 1, BIRTH + 9])
+@pytest.mark.parametrize(
+    ("name", "stop"),
+    [
+        *(("grows", BIRTH + later) for later in (-5, 0, 1, 9)),
+        *(("scripted", stop) for stop in (11, 12, 13, 20)),
+    ],
+)
 def test_it_goes_on_as_if_nothing_had_been(
-    stop: int, inline: Path, tmp_path: Path
+    name: str, stop: int, inline: Path, tmp_path: Path
 ) -> None:
-    begun, log = tmp_path / "begun", tmp_path / "log"
-    made(lamp_options(ticks=stop, cells="inline"), begun)
+    begun, log, whole = tmp_path / "begun", tmp_path / "log", inline.with_name(name)
+    made(RUNS[name](ticks=stop, cells="inline"), begun)
     _, past = find_resume_point(begun)
-    whole = lamp_options(ticks=TICKS, cells="inline")
-    asyncio.run(run(RunRequest(whole, log, past), asyncio.Event()))
-    assert course(log) == course(inline)
+    options = RUNS[name](cells="inline")
+    asyncio.run(run(RunRequest(options, log, past), asyncio.Event()))
+    assert course(log) == course(whole)
     assert verify(log).same
-    before = decisions(inline)
+    before = decisions(whole)
     assert all(before[tick] == one for tick, one in decisions(log).items() if tick)
 
 
@@ -321,22 +433,18 @@ def test_a_reader_may_begin_anywhere(inline: Path) -> None:
 
 
 @pytest.mark.zenoh
-@pytest.mark.slow
 @pytest.mark.usefixtures("no_process_is_left")
-def test_each_part_dies_around_births_and_it_comes_to_the_same(tmp_path: Path) -> None:
+def test_parts_die_around_births_and_it_comes_to_the_same(tmp_path: Path) -> None:
     options = lamp_options(ticks=ENDLESS)
     calm, log = tmp_path / "calm", tmp_path / "log"
     disturbed = Disturbed(options, log)
-    outcome = disturbed.run(
-        (BIRTH - 6, ("coordinator",)),
-        *((9, (victim,)) for victim in ("world", "cell/24", "hub", "recorder")),
-    )
+    outcome = disturbed.run((BIRTH - 6, ("coordinator",)), (9, ("cell/24", "recorder")))
     ticks = outcome.totals.ticks
     made(msgspec.structs.replace(options, ticks=ticks, cells="inline"), calm)
     assert course(log, ticks) == course(calm)
     verdict = verify(log)
     assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, ticks)
-    assert outcome.restarts == 5
+    assert outcome.restarts == 2
     assert BIRTH in {one.tick for one in decisions(log).values() if one.born >= 0}
 
 
@@ -353,3 +461,52 @@ def test_in_several_files_each_begins_with_what_was_grown(
     assert verify(log).same
     for path in files.values():
         assert verify(path).same
+
+
+# Exploring by plan --------------------------------------------------------------------
+
+
+def test_with_a_target_it_explores_until_it_knows_a_way() -> None:
+    options = planned(ticks=600, target=("tile=goal",), grow=30)
+    reasons = [one.why for one in by_one_agent(options)]
+    first = next(tick for tick, why in enumerate(reasons) if why.startswith("in "))
+    assert all(why.startswith("to learn what") for why in reasons[:first])
+    # Six steps, and one at the goal, where the episode is over.
+    steps = [why.partition(":")[0] for why in reasons[first : first + 6]]
+    assert steps == ["in 6", "in 5", "in 4", "in 3", "in 2", "in 1"]
+    assert sum(why.startswith("in 6: ") for why in reasons[first : first + 70]) == 10
+
+
+def test_the_command_line_takes_the_word(tmp_path: Path) -> None:
+    log = tmp_path / "a.mcap"
+    given = [
+        "--agent",
+        "planner",
+        "--set",
+        "agent.imagine=50",
+        "--set",
+        "agent.explore=planned",
+    ]
+    result = call(
+        "run",
+        "neurosnap/FrozenLake-v0",
+        *given,
+        "--cells",
+        "inline",
+        "--ticks",
+        "5",
+        "--out",
+        log,
+    )
+    assert result.exit_code == 0, result.output
+    assert decisions(log)[1].why.startswith("to learn what")
+    refused = call(
+        "run",
+        "neurosnap/FrozenLake-v0",
+        *given[:2],
+        *given[4:],
+        "--out",
+        tmp_path / "b.mcap",
+    )
+    assert refused.exit_code == 2
+    assert "explore: must go with a planner that imagines" in refused.output

@@ -1,43 +1,31 @@
 """Sources outside, for real: a pipe between processes, programs with stock Zenoh."""
 
-import asyncio
 import json
+import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import pytest
 import zenoh
 
 from neurosnap import wire
-from neurosnap.agent.body import Body
 from neurosnap.fabric.security.hub_address import Credentials, HubAddress
 from neurosnap.fabric.security.make_keys import make_keys
 from neurosnap.fabric.security.roles import Role
-from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.discovery import incarnation
 from neurosnap.fabric.zenoh.session import connecting
-from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.write.rotation import SplitWriter
-from neurosnap.runtime.parts import coordinator_process
-from neurosnap.runtime.parts.coordinator_loop import Deadlines, run_coordinator
-from neurosnap.runtime.parts.hub_and_cell import run_cell
-from neurosnap.runtime.parts.job import take_part
-from neurosnap.runtime.parts.recorder_process import run_recorder
-from neurosnap.runtime.parts.world_process import run_world
 from neurosnap.sensorium import pack
 from neurosnap.sources.live.latest_readings import LatestReadings
 from neurosnap.sources.live.live_source import LiveSource
 from neurosnap.sources.live.tick_schedule import OnChange
 from neurosnap.sources.live.zenoh_source import ZenohFeeder
-from neurosnap.sources.open import open_live
+from tests.support.commands import Command
 from tests.support.patience import PATIENCE
 from tests.support.ports import free_port
 from tests.support.sources import readings
@@ -150,15 +138,6 @@ class Hub(msgspec.Struct, frozen=True):
         """Open a session as any program would: there is nothing of ours in it."""
         return zenoh.open(
             connecting(HubAddress(self.endpoint, self.credentials_of(role)), PATIENCE)
-        )
-
-    def part(self, who: str, role: Role, *, swift: bool = False) -> ZenohFabric:
-        return ZenohFabric(
-            who,
-            SWARM,
-            HubAddress(self.endpoint, self.credentials_of(role)),
-            patience=PATIENCE,
-            swift=swift,
         )
 
 
@@ -378,99 +357,32 @@ def test_under_tls_the_role_sensor_can_say_and_hear_nothing_else(keys: Path) -> 
     assert overheard == [*wire.TOPICS, "reading/last"]
 
 
-async def run_swarm(hub: Hub, source: LiveSource, log: Path) -> Completeness:
-    """Run all parts over `hub` until the source is over."""
-    options = RunOptions(
-        source="zenoh:",
-        body=Body(own=NAMES, actions=()),
-        ticks=1000,
-        threshold=0.1,
-    )
-    core = coordinator_process.coordinator_for(options, None)
-    cells = [f"cell/{number}" for number in range(len(NAMES))]
-    leave, over = asyncio.Event(), asyncio.Event()
-
-    async def part(
-        who: str,
-        role: Role,
-        work: Callable[[ZenohFabric], Coroutine[Any, Any, object]],
-        *,
-        swift: bool = False,
-    ) -> None:
-        async with hub.part(who, role, swift=swift) as fabric:
-            await take_part(fabric, work(fabric))
-
-    async def record() -> Completeness:
-        with SplitWriter(log, {"swarm": SWARM}) as writer:
-            async with hub.part("recorder", "recorder") as fabric:
-                parts = ("coordinator", "world", *cells)
-                return await run_recorder(writer, fabric, leave, parts=parts)
-
-    async with asyncio.TaskGroup() as group:
-        recording = group.create_task(record(), name="recorder")
-        for number, who in enumerate(cells):
-            group.create_task(
-                part(who, "cell", lambda f, number=number: run_cell(number, f, leave)),  # type: ignore[misc]
-                name=who,
-            )
-        # In a run the world waits on a thread of its own, as it does here.
-        world = group.create_task(
-            part(
-                "world",
-                "world",
-                lambda f: run_world(source, options.body, f, leave),
-                swift=True,
-            ),
-            name="world",
-        )
-        world.add_done_callback(lambda _: over.set())
-        await part(
-            "coordinator",
-            "coordinator",
-            lambda f: run_coordinator(
-                core,
-                f,
-                over,
-                parts=("recorder", "world", *cells),
-                deadlines=Deadlines(options.deadline),
-            ),
-        )
-        leave.set()
-    return await recording
-
-
 @pytest.mark.zenoh
-async def test_a_program_puts_readings_and_reads_what_the_swarm_makes_of_them(
+def test_a_program_puts_readings_and_reads_what_the_swarm_makes_of_them(
     keys: Path, tmp_path: Path
 ) -> None:
     log = tmp_path / "outside.mcap"
     readings = [(number % 2, int(number % 3 > 0)) for number in range(30)]
-    with hub_on("tls", keys) as hub:
-        source = open_live("zenoh:", {"sensors": ",".join(NAMES)}, hub)
-
-        def program() -> list[wire.State]:
-            """Wait for each state before putting the next reading."""
-            states = []
-            with hub.session("watcher") as eyes, hub.session("sensor") as mouth:
-                said = eyes.declare_subscriber(f"neurosnap/{SWARM}/state")
-                publisher = listened_to(mouth, f"neurosnap/{SWARM}/reading")
-                for number, bits in enumerate(readings):
-                    publisher.put(json.dumps({"tick": number, "bits": bits}))
-                    sample = said.recv()
-                    message = wire.decode("state", sample.payload.to_bytes())
-                    assert isinstance(message, wire.State)
-                    states.append(message)
-            source.close()
-            return states
-
-        async with asyncio.timeout(PATIENCE), asyncio.TaskGroup() as group:
-            telling = group.create_task(asyncio.to_thread(program), name="program")
-            balance = await run_swarm(hub, source, log)
-        states = telling.result()
-    assert balance.whole, balance
-    # Readings pass by the recorder: no message of ours, and no attack.
-    assert balance.foreign == 0
+    hub = Hub(f"tls/127.0.0.1:{free_port()}", keys)
+    given = ["zenoh:", "--set", f"sensors={','.join(NAMES)}", "--swarm", SWARM]
+    given += ["--listen", hub.endpoint, "--tls", str(keys), "--out", str(log)]
+    states = []
+    with Command("run", *given, "--threshold", "0.1") as process:
+        # Wait for each state before putting the next reading.
+        with hub.session("watcher") as eyes, hub.session("sensor") as mouth:
+            said = eyes.declare_subscriber(f"neurosnap/{SWARM}/state")
+            publisher = listened_to(mouth, f"neurosnap/{SWARM}/reading")
+            for number, bits in enumerate(readings):
+                publisher.put(json.dumps({"tick": number, "bits": bits}))
+                sample = said.recv()
+                states.append(wire.decode("state", sample.payload.to_bytes()))
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(PATIENCE)
+    assert process.returncode == 0, errors
     recording = Recording.open(log)
+    # Readings pass by the recorder: no message of ours, and no attack.
+    balance = recording.completeness()
+    assert (balance.whole, balance.foreign) == (True, 0)
     observed = [r.message for r in recording.messages(("observation",))]
     assert [m.bits for m in observed if isinstance(m, wire.Observation)] == [
         pack([bool(bit) for bit in bits]) for bits in readings

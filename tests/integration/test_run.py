@@ -67,7 +67,7 @@ WORKERS: list[dict[str, object]] = [
         [
             ("csv", "walker", "empirical", [*INLINE, *PROCESSES, *WORKERS[:2]]),
             (PATH, "walker", "discounted", INLINE),
-            (GRID, "planner", "empirical", [INLINE[0], PROCESSES[0], WORKERS[2]]),
+            (GRID, "planner", "empirical", [INLINE[0], WORKERS[2]]),
         ],
         [
             ("csv", "walker", "discounted", INLINE),

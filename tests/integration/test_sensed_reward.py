@@ -1,7 +1,5 @@
 """The reward of a step as a sensor, and as what an agent is after."""
 
-import asyncio
-from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -10,14 +8,8 @@ import pytest
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.binary_sensors import BinarySensors
 from neurosnap.agent.environment import Continuing
-from neurosnap.agent.policy import EXACT
 from neurosnap.agent.sensor import Sensor, Trajectory, one_hot, rewarded
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.recording.replay.verify import verify
-from neurosnap.runtime.request import RunRequest
-from neurosnap.runtime.run import run
-from tests.integration.test_growing_swarm import by_one_agent, decisions
-from tests.support.run_options import options_for
 from world.toy_text import frozen_lake
 
 DOWN, RIGHT = 1, 2
@@ -76,25 +68,3 @@ def test_an_agent_goes_where_it_was_rewarded() -> None:
     agent.learn(env, 700, seed=1)
     outing = agent.send(env, ["rewarded"], 50)
     assert (outing.steps, outing.reached, outing.reward) == (6, True, 1.0)
-
-
-def test_a_run_has_it_for_a_target(tmp_path: Path) -> None:
-    options = options_for(
-        "neurosnap/FrozenLake-v0",
-        1,
-        {"senses_reward": True},
-        agent="planner",
-        grow=30,
-        imagine=300,
-        target=("rewarded",),
-        explore="planned",
-        threshold=EXACT,
-        cells="worker",
-        ticks=40,
-    )
-    log = tmp_path / "log"
-    asyncio.run(run(RunRequest(options, log), asyncio.Event()))
-    assert verify(log).same
-    swarm = decisions(log)
-    alone = by_one_agent(options)
-    assert [swarm[tick] for tick in range(1, 40)] == alone[:-1]
