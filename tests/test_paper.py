@@ -53,8 +53,6 @@ def index() -> list[Row]:
 
 
 INDEX = index()
-PATHS = sorted({path for row in INDEX for path in row.code})
-TESTS = sorted({test for row in INDEX for test in row.tests})
 
 
 def longest_first(names: list[str]) -> str:
@@ -79,6 +77,7 @@ LIKE_A_TITLE = re.compile(r'(?<!\w)(?:defn|prop|lemma|thm|cor)\.? "([^"]+)"')
 ABBREVIATED = re.compile(r"(?<!\w)(?:defn|prop|lemma|thm|cor|alg|eqn?)\. \w+")
 
 
+@functools.cache
 def texts() -> dict[str, str]:
     """Return the files that may cite the paper, each as one line, but for this one."""
     found = {}
@@ -90,9 +89,6 @@ def texts() -> dict[str, str]:
                 text = path.read_text()
                 found[str(name)] = re.sub(r"\s*\n\s*(?:#|//|\*)?\s*", " ", text)
     return found
-
-
-TEXTS = texts()
 
 
 def near(text: str, start: int) -> str:
@@ -170,7 +166,7 @@ def test_every_equation_that_is_cited_has_a_row() -> None:
     rows = {label for row in INDEX for label in row.labels}
     cited = {
         found[0]
-        for name, text in TEXTS.items()
+        for name, text in texts().items()
         if name != "docs/paper.md"
         for found in re.finditer(LABEL, text)
         if KINDS[found[0]] == "eqn" and found[0].startswith("eqn:")
@@ -187,26 +183,26 @@ def test_every_row_says_what_it_states_and_excuses_itself_briefly() -> None:
         assert row.code or row.tests, row
 
 
-@pytest.mark.parametrize("path", PATHS)
-def test_code_in_the_index_exists(path: str) -> None:
-    assert path.split(".")[0] in {"neurosnap", "tests", "tools", "world"}
-    assert resolved(path) is not None
+def test_code_in_the_index_exists() -> None:
+    for path in {path for row in INDEX for path in row.code}:
+        assert path.split(".")[0] in {"neurosnap", "tests", "tools", "world"}, path
+        assert resolved(path) is not None, path
 
 
-@pytest.mark.parametrize("test", TESTS)
-def test_a_test_in_the_index_exists(test: str) -> None:
-    path, _, name = test.partition("::")
-    assert name.split("::")[-1].startswith("test_")
-    assert name in names_of(path)
+def test_tests_in_the_index_exist() -> None:
+    for test in {test for row in INDEX for test in row.tests}:
+        path, _, name = test.partition("::")
+        assert name.split("::")[-1].startswith("test_"), test
+        assert name in names_of(path), test
 
 
 def test_citations_are_looked_at() -> None:
-    assert len(TEXTS) > 300
-    assert sum(len(MARK.findall(text)) for text in TEXTS.values()) > 100
+    assert len(texts()) > 300
+    assert sum(len(MARK.findall(text)) for text in texts().values()) > 100
 
 
 def test_what_is_cited_is_in_the_paper() -> None:
-    found = {name: unknown(text) for name, text in TEXTS.items()}
+    found = {name: unknown(text) for name, text in texts().items()}
     assert {name: cited for name, cited in found.items() if cited} == {}
 
 

@@ -158,7 +158,7 @@ FIRST_READ = ("README", "tutorials/first_swarm")
 
 @pytest.mark.parametrize(("text", "below"), PYTHON)
 def test_python_blocks_run(text: str, below: list[str], tmp_path: Path) -> None:
-    code, output, errors = run_python(text, tmp_path)
+    code, output, errors = run_loaded(text, tmp_path)
     assert code == 0, errors
     assert [line for line in below if not stands(line, output.splitlines())] == []
 
@@ -184,10 +184,9 @@ def test_a_page_runs_and_says_what_it_shows(page: Path, tmp_path: Path) -> None:
         if step.startswith("make "):
             continue
         is_verb = "\n" not in step
-        run = run_verb if is_verb else run_python
         # The README's first commands are run as a reader runs them, the others faster.
-        if is_verb and (page == README or ASSIGNED.match(step)):
-            run = run_program
+        as_read = is_verb and (page == README or ASSIGNED.match(step))
+        run = run_program if as_read else run_loaded
         code, output, errors = run(step, tmp_path)
         assert code == 0, f"{step}: {output}{errors}"
         said[step] = [line.rstrip() for line in output.splitlines()]
@@ -200,23 +199,11 @@ def test_a_page_runs_and_says_what_it_shows(page: Path, tmp_path: Path) -> None:
         assert (tmp_path / "depths" / "depth.png").stat().st_size > 0
 
 
-def run_python(text: str, folder: Path) -> tuple[int, str, str]:
-    """Run a block of Python; return its exit code and what it said."""
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", text],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-    )
-    return done.returncode, done.stdout, done.stderr
-
-
-def run_program(line: str, folder: Path) -> tuple[int, str, str]:
+def run_program(step: str, folder: Path) -> tuple[int, str, str]:
     """Run a command line; return its exit code and what it said."""
     bin_folder = str(Path(sys.executable).parent)
     environment = {**os.environ, "PATH": f"{bin_folder}:{os.environ['PATH']}"}
-    words = shlex.split(line)
+    words = shlex.split(step)
     while found := ASSIGNED.fullmatch(words[0]):
         environment[found[1]] = found[2]
         del words[0]
@@ -231,10 +218,12 @@ def run_program(line: str, folder: Path) -> tuple[int, str, str]:
     return done.returncode, done.stdout, done.stderr
 
 
-def run_verb(line: str, folder: Path) -> tuple[int, str, str]:
-    """Run a verb in a process that has it loaded; see `tests.support.commands`."""
-    program, *arguments = shlex.split(line)
-    assert program == "neurosnap"
+def run_loaded(step: str, folder: Path) -> tuple[int, str, str]:
+    """Run a verb or a program in a process that has all loaded that it imports.
+
+    See `tests.support.commands`.
+    """
+    arguments = ["-c", step] if "\n" in step else shlex.split(step)[1:]
     with Command(*arguments, folder=folder) as command:
         output, errors = command.communicate(PATIENCE)
         return command.wait(PATIENCE), output, errors

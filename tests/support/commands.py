@@ -18,6 +18,7 @@ import signal
 import subprocess
 import sys
 import threading
+import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from multiprocessing import forkserver, util
@@ -36,8 +37,9 @@ class Command:
     """A verb in a process of its own, used as a `subprocess.Popen` of text.
 
     Args:
-        *arguments: Of the command line.
-        folder: Where it is; None: where the tests are.
+        *arguments: Of the command line; or ``-c`` and a program, which runs as by
+            ``python -W error -c``.
+        folder: Where it runs; if None, where the tests run.
         environment: What it finds in its environment.
         buffer: How many bytes the pipe of its standard input holds, where that is not
             for the system to say: who writes more waits until they are read.
@@ -181,7 +183,11 @@ def _be(
     vars(forkserver._forkserver).update(vars(forkserver.ForkServer()))
     vars(util)["spawnv_passfds"] = _fork
     parts.serve_children()
-    main()
+    if arguments[0] == "-c":
+        warnings.simplefilter("error")
+        exec(arguments[1], {"__name__": "__main__"})
+    else:
+        main()
 
 
 def _fork(program: bytes, arguments: Sequence[str], kept: Sequence[int]) -> int:
