@@ -1,8 +1,10 @@
 """Recordings that several of the tests here look at; nobody writes to them."""
 
 from collections.abc import AsyncIterator, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
+import psutil
 import pytest
 import pytest_asyncio
 from playwright.async_api import expect
@@ -12,7 +14,6 @@ from tests.support import browser_pages as pages
 from tests.support import preloaded
 from tests.support.home_runs import broken_home
 from tests.support.lamp import lamp_options
-from tests.support.left_processes import no_process_left
 from tests.support.patience import PATIENCE
 from tests.support.recorded_runs import (
     csv_run,
@@ -24,6 +25,29 @@ from tests.support.recorded_runs import (
     unread_run,
 )
 from tools.browser import started
+
+
+@contextmanager
+def no_process_left() -> Iterator[None]:
+    """Fail if a process of the block outlives it."""
+    before = passing()
+    yield
+    # The fork server may yet have to reap one.
+    _, alive = psutil.wait_procs(passing() - before, timeout=PATIENCE)
+    assert alive == []
+
+
+def passing() -> set[psutil.Process]:
+    """Return the processes below this one, but for those that serve for good."""
+    found: set[psutil.Process] = set()
+    for child in psutil.Process().children():
+        with suppress(psutil.NoSuchProcess):  # it has ended meanwhile
+            command = " ".join(child.cmdline())
+            if "resource_tracker" not in command:
+                found.update(child.children(recursive=True))
+                if "forkserver" not in command:
+                    found.add(child)
+    return found
 
 
 @pytest.fixture(scope="session")

@@ -14,8 +14,8 @@ from neurosnap.poc.learning.history import History
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.poc.learning.search import answered
 from neurosnap.sensorium import Sensorium
+from tests.support.edges import learned_edges
 from tests.support.hypothesis_settings import examples
-from tests.support.snapshots import learned_edges
 from tests.support.strategies import as_set
 
 Bits = NDArray[np.bool_]

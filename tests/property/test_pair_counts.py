@@ -14,7 +14,7 @@ from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.learning.pair_counts import count_pairs
 from neurosnap.sensorium import Sensorium
 from tests.support.hypothesis_settings import examples
-from tests.support.whole_readings import tables
+from tests.support.strategies import tables
 
 Table: TypeAlias = NDArray[np.float64]
 THRESHOLDS = st.sampled_from([0.25, 0.1, 0.03, 0.01])

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.poc.order.pocset import PocSet
 from tests.support import oracles
-from tests.support.edges import edges_of
+from tests.support.edges import edges_of, learned_edges, weights_of
 from tests.support.oracles import Edges, Weights
-from tests.support.snapshots import learned_edges, weights_of
 from tests.support.strategies import as_set, bit_rows, observations, thresholds
 
 Matrix: TypeAlias = NDArray[np.float64]

@@ -10,7 +10,7 @@ from neurosnap.poc.learning.columns import Columns
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.learning.relation_table import Relation, tabulate
 from tests.support.hypothesis_settings import examples
-from tests.support.whole_readings import tables
+from tests.support.strategies import tables
 
 
 def fails(row: Relation, a: float, b: float) -> tuple[bool, bool]:

@@ -6,30 +6,237 @@ case with it (`undisturbed(1234)`) repeats it message by message.
 
 import random
 from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from typing import TypeVar
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from neurosnap import wire
+from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.poc.order.graph import PocGraph, WiringKind
 from neurosnap.protocol.wave import Wave
-from tests.support.edges import edges_of
+from neurosnap.protocol.wave_control import WaveControl
+from neurosnap.sensorium import pack
+from tests.support.edges import edge_list, edges_of
 from tests.support.hypothesis_settings import cases
 from tests.support.simulated_swarm import repeatable
-from tests.support.simulated_waves import (
-    FINEST,
-    Neighbours,
-    Network,
-    closed,
-    height,
-    launch,
-    neighbours,
-    random_pairs,
-    reach,
-)
+from tests.support.swarm_parts import Host, hosting, keys_of
 from tools.simulate.simulated_hub import Faults, SimulatedHub
+
+Pairs = set[tuple[int, int]]
+Neighbours = dict[int, list[int]]
+
+
+# What must come out -------------------------------------------------------------------
+
+
+def closed(pairs: Pairs) -> Pairs:
+    """Add the contrapositives."""
+    return pairs | {(b ^ 1, a ^ 1) for a, b in pairs}
+
+
+def neighbours(pairs: Pairs) -> Neighbours:
+    out: Neighbours = {}
+    for a, b in pairs:
+        out.setdefault(a, []).append(b)
+    return out
+
+
+def reach(out: Neighbours, start: Iterable[int]) -> set[int]:
+    """All that paths lead to, by depth-first search."""
+    found = set(start)
+    stack = list(found)
+    while stack:
+        for b in out.get(stack.pop(), ()):
+            if b not in found:
+                found.add(b)
+                stack.append(b)
+    return found
+
+
+def height(sensors: int, out: Neighbours) -> int:
+    """The edges on the longest chain of literals, each strictly below the next."""
+    above = [reach(out, [a]) for a in range(2 * sensors)]
+    known: dict[int, int] = {}
+
+    def up(a: int) -> int:
+        if a not in known:
+            strictly = [b for b in above[a] if a not in above[b]]
+            known[a] = max((1 + up(b) for b in strictly), default=0)
+        return known[a]
+
+    return max(map(up, range(2 * sensors)))
+
+
+# Random orders ------------------------------------------------------------------------
+
+
+def random_pairs(chance: random.Random, sensors: int) -> Pairs:
+    """Draw edges such that no literal is equivalent to its own complement.
+
+    Literals get levels, opposite ones for complements, and edges go up, or along a
+    level that is not 0: equivalences, and negligible literals below their complements,
+    come up all the time.
+    """
+    levels = chance.choice([1, 2, 4])
+    level = []
+    for _ in range(sensors):
+        drawn = chance.randint(-levels, levels)
+        level += [drawn, -drawn]
+    likely = chance.choice([0.0, 0.05, 0.15, 0.4, 1.0])
+    return {
+        (a, b)
+        for a in range(2 * sensors)
+        for b in range(2 * sensors)
+        if a != b
+        and (level[a] < level[b] or level[a] == level[b] != 0)
+        and chance.random() < likely
+    }
+
+
+# A conductor and its cells, without a loop --------------------------------------------
+
+FINEST = 256
+"""Credit is split less often here: a finer share could not be shifted."""
+
+
+class Network:
+    """Cells on a hub that delivers as its seed says, and a conductor that starts waves.
+
+    It also sees what no part sees, every pulse and all credit, and holds the conductor
+    to that: a wave has settled exactly when its credit is whole and no pulse of it is
+    under way. The cells are parts of their own, or shared by workers.
+    """
+
+    def __init__(self, sensors: int, hub: MemoryHub, workers: int = 0) -> None:
+        self.hub = hub
+        self.sensors = sensors
+        self.conductor = WaveControl(sensors, workers=workers)
+        self.hosts = hosting(sensors, workers)
+        self.settled: dict[int, Wave] = {}
+        self.faults: list[wire.Fault] = []
+        self.withheld: Callable[[wire.Message], bool] = lambda _: False
+        self.given: dict[int, int] = {}  # credit in units of 2^-FINEST, by wave
+        self.back: dict[int, int] = {}
+        self.addressed = 0  # starts that went to one cell
+        self._under_way: Counter[int] = Counter()  # messages with pulses of each wave
+        self._seen: set[tuple[object, ...]] = set()
+        for who, host in self.hosts.items():
+            self._join(who, host)
+        self._coordinator = hub.fabric("coordinator")
+        self._coordinator.listen(
+            ("cellreport/**", "workerreport/**", "fault/**"), self._hear
+        )
+        self._world = hub.fabric("world")
+
+    def _join(self, who: str, host: Host) -> None:
+        end = self.hub.fabric(who)
+
+        def handle(deliveries: list[wire.Delivery]) -> None:
+            burst = [wire.decode(d.key, d.payload) for d in deliveries]
+            for message in burst:
+                match message:
+                    case wire.Pulse():
+                        way: tuple[int, ...] = (message.source, message.target)
+                    case wire.PulseBatch():
+                        way = (message.worker, message.to, message.part)
+                    case _:
+                        continue
+                if self._is_new(message.wave, *way):
+                    self._under_way[message.wave] -= 1
+            for message in host.receive(burst):
+                if isinstance(message, wire.Pulse | wire.PulseBatch):
+                    self._under_way[message.wave] += 1
+                if not self.withheld(message):
+                    end.publish(message)
+
+        end.listen(keys_of(host), handle)
+
+    def _is_new(self, *what: object) -> bool:
+        new = what not in self._seen
+        self._seen.add(what)
+        return new
+
+    def _hear(self, deliveries: list[wire.Delivery]) -> None:
+        for delivery in deliveries:
+            message = wire.decode(delivery.key, delivery.payload)
+            if isinstance(message, wire.CellReport | wire.WorkerReport):
+                self._report(message)
+            elif isinstance(message, wire.Fault):
+                self.faults.append(message)
+
+    def _report(self, report: wire.CellReport | wire.WorkerReport) -> None:
+        number = report.wave
+        if self._is_new("report", number, report.sender, report.part):
+            self.back[number] += sum(1 << FINEST - e for e in report.credit)
+        wave = self.conductor.report(report)
+        if wave is not None:
+            assert self._under_way[number] == 0
+            self.settled[number] = wave
+        whole = self.back[number] == self.given[number]
+        assert whole == (number in self.settled)
+
+    def rewire(self, edges: NDArray[np.bool_]) -> None:
+        for message in self.conductor.rewire(edge_list(edges_of(edges))):
+            self._coordinator.publish(message)
+
+    def rewire_at_once(self, edges: NDArray[np.bool_]) -> None:
+        """Wire the cells without the hub, where it is one that loses messages."""
+        for message in self.conductor.rewire(edge_list(edges_of(edges))):
+            host = next(h for h in self.hosts.values() if message.key in keys_of(h))
+            assert host.receive([message]) == []
+
+    def start(self, tick: int, signal: tuple[int, ...]) -> int:
+        """Begin a wave, a state wave if `tick` is not 0; return its number."""
+        starts = self.conductor.start("state" if tick else "signal", tick, signal)
+        number = self.conductor.waves
+        seeds = self.sensors if tick else len(signal)
+        self.given[number] = seeds << FINEST - max(seeds - 1, 0).bit_length()
+        self.back[number] = 0
+        for message in starts:
+            assert isinstance(message, wire.WaveStart)
+            self.addressed += message.cell >= 0
+            self._coordinator.publish(message)
+        return number
+
+    def observe(self, tick: int, literals: Iterable[int]) -> None:
+        bits = [literal % 2 == 0 for literal in sorted(literals)]
+        self._world.publish(wire.Observation(tick, pack(bits)))
+
+    def dawdle(self, chance: random.Random) -> None:
+        """Let some messages arrive."""
+        for _ in range(chance.choice([0, 0, 1, 3, 10, 100])):
+            if not self.hub.step():
+                return
+
+
+def launch(
+    network: Network, chance: random.Random, ticks: Iterator[int], sensors: int
+) -> dict[int, set[int]]:
+    """Send several waves, in flight together; return the signal of each."""
+    signals: dict[int, set[int]] = {}
+    for _ in range(chance.choice([1, 2, 3, 5])):
+        network.dawdle(chance)
+        if chance.random() < 0.4:
+            tick = next(ticks)
+            signal = {2 * sensor + chance.randint(0, 1) for sensor in range(sensors)}
+            if first := chance.random() < 0.5:
+                network.observe(tick, signal)
+                network.dawdle(chance)
+            number = network.start(tick, ())
+            if not first:
+                network.dawdle(chance)
+                network.observe(tick, signal)
+        else:
+            size = chance.choice([1, 1, 2, chance.randint(1, 2 * sensors)])
+            signal = set(chance.sample(range(2 * sensors), size))
+            number = network.start(0, tuple(sorted(signal)))
+        signals[number] = signal
+    return signals
+
 
 pytestmark = pytest.mark.slow
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from tests.support import oracles
-from tests.support.snapshots import learned_edges, weights_of
+from tests.support.edges import learned_edges, weights_of
 from tests.support.strategies import Bits, as_set, runs, thresholds
 
 SHARES = st.floats(0.001, 0.25) | st.sampled_from([0.25, 1 / 8, 1 / 3 / 2, 0.01])

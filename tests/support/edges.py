@@ -1,11 +1,12 @@
-"""Relations among literals, as matrices and as sets of pairs."""
+"""Relations among literals and what a snapshot learned, as matrices and sets."""
 
 from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.support.oracles import Edges
+from neurosnap.poc.learning.snapshot import Snapshot
+from tests.support.oracles import Edges, proper_pairs
 
 
 def edge_matrix(literals: int, pairs: Iterable[tuple[int, int]]) -> NDArray[np.bool_]:
@@ -24,3 +25,14 @@ def edge_list(pairs: Iterable[tuple[int, int]]) -> NDArray[np.int64]:
 def edges_of(matrix: NDArray[np.bool_]) -> Edges:
     """Return the edges of a matrix as a set."""
     return {(a, b) for a, b in np.argwhere(matrix).tolist()}
+
+
+def learned_edges(snapshot: Snapshot, equivalences: bool = True) -> Edges:
+    """Return the edges of its graph."""
+    return edges_of(snapshot.poc_graph(equivalences).edges)
+
+
+def weights_of(snapshot: Snapshot) -> dict[tuple[int, int], float]:
+    """Return its weights of pairs of literals of different sensors."""
+    pairs = proper_pairs(2 * len(snapshot.sensorium))
+    return {(a, b): snapshot.weight(a, b) for a, b in pairs}
