@@ -25,13 +25,14 @@ from tests.support.recorded_messages import course, first, of_type
 from tests.support.replayed_runs import TICKS, Runs, every_run, options_for, readings
 from tests.support.rewritten_recordings import (
     Change,
+    by_sender,
     changing,
     flipped,
     rewritten,
     saying,
+    shuffled,
     write_again,
 )
-from tests.support.shuffled_recordings import by_sender, shuffled
 
 pytestmark = pytest.mark.slow
 

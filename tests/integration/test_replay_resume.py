@@ -24,9 +24,14 @@ from neurosnap.sensorium import unpack
 from tests.support.inline_runs import recorded_run, resumed_run
 from tests.support.lossy_runs import LOST, Simulation, lost_once
 from tests.support.recorded_messages import M, course, first, of_type
-from tests.support.recorded_runs import overtaken
 from tests.support.replayed_runs import PATH, TICKS, Run, Runs, every_run, options_for
-from tests.support.rewritten_recordings import changing, flipped, rewritten, write_again
+from tests.support.rewritten_recordings import (
+    changing,
+    flipped,
+    overtaken,
+    rewritten,
+    write_again,
+)
 
 pytestmark = pytest.mark.slow
 

@@ -2,12 +2,10 @@
 
 from pathlib import Path
 
-import msgspec
-
 from neurosnap import wire
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.write.writer import Writer
 from tests.support.command_line import happy
+from tests.support.rewritten_recordings import changing, rewritten, write_again
 
 
 def readings(rows: int, *, time: bool = False) -> str:
@@ -31,27 +29,16 @@ def record_path(path: Path) -> Path:
 
 def changed(log: Path, target: Path) -> Path:
     """Record again what `log` holds, with another decision at tick 9."""
-    recording = Recording.open(log)
-    with Writer(target) as writer:
-        writer.start(recording.metadata)
-        for recorded in recording.messages():
-            delivery, message = recorded.delivery, recorded.message
-            if isinstance(message, wire.Decision) and message.tick == 9:
-                lie = msgspec.structs.replace(message, action=message.action + 1)
-                delivery = delivery._replace(payload=wire.encode(lie))
-            writer.add(delivery, recorded.log_time)
-        writer.finish({}, recording.noted().expected)
-    return target
+    lie = changing(
+        wire.Decision, lambda m: m.tick == 9, lambda m: {"action": m.action + 1}
+    )
+    return rewritten(log, target, lie)
 
 
 def cut(log: Path, target: Path, *, chunk: int = 1000) -> Path:
     """Record again what `log` holds, in small chunks; take three quarters off."""
     recording, whole = Recording.open(log), target.with_suffix(".whole")
-    with Writer(whole, chunk=chunk) as writer:
-        writer.start(recording.metadata)
-        for recorded in recording.messages():
-            writer.add(recorded.delivery, recorded.log_time)
-        writer.finish({}, recording.noted().expected)
+    write_again(recording, whole, recording.messages(), chunk=chunk)
     target.write_bytes(whole.read_bytes()[: whole.stat().st_size // 4])
     return target
 

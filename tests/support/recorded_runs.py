@@ -16,11 +16,11 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.replay import Replay
-from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.launch import run_incarnation
 from neurosnap.runtime.request import SILENT, RunRequest
 from neurosnap.runtime.run import run
 from neurosnap.sources.protocol import Argument
+from tests.support.rewritten_recordings import overtaken, rewritten, write_again
 from tests.support.run_options import options_for
 from tests.support.scripted_sources import Scripted
 
@@ -154,25 +154,7 @@ def in_chunks(log: Path, target: Path, chunk: int, seed: int | None = None) -> P
     messages = list(recording.messages())
     if seed is not None:
         messages = overtaken(messages, random.Random(seed))
-    with Writer(target, chunk=chunk) as writer:
-        writer.start(recording.metadata)
-        for each in messages:
-            writer.add(each.delivery, each.log_time)
-        writer.finish({}, recording.noted().expected)
-    return target
-
-
-def overtaken(
-    messages: Iterable[Recorded], chance: random.Random, reach: int = 12
-) -> list[Recorded]:
-    """Let senders overtake each other by some messages, each in its own order."""
-    due: dict[str, float] = {}
-    timed = []
-    for place, each in enumerate(messages):
-        sender = each.message.sender
-        due[sender] = max(due.get(sender, 0.0), place + reach * chance.random())
-        timed.append((due[sender], place, each))
-    return [each for _, _, each in sorted(timed, key=lambda entry: entry[:2])]
+    return write_again(recording, target, messages, chunk=chunk)
 
 
 class Told(NamedTuple):
@@ -200,13 +182,12 @@ def ternary(literals: Iterable[bool]) -> list[int | None]:
 
 
 def without_states(log: Path, target: Path, ticks: Container[int]) -> Path:
-    """Record it all again, but for the states of some ticks."""
-    recording = Recording.open(log)
-    with Writer(target) as writer:
-        writer.start(recording.metadata)
-        for each in recording.messages():
+    """Record it all again, except for the states of some ticks."""
+
+    def change(recorded: list[Recorded]) -> Iterable[Recorded]:
+        for each in recorded:
             message = each.message
             if not (isinstance(message, wire.State) and message.tick in ticks):
-                writer.add(each.delivery, each.log_time)
-        writer.finish({}, recording.noted().expected)
-    return target
+                yield each
+
+    return rewritten(log, target, change)

@@ -1,5 +1,6 @@
 """Recordings written again with something changed in them."""
 
+import random
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TypeAlias
@@ -80,3 +81,43 @@ def changing(
         return recorded
 
     return change
+
+
+# In another order, each sender's own kept ---------------------------------------------
+
+
+def by_sender(recorded: Iterable[Recorded]) -> dict[str, list[Recorded]]:
+    queues: dict[str, list[Recorded]] = {}
+    for each in recorded:
+        queues.setdefault(each.message.sender, []).append(each)
+    return queues
+
+
+def shuffled(seed: int) -> Change:
+    """Return the change that keeps only each sender's own order."""
+
+    def change(recorded: list[Recorded]) -> Iterable[Recorded]:
+        queues = [iter(queue) for queue in by_sender(recorded).values()]
+        chance = random.Random(seed)
+        while queues:
+            queue = chance.choice(queues)
+            following = next(queue, None)
+            if following is None:
+                queues.remove(queue)
+            else:
+                yield following
+
+    return change
+
+
+def overtaken(
+    messages: Iterable[Recorded], chance: random.Random, reach: int = 12
+) -> list[Recorded]:
+    """Let senders overtake each other by some messages, each in its own order."""
+    due: dict[str, float] = {}
+    timed = []
+    for place, each in enumerate(messages):
+        sender = each.message.sender
+        due[sender] = max(due.get(sender, 0.0), place + reach * chance.random())
+        timed.append((due[sender], place, each))
+    return [each for _, _, each in sorted(timed, key=lambda entry: entry[:2])]

@@ -24,7 +24,7 @@ from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.rotation import Split, SplitWriter
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.parts.recorder_process import split_of
-from tests.support.recorded_runs import overtaken
+from tests.support.rewritten_recordings import overtaken
 from tests.support.split_runs import (
     EVERY,
     SMALL,
