@@ -9,7 +9,6 @@ import zenoh
 
 from neurosnap import wire
 from neurosnap.fabric.security.hub_address import Credentials
-from neurosnap.fabric.security.make_keys import make_keys
 from neurosnap.fabric.zenoh.pieces import LARGEST
 from neurosnap.fabric.zenoh.session import configuration
 from tests.support.fabrics import Seen
@@ -20,13 +19,6 @@ pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
 MIB = 1 << 20
 HUGE = 200 * MIB
-
-
-@pytest.fixture(scope="module")
-def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("large") / "keys"
-    make_keys(folder)
-    return folder
 
 
 def process_of(hub: Hub) -> psutil.Process:
@@ -46,10 +38,10 @@ def stranger(hub: Hub) -> zenoh.Session:
     return zenoh.open(config)
 
 
-async def test_a_huge_message_fills_nobodys_memory(keys: Path) -> None:
+async def test_a_huge_message_fills_nobodys_memory(role_keys: Path) -> None:
     heard = Heard()
     key = f"neurosnap/{SWARM}/{PULSE.key}"
-    with hub_with(keys) as hub:
+    with hub_with(role_keys) as hub:
         process = process_of(hub)
         async with hub.end("recorder") as ears, hub.end("cell/0") as cell:
             await ears.subscribe(("**",), heard)
@@ -85,11 +77,11 @@ async def test_a_huge_message_fills_nobodys_memory(keys: Path) -> None:
 PULSE = wire.Pulse(wave=1, source=0, target=2, hops=1, credit=1)
 
 
-async def test_a_key_frame_larger_than_any_message_arrives(keys: Path) -> None:
+async def test_a_key_frame_larger_than_any_message_arrives(role_keys: Path) -> None:
     heard, polled = Heard(), Heard()
     frame = wire.KeyFrame(1, os.urandom(3 * LARGEST))
     last = wire.Leave("coordinator")
-    with hub_with(keys) as hub:
+    with hub_with(role_keys) as hub:
         async with (
             hub.end("recorder") as ears,
             hub.end("watcher") as eyes,

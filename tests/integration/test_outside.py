@@ -15,7 +15,6 @@ import zenoh
 
 from neurosnap import wire
 from neurosnap.fabric.security.hub_address import Credentials, HubAddress
-from neurosnap.fabric.security.make_keys import make_keys
 from neurosnap.fabric.security.roles import Role
 from neurosnap.fabric.zenoh.discovery import incarnation
 from neurosnap.fabric.zenoh.session import connecting
@@ -144,24 +143,23 @@ class Hub(msgspec.Struct, frozen=True):
 @contextmanager
 def hub_on(protocol: str, keys: Path | None = None) -> Iterator[Hub]:
     endpoint = f"{protocol}/127.0.0.1:{free_port()}"
-    command = [sys.executable, "-c", BE_HUB, endpoint, *([str(keys)] if keys else [])]
+    command = [
+        sys.executable,
+        "-c",
+        BE_HUB,
+        endpoint,
+        *([str(keys)] if keys else []),
+    ]
     with subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE
     ) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == b"ready\n"
         try:
-            yield Hub(endpoint, keys)
+            yield Hub(endpoint, role_keys)
         finally:
             process.communicate(timeout=PATIENCE)
     assert process.returncode == 0
-
-
-@pytest.fixture(scope="module")
-def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("outside") / "keys"
-    make_keys(folder)
-    return folder
 
 
 class Ticks(threading.Thread):
@@ -296,9 +294,11 @@ def test_what_is_put_for_another_swarm_is_not_heard() -> None:
 
 @pytest.mark.zenoh
 @pytest.mark.parametrize("declared", [False, True])
-def test_under_tls_the_role_sensor_may_put_readings(keys: Path, declared: bool) -> None:
+def test_under_tls_the_role_sensor_may_put_readings(
+    role_keys: Path, declared: bool
+) -> None:
     with (
-        hub_on("tls", keys) as hub,
+        hub_on("tls", role_keys) as hub,
         ticking(hub) as ticks,
         hub.session("sensor") as session,
     ):
@@ -315,9 +315,11 @@ def test_under_tls_the_role_sensor_may_put_readings(keys: Path, declared: bool) 
 
 
 @pytest.mark.zenoh
-def test_under_tls_the_role_sensor_can_say_and_hear_nothing_else(keys: Path) -> None:
+def test_under_tls_the_role_sensor_can_say_and_hear_nothing_else(
+    role_keys: Path,
+) -> None:
     with (
-        hub_on("tls", keys) as hub,
+        hub_on("tls", role_keys) as hub,
         hub.session("watcher") as eyes,
         hub.session("sensor") as session,
         hub.session("cell") as cell,
@@ -359,13 +361,13 @@ def test_under_tls_the_role_sensor_can_say_and_hear_nothing_else(keys: Path) -> 
 
 @pytest.mark.zenoh
 def test_a_program_puts_readings_and_reads_what_the_swarm_makes_of_them(
-    keys: Path, tmp_path: Path
+    role_keys: Path, tmp_path: Path
 ) -> None:
     log = tmp_path / "outside.mcap"
     readings = [(number % 2, int(number % 3 > 0)) for number in range(30)]
-    hub = Hub(f"tls/127.0.0.1:{free_port()}", keys)
+    hub = Hub(f"tls/127.0.0.1:{free_port()}", role_keys)
     given = ["zenoh:", "--set", f"sensors={','.join(NAMES)}", "--swarm", SWARM]
-    given += ["--listen", hub.endpoint, "--tls", str(keys), "--out", str(log)]
+    given += ["--listen", hub.endpoint, "--tls", str(role_keys), "--out", str(log)]
     states = []
     with Command("run", *given, "--threshold", "0.1") as process:
         # Wait for each state before putting the next reading.

@@ -1,4 +1,4 @@
-"""A recorder that is slow or stands still holds the run up, and nothing is lost.
+"""A recorder that stands still holds the run up, and nothing is lost.
 
 What is for it waits in its session and in the hub's queues; once these are full, the
 hub takes nothing more from anybody, and every part's next message blocks. Only when it
@@ -24,7 +24,6 @@ from tests.support.course import course
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
 HELD = 4  # reports of the same tick, a quarter of a second apart
-STOPS = 5  # times that a slow recorder stands still
 OPTIONS = RunOptions(
     source="neurosnap/Path-v0",
     arguments={"places": 5},
@@ -79,35 +78,6 @@ class Standstill:
             self._process.send_signal(signal.SIGCONT)
 
 
-class Throttle:
-    """Lets the recorder work in one of every four reports' time, and ends the run."""
-
-    def __init__(self) -> None:
-        self.over = asyncio.Event()
-        self.stops = 0
-        self._process: psutil.Process | None = None
-        self._reports = 0
-        self._stopped = False
-
-    def follow(self, tick: int) -> None:
-        """Take in a report of the run's tick."""
-        if self._process is None:
-            if tick == 0:
-                return
-            self._process = recorder()
-        self._reports += 1
-        works = self._reports % 4 == 0
-        if works and self._stopped:
-            self._process.send_signal(signal.SIGCONT)
-            self._stopped = False
-            if self.stops == STOPS:
-                self.over.set()
-        elif not works and not self._stopped and self.stops < STOPS:
-            self._process.send_signal(signal.SIGSTOP)
-            self._stopped = True
-            self.stops += 1
-
-
 def check_whole(log: Path, outcome: Outcome) -> None:
     """Check that nothing was lost: it is what an undisturbed run comes to."""
     assert outcome.completeness is not None
@@ -132,14 +102,4 @@ def test_a_recorder_that_stands_still_holds_the_run_up(tmp_path: Path) -> None:
     )
     assert 20 <= standstill.stopped_at <= standstill.held_at < outcome.totals.ticks
     assert standstill.grown == 0
-    check_whole(log, outcome)
-
-
-@pytest.mark.exhaustive
-def test_a_recorder_that_is_slow_loses_nothing(tmp_path: Path) -> None:
-    log, throttle = tmp_path / "log", Throttle()
-    outcome = asyncio.run(
-        run(RunRequest(OPTIONS, log), throttle.over, Watcher(throttle.follow))
-    )
-    assert throttle.stops == STOPS
     check_whole(log, outcome)

@@ -57,6 +57,7 @@ def test_growth_is_told_from_a_start_that_takes_memory() -> None:
     assert memory["leaky"].end - memory["leaky"].begin == 8 * 900
 
 
+@pytest.mark.exhaustive
 def test_it_can_be_ended_early_and_says_what_it_found(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
