@@ -78,12 +78,6 @@ def large_run(path: Path) -> RunOptions:
     return _options(str(path), {}, 6, cells="worker", workers=2)
 
 
-def named_run(path: Path, name: str) -> RunOptions:
-    """Two sensors that are the same, the first of a name, for six ticks."""
-    path.write_text(f"{name},b\n" + "1,1\n0,0\n" * 3, encoding="utf-8")
-    return _options(str(path), {}, 6)
-
-
 def unread_run(log: Path) -> Path:
     """Record a run in which not every sensor is read: ``s0`` implies ``s1``.
 
