@@ -8,6 +8,7 @@ import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import msgspec
 import psutil
 import pytest
 
@@ -18,6 +19,7 @@ from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime.request import RunRequest, Watcher
 from neurosnap.runtime.run import run
 from tests.support.exhaustive import rows
+from tests.support.hanging_worlds import ending_world
 from tests.support.played_runs import TICKS, Played, options_for, play, write_readings
 from tools.soak.signals import CELLS, Struggle, struggling
 
@@ -119,66 +121,34 @@ async def test_a_part_that_dies_ends_the_run_and_is_named(
     assert who in played.recording.completeness().missing
 
 
-BROKEN = """
-import gymnasium
-from gymnasium.spaces import Discrete, MultiBinary
-import numpy as np
-
-
-class Broken(gymnasium.Env):
-    observation_space = MultiBinary(3)
-    action_space = Discrete(2)
-
-    def __init__(self, how="raise"):
-        self.how = how
-        self.taken = 0
-
-    def reset(self, *, seed=None, options=None):
-        super().reset(seed=seed)
-        return np.zeros(3, np.int8), {}
-
-    def step(self, action):
-        self.taken += 1
-        if self.taken == 5 and self.how == "raise":
-            raise OSError("the camera is gone")
-        seen = np.zeros(3 if self.taken < 5 else 4, np.int8)
-        return seen, 0.0, False, False, {}
-
-
-for how in ("raise", "grow"):
-    gymnasium.register(
-        id=f"Broken-{how}-v0",
-        entry_point=Broken,
-        kwargs={"how": how},
-        disable_env_checker=True,
-        order_enforce=False,
-    )
-"""
-
-
 @pytest.mark.parametrize("cells", ["inline", "process"])
 @pytest.mark.parametrize(
-    ("how", "expected"),
+    ("end", "expected"),
     [
-        ("raise", r"^world: [\s\S]*OSError: the camera is gone"),
-        ("grow", r"^(world: )?broken_world:Broken-grow-v0: observation: "),
+        (
+            'raise OSError("the camera is gone")',
+            r"^world: [\s\S]*OSError: the camera is gone",
+        ),
+        (
+            "return np.zeros(4, np.int8), 0.0, False, False, {}",
+            r"^(world: )?ending:test/Ending-v0: observation: ",
+        ),
     ],
 )
 async def test_a_world_that_fails_on_the_way_is_named(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     cells: CellKind,
-    how: str,
+    end: str,
     expected: str,
 ) -> None:
-    (tmp_path / "broken_world.py").write_text(BROKEN)
-    monkeypatch.syspath_prepend(tmp_path)
-    options = options_for(f"broken_world:Broken-{how}-v0", cells=cells)
+    options = ending_world(tmp_path, monkeypatch, end)
+    options = msgspec.structs.replace(options, cells=cells)
     log = tmp_path / "log.mcap"
     with pytest.raises(NeurosnapError, match=expected):
         await run(RunRequest(options, log), asyncio.Event())
     played = Played(log)
-    assert [tick for tick, _, _ in played.states] == [1, 2, 3, 4, 5]
+    assert [tick for tick, _, _ in played.states] == [1, 2, 3, 4, 5, 6]
     (fault,) = played.of(wire.Fault)
     assert fault.who == "world"
 

@@ -5,7 +5,7 @@ It needs an environment of its own, in which Home Assistant is installed:
     python3.11 -m venv /tmp/ha
     /tmp/ha/bin/pip install homeassistant==2024.3.3 SQLAlchemy==2.0.28 \
         fnv-hash-fast==0.5.0 psutil-home-assistant==0.0.1
-    /tmp/ha/bin/python tests/support/make_home_assistant_db.py FILE
+    /tmp/ha/bin/python tests/golden/make_home_assistant_db.py FILE
 
 Home Assistant keeps the time by `time.time` and `datetime.now`; both are those of the
 home here. The door's contact opens only while somebody moves in the hall; the two
