@@ -1,146 +1,238 @@
-"""An agent decides the same in process and in a swarm, and gets where it wants to."""
+"""A swarm decides as one agent does that has everything in one process."""
 
 import asyncio
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import gymnasium
-import msgspec
 import numpy as np
 import pytest
 
 from neurosnap import wire
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body
-from neurosnap.agent.policy import AgentKind
+from neurosnap.agent.policy import EXACT, AgentKind
 from neurosnap.errors import InvalidValueError
-from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import CellKind, RunOptions, SnapshotKind
-from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.fit_agent import body_of, drawn_to
 from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from neurosnap.sensorium import pack, unpack
-from neurosnap.sources.gymnasium_source import import_worlds
 from neurosnap.sources.open import open_source
 from neurosnap.sources.protocol import Argument, Observed, Source
-from tests.support import run_options
+from tests.support.aliased_worlds import NAME as MAZE
+from tests.support.command_line import call
+from tests.support.course import course
 from tests.support.exhaustive import rows
+from tests.support.lamp import BIRTH, LIMITED, lamp_options, scripted_births
+from tests.support.recorded_messages import of_type
 from tests.support.rewritten_recordings import changing, rewritten
+from tests.support.run_options import options_for
+
+pytestmark = pytest.mark.slow
 
 SEED = 5
 TICKS = 40
-PATH = "neurosnap/Path-v0"
+PATH, CYCLE, GRID = "neurosnap/Path-v0", "neurosnap/Cycle-v0", "neurosnap/Grid-v0"
 WORLDS: dict[str, dict[str, Argument]] = {
     PATH: {"places": 5},
-    "neurosnap/Cycle-v0": {"places": 6},
-    "neurosnap/Grid-v0": {"width": 3, "height": 3},
+    CYCLE: {"places": 6},
+    GRID: {"width": 3, "height": 3},
 }
 
 
-def options_for(
-    agent: AgentKind,
-    source: str = PATH,
-    *,
-    cells: CellKind = "inline",
-    snapshot: SnapshotKind = "empirical",
-    ticks: int = TICKS,
+def acting(
+    agent: AgentKind, source: str, *, snapshot: SnapshotKind = "empirical", **more: Any
 ) -> RunOptions:
+    """Return a run of an agent that acts in one of the paper's worlds."""
     arguments = WORLDS[source] | {"wait": True}
     if agent == "excited":
         arguments |= drawn_to(source, SEED, arguments, "1")
-    return run_options.options_for(
-        source,
-        SEED,
-        arguments,
-        agent=agent,
-        explore=0.25,
-        ticks=ticks,
-        snapshot=snapshot,
-        threshold=0.05,
-        cells=cells,
-        keyframe_every=25,
+    given = {"ticks": TICKS, "threshold": 0.05, "keyframe_every": 25, **more}
+    return options_for(
+        source, SEED, arguments, agent=agent, explore=0.25, snapshot=snapshot, **given
     )
 
 
-def swarm_run(options: RunOptions, log: Path, past: ResumePoint | None = None) -> None:
-    asyncio.run(run(RunRequest(options, log, past), asyncio.Event()))
+def planned(**more: object) -> RunOptions:
+    """Return a run that explores the lake by plan."""
+    given = {"grow": 4, "imagine": 300, "target": (), "threshold": EXACT, "ticks": 41}
+    return options_for(
+        "neurosnap/FrozenLake-v0",
+        5,
+        agent="planner",
+        explore="planned",
+        **{**given, **more},  # type: ignore[arg-type]
+    )
 
 
-def of_recording(log: Path) -> tuple[list[bytes], list[wire.Decision]]:
-    messages = [r.message for r in Recording.open(log).messages(("state", "decision"))]
-    states = [m.literals for m in messages if isinstance(m, wire.State)]
-    return states, [m for m in messages if isinstance(m, wire.Decision) and m.tick]
+RUNS: dict[str, Callable[..., RunOptions]] = {
+    "excited": partial(acting, "excited", PATH, snapshot="empirical"),
+    "planner": partial(acting, "planner", PATH, snapshot="discounted"),
+    "excited on a cycle": partial(acting, "excited", CYCLE, snapshot="discounted"),
+    "planner on a cycle": partial(acting, "planner", CYCLE, snapshot="empirical"),
+    "planner on a grid": partial(acting, "planner", GRID, snapshot="discounted"),
+    "grows": partial(lamp_options, ticks=TICKS),
+    "cut off": partial(lamp_options, LIMITED, ticks=TICKS),
+    "scripted": scripted_births,
+    "scripted and grows": partial(scripted_births, grow=2),
+    "planned": planned,
+    "steps back": partial(
+        options_for,
+        MAZE,
+        5,
+        agent="planner",
+        ticks=200,
+        grow=8,
+        imagine=20,
+        target=(),
+        explore=0.1,
+        threshold=0.001,
+        keyframe_every=50,
+    ),
+    "rewarded": partial(
+        options_for,
+        "neurosnap/FrozenLake-v0",
+        1,
+        {"senses_reward": True},
+        agent="planner",
+        grow=30,
+        imagine=300,
+        target=("rewarded",),
+        explore="planned",
+        threshold=EXACT,
+        ticks=40,
+    ),
+}
 
 
-def in_process(options: RunOptions) -> tuple[list[bytes], list[wire.Decision]]:
-    """The same agent without a swarm, in the same world."""
-    import_worlds()
-    given: dict[str, Any] = dict(options.arguments)
-    env = gymnasium.make(options.source, disable_env_checker=True, **given)
-    agent = Agent(options.body, options.new_policy(), options.new_snapshot())
-    bits, _ = env.reset(seed=SEED)
-    states, decisions = [], []
-    for _ in range(options.ticks):
-        decisions.append(agent.act(bits))
+def made(options: RunOptions, log: Path) -> Path:
+    asyncio.run(run(RunRequest(options, log), asyncio.Event()))
+    return log
+
+
+def recorded_in(log: Path) -> tuple[list[bytes], list[wire.Decision]]:
+    """Return the states and decisions of a recording, except the one that opens it."""
+    states = [state.literals for state in of_type(log, wire.State)]
+    return states, [one for one in of_type(log, wire.Decision) if one.tick]
+
+
+def by_one_agent(
+    options: RunOptions, source: Source | None = None
+) -> tuple[list[bytes], list[wire.Decision]]:
+    """Return the states and decisions of an agent that has all in one process."""
+    if source is None:
+        source = open_source(options.source, options.seed, options.arguments)
+    memory = options.new_memory()
+    agent = Agent(
+        options.body, options.policy_with(memory), options.new_snapshot(), memory
+    )
+    states, decisions = list[bytes](), list[wire.Decision]()
+    seen = source.first()
+    while seen is not None and len(decisions) < options.ticks:
+        if seen.cut:
+            agent.set_down()
+        # Whatever an unknown reading is said to be: here it is what it should be.
+        bits = seen.bits if seen.known is None else seen.bits ^ ~seen.known
+        decisions.append(agent.act(bits, seen.begins, seen.known))
         states.append(pack(agent.state))
-        bits, *_ = env.step(decisions[-1].action)
-    # The last decision of a run is never published: nobody would answer it.
+        seen = source.step(decisions[-1].action)
+    # The last decision of a run is never published: nothing would answer it.
     return states, decisions[:-1]
 
 
+@pytest.mark.zenoh
 @pytest.mark.parametrize(
-    ("agent", "source", "snapshot"),
+    ("name", "cells"),
     rows(
         [
-            ("excited", PATH, "empirical"),
-            ("planner", "neurosnap/Cycle-v0", "discounted"),
+            ("excited", "inline"),
+            ("planner", "process"),
+            ("planner on a cycle", "inline"),
+            *(("grows", cells) for cells in ("inline", "worker", "process")),
+            ("cut off", "inline"),
+            ("scripted", "inline"),
+            ("scripted and grows", "worker"),
+            ("planned", "inline"),
+            ("steps back", "inline"),
+            ("rewarded", "inline"),
         ],
         [
-            ("planner", PATH, "discounted"),
-            ("excited", "neurosnap/Grid-v0", "discounted"),
-            ("planner", "neurosnap/Grid-v0", "empirical"),
+            ("excited", "process"),
+            ("planner", "inline"),
+            ("excited on a cycle", "inline"),
+            ("planner on a grid", "inline"),
+            ("cut off", "worker"),
+            ("scripted", "process"),
+            ("scripted and grows", "process"),
+            ("planned", "worker"),
+            ("steps back", "worker"),
+            ("rewarded", "worker"),
         ],
     ),
 )
-def test_the_same_seed_gives_the_same_decisions_in_process_and_in_a_swarm(
-    agent: AgentKind, source: str, snapshot: SnapshotKind, tmp_path: Path
+def test_a_swarm_decides_as_one_agent(
+    name: str, cells: CellKind, tmp_path: Path
 ) -> None:
-    options = options_for(agent, source, snapshot=snapshot)
-    swarm_run(options, tmp_path / "log")
-    expected = in_process(options)
-    assert of_recording(tmp_path / "log") == expected
-    # Or all of this would say little: it does not only move at random.
-    assert any("guarantees" in decision.why for decision in expected[1])
+    options, log = RUNS[name](cells=cells), tmp_path / "log"
+    made(options, log)
+    ticks = options.ticks
+    verdict = verify(log)
+    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, ticks)
+    states, alone = by_one_agent(options)
+    assert recorded_in(log) == (states, alone)
+    born = {one.tick: (one.context, one.literals) for one in alone if one.born >= 0}
+    if "excited" in name or name.startswith("planner"):
+        # Or all of this would say little: it does not only move at random.
+        assert any("guarantees" in one.why for one in alone)
+    match name:
+        case "grows":
+            assert list(born) == [BIRTH]
+        case "scripted" | "scripted and grows":
+            assert (born[12], born[13]) == ((2, (0, 2)), (2, (1, 4)))
+        case "planned":
+            assert any(one.why.startswith("to learn what") for one in alone)
+            assert any(one.why == "at random, to explore" for one in alone)
+        case "steps back":
+            split = options.body.split
+            assert any(split(literals)[1] for _, literals in born.values())
 
 
-@pytest.mark.zenoh
-@pytest.mark.slow
-@pytest.mark.parametrize("agent", rows(["planner"], ["excited"]))
-def test_cells_that_are_processes_decide_the_same(
-    agent: AgentKind, tmp_path: Path
+@pytest.fixture(scope="module")
+def wholes(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """Recordings of inline runs, each made once."""
+    folder = tmp_path_factory.mktemp("wholes")
+
+    def whole(name: str) -> Path:
+        log = folder / name
+        return log if log.exists() else made(RUNS[name](cells="inline"), log)
+
+    return whole
+
+
+@pytest.mark.parametrize(
+    ("name", "stop"),
+    [
+        *((name, 20) for name in ("excited", "planner")),
+        *(("grows", BIRTH + later) for later in (-5, 0, 1, 9)),
+        *(("scripted", stop) for stop in (11, 12, 13, 20)),
+    ],
+)
+def test_it_goes_on_as_if_nothing_had_been(
+    name: str, stop: int, wholes: Callable[[str], Path], tmp_path: Path
 ) -> None:
-    options = options_for(agent, cells="process", ticks=30)
-    swarm_run(options, tmp_path / "log")
-    assert of_recording(tmp_path / "log") == in_process(options)
-    verdict = verify(tmp_path / "log")
-    assert (verdict.same, verdict.complete) == (True, True)
-
-
-@pytest.mark.parametrize("agent", ["excited", "planner"])
-def test_a_resumed_agent_goes_on_as_if_nothing_had_been(
-    agent: AgentKind, tmp_path: Path
-) -> None:
-    options = options_for(agent)
-    first = msgspec.structs.replace(options, ticks=20)
-    swarm_run(first, tmp_path / "first")
-    again, past = find_resume_point(tmp_path / "first")
-    again = msgspec.structs.replace(again, ticks=TICKS)
-    swarm_run(again, tmp_path / "second", past=past)
-    assert of_recording(tmp_path / "second") == in_process(options)
-    assert verify(tmp_path / "second").same
+    begun, log, whole = tmp_path / "begun", tmp_path / "log", wholes(name)
+    made(RUNS[name](ticks=stop, cells="inline"), begun)
+    _, past = find_resume_point(begun)
+    options = RUNS[name](cells="inline")
+    asyncio.run(run(RunRequest(options, log, past), asyncio.Event()))
+    assert course(log) == course(whole)
+    assert verify(log).same
+    before = of_type(whole, wire.Decision)
+    assert all(one in before for one in of_type(log, wire.Decision) if one.tick)
 
 
 class Foggy:
@@ -180,24 +272,14 @@ def test_what_is_not_read_is_missing_alike_in_process_and_in_a_swarm(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    options = options_for(agent, snapshot=snapshot)
+    options = acting(agent, PATH, snapshot=snapshot, cells="inline")
     monkeypatch.setattr(
         "neurosnap.runtime.parts.world_process.open_source",
         lambda *given: Foggy(open_source(*given)),
     )
-    swarm_run(options, tmp_path / "log")
-    source = Foggy(open_source(PATH, SEED, options.arguments))
-    alone = Agent(options.body, options.new_policy(), options.new_snapshot())
-    seen, states, decisions = source.first(), [], []
-    for _ in range(options.ticks):
-        assert seen is not None
-        # Whatever an unknown reading is said to be: here it is what it should be.
-        assert seen.known is not None
-        right = seen.bits ^ ~seen.known
-        decisions.append(alone.act(right, seen.begins, seen.known))
-        states.append(pack(alone.state))
-        seen = source.step(decisions[-1].action)
-    assert of_recording(tmp_path / "log") == (states, decisions[:-1])
+    made(options, tmp_path / "log")
+    alone = Foggy(open_source(PATH, SEED, options.arguments))
+    assert recorded_in(tmp_path / "log") == by_one_agent(options, alone)
     verdict = verify(tmp_path / "log")
     assert (verdict.same, verdict.complete) == (True, True), verdict.difference
 
@@ -205,8 +287,8 @@ def test_what_is_not_read_is_missing_alike_in_process_and_in_a_swarm(
 def test_what_was_sensed_of_an_action_is_checked_against_the_decision(
     tmp_path: Path,
 ) -> None:
-    options = options_for("excited")
-    swarm_run(options, tmp_path / "log")
+    options = acting("excited", PATH, cells="inline")
+    made(options, tmp_path / "log")
     # As if the world had made up what was done: every reading of an action inverted.
     felt = slice(len(options.body.own), len(options.body.own) + 3)
 
@@ -236,3 +318,52 @@ def test_a_walker_gets_no_more_than_the_worlds_own_sensors() -> None:
     assert full == Body.full(source.sensors, source.actions, source.orders)
     assert len(full.sensors) == len(source.sensors) * 7 + 3
     assert np.all(full.position[: 2 * len(source.sensors)])
+
+
+# Exploring by plan --------------------------------------------------------------------
+
+
+def test_with_a_target_it_explores_until_it_knows_a_way() -> None:
+    options = planned(ticks=600, target=("tile=goal",), grow=30)
+    reasons = [one.why for one in by_one_agent(options)[1]]
+    first = next(tick for tick, why in enumerate(reasons) if why.startswith("in "))
+    assert all(why.startswith("to learn what") for why in reasons[:first])
+    # Six steps, and one at the goal, where the episode is over.
+    steps = [why.partition(":")[0] for why in reasons[first : first + 6]]
+    assert steps == ["in 6", "in 5", "in 4", "in 3", "in 2", "in 1"]
+    assert sum(why.startswith("in 6: ") for why in reasons[first : first + 70]) == 10
+
+
+def test_the_command_line_takes_the_word(tmp_path: Path) -> None:
+    log = tmp_path / "a.mcap"
+    given = [
+        "--agent",
+        "planner",
+        "--set",
+        "agent.imagine=50",
+        "--set",
+        "agent.explore=planned",
+    ]
+    result = call(
+        "run",
+        "neurosnap/FrozenLake-v0",
+        *given,
+        "--cells",
+        "inline",
+        "--ticks",
+        "5",
+        "--out",
+        log,
+    )
+    assert result.exit_code == 0, result.output
+    assert of_type(log, wire.Decision)[1].why.startswith("to learn what")
+    refused = call(
+        "run",
+        "neurosnap/FrozenLake-v0",
+        *given[:2],
+        *given[4:],
+        "--out",
+        tmp_path / "b.mcap",
+    )
+    assert refused.exit_code == 2
+    assert "explore: must go with a planner that imagines" in refused.output

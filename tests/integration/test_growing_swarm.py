@@ -3,17 +3,13 @@
 import asyncio
 import re
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 import msgspec
 import pytest
 
 from neurosnap import wire
-from neurosnap.agent.agent import Agent
-from neurosnap.agent.growth.birth import Birth
 from neurosnap.agent.growth.changed import Changed
-from neurosnap.agent.policy import EXACT
 from neurosnap.errors import RecordingError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.anomaly_messages import Told
@@ -27,13 +23,9 @@ from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.anomaly_feed import recorded
 from neurosnap.runtime.request import Outcome, RunRequest, Watcher
 from neurosnap.runtime.run import run
-from neurosnap.sources.open import open_source
-from tests.support.aliased_worlds import NAME as MAZE
-from tests.support.command_line import call
 from tests.support.course import course
 from tests.support.disturbed_runs import ENDLESS, Disturbed
-from tests.support.exhaustive import rows
-from tests.support.lamp import BIRTH, LIMITED, lamp_options
+from tests.support.lamp import BIRTH, LIMITED, lamp_options, scripted_births
 from tests.support.recorded_messages import first
 from tests.support.rewritten_recordings import (
     changing,
@@ -52,23 +44,6 @@ def made(options: RunOptions, log: Path) -> Outcome:
     return asyncio.run(run(RunRequest(options, log), asyncio.Event()))
 
 
-def by_one_agent(options: RunOptions) -> list[wire.Decision]:
-    """Return what an agent decides that has everything in one process."""
-    source = open_source(options.source, options.seed, options.arguments)
-    memory = options.new_memory()
-    agent = Agent(
-        options.body, options.policy_with(memory), options.new_snapshot(), memory
-    )
-    found, seen = list[wire.Decision](), source.first()
-    while seen is not None and len(found) < options.ticks:
-        if seen.cut:
-            agent.set_down()
-        found.append(agent.act(seen.bits, seen.begins))
-        seen = source.step(found[-1].action)
-    source.close()
-    return found
-
-
 def decisions(log: Path) -> dict[int, wire.Decision]:
     messages = (
         recorded.message for recorded in Recording.open(log).messages(("decision",))
@@ -76,118 +51,12 @@ def decisions(log: Path) -> dict[int, wire.Decision]:
     return {one.tick: one for one in messages if isinstance(one, wire.Decision)}
 
 
-BIRTHS = (
-    Birth("turn_a", ("a", "b*")),
-    Birth("press", ("b", "a"), 12),
-    Birth("press", ("a*", "lit"), 12),
-)
-
-
-def scripted(**more: object) -> RunOptions:
-    """Return a run in which sensors are grown by a script."""
-    return lamp_options(**{"ticks": 30, "births": BIRTHS, "grow": 0, **more})
-
-
-def planned(**more: object) -> RunOptions:
-    """Return a run that explores the lake by plan."""
-    given = {"grow": 4, "imagine": 300, "target": (), "threshold": EXACT, "ticks": 41}
-    return options_for(
-        "neurosnap/FrozenLake-v0",
-        5,
-        agent="planner",
-        explore="planned",
-        **{**given, **more},  # type: ignore[arg-type]
-    )
-
-
-RUNS: dict[str, Callable[..., RunOptions]] = {
-    "grows": partial(lamp_options, ticks=TICKS),
-    "cut off": partial(lamp_options, LIMITED, ticks=TICKS),
-    "scripted": scripted,
-    "scripted and grows": partial(scripted, grow=2),
-    "planned": planned,
-    "steps back": partial(
-        options_for,
-        MAZE,
-        5,
-        agent="planner",
-        ticks=200,
-        grow=8,
-        imagine=20,
-        target=(),
-        explore=0.1,
-        threshold=0.001,
-        keyframe_every=50,
-    ),
-    "rewarded": partial(
-        options_for,
-        "neurosnap/FrozenLake-v0",
-        1,
-        {"senses_reward": True},
-        agent="planner",
-        grow=30,
-        imagine=300,
-        target=("rewarded",),
-        explore="planned",
-        threshold=EXACT,
-        ticks=40,
-    ),
-}
-
-
 @pytest.fixture(scope="module")
 def inline(tmp_path_factory: pytest.TempPathFactory) -> Path:
     log = tmp_path_factory.mktemp("inline") / "grows"
-    made(RUNS["grows"](cells="inline"), log)
-    made(RUNS["scripted"](cells="inline"), log.with_name("scripted"))
+    made(lamp_options(ticks=TICKS, cells="inline"), log)
+    made(scripted_births(cells="inline"), log.with_name("scripted"))
     return log
-
-
-@pytest.mark.zenoh
-@pytest.mark.parametrize(
-    ("name", "cells"),
-    rows(
-        [
-            *(("grows", cells) for cells in ("inline", "worker", "process")),
-            ("cut off", "inline"),
-            ("scripted", "inline"),
-            ("scripted and grows", "worker"),
-            ("planned", "inline"),
-            ("steps back", "inline"),
-            ("rewarded", "inline"),
-        ],
-        [
-            ("cut off", "worker"),
-            ("scripted", "process"),
-            ("scripted and grows", "process"),
-            ("planned", "worker"),
-            ("steps back", "worker"),
-            ("rewarded", "worker"),
-        ],
-    ),
-)
-def test_a_swarm_decides_and_grows_as_one_agent(
-    name: str, cells: CellKind, tmp_path: Path
-) -> None:
-    options, log = RUNS[name](cells=cells), tmp_path / "log"
-    made(options, log)
-    ticks = options.ticks
-    verdict = verify(log)
-    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, ticks)
-    swarm, alone = decisions(log), by_one_agent(options)
-    assert [swarm[tick] for tick in range(1, ticks)] == alone[:-1]
-    born = {one.tick: (one.context, one.literals) for one in alone if one.born >= 0}
-    match name:
-        case "grows":
-            assert list(born) == [BIRTH]
-        case "scripted" | "scripted and grows":
-            assert (born[12], born[13]) == ((2, (0, 2)), (2, (1, 4)))
-        case "planned":
-            assert any(one.why.startswith("to learn what") for one in alone)
-            assert any(one.why == "at random, to explore" for one in alone)
-        case "steps back":
-            split = options.body.split
-            assert any(split(literals)[1] for _, literals in born.values())
 
 
 def test_where_a_limit_cut_an_episode_off_no_episode_ends(tmp_path: Path) -> None:
@@ -241,7 +110,7 @@ def test_what_was_grown_is_called_by_its_formula_and_learned_as_in_the_run(
 def test_what_a_script_grows_has_weights_cells_and_names(inline: Path) -> None:
     log = inline.with_name("scripted")
     birth = decisions(log)[12]
-    first = scripted().body.first_grown
+    first = scripted_births().body.first_grown
     assert birth.born == first + 1  # behind the one that is there from the start
     assert birth.history == 12
     assert len(birth.weights) == 4 * 4 * birth.born
@@ -315,27 +184,6 @@ def test_a_decision_that_cannot_be_right_is_named(
     observation = wire.Observation(1, b"\0\0\0\0", known=b"\1\0\0\0")
     with pytest.raises(RecordingError, match=re.escape(rule)):
         learning.learn(observation, msgspec.structs.replace(birth, **wrong))
-
-
-@pytest.mark.parametrize(
-    ("name", "stop"),
-    [
-        *(("grows", BIRTH + later) for later in (-5, 0, 1, 9)),
-        *(("scripted", stop) for stop in (11, 12, 13, 20)),
-    ],
-)
-def test_it_goes_on_as_if_nothing_had_been(
-    name: str, stop: int, inline: Path, tmp_path: Path
-) -> None:
-    begun, log, whole = tmp_path / "begun", tmp_path / "log", inline.with_name(name)
-    made(RUNS[name](ticks=stop, cells="inline"), begun)
-    _, past = find_resume_point(begun)
-    options = RUNS[name](cells="inline")
-    asyncio.run(run(RunRequest(options, log, past), asyncio.Event()))
-    assert course(log) == course(whole)
-    assert verify(log).same
-    before = decisions(whole)
-    assert all(before[tick] == one for tick, one in decisions(log).items() if tick)
 
 
 def test_it_goes_on_twice_from_the_tick_in_which_a_sensor_was_grown(
@@ -461,52 +309,3 @@ def test_in_several_files_each_begins_with_what_was_grown(
     assert verify(log).same
     for path in files.values():
         assert verify(path).same
-
-
-# Exploring by plan --------------------------------------------------------------------
-
-
-def test_with_a_target_it_explores_until_it_knows_a_way() -> None:
-    options = planned(ticks=600, target=("tile=goal",), grow=30)
-    reasons = [one.why for one in by_one_agent(options)]
-    first = next(tick for tick, why in enumerate(reasons) if why.startswith("in "))
-    assert all(why.startswith("to learn what") for why in reasons[:first])
-    # Six steps, and one at the goal, where the episode is over.
-    steps = [why.partition(":")[0] for why in reasons[first : first + 6]]
-    assert steps == ["in 6", "in 5", "in 4", "in 3", "in 2", "in 1"]
-    assert sum(why.startswith("in 6: ") for why in reasons[first : first + 70]) == 10
-
-
-def test_the_command_line_takes_the_word(tmp_path: Path) -> None:
-    log = tmp_path / "a.mcap"
-    given = [
-        "--agent",
-        "planner",
-        "--set",
-        "agent.imagine=50",
-        "--set",
-        "agent.explore=planned",
-    ]
-    result = call(
-        "run",
-        "neurosnap/FrozenLake-v0",
-        *given,
-        "--cells",
-        "inline",
-        "--ticks",
-        "5",
-        "--out",
-        log,
-    )
-    assert result.exit_code == 0, result.output
-    assert decisions(log)[1].why.startswith("to learn what")
-    refused = call(
-        "run",
-        "neurosnap/FrozenLake-v0",
-        *given[:2],
-        *given[4:],
-        "--out",
-        tmp_path / "b.mcap",
-    )
-    assert refused.exit_code == 2
-    assert "explore: must go with a planner that imagines" in refused.output

@@ -7,6 +7,7 @@ import numpy as np
 from gymnasium.spaces import Discrete, MultiBinary
 from numpy.typing import NDArray
 
+from neurosnap.agent.growth.birth import Birth
 from neurosnap.protocol.run_options import RunOptions
 from tests.support import run_options
 
@@ -63,3 +64,15 @@ def lamp_options(name: str = NAME, /, **more: object) -> RunOptions:
         "keyframe_every": 10,
     }
     return run_options.options_for(name, 3, agent="planner", **{**given, **more})
+
+
+BIRTHS = (
+    Birth("turn_a", ("a", "b*")),
+    Birth("press", ("b", "a"), 12),
+    Birth("press", ("a*", "lit"), 12),
+)
+
+
+def scripted_births(**more: object) -> RunOptions:
+    """Return a run of the lamp in which sensors are grown by a script."""
+    return lamp_options(**{"ticks": 30, "births": BIRTHS, "grow": 0, **more})
