@@ -1,6 +1,6 @@
 """Settings that all tests share, and what no test may leave behind.
 
-After every test no thread and no task of its own is alive, and nothing was logged as an
+After every test none of its threads and tasks is alive, and nothing was logged as an
 error by `zenoh.handlers`, which is where an exception in one of Zenoh's callbacks goes.
 """
 

@@ -1,4 +1,4 @@
-"""Recordings that several of the tests here look at; nobody writes to them."""
+"""Recordings and keys that several of the tests here only read."""
 
 from collections.abc import AsyncIterator, Iterator
 from contextlib import contextmanager, suppress
@@ -38,7 +38,7 @@ def no_process_left() -> Iterator[None]:
 
 
 def passing() -> set[psutil.Process]:
-    """Return the processes below this one, but for those that serve for good."""
+    """Return the processes below this one, except those that stay."""
     found: set[psutil.Process] = set()
     for child in psutil.Process().children():
         with suppress(psutil.NoSuchProcess):  # it has ended meanwhile

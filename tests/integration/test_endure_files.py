@@ -89,7 +89,7 @@ def test_of_two_recordings_the_further_stays(
             path.write_bytes(NO_RECORDING)
     RestartFiles(log).keep_furthest()
     assert verify(log).ticks == kept
-    # What cannot be read is not deleted: nobody knows what is in it.
+    # What cannot be read is not deleted: what is in it is unknown.
     aside = {path.read_bytes() for path in tmp_path.iterdir() if path != log}
     assert aside == ({NO_RECORDING} if -1 in (after, before) else set())
 

@@ -1,4 +1,4 @@
-"""Messages that are too large reach nobody, and what has to be large arrives."""
+"""Messages that are too large do not arrive, and what has to be large arrives."""
 
 import os
 from pathlib import Path

@@ -115,7 +115,7 @@ session.close()
 
 
 class Hub(msgspec.Struct, frozen=True):
-    """A hub in a process of its own, as in a `PartConnection`."""
+    """A hub in its own process, as in a `PartConnection`."""
 
     endpoint: str
     keys: Path | None = None
@@ -205,7 +205,7 @@ def ticking(hub: Hub) -> Iterator[Ticks]:
 
 
 def listened_to(session: zenoh.Session, key: str) -> zenoh.Publisher:
-    """Return a stock publisher, once it knows that somebody listens."""
+    """Return a stock publisher, once it knows of a listener."""
     publisher = session.declare_publisher(key)
     matched = threading.Event()
 
@@ -213,7 +213,7 @@ def listened_to(session: zenoh.Session, key: str) -> zenoh.Publisher:
         if status.matching:
             matched.set()
 
-    # It is told at once if somebody does already.
+    # It is told at once if there is one already.
     listener = publisher.declare_matching_listener(
         zenoh.handlers.Callback(note, indirect=False)
     )

@@ -31,7 +31,7 @@ def choices(body: Body) -> list[set[int]]:
 def sensed(
     body: Body, bits: Sequence[bool], taken: set[int] | None, state: set[int]
 ) -> list[bool]:
-    """The observation after `taken` in `state`; None: nothing went before."""
+    """The observation after `taken` in `state`, or None if nothing went before."""
     on = set() if taken is None else taken
     felt = [action in on for action in range(len(body.actions))]
     return [

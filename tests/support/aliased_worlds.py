@@ -55,7 +55,7 @@ def _table(
     Args:
         sensors: Their names.
         actions: Their names.
-        places: By name: what is on there, and where each action leads; None: nowhere;
+        places: By name: what is on there, and where each action leads, None if nowhere;
             no action at all: the episode is over there.
         starts: How many of the first places it may begin at.
     """

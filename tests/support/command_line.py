@@ -9,7 +9,7 @@ from neurosnap.apps.cli import app
 
 
 def call(*arguments: object, stdin: str | None = None) -> Result:
-    """Call a verb; whatever goes wrong, nobody gets a traceback to read."""
+    """Call a verb; no error may show a traceback."""
     result = CliRunner().invoke(app, [str(one) for one in arguments], input=stdin)
     assert result.exception is None or isinstance(result.exception, SystemExit)
     return result

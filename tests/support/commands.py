@@ -34,7 +34,7 @@ from tests.support import preloaded
 
 
 class Command:
-    """A verb in a process of its own, used as a `subprocess.Popen` of text.
+    """A verb in its own process, used as a `subprocess.Popen` of text.
 
     Args:
         *arguments: Of the command line; or ``-c`` and a program, which runs as by
@@ -43,8 +43,8 @@ class Command:
         environment: What it finds in its environment.
         buffer: How many bytes the pipe of its standard input holds, where that is not
             for the system to say: who writes more waits until they are read.
-        own_session: Whether it leads a session, and a process group, of its own.
-        largest: Bytes that a file it writes may have, at most; None: any.
+        own_session: Whether it leads a session, and a process group.
+        largest: Bytes that a file it writes may have, at most, or None.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class Command:
         self.returncode: int | None = None
 
     def poll(self) -> int | None:
-        """Return its exit code, or that of the signal it died of; None: it goes on."""
+        """Return its exit code, negative for a signal, or None while it goes on."""
         if self.returncode is None:
             self.returncode = self._process.exitcode
         return self.returncode

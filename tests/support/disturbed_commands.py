@@ -23,7 +23,7 @@ def finish(process: Command) -> tuple[int, str, str]:
 def started(
     *arguments: object, folder: Path, largest: int | None = None
 ) -> Iterator[Command]:
-    """Start a command in a session of its own; whatever happens, leave none of it."""
+    """Start a command in a new session; whatever happens, leave none of it."""
     with Command(
         *arguments, folder=folder, own_session=True, largest=largest
     ) as process:

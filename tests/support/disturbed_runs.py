@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 PATH = "neurosnap/Path-v0"
 SENSORS = 4
 HERE = Site()
-ENDLESS = 1_000_000  # ticks; whoever runs so many is ended by an event
+ENDLESS = 1_000_000  # ticks; such a run is ended by an event
 
 
 def parts() -> list[psutil.Process]:

@@ -1,4 +1,4 @@
-"""Time that passes only when somebody waits, and waits that tell of themselves."""
+"""Time that passes only during a wait, and a condition that shows its waits."""
 
 import threading
 from collections.abc import Callable
@@ -7,7 +7,7 @@ from collections.abc import Callable
 class FakeTime(threading.Condition):
     """A clock, and a condition whose waits let it run on.
 
-    While somebody waits, events happen at their times, in order, on the same thread;
+    During a wait, events happen at their times, in order, on the same thread;
     the wait is over once those of one moment notify, or at its time-out.
     """
 
@@ -48,7 +48,7 @@ class FakeTime(threading.Condition):
 
 
 class Told(threading.Condition):
-    """Says when somebody waits in it."""
+    """Shows when a thread waits in it."""
 
     def __init__(self) -> None:
         super().__init__()

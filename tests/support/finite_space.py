@@ -78,7 +78,7 @@ class FiniteSpace:
         """Yield the maximal chains among some points, each from the bottom up.
 
         Args:
-            points: ``(n,)`` bool; None: all. There may be exponentially many chains.
+            points: ``(n,)`` bool, or None for all. Chains may be exponentially many.
         """
         chosen = np.arange(len(self)) if points is None else np.flatnonzero(points)
         strict = self.order[np.ix_(chosen, chosen)] & ~np.eye(len(chosen), dtype=bool)
@@ -103,7 +103,7 @@ class FiniteSpace:
         1966). O(n⁴) time.
 
         Args:
-            points: ``(n,)`` bool; None: all. The empty space is not contractible.
+            points: ``(n,)`` bool, or None for all. The empty space is not contractible.
         """
         left = set(range(len(self)))
         if points is not None:

@@ -88,7 +88,7 @@ async def peer(
     username: str | None = None,
     password: str | None = None,
 ) -> AsyncIterator[aiomqtt.Client]:
-    """Somebody else on the same broker, who listens to `topics`."""
+    """Another client of the same broker, which listens to `topics`."""
     async with aiomqtt.Client(
         HOST, broker.port, username=username, password=password
     ) as client:

@@ -1,6 +1,6 @@
 """A pytest plugin: with NEUROSNAP_NO_SKIPS=1 a test that is skipped has failed.
 
-Whoever develops may lack a browser or a broker; what decides whether a change lands
+A developer may lack a browser or a broker; what decides whether a change lands
 must have looked at everything.
 """
 

@@ -1,4 +1,4 @@
-"""Ports that nobody else takes between a test's asking and its hub's listening.
+"""Ports that stay free between a test's asking and its hub's listening.
 
 A port that the system calls free now may be anybody's a moment later, and several
 processes run tests at once. So each holds a block of ports, below those that the
@@ -17,14 +17,14 @@ _numbers: Iterator[int] = iter(())
 
 
 def free_port() -> int:
-    """Return a port of this process's own that nobody listens on now."""
+    """Return a free port out of this process's block."""
     global _numbers
     if not _held:
         first = _hold()
         _numbers = cycle(range(first + 1, first + _BLOCKS.step))
     for number in _numbers:
         with socket.socket() as probe:
-            # As a hub does it: what was here a moment ago minds nobody.
+            # As a hub does it: what listened here a moment ago does not matter.
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:
                 probe.bind((_HOST, number))
@@ -35,7 +35,7 @@ def free_port() -> int:
 
 
 def _hold() -> int:
-    """Take the first block that nobody holds; return its first port."""
+    """Take the first block that is free; return its first port."""
     for first in _BLOCKS:
         lock = socket.socket()
         try:
@@ -46,4 +46,4 @@ def _hold() -> int:
         atexit.register(lock.close)
         _held.append(lock)
         return first
-    raise OSError("ports: every block is held by somebody")
+    raise OSError("ports: every block is taken")

@@ -2,7 +2,7 @@
 
 That of a real run holds what a cell needs, and the coordinator, the world and the
 recorder load the rest when they start: a second of work each, in hundreds of swarms.
-Runs that tests start by the command line have the real one, but for those of
+Runs that tests start by the command line have the real one, except those of
 `tests.support.commands`.
 """
 

@@ -22,7 +22,7 @@ for _kind in (EmpiricalSnapshot, DiscountedSnapshot):
         _graph.wires("hasse")
         _graph.wires("derived")
 worker_kernels.warm()
-# As a chunk is given to it: of bytes that nobody can write to.
+# As a chunk is given to it: of bytes that cannot be written to.
 chunks._walk(np.frombuffer(b"", np.uint8), np.empty((0, 4), np.int64))
 # A launcher that is forked from here need not walk over all of this again and again.
 gc.collect()

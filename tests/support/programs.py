@@ -8,7 +8,7 @@ _PATH = "/usr/local/bin:/usr/bin:/bin:/usr/local/sbin:/usr/sbin:/sbin"
 
 
 def find(program: str) -> str | None:
-    """Return where a program is; None: it is not there."""
+    """Return where a program is, or None if it is missing."""
     return shutil.which(program) or shutil.which(program, path=_PATH)
 
 

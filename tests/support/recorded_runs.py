@@ -109,7 +109,7 @@ def torn_run(log: Path) -> Path:
 def scripted_run(
     rows: Sequence[Sequence[bool | None]], log: Path, source: str = "scripted"
 ) -> Path:
-    """Record a run of three sensors that read as told; None: not read."""
+    """Record a run of three sensors that read as given, None where not read."""
     options = RunOptions(
         source=source,
         body=Body(own=("s0", "s1", "s2")),

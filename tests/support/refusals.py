@@ -6,7 +6,7 @@ from neurosnap.errors import MessageError
 
 
 def refusal(check: Callable[..., None], *arguments: object) -> str | None:
-    """Return the text of the `MessageError` that a check raises; None: it passes."""
+    """Return the text of the `MessageError` of a check, or None if it passes."""
     try:
         check(*arguments)
     except MessageError as error:

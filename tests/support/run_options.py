@@ -53,7 +53,7 @@ def core_options(sensors: int, workers: int = 0, **more: object) -> RunOptions:
 
     Args:
         sensors: How many there are; of a `body` that is given, it does not matter.
-        workers: How many share the cells; 0: every cell is a part of its own.
+        workers: How many share the cells; if 0, every cell is a part.
         **more: Any other options.
     """
     given: dict[str, object] = {

@@ -10,7 +10,7 @@ from neurosnap.sources.protocol import Observed
 
 
 class Scripted:
-    """Shows rows of readings, one after the other; None: unknown.
+    """Shows rows of readings, one after the other; None is unknown.
 
     Args:
         rows: What it shows.
@@ -74,7 +74,7 @@ class Live(Scripted):
 
     def step(self, action: int) -> Observed | None:
         self.taken.append(action)
-        fresh = not self._next  # nobody has listened before
+        fresh = not self._next  # it was not listened to before
         return self._show(begins=fresh, cut=fresh)
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""A hub under mutual TLS, in a process of its own that says what it refused."""
+"""A hub under mutual TLS, in its own process, which says what it refused."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""All parts of a swarm, each with a certificate of its own."""
+"""All parts of a swarm, each with its own certificate."""
 
 import asyncio
 from collections.abc import Callable, Coroutine
@@ -23,7 +23,7 @@ TICKS = 12
 
 
 async def run_swarm(hub: Hub, options: RunOptions, log: Path) -> Completeness:
-    """Run all parts over `hub`, each with a session and a certificate of its own."""
+    """Run all parts over `hub`, each with its own session and certificate."""
     core = coordinator_process.coordinator_for(options, None)
     source = open_source(options.source, options.seed, options.arguments)
     cells = [f"cell/{number}" for number in range(len(options.sensors))]

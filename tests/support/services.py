@@ -1,4 +1,4 @@
-"""Parts of a swarm as services, each a verb in a process of its own."""
+"""Parts of a swarm as services, each a verb in its own process."""
 
 import asyncio
 import json
@@ -32,7 +32,7 @@ SMALL = ("--set", "places=7", "--seed", 3)
 ENDLESS = (*SMALL, "--ticks", 1_000_000)
 CELLS = 6
 going = Command
-"""A verb in a process of its own, which does not outlive the block."""
+"""A verb in its own process, which does not outlive the block."""
 
 
 def ended(process: Command, code: int = 0) -> str:

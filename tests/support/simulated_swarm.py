@@ -41,7 +41,7 @@ class SimulatedSwarm:
         core: The coordinator.
         rows: What the world shows.
         hub: Delivers as its seed says.
-        workers: How many share the cells; 0: every cell is a part of its own.
+        workers: How many share the cells; if 0, every cell is a part.
         deaf: Which messages do not arrive at whom.
     """
 
@@ -131,7 +131,7 @@ def counting_swarm(
     Args:
         rows: What the world shows.
         seed: Draws the order of deliveries.
-        workers: How many share the cells; 0: every cell is a part of its own.
+        workers: How many share the cells; if 0, every cell is a part.
         frame: The most edges in a worker's frame.
         deaf: Which messages do not arrive at whom.
     """

@@ -14,7 +14,7 @@ from neurosnap.sensorium import pack
 
 Host: TypeAlias = Cell | Worker
 Row: TypeAlias = Sequence[bool | None]
-"""What every sensor reads at a tick; None: that is unknown."""
+"""What every sensor reads at a tick, None if it is unknown."""
 
 
 def hosting(sensors: int, workers: int) -> dict[str, Host]:

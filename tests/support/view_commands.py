@@ -28,7 +28,7 @@ class Verb:
 
     @property
     def returncode(self) -> int | None:
-        """Its exit code; None: it goes on."""
+        """Its exit code, or None if it goes on."""
         return self._command.poll()
 
     def send_signal(self, number: int) -> None:

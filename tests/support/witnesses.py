@@ -1,4 +1,4 @@
-"""What came over a network and who was there, and waits for it."""
+"""What came over a network, and a wait for it."""
 
 import asyncio
 
