@@ -156,7 +156,7 @@ def hub_on(protocol: str, keys: Path | None = None) -> Iterator[Hub]:
         assert process.stdout is not None
         assert process.stdout.readline() == b"ready\n"
         try:
-            yield Hub(endpoint, role_keys)
+            yield Hub(endpoint, keys)
         finally:
             process.communicate(timeout=PATIENCE)
     assert process.returncode == 0
