@@ -174,6 +174,7 @@ def test_transitions_are_sensed_as_an_agent_senses_them(
     assert len(seen) == len(table.before)
 
 
+@pytest.mark.slow
 def test_a_swarm_senses_no_action_where_an_episode_begins(tmp_path: Path) -> None:
     log = tmp_path / "log"
     options = options_for(
