@@ -82,14 +82,15 @@ def test_a_csv_with_times_is_taken_as_far_as_asked(
     assert verify(out).complete
 
 
-@pytest.mark.parametrize("wiring", ["hasse", "derived"])
 @pytest.mark.parametrize(
-    "snapshot",
+    ("wiring", "snapshot"),
     [
-        ("empirical",),
-        ("discounted", "--set", "snapshot.decay=0.9", "--threshold", 0.15),
+        ("hasse", ("empirical",)),
+        (
+            "derived",
+            ("discounted", "--set", "snapshot.decay=0.9", "--threshold", 0.15),
+        ),
     ],
-    ids=["empirical", "discounted"],
 )
 def test_options_are_kept_in_the_recording(
     tmp_path: Path, csv: Path, wiring: str, snapshot: tuple[object, ...]

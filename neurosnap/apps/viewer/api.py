@@ -96,8 +96,6 @@ class Listed(msgspec.Struct, frozen=True, kw_only=True):
 
     name: str
     """As much of its path as tells it from the others."""
-    swarm: str
-    ticks: int
     live: bool
 
 
@@ -265,8 +263,6 @@ class Arrow(msgspec.Struct, frozen=True, kw_only=True):
 
     source: int
     target: int
-    kind: Literal["excite", "inhibit"]
-    """``inhibit`` where the target is a complement."""
 
 
 class Graph(msgspec.Struct, frozen=True, kw_only=True):

@@ -172,10 +172,7 @@ def drawn(name: str, tick: int, graph: PocGraph, body: Body) -> Graph:
             )
             for sensor in shown
         ],
-        edges=[
-            Arrow(source=a, target=b, kind="inhibit" if b & 1 else "excite")
-            for a, b in pairs[chosen].tolist()
-        ],
+        edges=[Arrow(source=a, target=b) for a, b in pairs[chosen].tolist()],
         classes=[members for members in graph.classes() if members[0] % 2 == 0],
     )
 

@@ -81,12 +81,7 @@ class Questions:
         return _answer(
             api.Runs(
                 [
-                    api.Listed(
-                        name=name,
-                        swarm=session.run_view.recording.swarm,
-                        ticks=session.run_view.last,
-                        live=session.live,
-                    )
+                    api.Listed(name=name, live=session.live)
                     for name, session in zip(names, self._sessions, strict=True)
                 ]
             )

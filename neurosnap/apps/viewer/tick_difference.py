@@ -122,14 +122,7 @@ def _felt(frame: Frame, other: Frame, pairs: list[tuple[int, int, str]]) -> list
 def _only(graph: PocGraph, other: PocGraph, places: list[int]) -> Only:
     edges, classes = only_in(graph, other), only_equal(graph, other)
     return Only(
-        edges=[
-            Arrow(
-                source=places[a],
-                target=places[b],
-                kind="inhibit" if b & 1 else "excite",
-            )
-            for a, b in edges[:_LISTED]
-        ],
+        edges=[Arrow(source=places[a], target=places[b]) for a, b in edges[:_LISTED]],
         classes=[tuple(places[a] for a in members) for members in classes[:_LISTED]],
         count=len(edges) + len(classes),
     )

@@ -88,11 +88,6 @@ def test_a_verb_has_the_options_that_are_named_and_its_own() -> None:
     assert command.params[3].default == 5
 
 
-def test_an_option_that_does_not_exist_is_not_given() -> None:
-    with pytest.raises(KeyError, match="speed"):
-        with_run_options("speed")
-
-
 def test_defaults_of_flags_do_not_go_before_the_file(file: Path) -> None:
     plain = made(file)
     assert (plain.options.ticks, plain.options.snapshot) == (7, "discounted")

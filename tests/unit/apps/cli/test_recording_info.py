@@ -7,7 +7,7 @@ from mcap.opcode import Opcode
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.apps.cli.recording_info import Info, describe, render
+from neurosnap.apps.cli.recording_info import describe, render
 from neurosnap.errors import RecordingError
 from neurosnap.fabric.protocol import Place
 from neurosnap.protocol.run_options import RunOptions
@@ -133,12 +133,6 @@ def test_an_empty_one_can_be_shown(path: Path) -> None:
     assert "duration:  0:00:00" in lines
     assert "start:     0.000000000" in lines
     assert "missing: 0" in lines
-
-
-def test_it_is_json(path: Path) -> None:
-    write_small(path, {"seed": "7"})
-    info = describe(Recording.open(path))
-    assert msgspec.json.decode(msgspec.json.encode(info), type=Info) == info
 
 
 def test_control_characters_do_not_reach_the_terminal(path: Path) -> None:

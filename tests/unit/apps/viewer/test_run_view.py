@@ -376,13 +376,3 @@ def test_it_is_found_while_the_recording_grows(lake_log: Path, tmp_path: Path) -
         known = run_view.frames(1, run_view.last - 1)
         assert [frame.image for frame in known] == [due(f.tick) for f in known]
     assert run_view.last > TICKS // 2
-
-
-def test_a_tick_that_has_none_has_the_one_before(lake_log: Path) -> None:
-    view = RunView(lake_log)
-    for tick in (20, 1, 40, 13, 14):
-        found = view.image(tick)
-        assert found is not None
-        assert found.tick == due(tick)
-        assert found.data.startswith(b"\x89PNG")
-    assert view.image(0) is None
