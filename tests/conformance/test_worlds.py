@@ -14,18 +14,33 @@ from gymnasium.utils.env_checker import check_env
 
 import world
 from neurosnap.errors import InvalidValueError
-from tests.support.worlds import IDS, NAMED, SHAPES, make, rollout, started
+from tests.support.worlds import (
+    IDS,
+    NAMED,
+    SHAPES,
+    TARGETS,
+    aimed,
+    make,
+    rollout,
+    started,
+)
 from world.implications import implications
+from world.places import PlacesWorld
+from world.target import Target
 
 
-@pytest.mark.parametrize(("name", "arguments"), NAMED)
-def test_gymnasium_has_nothing_to_complain_about(
+@pytest.mark.parametrize(("name", "arguments"), [*NAMED, *TARGETS])
+def test_gymnasium_complains_of_a_target_only_and_only_that_it_is_a_wrapper(
     name: str, arguments: dict[str, Any]
 ) -> None:
+    aims = "target" in arguments
     with warnings.catch_warnings(record=True) as seen:
         warnings.simplefilter("always")
-        check_env(gymnasium.make(name, **arguments).unwrapped)
-    assert [str(warning.message) for warning in seen] == []
+        check_env(aimed(name, **arguments) if aims else make(name, **arguments))
+    assert len(seen) == aims
+    assert all(
+        "is different from the unwrapped" in str(warning.message) for warning in seen
+    )
 
 
 @pytest.mark.parametrize(("name", "arguments", "sensors", "actions", "places"), SHAPES)
@@ -80,13 +95,20 @@ def test_every_place_can_be_reached_from_every_other_and_back(name: str) -> None
     assert reached == set(range(moves.shape[1]))
 
 
-@pytest.mark.parametrize(("name", "arguments"), NAMED)
+@pytest.mark.parametrize(
+    ("name", "arguments"), [*NAMED, ("empty, full and equal fields", {})]
+)
 def test_implications_are_those_found_by_looking_at_every_place(
     name: str, arguments: dict[str, Any]
 ) -> None:
-    env = started(name, **arguments)
+    sensors: tuple[str, ...] = ("never", "always", "p", "q")
+    fields = np.array([[0, 0, 0], [1, 1, 1], [1, 0, 0], [1, 0, 0]], bool)
+    if name in IDS:
+        env = started(name, **arguments)
+        sensors, fields = tuple(env.sensors), env.fields
+        assert env.implications == implications(sensors, fields)
     where = {}
-    for sensor, field in zip(env.sensors, env.fields, strict=True):
+    for sensor, field in zip(sensors, fields, strict=True):
         where[sensor] = {p for p, on in enumerate(field) if on}
         where[f"{sensor}*"] = {p for p, on in enumerate(field) if not on}
     expected = [
@@ -94,34 +116,14 @@ def test_implications_are_those_found_by_looking_at_every_place(
         for a, b in itertools.product(where, repeat=2)
         if a.removesuffix("*") != b.removesuffix("*") and where[a] <= where[b]
     ]
-    assert env.implications == expected
+    assert implications(sensors, fields) == expected
 
 
-def test_empty_full_and_equal_fields_count() -> None:
-    never, always = [False, False, False], [True, True, True]
-    fields = np.array([never, always, [True, False, False], [True, False, False]])
-    found = set(implications(("never", "always", "p", "q"), fields))
-    assert {("never", "p"), ("never", "p*"), ("p", "always"), ("p*", "always")} <= found
-    assert {("always", "never*"), ("always*", "p"), ("p", "never*")} <= found
-    assert {("p", "q"), ("q", "p"), ("p*", "q*"), ("q*", "p*")} <= found
-    assert ("p", "never") not in found
-    assert ("p", "q*") not in found
-    assert ("never", "never*") not in found  # of one sensor: not a proper pair
-
-
-def test_the_path_is_one_chain() -> None:
+def test_the_fields_of_the_path_are_one_chain() -> None:
     env = make("neurosnap/Path-v0", places=4)
     np.testing.assert_array_equal(
         env.fields, [[1, 0, 0, 0], [1, 1, 0, 0], [1, 1, 1, 0]]
     )
-    assert env.implications == [
-        ("below_1", "below_2"),
-        ("below_1", "below_3"),
-        ("below_2", "below_3"),
-        ("below_2*", "below_1*"),
-        ("below_3*", "below_1*"),
-        ("below_3*", "below_2*"),
-    ]
 
 
 def test_the_path_stops_at_its_ends_and_the_cycle_goes_around() -> None:
@@ -164,14 +166,11 @@ def test_random_fields_are_a_function_of_the_seed_of_the_reset() -> None:
     assert (env.fields != first).any()
     env.reset(seed=1)
     np.testing.assert_array_equal(env.fields, first)
-
-
-def test_random_fields_are_drawn_by_an_unseeded_first_reset_too() -> None:
-    env = make("neurosnap/RandomFields-v0", places=50, sensors=50)
-    env.reset()
-    first = env.fields
-    env.reset()
-    np.testing.assert_array_equal(env.fields, first)
+    unseeded = make("neurosnap/RandomFields-v0", places=50, sensors=50)
+    unseeded.reset()
+    first = unseeded.fields
+    unseeded.reset()
+    np.testing.assert_array_equal(unseeded.fields, first)
     assert 0.4 < first.mean() < 0.6  # all subsets alike: half of all is on
 
 
@@ -274,3 +273,72 @@ def test_actions_are_named_in_the_order_of_their_numbers() -> None:
         named = make(f"neurosnap/{kind}-v0").actions
         assert named == ("up", "down", "left", "right")
     assert make("neurosnap/Rail-v0").actions == ("forward", "back", "wait")
+
+
+# With a target ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("name", "arguments"), TARGETS)
+def test_a_target_leaves_the_world_as_it_is(
+    name: str, arguments: dict[str, Any]
+) -> None:
+    env = aimed(name, **arguments)
+    bare = make(name, **{"wait": True, **arguments, "target": None})
+    assert bare.actions == env.actions
+    expected, places = rollout(bare, seed=8)
+    observations, places_again = rollout(env, seed=8)
+    assert places_again == places
+    np.testing.assert_array_equal(observations[:, :-2], expected)
+    np.testing.assert_array_equal(env.fields, bare.fields)
+    np.testing.assert_array_equal(env.moves, bare.moves)
+    assert env.implications == bare.implications
+    again, places_again = rollout(env, seed=8)  # what came before must not matter
+    np.testing.assert_array_equal(again, observations)
+    assert (places_again, again.dtype) == (places, np.int8)
+
+
+@pytest.mark.parametrize(("name", "arguments"), TARGETS)
+def test_what_a_target_says_of_itself_is_reached_through_all_wrappers(
+    name: str, arguments: dict[str, Any]
+) -> None:
+    env = gymnasium.make(name, **arguments)
+    env.reset(seed=2)
+    world = env.unwrapped
+    assert isinstance(world, PlacesWorld)
+    count = len(world.sensors)
+    assert env.observation_space == MultiBinary(count + 2)
+    assert env.action_space == Discrete(len(world.actions))
+    assert env.get_wrapper_attr("sensors") == (*world.sensors, "better", "worse")
+    assert env.get_wrapper_attr("orders") == (0,) * count + (1, 1)
+    assert env.get_wrapper_attr("actions") == world.actions
+    assert env.get_wrapper_attr("moves") is world.moves
+    assert env.get_wrapper_attr("fields") is world.fields
+    places = world.moves.shape[1]
+    assert env.get_wrapper_attr("distances").shape == (places,)
+    assert 0 <= env.get_wrapper_attr("target") < places
+
+
+@pytest.mark.parametrize(("name", "arguments"), TARGETS)
+def test_a_world_with_a_target_is_made_again_from_its_spec(
+    name: str, arguments: dict[str, Any]
+) -> None:
+    env = gymnasium.make(name, **arguments)
+    assert env.spec is not None
+    again = gymnasium.make(env.spec)
+    assert str(again) == str(env)
+    for one in (env, again):
+        one.reset(seed=6)
+    assert again.get_wrapper_attr("target") == env.get_wrapper_attr("target")
+
+
+def test_a_target_put_around_a_made_world_is_in_its_spec() -> None:
+    spec = Target(gymnasium.make("neurosnap/Path-v0", places=6), 4).spec
+    assert spec is not None
+    assert gymnasium.make(spec).get_wrapper_attr("target") == 4
+
+
+def test_a_world_without_a_target_is_bare_and_with_one_waits() -> None:
+    for name in IDS:
+        assert not gymnasium.make(name).has_wrapper_attr("distances")
+        assert aimed(name, target=1).actions[-1] == "wait"
+        assert "wait" not in aimed(name, target=1, wait=False).actions

@@ -4,6 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from neurosnap.recording.read.chunk_messages import Recorded
+from neurosnap.recording.read.recording import Recording
 from tests.support.split_runs import SMALL, made
 
 
@@ -13,6 +15,18 @@ def whole(
 ) -> Path:
     """A run in one file."""
     return made(tmp_path_factory.mktemp("whole") / "log.mcap", request.param)
+
+
+@pytest.fixture(scope="session")
+def messages(whole: Path) -> tuple[Recorded, ...]:
+    """All that was recorded of it."""
+    return tuple(Recording.open(whole).messages())
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    """Where to record."""
+    return tmp_path / "log.mcap"
 
 
 @pytest.fixture

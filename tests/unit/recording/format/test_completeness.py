@@ -41,15 +41,6 @@ def test_what_was_lost_at_the_end_shows_against_the_senders_word() -> None:
     assert sequences.gaps() == {"cell/1": [(1, 2)]}, "asking changes nothing"
 
 
-def test_a_number_far_ahead_costs_one_gap() -> None:
-    sequences = RunningNumbers()
-    sequences.receive("cell/1", 2**32 - 1)
-    assert sequences.gaps() == {"cell/1": [(0, 2**32 - 1)]}
-    assert sequences.messages == 1
-    # Who sent more than it says lacks nothing at its end.
-    assert sequences.gaps({"cell/1": 2}) == sequences.gaps()
-
-
 @pytest.mark.parametrize("seed", range(20))
 def test_any_order_comes_to_what_a_plain_set_comes_to(seed: int) -> None:
     draw = random.Random(seed)
@@ -91,7 +82,8 @@ def test_a_share_may_begin_with_what_comes_first() -> None:
     assert sequences.messages == 3
 
 
-def test_files_that_vanished_are_added_up_too() -> None:
-    both = added_up([Completeness(1, vanished=("a.mcap",)), Completeness(2)])
-    assert both == Completeness(3, vanished=("a.mcap",))
-    assert not both.whole
+def test_what_several_files_hold_and_lack_is_added_up() -> None:
+    lacking = [Completeness(1, vanished=("a.mcap",)), Completeness(2, gaps=1)]
+    both = added_up([*lacking, Completeness(3, {"world": 2}), Completeness(4)])
+    assert both == Completeness(10, {"world": 2}, vanished=("a.mcap",), gaps=1)
+    assert not any(each.whole for each in (*lacking, both))

@@ -1,20 +1,21 @@
-"""What can be derived of a run with damage in the middle, by each who derives."""
+"""What can be derived of a run that is damaged, or grows, in one file or in several."""
 
 import asyncio
 import shutil
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 import pytest
 
 from neurosnap import wire
 from neurosnap.apps.cli.recording_info import describe, render
-from neurosnap.apps.export.write import export
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.depth.measure import from_recording
-from neurosnap.errors import RecordingError
+from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.recording.format.records import Chunk
-from neurosnap.recording.read.recording import Recording, part_paths
+from neurosnap.recording.read.chunk_messages import Recorded
+from neurosnap.recording.read.recording import Recording, part_path, part_paths
 from neurosnap.recording.read.stretches import stretches
 from neurosnap.recording.read.ticks import ticks
 from neurosnap.recording.replay.learning import snapshot_at
@@ -26,6 +27,7 @@ from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from tests.support.recorded_runs import csv_run, in_chunks, path_run, recorded
+from tests.support.rewritten_recordings import changing, write_again
 
 EVERY = 7  # ticks from key-frame to key-frame
 TICKS = 40
@@ -73,8 +75,21 @@ def spoil(log: Path, tick: int, *, cut: bool = False) -> Chunk:
     return found
 
 
-def test_an_intact_recording_is_one_stretch(log: Path) -> None:
-    recording = Recording.open(log)
+class Spoiled(NamedTuple):
+    """A recording, and its chunk that is damaged: that of tick 17."""
+
+    log: Path
+    chunk: Chunk
+
+
+@pytest.fixture(scope="module")
+def spoiled(whole: Path, tmp_path_factory: pytest.TempPathFactory) -> Spoiled:
+    log = Path(shutil.copy(whole, tmp_path_factory.mktemp("spoiled") / "run.mcap"))
+    return Spoiled(log, spoil(log, 17))
+
+
+def test_an_intact_recording_is_one_stretch(whole: Path) -> None:
+    recording = Recording.open(whole)
     assert stretches(recording) == [recording]
     assert recording.whole
 
@@ -97,31 +112,23 @@ def test_a_replay_goes_on_behind_the_damage(log: Path, cut: bool) -> None:
 
 
 def test_what_was_changed_behind_the_damage_is_found(whole: Path, log: Path) -> None:
-    def wrong(message: wire.Message) -> wire.Message:
-        if isinstance(message, wire.Decision) and message.tick == 30:
-            return msgspec.structs.replace(message, why="another reason")
-        return message
-
     recording = Recording.open(whole)
+    change = changing(
+        wire.Decision, lambda one: one.tick == 30, lambda _: {"why": "another reason"}
+    )
     log.unlink()
-    with Writer(log, chunk=12000) as writer:
-        writer.start(recording.metadata)
-        for each in recording.messages():
-            payload = wire.encode(wrong(each.message))
-            writer.add(each.delivery._replace(payload=payload), each.log_time)
-        writer.finish({}, recording.noted().expected)
+    write_again(recording, log, change(list(recording.messages())), chunk=12000)
     spoil(log, 17)
     verdict = verify(log)
     assert not verdict.same
     assert "tick 30" in str(verdict.difference)
 
 
-def test_info_says_what_is_missing(whole: Path, log: Path) -> None:
-    chunk = spoil(log, 17)
+def test_info_says_what_is_missing(whole: Path, spoiled: Spoiled) -> None:
+    log, chunk = spoiled
     found = describe(Recording.open(log))
     there = list(Recording.open(log).messages())
-    everything = list(Recording.open(whole).messages())
-    lost = len(everything) - len(there)
+    lost = len(list(Recording.open(whole).messages())) - len(there)
     assert lost == sum(chunk.counts.values())
     assert sum(found.completeness.missing.values()) == lost
     states = {m.message.tick for m in there if isinstance(m.message, wire.State)}
@@ -132,10 +139,10 @@ def test_info_says_what_is_missing(whole: Path, log: Path) -> None:
     assert "missing ticks: " in text
 
 
-def test_what_was_learned_is_known_behind_the_damage(whole: Path, log: Path) -> None:
-    spoil(log, 17)
-    recording = Recording.open(log)
-    true = Recording.open(whole)
+def test_what_was_learned_is_known_behind_the_damage(
+    whole: Path, spoiled: Spoiled
+) -> None:
+    recording, true = Recording.open(spoiled.log), Recording.open(whole)
     for tick in (None, 10, 21, 30):
         now, snapshot = snapshot_at(recording, tick)
         assert snapshot.to_bytes() == snapshot_at(true, now)[1].to_bytes()
@@ -155,49 +162,37 @@ def test_the_last_tick_known_may_lie_before_the_damage(log: Path) -> None:
     assert 35 <= tick < 38
 
 
-def test_waves_of_which_the_start_is_lost_are_not_measured(
-    whole: Path, log: Path
+def test_what_was_lost_is_neither_measured_nor_read(
+    whole: Path, spoiled: Spoiled
 ) -> None:
-    spoil(log, 17)
-    rows = from_recording(Recording.open(log))
-    assert 0 < len(rows) < len(from_recording(Recording.open(whole)))
+    recording, true = Recording.open(spoiled.log), Recording.open(whole)
+    # Waves of which the start is lost have no depth.
+    assert 0 < len(from_recording(recording)) < len(from_recording(true))
+    all_ticks = {tick.number: tick for tick in ticks(true)}
+    found_ticks = {tick.number: tick for tick in ticks(recording)}
+    assert {1, TICKS} < found_ticks.keys() < all_ticks.keys()
+    assert all(
+        tick.state in (None, all_ticks[number].state)
+        for number, tick in found_ticks.items()
+    )
 
 
-def test_an_export_has_the_ticks_there_are(whole: Path, log: Path) -> None:
-    spoil(log, 17)
-    true = {tick.number: tick for tick in ticks(Recording.open(whole))}
-    found = {tick.number: tick for tick in ticks(Recording.open(log))}
-    assert all(found[k].state in (None, true[k].state) for k in found)
-    assert {1, TICKS} < found.keys() < true.keys()
-    for form in ("csv", "graphml"):
-        exported = export(log, form)
-        assert not exported.whole
-        assert exported.damage
-
-
-def test_a_view_shows_the_ticks_there_are(whole: Path, log: Path) -> None:
-    spoil(log, 17)
-    true = {frame.tick: frame for frame in RunView(whole).frames(1, TICKS)}
+@pytest.mark.parametrize("head", [False, True])
+def test_a_view_shows_the_ticks_there_are(whole: Path, log: Path, head: bool) -> None:
+    """Even without a summary, behind a record whose kind is not to be read."""
+    chunk = spoil(log, 17, cut=head)
+    if head:
+        data = bytearray(log.read_bytes())
+        data[chunk.start_offset] ^= 8  # what kind of record it is
+        log.write_bytes(data)
     view = RunView(log)
-    found = {frame.tick: frame for frame in view.frames(1, TICKS)}
+    found, true = (
+        {frame.tick: frame for frame in each.frames(1, TICKS)}
+        for each in (view, RunView(whole))
+    )
+    assert "chunk" in str(view.cut) or head
     assert {1, TICKS} < found.keys() < true.keys()
     assert found[30] == true[30]
-    assert view.cut is not None
-    assert "chunk" in view.cut
-
-
-def test_a_view_without_its_summary_goes_on_behind_a_damaged_head(
-    whole: Path, log: Path
-) -> None:
-    chunk = spoil(log, 17, cut=True)
-    data = bytearray(log.read_bytes())
-    data[chunk.start_offset] ^= 8  # what kind of record it is
-    log.write_bytes(data)
-    view = RunView(log)
-    found = {frame.tick: frame for frame in view.frames(1, TICKS)}
-    true = {frame.tick: frame for frame in RunView(whole).frames(1, TICKS)}
-    assert found[30] == true[30]
-    assert {1, TICKS} < found.keys() < true.keys()
 
 
 # Going on ------------------------------------------------------------------
@@ -226,11 +221,10 @@ def test_a_run_that_needs_no_actions_goes_on_from_behind_the_damage(
 
 
 def test_a_run_whose_actions_are_lost_goes_on_from_before_the_damage(
-    log: Path,
+    spoiled: Spoiled,
 ) -> None:
-    spoil(log, 17)
-    before = verify(log).ranges[0][1]
-    _, past = find_resume_point(log)
+    before = verify(spoiled.log).ranges[0][1]
+    _, past = find_resume_point(spoiled.log)
     assert past.tick == before
     assert len(past.actions) == before - 1
 
@@ -246,25 +240,18 @@ def test_what_is_salvaged_is_all_there_is_and_says_what_is_missing(
     good = tmp_path / "good.mcap"
     found = salvage(log, good)
     assert len(found.lost) == 1 + cut
-    bad, again = Recording.open(log), Recording.open(good)
-    assert [m.delivery for m in again.messages()] == [
-        m.delivery for m in bad.messages()
-    ]
-    assert again.files[0].layout.sealed
-    assert not again.whole
-    assert again.metadata["salvaged"] == "run.mcap"
-    assert "messages are missing" in again.damage[0]
-    one, other = verify(log), verify(good)
-    assert (one.ranges, one.missing, one.same) == (
-        other.ranges,
-        other.missing,
-        other.same,
-    )
-    assert not other.complete
-    assert RunView(good).frames(1, TICKS) == RunView(log).frames(1, TICKS)
     twice = tmp_path / "twice.mcap"
     salvage(good, twice)
-    assert verify(twice).ranges == one.ranges
+    bad, verdict = Recording.open(log), verify(log)
+    for path, of in ((good, "run.mcap"), (twice, "good.mcap")):
+        again, same = Recording.open(path), verify(path)
+        assert list(again.messages()) == list(bad.messages())
+        assert again.files[0].layout.sealed
+        assert not again.whole
+        assert again.metadata["salvaged"] == of
+        assert "messages are missing" in again.damage[0]
+        assert (same.ranges, same.missing) == (verdict.ranges, verdict.missing)
+        assert (same.same, same.complete) == (True, False)
 
 
 def test_nothing_is_overwritten_by_what_is_salvaged(log: Path, tmp_path: Path) -> None:
@@ -291,19 +278,6 @@ def split(whole: Path, tmp_path: Path) -> Path:
     return log
 
 
-def test_a_file_that_is_lost_is_skipped(split: Path, tmp_path: Path) -> None:
-    part_paths(split)[2].write_bytes(b"")
-    verdict = verify(split)
-    lost = (2 * EVERY + 1, 3 * EVERY)
-    assert verdict.missing == (lost,)
-    assert verdict.ranges == ((1, 2 * EVERY), (3 * EVERY + 1, TICKS))
-    assert not verdict.complete
-    assert "must be an MCAP recording" in verdict.damage[0]
-    good = tmp_path / "good.mcap"
-    salvage(split, good)
-    assert verify(good).ranges == verdict.ranges
-
-
 def test_a_file_without_its_key_frame_is_not_joined_to_the_one_before(
     split: Path,
 ) -> None:
@@ -317,23 +291,142 @@ def test_a_file_without_its_key_frame_is_not_joined_to_the_one_before(
 def test_files_of_a_run_are_salvaged_into_one(
     whole: Path, split: Path, tmp_path: Path
 ) -> None:
-    good = tmp_path / "good.mcap"
-    assert salvage(split, good).lost == ()
-    assert verify(good).complete
-    true, found = (list(Recording.open(log).messages()) for log in (whole, good))
-    assert len(true) == len(found)
-    again = tmp_path / "again.mcap"
-    assert salvage(whole, again).lost == ()
-    assert verify(again).complete
-    assert Recording.open(good).options == Recording.open(whole).options
+    for log in (split, whole):
+        good = tmp_path / f"{log.stem}-good.mcap"
+        assert salvage(log, good).lost == ()
+        assert verify(good).complete
+        assert Recording.open(good).options == Recording.open(whole).options
+        true, found = (list(Recording.open(each).messages()) for each in (whole, good))
+        assert len(true) == len(found)
 
 
-@pytest.mark.parametrize("number", [0, -1])
-def test_what_is_salvaged_without_its_first_or_last_file_is_not_whole(
-    split: Path, tmp_path: Path, number: int
+@pytest.mark.parametrize(
+    ("number", "rule"),
+    [
+        (0, "must be an MCAP recording"),
+        (2, "the next file is missing"),
+        (-1, "must be an MCAP recording"),
+    ],
+)
+def test_what_is_salvaged_without_one_of_its_files_is_not_whole(
+    split: Path, tmp_path: Path, number: int, rule: str
 ) -> None:
     list(part_paths(split).values())[number].write_bytes(b"no recording")
     good = tmp_path / "good.mcap"
     salvage(split, good)
     assert not Recording.open(good).whole
-    assert "must be an MCAP recording" in Recording.open(good).damage[0]
+    assert rule in Recording.open(good).damage[0]
+    if number:
+        assert verify(good).ranges == verify(split).ranges
+
+
+# In several files that a view shows ---------------------------------------------------
+
+
+SPLIT = (14, 28)
+"""Ticks whose key-frames begin a file."""
+
+
+def shares(log: Path) -> list[list[Recorded]]:
+    """Return the messages of each file, a key-frame first in all but the first."""
+    parts: list[list[Recorded]] = [[]]
+    for each in Recording.open(log).messages():
+        if isinstance(each.message, wire.KeyFrame) and each.message.tick in SPLIT:
+            parts.append([])
+        parts[-1].append(each)
+    return parts
+
+
+def write_part(log: Path, part: int, messages: list[Recorded], target: Path) -> Writer:
+    path = part_path(target, part)
+    path.unlink(missing_ok=True)
+    writer = Writer(path, chunk=2000)
+    begins = str((0, *SPLIT)[part])
+    facts = {**Recording.open(log).metadata, "part": str(part), "begins": begins}
+    writer.start(facts)
+    for each in messages:
+        writer.add(each.delivery, each.log_time)
+    writer.flush()
+    return writer
+
+
+@pytest.fixture(scope="module")
+def three(whole: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    target = tmp_path_factory.mktemp("three") / "run.mcap"
+    for part, messages in enumerate(shares(whole)):
+        write_part(whole, part, messages, target).finish({}, {})
+    return target
+
+
+def test_all_files_are_looked_at_as_one(whole: Path, three: Path) -> None:
+    one, several = RunView(whole), RunView(three)
+    assert (several.first, several.last, several.cut) == (1, TICKS, None)
+    assert several.frames(1, TICKS) == one.frames(1, TICKS)
+    for tick in (40, 0, 13, 14, 15, 28, 29):
+        assert several.graph(tick) == one.graph(tick)
+
+
+def test_a_later_file_stands_for_itself(whole: Path, three: Path) -> None:
+    one, later = RunView(whole), RunView(part_path(three, 1))
+    first, last = SPLIT
+    assert (later.first, later.last) == (first + 1, last)
+    assert later.frames(1, TICKS) == [
+        # The decision that ends the last tick is in the next file.
+        frame
+        for frame in later.frames(first + 1, last)
+        if frame == one.frames(frame.tick, frame.tick)[0] or frame.tick == last
+    ]
+    assert later.graph(first + 1) == one.graph(first + 1)
+    with pytest.raises(InvalidValueError, match=r"^tick: must be in \[15, 28\], got 9"):
+        later.graph(9)
+
+
+def test_files_that_come_and_grow_are_followed(whole: Path, tmp_path: Path) -> None:
+    target = tmp_path / "run.mcap"
+    parts = shares(whole)
+    view, writers = None, []
+    for part, messages in enumerate(parts):
+        late = messages[-5:]  # they come once the next file was begun
+        if view is not None:  # a file in which nothing is written yet is waited for
+            part_path(target, part).touch()
+            assert not view.grow()
+        writers.append(write_part(whole, part, messages[:-5], target))
+        if view is None:
+            view = RunView(target)
+        else:
+            assert view.grow()
+            assert not view.grow()
+        assert view.frames(1, TICKS) == RunView(target).frames(1, TICKS)
+        if part:
+            writers[part - 1].finish({}, {})
+            assert view.grow()
+        for each in late:
+            writers[part].add(each.delivery, each.log_time)
+    writers[-1].finish({}, {})
+    assert view is not None
+    assert view.grow()
+    assert not view.grow()
+    assert view.recording.cut is None
+    assert view.frames(1, TICKS) == RunView(whole).frames(1, TICKS)
+    assert view.graph(TICKS) == RunView(whole).graph(TICKS)
+
+
+def test_files_deleted_before_or_while_they_are_looked_at_are_left_out(
+    whole: Path, three: Path, tmp_path: Path
+) -> None:
+    target = tmp_path / "run.mcap"
+    for part in (0, 1, 2):
+        part_path(target, part).write_bytes(part_path(three, part).read_bytes())
+    view = RunView(target)
+    assert view.first == 1
+    target.unlink()
+    assert not view.recording.replaced()
+    assert view.grow()
+    assert (view.first, view.last) == (SPLIT[0] + 1, TICKS)
+    assert view.frames(1, TICKS) == RunView(whole).frames(view.first, TICKS)
+    assert not view.grow()
+    afresh = RunView(target)
+    assert (afresh.first, afresh.last) == (view.first, view.last)
+    assert afresh.frames(1, TICKS) == view.frames(1, TICKS)
+    target.write_bytes(three.read_bytes())  # the run was taken up again from the start
+    assert view.recording.replaced()

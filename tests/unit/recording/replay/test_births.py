@@ -115,16 +115,6 @@ def test_info_lists_what_a_run_has_grown(log: Path) -> None:
     assert json.loads(names.partition(":")[2])[23:] == ["press&~lit", GROWN]
 
 
-def test_info_of_a_run_that_has_grown_nothing_says_what_room_there_is(
-    tmp_path: Path,
-) -> None:
-    log = tmp_path / "log.mcap"
-    made(log, ticks=10)
-    text = render(describe(Recording.open(log)))
-    assert "grown: 0, room for 3 more\n" in text
-    assert "grown 1" not in text
-
-
 def test_a_later_file_alone_says_by_when(tmp_path: Path) -> None:
     log = tmp_path / "log.mcap"
     # Enough for several chunks: only they count towards the size of a file.

@@ -32,14 +32,6 @@ def learned(last: int) -> Learning:
     return learning
 
 
-def test_from_a_key_frame_on_it_learns_the_same() -> None:
-    whole, half = learned(20), learned(10)
-    later = Learning(LOG, options())
-    later.restore(wire.KeyFrame(10, half.snapshot.to_bytes()))
-    assert list(later.learn_to(20, observed(*range(11, 40)), {})) == [*range(11, 21)]
-    assert later.snapshot.to_bytes() == whole.snapshot.to_bytes()
-
-
 def test_a_copy_stays_where_it_was() -> None:
     learning = learned(10)
     other = learning.copy()

@@ -1,5 +1,6 @@
-"""A run says from where it went on, and one in several files goes on from the last."""
+"""A run goes on from where nothing is missing, in one file and in several."""
 
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import msgspec
@@ -9,6 +10,7 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import RecordingError
 from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording, part_path
 from neurosnap.recording.replay.resume import find_resume_point, restore, whole_ticks
 from neurosnap.recording.replay.verify import verify
@@ -30,15 +32,14 @@ from tests.support.split_runs import (
     write,
 )
 
-SHORT = 40
 OPTIONS = RunOptions(
     source="scripted",
     body=Body(own=tuple("abcdef")),
-    ticks=SHORT,
+    ticks=40,
     threshold=0.06,
-    keyframe_every=EVERY,
+    keyframe_every=10,
 )
-ROWS = rows(SHORT, 3)
+ROWS = rows(OPTIONS.ticks, 3)
 
 
 def test_a_run_that_got_no_further_says_once_where_it_went_on(tmp_path: Path) -> None:
@@ -55,59 +56,101 @@ def test_a_run_that_got_no_further_says_once_where_it_went_on(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("tick", [1, 9, 10, 11])
-def test_it_goes_on_from_any_tick(tmp_path: Path, tick: int) -> None:
+def test_it_goes_on_from_any_tick(log: Path, tick: int) -> None:
     driven = drive(OPTIONS, Scripted(ROWS), until=tick)
-    record(driven, OPTIONS, tmp_path / "log.mcap")
-    _, past = find_resume_point(tmp_path / "log.mcap", tick)
+    record(driven, OPTIONS, log)
+    _, past = find_resume_point(log, tick)
     assert (past.tick, past.resumed) == (tick, (tick,))
 
 
-# In several files ---------------------------------------------------------------------
+# In its last file ---------------------------------------------------------------------
 
 
 @pytest.mark.usefixtures("small")
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.95])
 def test_a_run_goes_on_in_its_last_file(
-    whole: Path, tmp_path: Path, share: float
+    whole: Path, messages: Sequence[Recorded], log: Path, share: float
 ) -> None:
-    workers = options_workers(whole)
-    paths = write(whole, tmp_path / "log.mcap", Recording.open(whole).messages())
-    for number in (4, 5, 6):
-        if number > 4:
-            paths[number].unlink()
-    data = paths[4].read_bytes()
+    paths = write(whole, log, messages)
+    paths[5].unlink()
+    paths[6].unlink()
     chunks = Recording.open(paths[4]).files[0].layout.chunks
-    at = chunks[int(share * len(chunks))].offset
-    cut = tmp_path / "cut.mcap"
-    cut.write_bytes(data[:at])
-    paths[4].write_bytes(data[:at])
-    _, past = find_resume_point(paths[0])
+    cut = log.with_name("cut.mcap")
+    cut.write_bytes(paths[4].read_bytes()[: chunks[int(share * len(chunks))].offset])
+    paths[4].write_bytes(cut.read_bytes())
+    _, past = find_resume_point(log)
     assert (past.log, past.part, past.begins) == (str(paths[4]), 4, 4 * EVERY)
     assert 4 * EVERY <= past.tick < 5 * EVERY
-    assert past.tick == whole_ticks(paths[0])
+    assert past.tick == whole_ticks(log)
     assert len(past.actions) == past.tick - 1
     paths[4].unlink()
-    past = msgspec.structs.replace(past, log=str(cut))
-    made(tmp_path / "log.mcap", workers, past)
+    made(log, options_workers(whole), msgspec.structs.replace(past, log=str(cut)))
     assert not part_path(cut, 4).exists()
-    again = verify(paths[0])
+    again = verify(log)
     assert (again.difference, again.complete, again.ticks) == (None, True, TICKS)
     assert verify(paths[4]).same
-    assert course(paths[0]) == course(whole)
+    assert course(log) == course(whole)
+
+
+@pytest.mark.usefixtures("small")
+def test_a_run_that_goes_on_where_a_file_begins_says_so_in_that_file(
+    whole: Path, messages: Sequence[Recorded], log: Path
+) -> None:
+    """The head alone is larger than a file should be."""
+    write(whole, log, messages)
+    _, past = find_resume_point(log, 2 * EVERY)
+    assert (past.tick, past.part) == (2 * EVERY, 2)
+    new = log.with_name("new.mcap")
+    made(new, options_workers(whole), past)
+    verdict = verify(part_path(new, 2))
+    assert (verdict.difference, verdict.complete) == (None, True)
+    assert (verdict.start, verdict.ticks) == (2 * EVERY, EVERY)
+
+
+def test_behind_a_file_without_end_nothing_counts(
+    whole: Path, messages: Sequence[Recorded], log: Path
+) -> None:
+    """What a file lacks at its end, the next one is based on."""
+    path = write(whole, log, messages)[2]
+    layout = Recording.open(path).files[0].layout
+    path.write_bytes(path.read_bytes()[: layout.chunks[-8].offset])
+    _, past = find_resume_point(log)
+    assert (past.part, past.begins) == (2, 2 * EVERY)
+    assert 2 * EVERY <= past.tick < 3 * EVERY
+
+
+def test_without_its_first_files_a_world_that_acts_cannot_go_on(
+    whole: Path, messages: Sequence[Recorded], log: Path
+) -> None:
+    paths = write(whole, log, messages)
+    paths[1].unlink()
+    rule = r"must have its decisions of ticks 1 to 59, to do them again, got 49"
+    with pytest.raises(RecordingError, match=rule):
+        find_resume_point(paths[6])
+
+
+# What a key-frame proves --------------------------------------------------------------
+
+
+def cut_off(whole: Path, log: Path, heard: Iterable[Recorded]) -> None:
+    """Record what was heard in one file without an end."""
+    with Writer(log) as writer:
+        writer.start(Recording.open(whole).metadata)
+        for one in heard:
+            writer.add(one.delivery, one.log_time)
 
 
 def test_a_key_frame_is_no_proof_that_all_before_it_is_there(
-    whole: Path, tmp_path: Path
+    whole: Path, messages: Sequence[Recorded], log: Path
 ) -> None:
     """Somebody's messages are lost from before a key-frame on, and nobody else's."""
-    recorded = list(Recording.open(whole).messages())
-    lost = recorded[last_of(recorded, 2 * EVERY)]
-    log, who = tmp_path / "log.mcap", lost.message.sender
-    with Writer(log) as writer:
-        writer.start(Recording.open(whole).metadata)
-        for one in recorded[: len(upto(recorded, 3 * EVERY)) + 1]:
-            if one.message.sender != who or one.sequence < lost.sequence:
-                writer.add(one.delivery, one.log_time)
+    lost = messages[last_of(messages, 2 * EVERY)]
+    heard = [
+        one
+        for one in messages[: len(upto(messages, 3 * EVERY)) + 1]
+        if one.message.sender != lost.message.sender or one.sequence < lost.sequence
+    ]
+    cut_off(whole, log, heard)
     _, past = find_resume_point(log)
     assert past.tick == 2 * EVERY - 1
     core = restore(past, TICKS)
@@ -116,18 +159,17 @@ def test_a_key_frame_is_no_proof_that_all_before_it_is_there(
 
 
 def test_nor_is_the_key_frame_that_another_file_begins_with(
-    whole: Path, tmp_path: Path
+    whole: Path, messages: Sequence[Recorded], log: Path
 ) -> None:
     """The last message before it is lost, and its sender says nothing behind it."""
-    recorded = list(Recording.open(whole).messages())
-    place, _ = first(recorded, wire.KeyFrame, lambda frame: frame.tick == 2 * EVERY)
-    lost, log = last_of(recorded, 2 * EVERY), tmp_path / "log.mcap"
+    place, _ = first(messages, wire.KeyFrame, lambda frame: frame.tick == 2 * EVERY)
+    lost = last_of(messages, 2 * EVERY)
     with SplitWriter(log, Recording.open(whole).metadata, split=SMALL) as writer:
-        for number, one in enumerate(recorded[: place + 1]):
+        for number, one in enumerate(messages[: place + 1]):
             if number != lost:
                 writer.add(one.delivery, one.log_time)
         # So long after that nobody waits any more, and the file before gets its end.
-        late = recorded[place + 1]
+        late = messages[place + 1]
         writer.add(late.delivery, late.log_time + 10**12)
         writer.flush(late.log_time + 10**12)
     assert Recording.open(part_path(log, 1)).cut is None
@@ -138,36 +180,11 @@ def test_nor_is_the_key_frame_that_another_file_begins_with(
 
 
 def test_what_is_restored_is_derived_from_the_last_key_frame_alone(
-    whole: Path, tmp_path: Path
+    whole: Path, messages: Sequence[Recorded], log: Path
 ) -> None:
     """What was looked back on goes no further back: there it may lack something."""
-    recorded = list(Recording.open(whole).messages())
     _, past = find_resume_point(whole, 3 * EVERY + 5)
-    del recorded[last_of(recorded, 3 * EVERY)]
-    log = tmp_path / "log.mcap"
-    with Writer(log) as writer:
-        writer.start(Recording.open(whole).metadata)
-        for one in recorded:
-            writer.add(one.delivery, one.log_time)
+    lost = last_of(messages, 3 * EVERY)
+    cut_off(whole, log, [*messages[:lost], *messages[lost + 1 :]])
     core = restore(msgspec.structs.replace(past, log=str(log)), TICKS)
     assert (core.tick, core.in_flight) == (3 * EVERY + 5, ())
-
-
-def test_behind_a_file_without_end_nothing_counts(whole: Path, tmp_path: Path) -> None:
-    """What a file lacks at its end, the next one is based on."""
-    paths = write(whole, tmp_path / "log.mcap", Recording.open(whole).messages())
-    layout = Recording.open(paths[2]).files[0].layout
-    paths[2].write_bytes(paths[2].read_bytes()[: layout.chunks[-8].offset])
-    _, past = find_resume_point(paths[0])
-    assert (past.part, past.begins) == (2, 2 * EVERY)
-    assert 2 * EVERY <= past.tick < 3 * EVERY
-
-
-def test_without_its_first_files_a_world_that_acts_cannot_go_on(
-    whole: Path, tmp_path: Path
-) -> None:
-    paths = write(whole, tmp_path / "log.mcap", Recording.open(whole).messages())
-    paths[1].unlink()
-    rule = r"must have its decisions of ticks 1 to 59, to do them again, got 49"
-    with pytest.raises(RecordingError, match=rule):
-        find_resume_point(paths[6])

@@ -1,11 +1,12 @@
 """When a recording reaches the disk, and what happens where the disk fails."""
 
 import asyncio
+import contextlib
 import errno
 import logging
 import os
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -209,11 +210,9 @@ def disk(monkeypatch: pytest.MonkeyPatch) -> Iterator[Disk]:
 
 
 def test_recording_goes_on_while_the_disk_takes_a_file(
-    whole: Path, tmp_path: Path, disk: Disk
+    whole: Path, messages: Sequence[Recorded], log: Path, disk: Disk
 ) -> None:
-    old, log = Recording.open_file(whole), tmp_path / "log.mcap"
-    recorded = list(old.messages())
-    shares = upto(recorded, 2 * EVERY)
+    old, shares = Recording.open_file(whole), upto(messages, 2 * EVERY)
     with SplitWriter(log, old.metadata, split=SMALL) as writer:
         add_all(writer, shares)
         assert disk.asked.wait(10)
@@ -225,49 +224,38 @@ def test_recording_goes_on_while_the_disk_takes_a_file(
         assert find_resume_point(log)[1].part == 1
         assert threading.get_ident() not in disk.threads
         disk.takes.set()
-        add_all(writer, recorded[len(shares) :], len(shares))
+        add_all(writer, messages[len(shares) :], len(shares))
         writer.finish({}, old.noted().expected)
     assert (verify(log).same, verify(log).complete) == (True, True)
 
 
-def test_a_file_that_the_disk_does_not_take_ends_the_recording(
-    whole: Path, tmp_path: Path, disk: Disk
+@pytest.mark.parametrize("takes", [True, False])
+def test_a_file_is_deleted_once_the_disk_took_a_newer_one_or_the_recording_ends(
+    whole: Path, messages: Sequence[Recorded], log: Path, disk: Disk, takes: bool
 ) -> None:
-    old, log = Recording.open_file(whole), tmp_path / "log.mcap"
-    disk.error = OSError(errno.EIO, "no disk")
-    with SplitWriter(log, old.metadata, split=SMALL) as writer:
-        add_all(writer, upto(list(old.messages()), 2 * EVERY))
-        disk.takes.set()
-        with pytest.raises(RecordingError, match=r"^log: must take .* got no disk"):
-            writer.finish({}, {})
-
-
-def test_files_are_deleted_once_a_newer_one_is_saved(
-    whole: Path, tmp_path: Path, disk: Disk
-) -> None:
-    old, log = Recording.open_file(whole), tmp_path / "log.mcap"
-    with SplitWriter(log, old.metadata, split=Split(1, keep=1)) as writer:
-        add_all(writer, upto(list(old.messages()), 2 * EVERY))
+    metadata = Recording.open_file(whole).metadata
+    with SplitWriter(log, metadata, split=Split(1, keep=1)) as writer:
+        add_all(writer, upto(messages, 2 * EVERY))
         assert disk.asked.wait(10)
         assert list(part_paths(log)) == [0, 1]
+        disk.error = None if takes else OSError(errno.EIO, "no disk")
         disk.takes.set()
-        writer.finish({}, {})
-    assert list(part_paths(log)) == [1]
+        rule = r"^log: must take .* got no disk"
+        with (
+            contextlib.nullcontext()
+            if takes
+            else pytest.raises(RecordingError, match=rule)
+        ):
+            writer.finish({}, {})
+    assert list(part_paths(log)) == ([1] if takes else [0, 1])
 
 
 # A file that is taken away while it is written ----------------------------------------
 
 
-RULE = "log: must stay where it is while it is written"
-
-
 def replace(log: Path) -> None:
     log.unlink()
     log.write_bytes(b"another")
-
-
-def move_folder(log: Path) -> None:
-    log.parent.rename(log.parent.with_name("moved"))
 
 
 @pytest.mark.parametrize(
@@ -276,7 +264,7 @@ def move_folder(log: Path) -> None:
         (Path.unlink, "runs/log.mcap"),
         (replace, "runs/log.recovered-1.mcap"),
         (lambda log: log.rename(log.with_name("b.mcap")), "runs/b.mcap"),
-        (move_folder, "moved/log.mcap"),
+        (lambda log: log.parent.rename(log.parents[1] / "moved"), "moved/log.mcap"),
     ],
     ids=["deleted", "replaced", "moved", "folder moved"],
 )
@@ -308,7 +296,8 @@ def test_it_is_said_at_the_next_flush_or_the_end_and_nothing_is_lost(
             assert balance.missing == {}
             assert balance.vanished == (str(log),)
             assert not balance.whole
-        assert caplog.records[0].getMessage().startswith(RULE)
+        rule = "log: must stay where it is while it is written"
+        assert caplog.records[0].getMessage().startswith(rule)
     assert len(list(Recording.open(tmp_path / left).messages())) == 2
     if left == "runs/log.recovered-1.mcap":
         assert log.read_bytes() == b"another"

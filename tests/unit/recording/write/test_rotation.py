@@ -1,7 +1,8 @@
 """A recording in several files: each a run by itself, and all together the run."""
 
+import errno
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import msgspec
@@ -13,6 +14,7 @@ from neurosnap.apps.cli.recording_info import describe, render
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.fabric.protocol import Place
 from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import (
     Recording,
@@ -20,36 +22,76 @@ from neurosnap.recording.read.recording import (
     part_path,
     part_paths,
 )
+from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
-from neurosnap.recording.write.rotation import Split, SplitWriter
+from neurosnap.recording.write.rotation import LATE, Split, SplitWriter
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.parts.recorder_process import split_of
 from tests.support.rewritten_recordings import overtaken
 from tests.support.split_runs import (
     EVERY,
+    NOW,
     SMALL,
     TICKS,
     content,
+    last_of,
+    made,
     options,
+    options_workers,
+    said,
+    upto,
     write,
 )
+
+
+def added(
+    writer: SplitWriter, heard: Iterable[Recorded | wire.Delivery], first: int = NOW
+) -> int:
+    """Record what was heard, a nanosecond apart; return the time of what is next."""
+    for one in heard:
+        writer.add(one.delivery if isinstance(one, Recorded) else one, first)
+        first += 1
+    return first
+
+
+def ended(
+    whole: Path, log: Path, heard: Iterable[Recorded], *, more: Iterable[str] = ()
+) -> Completeness:
+    """Record what was heard, and end it as if that was all, and one more of `more`."""
+    with SplitWriter(log, Recording.open_file(whole).metadata, split=SMALL) as writer:
+        senders = set(more)
+        for one in heard:
+            writer.add(one.delivery, NOW)
+            senders.add(one.message.sender)
+        ends = {who: writer.upcoming(who) + (who in more) for who in senders}
+        return writer.finish({}, ends)
+
+
+def each_file(log: Path) -> list[Recording]:
+    return [Recording.open_file(path) for path in part_paths(log).values()]
+
+
+def missing(log: Path) -> list[dict[str, int]]:
+    """Return what each file says that it lacks."""
+    return [file.noted().completeness.missing for file in each_file(log)]
+
 
 # Each by itself, and all together -----------------------------------------------------
 
 
 @pytest.mark.parametrize("seed", [None, 0, 1])
 def test_every_file_is_a_run_and_all_together_are_the_run(
-    whole: Path, tmp_path: Path, seed: int | None
+    whole: Path, messages: Sequence[Recorded], log: Path, seed: int | None
 ) -> None:
-    recorded = list(Recording.open_file(whole).messages())
     decisions = {
         one.message.tick: one.message
-        for one in recorded
+        for one in messages
         if isinstance(one.message, wire.Decision)
     }
-    if seed is not None:
-        recorded = overtaken(recorded, random.Random(seed), reach=40)
-    paths = write(whole, tmp_path / "log.mcap", recorded)
+    heard = (
+        messages if seed is None else overtaken(messages, random.Random(seed), reach=40)
+    )
+    paths = write(whole, log, heard)
     assert list(paths) == list(range(TICKS // EVERY + 1))
     ends: dict[str, int] = {}
     for number, path in paths.items():
@@ -76,92 +118,65 @@ def test_every_file_is_a_run_and_all_together_are_the_run(
             assert (verdict.start, verdict.ticks) == (begins, 0 if last else EVERY)
             # With the one that opens it, and the one that closes it.
             assert last or verdict.decisions == EVERY + 1
-    assert Recording.open(paths[0]).closing is None
-    assert content(Recording.open(paths[0]).messages()) == content(recorded)
-    alone, verdict = verify(whole), verify(paths[0])
+    assert Recording.open(log).closing is None
+    assert content(Recording.open(log).messages()) == content(heard)
+    alone, verdict = verify(whole), verify(log)
     assert (verdict.same, verdict.complete, verdict.start) == (True, True, 0)
     assert verdict.files == len(paths)
     counts = ("ticks", "wirings", "waves", "states", "decisions")
     assert [getattr(verdict, n) for n in counts] == [getattr(alone, n) for n in counts]
     snapshot = Recording.open_file(whole).files[-1].snapshot
-    assert Recording.open(paths[0]).files[-1].snapshot == snapshot
-    said = render(describe(Recording.open_file(paths[1])))
-    assert f"files: {len(paths)}\n" in said
-    assert "\tlog.mcap\n\tlog_0001.mcap\n" in said
+    assert Recording.open(log).files[-1].snapshot == snapshot
+    text = render(describe(Recording.open_file(paths[1])))
+    assert f"files: {len(paths)}\n" in text
+    assert "\tlog.mcap\n\tlog_0001.mcap\n" in text
 
 
-def test_every_file_says_where_parts_are(whole: Path, tmp_path: Path) -> None:
-    old, places = Recording.open_file(whole), {"world": Place("oak", 4711)}
-    log = tmp_path / "log.mcap"
-    with SplitWriter(log, old.metadata, split=SMALL) as writer:
-        writer.write_places(places)
-        for count, one in enumerate(old.messages()):
-            writer.add(one.delivery, 10**18 + count)
-        writer.finish({}, old.noted().expected)
-    paths = part_paths(log)
-    assert len(paths) > 1
-    assert all(
-        Recording.open_file(path).files[-1].places == places for path in paths.values()
-    )
-    assert Recording.open(log).files[-1].places == places
-    assert verify(log).same
-
-
-def deeper(one: Recorded) -> wire.Message:
-    """Change the state of tick 25."""
-    message = one.message
-    if not isinstance(message, wire.State) or message.tick != 25:
-        return message
-    return msgspec.structs.replace(message, depth=message.depth + 1)
-
-
-def decided_otherwise(one: Recorded) -> wire.Message:
-    """Change the decision that a file ends with, and the next one begins with."""
-    message = one.message
-    if not isinstance(message, wire.KeyFrame | wire.Decision) or message.tick != 30:
-        return message
-    return msgspec.structs.replace(message, why="for fun")
-
-
-@pytest.mark.parametrize(
-    ("change", "rule"),
-    [
-        (deeper, "tick 25: "),
-        (
-            decided_otherwise,
-            "tick 30: the decision of the last tick: recorded Decision(",
-        ),
-    ],
-)
-def test_what_is_tampered_with_is_found_in_its_file(
-    whole: Path, tmp_path: Path, change: Callable[[Recorded], wire.Message], rule: str
+def test_every_file_says_where_parts_are(
+    whole: Path, messages: Sequence[Recorded], log: Path
 ) -> None:
-    changed = [
-        one._replace(message=(message := change(one)), payload=wire.encode(message))
-        for one in Recording.open_file(whole).messages()
-    ]
-    paths = write(whole, tmp_path / "log.mcap", changed)
+    places = {"world": Place("oak", 4711)}
+    with SplitWriter(log, Recording.open(whole).metadata, split=SMALL) as writer:
+        writer.write_places(places)
+        added(writer, messages)
+    files = each_file(log)
+    assert len(files) > 1
+    assert all(file.files[-1].places == places for file in files)
+    assert Recording.open(log).files[-1].places == places
+
+
+def test_a_decision_that_ends_one_file_is_compared_with_the_next(
+    whole: Path, messages: Sequence[Recorded], log: Path
+) -> None:
+    def change(one: Recorded) -> Recorded:
+        message = one.message
+        if not isinstance(message, wire.KeyFrame | wire.Decision) or message.tick != 30:
+            return one
+        changed = msgspec.structs.replace(message, why="for fun")
+        return one._replace(message=changed, payload=wire.encode(changed))
+
+    paths = write(whole, log, map(change, messages))
     found = {number: verify(path) for number, path in paths.items() if number}
     assert [number for number, verdict in found.items() if not verdict.same] == [2]
+    rule = "tick 30: the decision of the last tick: recorded Decision("
     assert str(found[2].difference).startswith(rule)
-    assert not verify(paths[0]).same
+    assert not verify(log).same
 
 
-def test_a_closing_decision_that_is_none_is_refused(
-    whole: Path, tmp_path: Path
-) -> None:
-    with Writer(tmp_path / "log.mcap") as writer:
-        writer.start(Recording.open_file(whole).metadata)
+def test_a_closing_decision_that_is_none_is_refused(log: Path) -> None:
+    with Writer(log) as writer:
+        writer.start({})
         writer.finish({"decision": '{"tick": -1}'}, {})
     with pytest.raises(RecordingError, match=r"decision: must hold a decision, got "):
-        _ = Recording.open_file(tmp_path / "log.mcap").closing
+        _ = Recording.open_file(log).closing
 
 
 # Which are kept, what they are called -------------------------------------------------
 
 
-def test_the_newest_are_kept(whole: Path, tmp_path: Path) -> None:
-    log, messages = tmp_path / "log.mcap", Recording.open_file(whole).messages()
+def test_the_newest_are_kept(
+    whole: Path, messages: Sequence[Recorded], log: Path
+) -> None:
     paths = write(whole, log, messages, split=Split(1, keep=2))
     assert list(paths) == [TICKS // EVERY - 1, TICKS // EVERY]
     verdict = verify(log)  # though the first is gone
@@ -169,69 +184,245 @@ def test_the_newest_are_kept(whole: Path, tmp_path: Path) -> None:
     assert (verdict.start, verdict.ticks) == (TICKS - EVERY, EVERY)
 
 
-def test_a_file_that_is_missing_between_is_noticed(whole: Path, tmp_path: Path) -> None:
-    paths = write(whole, tmp_path / "log.mcap", Recording.open_file(whole).messages())
-    paths[3].unlink()
-    verdict = verify(paths[0])
-    assert not verdict.complete
-    assert verdict.same
+@pytest.mark.parametrize(
+    ("lose", "rule"),
+    [
+        (Path.unlink, "log_0004.mcap: the file before it is missing"),
+        (lambda path: path.write_bytes(b""), "must be an MCAP recording"),
+    ],
+    ids=["deleted", "emptied"],
+)
+def test_a_file_that_is_lost_is_noticed_and_skipped(
+    whole: Path,
+    messages: Sequence[Recorded],
+    log: Path,
+    lose: Callable[[Path], object],
+    rule: str,
+) -> None:
+    lose(write(whole, log, messages)[3])
+    verdict = verify(log)
+    assert (verdict.same, verdict.complete) == (True, False)
     lost = (3 * EVERY + 1, 4 * EVERY)
     assert verdict.missing == (lost,)
     assert verdict.ranges == ((1, lost[0] - 1), (lost[1] + 1, TICKS))
-    assert "log_0004.mcap: the file before it is missing" in verdict.damage[0]
-
-
-def test_a_gap_that_one_of_them_notes_is_the_runs(whole: Path, tmp_path: Path) -> None:
-    recorded = list(Recording.open_file(whole).messages())
-    paths = write(whole, tmp_path / "log.mcap", recorded)
-    old, copy = Recording.open_file(paths[0]), tmp_path / "copy.mcap"
-    with Writer(copy) as writer:
-        writer.start(old.metadata)
-        writer.write_share()
-        for one in old.messages():
-            writer.add(one.delivery, one.log_time)
-        writer.write_gap("bytes 5 to 9 of another file: damaged")
-        writer.finish(old.totals or {}, old.noted().expected)
-    assert Recording.open(paths[0]).completeness().whole
-    copy.replace(paths[0])
-    completeness = Recording.open(paths[0]).completeness()
-    assert (completeness.gaps, completeness.whole) == (1, False)
-    assert not verify(paths[0]).complete
+    assert rule in verdict.damage[0]
 
 
 @pytest.mark.parametrize("number", [1, 3])  # the next one, or one behind it
-def test_a_file_in_the_way_is_not_overwritten(
-    whole: Path, tmp_path: Path, number: int
-) -> None:
-    log = tmp_path / "log.mcap"
+def test_a_file_in_the_way_is_not_overwritten(log: Path, number: int) -> None:
     other = part_path(log, number)
     other.write_bytes(b"another's")
     rule = rf"must not exist yet, got .*log_000{number}"
     with pytest.raises(RecordingError, match=rule):
-        SplitWriter(log, Recording.open(whole).metadata, split=SMALL)
+        SplitWriter(log, {}, split=SMALL)
     assert other.read_bytes() == b"another's"
-    assert list(tmp_path.iterdir()) == [other]
+    assert list(log.parent.iterdir()) == [other]
 
 
 def test_files_have_names_in_order() -> None:
-    log = Path("at/run.v2.mcap")
-    names = [part_path(log, number) for number in (0, 1, 12, 9999)]
+    log, numbers = Path("at/run.v2.mcap"), (0, 1, 12, 9999)
+    names = [part_path(log, number) for number in numbers]
     assert names == sorted(names)
-    assert [
-        first_path(path, n) for path, n in zip(names, (0, 1, 12, 9999), strict=True)
-    ] == [log] * 4
+    assert {first_path(path, n) for path, n in zip(names, numbers, strict=True)} == {
+        log
+    }
 
 
 def test_options_know_the_smallest_file() -> None:
     given = msgspec.structs.asdict(options())
-    with pytest.raises(
-        InvalidValueError, match=r"^split: must be 0, or at least 65536"
-    ):
-        RunOptions(**{**given, "split": 65535})
-    with pytest.raises(InvalidValueError, match=r"^keep: must come with split, got 2"):
-        RunOptions(**{**given, "split": 0, "keep": 2})
+    for split, rule in ((65535, "split: must be 0, or at least 65536"), (0, "keep: ")):
+        with pytest.raises(InvalidValueError, match=rf"^{rule}"):
+            RunOptions(**{**given, "split": split, "keep": 2})
     with pytest.raises(InvalidValueError, match=r"^keep: must go with a source that"):
         RunOptions(**{**given, "split": 65536, "keep": 2})
     still = {**given, "body": Body(own=("s0",)), "split": 65536, "keep": 2}
     assert split_of(RunOptions(**still)) == Split(65536, 2)
     assert split_of(options()) is None
+
+
+# Where messages go that are late, lost or repeated ------------------------------------
+
+
+def test_what_is_lost_is_missing_once_and_what_comes_again_is_left_out(
+    whole: Path, messages: Sequence[Recorded], log: Path
+) -> None:
+    place = last_of(messages, 20)
+    again = messages[place]
+    # Each key-frame twice: the second begins no file.
+    twice = [
+        one
+        for each in (*messages[:-5], again, *messages[-5:])
+        for one in [each] * (1 + isinstance(each.message, wire.KeyFrame))
+    ]
+    paths = write(whole, log, twice)
+    frames = sum(isinstance(one.message, wire.KeyFrame) for one in messages)
+    assert len(paths) == TICKS // EVERY + 1
+    recording = Recording.open(log)
+    assert recording.noted().completeness.duplicates == 1 + frames
+    assert content(recording.messages()) == content(messages)
+    assert verify(log).same
+    lacking = log.with_name("lost.mcap")
+    write(whole, lacking, [*messages[:place], *messages[place + 1 :]])
+    assert [each for each in missing(lacking) if each] == [{again.message.sender: 1}]
+    assert not verify(lacking).complete
+
+
+def test_a_file_does_not_wait_for_whoever_is_silent(
+    whole: Path, messages: Sequence[Recorded], log: Path
+) -> None:
+    """What comes long after the next file began is the next one's."""
+    heard = list(messages)
+    late = heard.pop(last_of(heard, 20))
+    resumed = next(
+        place
+        for place, one in enumerate(heard)
+        if one.message.sender == late.message.sender and one.sequence > late.sequence
+    )
+    # All between the key-frame and the late one takes longer than anybody waits.
+    write(whole, log, [*heard[:resumed], late, *heard[resumed:]], step=LATE)
+    assert all(file.completeness().whole for file in each_file(log))
+    assert (verify(log).same, verify(log).complete) == (True, True)
+
+
+def never_started(wave: int = 2**31 - 1) -> list[wire.Delivery]:
+    """What a cell says of a wave that nobody has heard of, and then."""
+    settled = wire.CellReport(wave, 0, 0, (), (), (0,), 0)
+    return said(settled, wire.Fault("cell/0", "odd"))
+
+
+@pytest.mark.parametrize("ends", [False, True], ids=["after a while", "at the end"])
+def test_what_answers_nothing_is_on_disk_after_a_while_or_at_the_end(
+    log: Path, ends: bool
+) -> None:
+    deliveries = never_started()
+    with SplitWriter(log, {}, split=SMALL) as writer:
+        for delivery in deliveries:
+            writer.add(delivery, NOW)
+        writer.flush(NOW + LATE)
+        assert list(Recording.open_file(log).messages()) == []
+        if not ends:
+            writer.flush(NOW + LATE + 1)
+            read = [one.delivery for one in Recording.open_file(log).messages()]
+            assert read == deliveries
+    recording = Recording.open_file(log)
+    assert recording.cut is not None
+    assert [one.delivery for one in recording.messages()] == deliveries
+
+
+def test_what_waits_does_not_hide_why_a_recording_is_given_up(
+    log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full() -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    rule = r"must take what is recorded, got No space"
+    with (
+        pytest.raises(RecordingError, match=rule),
+        SplitWriter(log, {}, split=SMALL) as writer,
+    ):
+        added(writer, never_started())
+        monkeypatch.setattr(writer._newest._mcap, "flush", full)
+        writer.flush(NOW)
+
+
+def test_what_is_lost_where_files_meet_is_missing_in_the_older(
+    whole: Path, messages: Sequence[Recorded], log: Path
+) -> None:
+    """Nobody who goes on from the newer one would find out."""
+    heard = upto(messages, 3 * EVERY)
+    lost = heard.pop(last_of(messages, 2 * EVERY))
+    ended(whole, log, heard)
+    assert missing(log) == [{}, {lost.message.sender: 1}, {}]
+    _, past = find_resume_point(log)
+    assert (past.part, past.tick) == (1, 2 * EVERY - 1)
+
+
+@pytest.mark.usefixtures("small")
+def test_what_a_file_lacks_at_its_beginning_may_be_of_the_one_before(
+    whole: Path, messages: Sequence[Recorded], log: Path
+) -> None:
+    """A sender is lost from before one key-frame until after the next."""
+    lost = messages[last_of(messages, 2 * EVERY)]
+    who, until = lost.message.sender, len(upto(messages, 3 * EVERY)) + 1
+    heard = [
+        one
+        for place, one in enumerate(upto(messages, 4 * EVERY))
+        if place > until or one.message.sender != who or one.sequence < lost.sequence
+    ]
+    ended(whole, log, heard)
+    assert list(part_paths(log)) == [0, 1, 2, 3]
+    lacking = missing(log)[2]
+    assert lacking.keys() == {who}
+    _, past = find_resume_point(log)
+    assert (past.part, past.tick) == (2, 2 * EVERY)
+    # The numbers of what is lost are not given again.
+    assert past.counts[who] == lost.sequence + lacking[who]
+    new = log.with_name("new.mcap")
+    made(new, options_workers(whole), past)
+    assert missing(new)[0] == lacking
+
+
+def test_who_died_behind_a_key_frame_may_lack_in_the_file_before(
+    whole: Path, messages: Sequence[Recorded], log: Path
+) -> None:
+    """Its last report was on the way when all ended, and it never said another word."""
+    lost = messages[last_of(messages, 20)]
+    heard = [
+        one
+        for one in messages[: len(upto(messages, 2 * EVERY)) + 1]
+        if one.message.sender != lost.message.sender or one.sequence < lost.sequence
+    ]
+    parts_there = {one.message.sender for one in messages}
+    balance = ended(whole, log, heard, more=parts_there)
+    assert list(part_paths(log)) == [0, 1, 2]
+    assert balance.missing == dict.fromkeys(parts_there, 1)
+    assert Recording.open_file(part_path(log, 1)).cut is not None
+    assert not verify(log).complete
+    _, past = find_resume_point(log)
+    assert (past.part, past.tick) == (1, 2 * EVERY - 1)
+
+
+def frame(tick: int) -> wire.KeyFrame:
+    return wire.KeyFrame(tick, b"", waves=tick)
+
+
+@pytest.mark.parametrize(
+    ("messages", "files"),
+    [
+        ([wire.Decision(8, -1, ""), frame(9), wire.Decision(9, -1, "")], 2),
+        ([wire.Decision(9, -1, ""), frame(9)], 1),
+        ([wire.Decision(8, -1, ""), frame(9), frame(9)], 2),
+    ],
+    ids=["before its decision", "behind it", "again"],
+)
+def test_a_key_frame_begins_a_file_with_what_follows_it(
+    log: Path, messages: list[wire.Message], files: int
+) -> None:
+    with SplitWriter(log, {}, split=SMALL) as writer:
+        added(writer, said(*messages))
+        writer.finish({}, {"coordinator": len(messages)})
+    assert len(part_paths(log)) == files
+
+
+def test_faults_go_where_their_sender_is(
+    whole: Path, messages: Sequence[Recorded], log: Path
+) -> None:
+    place = last_of(messages, 20)
+    who, sequence = messages[place].message.sender, messages[place].sequence
+    fault = wire.Fault(who, "odd")
+    order = []
+    for number, one in enumerate(messages):
+        mine = one.message.sender == who and one.sequence >= sequence
+        if number == place:  # between two reports on the last waves before
+            order.append(
+                one._replace(message=fault, payload=wire.encode(fault), log_time=0)
+            )
+        order.append(one._replace(sequence=one.sequence + mine))
+    write(whole, log, order)
+    held = [
+        file.part
+        for file in each_file(log)
+        if any(one.message == fault for one in file.messages(("fault",)))
+    ]
+    assert held == [1]
+    assert verify(log).same

@@ -34,7 +34,8 @@ def no_file_beyond(size: int) -> Iterator[None]:
 
 
 def test_any_mcap_reader_reads_it(path: Path) -> None:
-    deliveries = list(delivered(EACH.values()))
+    old = wire.KeyFrame(0, b"not the last")
+    deliveries = list(delivered([old, *EACH.values()]))
     record(path, deliveries, every=4)
     with path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
@@ -131,25 +132,21 @@ def test_a_repaired_loss_is_recorded_where_it_came(path: Path) -> None:
     "foreign",
     [
         PULSE._replace(payload=b""),
-        PULSE._replace(payload=b"\xff\xfe\x00"),
-        PULSE._replace(payload=b"{}"),
         PULSE._replace(payload=b"[" * 100_000),
-        PULSE._replace(payload=b'{"type":"pulse","x":' + b"[" * 100_000),
-        PULSE._replace(payload=PULSE.payload + b"x"),
-        PULSE._replace(payload=PULSE.payload.replace(b'"hops":1', b'"hops":0')),
         PULSE._replace(payload=wire.encode(EACH["observation"])),
         PULSE._replace(key="nothing/of/ours"),
-        PULSE._replace(key=""),
         PULSE._replace(sequence=-1),
         PULSE._replace(sequence=2**32),
         PULSE._replace(sent=-1),
         PULSE._replace(sent=2**64),
+        next(delivered([wire.KeyFrame(1, bytes(200_000))])),  # too large to be read
     ],
-    ids=repr,
+    ids=lambda one: repr(one)[:80],
 )
 def test_what_is_no_message_is_counted_and_left_out(
-    path: Path, foreign: wire.Delivery
+    path: Path, foreign: wire.Delivery, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("neurosnap.recording.write.writer._LARGEST_PAYLOAD", 200_000)
     with Writer(path) as writer:
         writer.start({})
         writer.add(foreign, NOW)
@@ -158,18 +155,6 @@ def test_what_is_no_message_is_counted_and_left_out(
     assert completeness == Completeness(1, foreign=1)
     (read,) = Recording.open(path).messages()
     assert read.delivery == PULSE
-
-
-def test_a_message_too_large_to_be_read_back_is_left_out(
-    path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("neurosnap.recording.write.writer._LARGEST_PAYLOAD", 1000)
-    large = next(delivered([wire.KeyFrame(1, bytes(1000))]))
-    with Writer(path) as writer:
-        writer.start({})
-        writer.add(large, NOW)
-        completeness = writer.finish({}, {"coordinator": 1})
-    assert completeness == Completeness(0, {"coordinator": 1}, foreign=1)
 
 
 def test_a_log_time_that_is_none_is_an_error(path: Path) -> None:
@@ -240,12 +225,6 @@ def test_text_that_cannot_be_written_is_refused_whole(path: Path) -> None:
     assert Recording.open(path).metadata["seed"] == "2"
 
 
-def test_the_last_keyframe_becomes_the_attached_snapshot(path: Path) -> None:
-    frames: list[wire.Message] = [wire.KeyFrame(n, bytes((n,)) * 9) for n in (1, 2, 3)]
-    record(path, delivered(frames))
-    assert Recording.open(path).files[-1].snapshot == b"\x03" * 9
-
-
 @pytest.mark.parametrize("at", ["add", "flush", "finish", "abandon"])
 def test_a_full_disk_is_an_error_and_what_was_written_stays(
     path: Path, at: str
@@ -298,8 +277,6 @@ def test_chunks_are_closed_when_full(path: Path, compression: str) -> None:
 def test_a_noted_gap_is_never_whole(path: Path) -> None:
     with Writer(path) as writer:
         writer.start({})
-        for delivery in traffic(20):
-            writer.add(delivery, NOW)
         writer.write_gap("bytes 5 to 9 of another file: damaged")
         balance = writer.finish({}, {})
     assert (balance.missing, balance.gaps, balance.whole) == ({}, 1, False)

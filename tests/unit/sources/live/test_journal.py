@@ -49,11 +49,6 @@ def test_a_flipped_bit_hides_records_and_changes_none(
     assert found == several[: len(found)]
 
 
-@given(SOME, st.integers(1, 100))
-def test_zeros_are_no_records(several: list[bytes], zeros: int) -> None:
-    assert [*records(b"".join(map(framed, several)) + bytes(zeros))] == several
-
-
 @given(st.binary(max_size=200))
 @example(b"\x91\xa7\0\0\0\0\0\0\x80")  # a text that is none
 def test_any_bytes_are_records_or_none(data: bytes) -> None:

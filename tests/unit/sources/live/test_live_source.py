@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from neurosnap.errors import FabricError, ShapeError
+from neurosnap.errors import FabricError
 from neurosnap.sources.live.latest_readings import TOLERANCE, LatestReadings
 from neurosnap.sources.live.live_source import WAITING, ClockMapping, LiveSource, Timing
 from neurosnap.sources.live.tick_schedule import Clocked, OnChange, TickSchedule
@@ -327,12 +327,6 @@ def test_a_flood_of_bad_input_is_a_line_a_second(
     assert source.statistics().refused == 50
 
 
-def test_a_reading_must_be_whole() -> None:
-    source = source_of(FakeTime(), OnChange())
-    with pytest.raises(ShapeError, match=r"^readings: must be 2, one a sensor, got 3$"):
-        source.receive_whole([True, True, True])
-
-
 # Threads ------------------------------------------------------------------------------
 
 
@@ -412,43 +406,6 @@ def test_a_flood_is_coalesced_and_the_latest_wins() -> None:
     # Every tick shows at least one reading nobody saw before, and at most two.
     assert len(steps.ticks) - 1 <= count - said.coalesced <= 2 * len(steps.ticks) + 2
     assert all(before != after for before, after in pairwise(steps.ticks))
-
-
-def test_whole_readings_that_wait_for_room_all_come_in_order() -> None:
-    source = LiveSource(LatestReadings(NAMES), OnChange())
-    count = 3 * WAITING
-    filled = threading.Event()
-
-    def feed() -> None:
-        for number in range(count):
-            if number == WAITING:
-                filled.set()
-            source.wait_for_room()
-            source.receive_whole([number % 2 == 0, number % 3 == 0], spare=True)
-        source.end()
-
-    feeding = threading.Thread(target=feed)
-    feeding.start()
-    assert filled.wait(10)  # it is full, and the next one has to wait
-    steps = Steps(source)
-    steps.start()
-    for thread in (feeding, steps):
-        thread.join(30)
-        assert not thread.is_alive()
-    source.close()
-    assert [bits for bits, _ in steps.ticks] == [
-        (number % 2 == 0, number % 3 == 0) for number in range(count)
-    ]
-    assert source.statistics().dropped == 0
-
-
-def test_a_whole_reading_that_came_before_the_first_tick_has_one_tick() -> None:
-    source = LiveSource(LatestReadings(NAMES), OnChange())
-    source.receive_whole([True, False])
-    assert source.first() is not None
-    source.end()
-    assert source.step(-1) is None
-    source.close()
 
 
 def test_who_waits_for_room_is_let_go() -> None:

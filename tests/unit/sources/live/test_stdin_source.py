@@ -136,35 +136,20 @@ def test_the_pipe_holds_back_who_writes_and_nothing_is_lost(pipe: Pipe) -> None:
     assert source.statistics().dropped == 0
 
 
-def test_the_head_is_the_first_reading_of_a_run_that_begins(pipe: Pipe) -> None:
-    source = source_on(pipe, head=b'{"bits": {"door": 1, "motion": 1}}')
-    pipe.write(b'{"bits": [0, 0]}\n')
-    pipe.end()
-    assert rest_of(source) == [[True, True], [False, False]]
-    source.close()
-
-
-def test_a_run_that_goes_on_had_the_head_before(
-    pipe: Pipe, caplog: pytest.LogCaptureFixture
+@pytest.mark.parametrize("begun", [False, True], ids=["begins", "goes on"])
+@pytest.mark.parametrize("blank", [0, 2])
+def test_the_head_is_the_first_reading_of_a_run_that_begins_and_counts_as_a_line(
+    pipe: Pipe, caplog: pytest.LogCaptureFixture, blank: int, begun: bool
 ) -> None:
-    source = source_on(pipe, head=b'{"bits": {"door": 1, "motion": 1}}')
+    pipe.write(b"\n" * blank + b'{"bits": {"door": 1, "motion": 1}}\n')
+    source = source_on(pipe, head=first_line(pipe.reads))
     pipe.write(b'{"bits": [0, 0]}\nnonsense\n')
     pipe.end()
-    assert rest_of(source, begun=True) == [[False, False]]
+    ticks = rest_of(source, begun=begun)
+    assert ticks == [[True, True], [False, False]][begun:]
     source.close()
-    assert caplog.messages[0].startswith("standard input:3: reading: must be")
-
-
-@pytest.mark.parametrize("begun", [False, True])
-def test_blank_lines_before_the_head_count(
-    pipe: Pipe, caplog: pytest.LogCaptureFixture, begun: bool
-) -> None:
-    pipe.write(b'\n \n{"bits": {"door": 1, "motion": 1}}\nnonsense\n')
-    pipe.end()
-    source = source_on(pipe, head=first_line(pipe.reads))
-    assert rest_of(source, begun=begun) == ([] if begun else [[True, True]])
-    source.close()
-    assert caplog.messages[0].startswith("standard input:4: reading: must be")
+    said = f"standard input:{3 + blank}: reading: must be"
+    assert caplog.messages[0].startswith(said)
 
 
 def test_a_descriptor_may_have_any_number(pipe: Pipe) -> None:

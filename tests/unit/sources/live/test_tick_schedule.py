@@ -10,30 +10,6 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.sources.live.tick_schedule import Clocked, OnChange, new_schedule
 
 
-@given(
-    st.integers(1, 5),
-    st.integers(0, 7),
-    st.lists(st.integers(0, 17), max_size=12),
-)
-def test_a_late_tick_is_given_at_once_and_those_it_hid_are_skipped(
-    interval: int, began: int, busy: list[int]
-) -> None:
-    schedule = Clocked(float(interval))
-    schedule.begin(float(began))
-    now, skipped, last = began, 0, began - 1
-    for span in busy:
-        # The first moment of the grid that no tick has been given for.
-        due = began + interval * math.ceil((last + 1 - began) / interval)
-        wait = schedule.wait(float(now), changed=False)
-        assert wait == max(0, due - now)
-        now = max(now, due)
-        schedule.given(float(now))
-        skipped += sum((t - began) % interval == 0 for t in range(due + 1, now + 1))
-        assert schedule.skipped == skipped
-        last = now
-        now += span
-
-
 @given(st.floats(1e-6, 1e6), st.floats(0, 1e9), st.lists(st.floats(0, 1e3)))
 def test_whatever_the_numbers_a_tick_given_is_not_due_again(
     interval: float, began: float, waits: list[float]
@@ -80,30 +56,6 @@ def test_a_tick_nobody_asked_for_changes_nothing() -> None:
     schedule.given(4.0)
     assert schedule.wait(4.0, changed=False) == 6.0
     assert schedule.skipped == 0
-
-
-@given(
-    st.integers(0, 4),
-    st.none() | st.integers(1, 9),
-    st.lists(st.tuples(st.integers(0, 6), st.booleans()), max_size=12),
-)
-def test_a_change_shows_as_soon_as_it_may_and_no_change_when_it_must(
-    least: int, most: int | None, moments: list[tuple[int, bool]]
-) -> None:
-    if most is not None and most < least:
-        least, most = most, least or 1
-    schedule = OnChange(float(least), None if most is None else float(most))
-    schedule.begin(0.0)
-    now, last = 0, None
-    for span, changed in moments:
-        now += span
-        due = (changed and (last is None or now >= last + least)) or (
-            last is not None and most is not None and now >= last + most
-        )
-        assert (schedule.wait(float(now), changed) == 0) == due
-        if due:
-            schedule.given(float(now))
-            last = now
 
 
 def test_the_wait_is_over_when_it_says() -> None:
