@@ -25,7 +25,12 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment
 
 from neurosnap.errors import RecordingError
-from neurosnap.recording.format.chunks import unpack
+from neurosnap.recording.format.chunks import (
+    HEAD_OF_CHUNK,
+    chunk_at,
+    find_record,
+    unpack,
+)
 from neurosnap.recording.format.records import (
     CRC,
     DATA_END,
@@ -48,7 +53,6 @@ from neurosnap.recording.format.records import (
     opened,
     parse,
 )
-from neurosnap.recording.format.resync import HEAD_OF_CHUNK, chunk_at, find_record
 from neurosnap.recording.format.summary import read_summary, summary_place
 
 _BLOCK = 1 << 20
