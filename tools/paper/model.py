@@ -138,7 +138,7 @@ def of_recording(path: Path, tick: int | None = None) -> Model:
     count, state, seen = len(poc), None, []
     births = births_of(recording)
     read = births.read_at(tick)
-    for recorded in recording.messages(("observe", "state")):
+    for recorded in recording.messages(("observation", "state")):
         match recorded.message:
             case wire.Observation() as observation if observation.tick <= tick:
                 bits, known = unpack_readings(
