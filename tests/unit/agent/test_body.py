@@ -1,4 +1,4 @@
-"""Bodies and senses: which sensors there are, and what each reads."""
+"""Bodies and senses: which sensors there are or can be grown, and what each reads."""
 
 import re
 from typing import Any
@@ -9,94 +9,66 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from neurosnap.agent.body import Body
+from neurosnap.agent.actions import Actions
+from neurosnap.agent.body import Body, Context
 from neurosnap.agent.senses import Senses
 from neurosnap.errors import InvalidValueError
 from tests.support import agent_oracles as oracles
 
 
 class TestBody:
-    def test_its_sensors_stand_in_order_own_actions_context(self) -> None:
-        body = Body(
-            own=("door", "light"),
-            actions=("push", "pull"),
-            senses_actions=True,
-            context=((1, 3), (0, 0)),
-        )
-        assert body.sensors == (
-            "door",
-            "light",
-            "push",
-            "pull",
-            "pull&~light",
-            "push&door",
-        )
-
-    def test_actions_that_are_not_sensed_are_no_sensors(self) -> None:
-        body = Body(own=("door",), actions=("push",), context=((0, 1),))
-        assert body.sensors == ("door", "push&~door")
-
-    def test_a_full_body_has_every_action_at_every_position_literal(self) -> None:
-        body = Body.full(["a", "better", "b"], ["go", "stay"], [0, 1, 0])
-        assert body.sensors == (
-            *("a", "better", "b", "go", "stay"),
-            *("go&a", "go&~a", "go&b", "go&~b"),
-            *("stay&a", "stay&~a", "stay&b", "stay&~b"),
-        )
-        assert body.orders == (0, 1, 0)
-        assert body.exclusive
-        assert body.position[:6].tolist() == [True, True, False, False, True, True]
-        assert not body.position[6:].any()
-        assert body.position.shape == (2 * len(body.sensors),)
-
     @pytest.mark.parametrize(
-        "body",
+        ("body", "sensors"),
         [
-            Body(own=("a",)),
-            Body(own=("a",), actions=("go",)),
-            Body.full(["a", "b"], ["go", "stay"], room=3),
-            Body.full(["a", "b"], ["go"], room=3).grow((0, (0, 3))).retire(0),
-            Body.full(["a", "b"], ["go"], [0, 2], room=1),
+            pytest.param(
+                Body(
+                    own=("door", "light"),
+                    actions=("push", "pull"),
+                    senses_actions=True,
+                    context=((1, 3), (0, 0)),
+                ),
+                ("door", "light", "push", "pull", "pull&~light", "push&door"),
+                id="its own, actions and contexts",
+            ),
+            pytest.param(
+                Body(own=("door",), actions=("push",), context=((0, 1),)),
+                ("door", "push&~door"),
+                id="actions that are not sensed",
+            ),
+            pytest.param(
+                Body.full(["a", "back", "b"], ["go", "stay"], [0, 2, 0], room=1),
+                (
+                    *("a", "back", "b", "go", "stay"),
+                    *("go&a", "go&~a", "go&b", "go&~b"),
+                    *("stay&a", "stay&~a", "stay&b", "stay&~b"),
+                    "grown 1",
+                ),
+                id="full: every action at every literal of a position",
+            ),
+            pytest.param(Body.full(["a", "b"], []), ("a", "b"), id="no actions"),
         ],
     )
-    def test_it_has_as_many_sensors_as_names(self, body: Body) -> None:
-        assert body.count == len(body.sensors)
-        assert body.position.shape == (2 * body.count,)
-
-    def test_a_sensor_that_looks_back_two_steps_is_no_position_either(self) -> None:
-        assert Body.full(["a", "b"], ["go"], [0, 2]).sensors[3:] == ("go&a", "go&~a")
-
-    def test_a_full_body_without_orders_has_state_sensors_only(self) -> None:
-        body = Body.full(["a", "b"], ["go"])
-        assert body.orders == (0, 0)
-        assert len(body.context) == 4
-
-    def test_a_full_body_without_actions_is_the_world_alone(self) -> None:
-        body = Body.full(["a", "b"], [])
-        assert body.sensors == ("a", "b")
-        assert body.choices.shape == (0, 0)
-        assert not body.senses_actions
-
-    def test_bodies_without_orders_have_all_their_own_as_position(self) -> None:
-        body = Body(own=("a", "b"), actions=("go",), senses_actions=True)
-        assert body.position.tolist() == [True] * 4 + [False] * 2
+    def test_its_sensors_stand_in_order(
+        self, body: Body, sensors: tuple[str, ...]
+    ) -> None:
+        assert body.sensors == sensors
+        assert body.count == len(sensors)
+        orders = body.orders or (0,) * len(body.own)
+        position = [not order for order in orders for _ in (0, 1)]
+        rest = 2 * (len(sensors) - len(body.own))
+        assert body.position.tolist() == position + [False] * rest
+        assert msgspec.json.decode(msgspec.json.encode(body), type=Body) == body
 
     def test_exclusive_choices_are_the_pure_actions_in_order(self) -> None:
         body = Body(own=("a",), actions=("x", "y", "z"))
         assert body.choices.tolist() == np.eye(3, dtype=bool).tolist()
+        assert Body.full(["a"], []).choices.shape == (0, 0)
 
     def test_free_choices_count_in_binary_the_first_action_lowest(self) -> None:
-        body = Body(own=("a",), actions=("x", "y"), exclusive=False)
-        assert body.choices.tolist() == [
-            [False, False],
-            [True, False],
-            [False, True],
-            [True, True],
-        ]
-
-    def test_it_survives_json(self) -> None:
-        body = Body.full(["a", "b"], ["go"], [0, 1], exclusive=False)
-        assert msgspec.json.decode(msgspec.json.encode(body), type=Body) == body
+        body = Body(own=("a",), actions=tuple("abcdefghij"), exclusive=False)
+        assert body.choices.shape == (1024, 10)
+        assert body.choices[513].nonzero()[0].tolist() == [0, 9]
+        assert body.choices[6].nonzero()[0].tolist() == [1, 2]
 
     @pytest.mark.parametrize(
         ("given", "says"),
@@ -150,11 +122,6 @@ class TestBody:
     ) -> None:
         with pytest.raises(InvalidValueError, match=f"^{re.escape(says)}$"):
             Body(**given)
-
-    def test_ten_free_actions_are_not_too_many(self) -> None:
-        body = Body(own=("a",), actions=tuple("abcdefghij"), exclusive=False)
-        assert body.choices.shape == (1024, 10)
-        assert body.choices[513].nonzero()[0].tolist() == [0, 9]
 
 
 @st.composite
@@ -235,3 +202,171 @@ class TestSenses:
     )
     def test_it_looks_back_iff_it_senses_the_step(self, body: Body, back: bool) -> None:
         assert Senses(body).looks_back is back
+
+
+# Bodies that grow ---------------------------------------------------------------------
+
+GROWING = Body.full(["a", "b", "c"], ["x", "y"], room=4)
+FIRST = GROWING.first_grown
+
+
+def test_a_grown_sensor_stands_behind_all_others_and_says_what_it_is() -> None:
+    assert GROWING.sensors[FIRST:] == ("grown 1", "grown 2", "grown 3", "grown 4")
+    body = GROWING.grow((0, (0, 3))).grow((1, (1, 2, 5)))
+    assert body.sensors[:FIRST] == GROWING.sensors[:FIRST]
+    assert body.sensors[FIRST:] == ("x&a&~b", "y&~a&b&~c", "grown 3", "grown 4")
+    assert body.first_grown == FIRST
+    assert body.in_use == body.grown == ((0, (0, 3)), (1, (1, 2, 5)))
+    assert not body.position[2 * FIRST :].any()
+    assert (body.looked_at == body.position).all()
+
+
+def single(name: str) -> int:
+    """Return the literal that a sensor is on."""
+    return 2 * GROWING.sensors.index(name)
+
+
+def test_one_may_tell_of_the_step_before_what_was_done_and_where() -> None:
+    last = single("y&~c")
+    body = GROWING.grow((0, (0, last))).grow((1, (single("x"),)))
+    assert body.sensors[FIRST : FIRST + 2] == ("x&a&(y&~c)", "y&(x)")
+    assert set(np.flatnonzero(body.looked_at & ~body.position)) == {last, single("x")}
+    assert not body.retire(0).looked_at[last]
+    assert body.members(body.grown[0]) == [single("x"), single("x&a")]
+
+    state = np.zeros(2 * len(body.sensors), np.bool_)
+    state[[single("x"), single("x&a")]] = True
+    assert body.reading(body.grown[0], state) is None  # of the step before it says less
+    assert body.reading((0, (0, 3)), state) is None
+    state[single("x&~b") + 1] = True
+    assert body.reading((0, (0, 3)), state) is False
+    state[[single("x&~b"), single("x&~b") + 1]] = True, False
+    assert body.reading((0, (0, 3)), state) is True
+
+
+def test_one_that_is_grown_again_is_another_sensor() -> None:
+    body = GROWING.grow((0, (0, 3))).retire(0).grow((0, (0, 3)))
+    assert body.sensors[FIRST : FIRST + 2] == ("x&a&~b", "x&a&~b#2")
+    assert body.in_use == ((0, (0, 3)),)
+    assert body.retired == (0,)
+
+
+@pytest.mark.parametrize(
+    ("context", "rule"),
+    [
+        ((0, (0,)), "must be of literals of two or more sensors, ascending"),
+        ((0, (2, 0)), "must be of literals of two or more sensors, ascending"),
+        ((0, (0, 1)), "must be of literals of two or more sensors, ascending"),
+        ((0, (0, 7)), "must say of the step before what was on, of what is not grown"),
+        (
+            (0, (0, 2 * FIRST)),
+            "must say of the step before what was on, of what is not grown",
+        ),
+        ((2, (6,)), "must be of one of 2 actions"),
+        ((2, (0, 2)), "must be of literals that are sensed in the action's context"),
+    ],
+)
+def test_what_cannot_be_grown_is_refused(context: Context, rule: str) -> None:
+    with pytest.raises(InvalidValueError, match=re.escape(f"grown: {rule}, got")):
+        GROWING.grow(context)
+
+
+def test_there_is_room_for_so_many() -> None:
+    body = Body.full(["a", "b"], ["x"], room=1).grow((0, (0, 2)))
+    with pytest.raises(
+        InvalidValueError, match=r"^grown: must be at most 1, for which"
+    ):
+        body.grow((0, (0, 3)))
+
+
+def test_only_what_was_grown_can_retire() -> None:
+    with pytest.raises(InvalidValueError, match=r"^retired: must be places in 0 grown"):
+        GROWING.retire(0)
+
+
+@st.composite
+def grown_bodies(draw: st.DrawFn) -> Body:
+    body = GROWING
+    for _ in range(draw(st.integers(0, 4))):
+        last = draw(st.sets(st.integers(len(GROWING.own), FIRST - 1), max_size=2))
+        least = 1 if last else 2
+        chosen = sorted(
+            draw(
+                st.sets(
+                    st.integers(0, len(GROWING.own) - 1), min_size=least, max_size=3
+                )
+            )
+        )
+        literals = (
+            *(2 * s + draw(st.integers(0, 1)) for s in chosen),
+            *(2 * s for s in sorted(last)),
+        )
+        body = body.grow((draw(st.integers(0, 1)), literals))
+    for place in range(len(body.grown)):
+        body = body.retire(place) if draw(st.booleans()) else body
+    return body
+
+
+@given(
+    grown_bodies(),
+    st.lists(st.booleans(), min_size=3, max_size=3),
+    st.lists(st.booleans(), min_size=3, max_size=3),
+    st.lists(st.booleans(), min_size=3, max_size=3),
+    st.integers(-1, 1),
+    st.integers(0, 2**32 - 1),
+)
+def test_it_reads_what_the_single_ones_read_together(
+    body: Body,
+    bits: list[bool],
+    now: list[bool],
+    known: list[bool],
+    action: int,
+    seed: int,
+) -> None:
+    # What is not known of the state before is in it as nothing at all.
+    state = np.zeros(2 * len(body.sensors), np.bool_)
+    for sensor, on in enumerate(now):
+        state[2 * sensor + (not on)] = known[sensor]
+    rng = np.random.default_rng(seed)
+    for sensor in range(len(GROWING.own), FIRST):  # of the step before
+        state[2 * sensor : 2 * sensor + 2] = rng.permutation(2) * rng.integers(2)
+    senses, read = Senses(body), np.array(bits)
+    before = np.array(known)
+    observed = senses.observe(read, action, state)
+    told = senses.known(None, action, state, before)
+    told = np.ones(len(body.sensors), np.bool_) if told is None else told
+    assert not told[FIRST + len(body.grown) :].any()
+    sensors = {pair: len(body.own) + 2 + k for k, pair in enumerate(body.context)}
+    for place, (which, literals) in enumerate(body.grown):
+        own, last = body.split(literals)
+        members = [sensors[which, literal] for literal in own]
+        held = all(state[literal] for literal in last)
+        unheld = any(state[literal + 1] for literal in last)
+        on = held and all(observed[member] for member in members)
+        off = any(told[member] and not observed[member] for member in members)
+        off |= unheld or action != which
+        sure = all(told[member] for member in members)
+        sure &= all(state[literal] for literal in last)
+        sensor = FIRST + place
+        if place in body.retired:
+            assert not observed[sensor]
+            assert not told[sensor]
+        else:
+            assert observed[sensor] == on
+            assert told[sensor] == (off or sure)
+
+
+@given(grown_bodies(), st.lists(st.booleans(), min_size=3, max_size=3))
+def test_an_action_switches_on_those_that_hold(body: Body, now: list[bool]) -> None:
+    state = np.zeros(2 * len(body.sensors), np.bool_)
+    for sensor, on in enumerate((*now, *(k % 2 for k in range(FIRST - len(now))))):
+        state[2 * sensor + (not on)] = True
+    for action, signal in enumerate(Actions(body).signals(state)):
+        expected = {
+            2 * (FIRST + place)
+            for place, (which, literals) in enumerate(body.grown)
+            if which == action
+            and place not in body.retired
+            and all(state[literal] for literal in literals)
+        }
+        assert {a for a in signal if a >= 2 * FIRST} == expected

@@ -1,5 +1,6 @@
-"""Environments: what they say of themselves, and what is refused or ignored."""
+"""Environments: what they say of themselves, and agents that act in them."""
 
+import dataclasses
 import re
 from typing import Any
 
@@ -8,10 +9,12 @@ import numpy as np
 import pytest
 from gymnasium.spaces import Box, Dict, Discrete, MultiBinary, MultiDiscrete, Space
 
-from neurosnap.agent.environment import Description, describe
-from neurosnap.errors import InvalidValueError, ShapeError, within
+from neurosnap.agent.agent import Agent
+from neurosnap.agent.environment import Continuing, Description, Outing, describe
+from neurosnap.agent.experience import Experience
+from neurosnap.errors import InvalidValueError
 from neurosnap.sources.gymnasium_source import import_worlds
-from neurosnap.sources.open import open_source
+from world.toy_text import cliff_walking, frozen_lake
 
 
 class Said(gymnasium.Env[Any, Any]):
@@ -35,125 +38,112 @@ class Said(gymnasium.Env[Any, Any]):
         raise AssertionError("step")
 
 
-def test_one_that_says_nothing_gets_numbers_for_names() -> None:
-    assert describe("w", Said()) == Description(
-        sensors=("s0", "s1"),
-        orders=(0, 0),
-        actions=("action_0", "action_1"),
-        exclusive=True,
-        start=0,
-        discrete=True,
-    )
+class Named(gymnasium.Wrapper[Any, Any, Any, Any]):
+    """A wrapper has the last word."""
+
+    sensors = ("c", "d")
+    actions = ("x", "y")
 
 
-@pytest.mark.parametrize("several", [tuple, list])
-def test_what_it_says_is_taken_over(several: Any) -> None:
-    said = Said(
-        acts=Discrete(3, start=4),
-        sensors=several(["door", "smell"]),
-        orders=several([0, 1]),
-        actions=several(["go", "stay", "turn"]),
-    )
-    assert describe("w", said) == Description(
-        sensors=("door", "smell"),
-        orders=(0, 1),
-        actions=("go", "stay", "turn"),
-        exclusive=True,
-        start=4,
-        discrete=True,
-    )
-
-
-def test_a_flat_multibinary_action_space_is_any_choice() -> None:
-    said = describe("w", Said(acts=MultiBinary(3), actions=("x", "y", "z")))
-    assert (said.actions, said.exclusive, said.start) == (("x", "y", "z"), False, 0)
-    assert describe("w", Said(acts=MultiBinary([2]))).actions == (
-        "action_0",
-        "action_1",
-    )
-
-
-def test_a_wrapper_may_say_it_and_has_the_last_word() -> None:
-    class Wrapped(gymnasium.Wrapper[Any, Any, Any, Any]):
-        sensors = ("c", "d")
-        actions = ("x", "y")
-
-    said = describe("w", Wrapped(Said(sensors=("a", "b"), orders=(1, 0))))
-    assert (said.sensors, said.orders, said.actions) == (
-        ("c", "d"),
-        (1, 0),
-        ("x", "y"),
-    )
+NUMBERED = Description(
+    sensors=("s0", "s1"),
+    orders=(0, 0),
+    actions=("action_0", "action_1"),
+    exclusive=True,
+    start=0,
+    discrete=True,
+)
 
 
 @pytest.mark.parametrize(
-    "foreign",
+    ("env", "said"),
     [
-        None,
-        3,
-        [],
-        ["x"],
-        ["x", "y", "z"],
-        [0, 1],
-        ["x", 1],
-        {"x": 0, "y": 1},
-        pytest.param({"x", "y"}, id="a set"),  # in no order that lasts
-        np.array([0, 1]),
-        "longer",
-        print,
+        pytest.param(Said(), {}, id="nothing"),
+        *(
+            pytest.param(
+                Said(
+                    acts=Discrete(2, start=4),
+                    sensors=several(["door", "smell"]),
+                    orders=several([0, 1]),
+                    actions=several(["go", "stay"]),
+                ),
+                {
+                    "sensors": ("door", "smell"),
+                    "orders": (0, 1),
+                    "actions": ("go", "stay"),
+                    "start": 4,
+                },
+                id=f"each as a {several.__name__}",
+            )
+            for several in (tuple, list)
+        ),
+        pytest.param(
+            Said(acts=MultiBinary([2]), actions=("x", "y")),
+            {"actions": ("x", "y"), "exclusive": False},
+            id="any choice of actions",
+        ),
+        pytest.param(
+            Named(Said(sensors=("a", "b"), orders=(1, 0))),
+            {"sensors": ("c", "d"), "orders": (1, 0), "actions": ("x", "y")},
+            id="a wrapper",
+        ),
+        *(
+            pytest.param(Said(actions=foreign), {}, id=f"actions={foreign!r}"[:30])
+            for foreign in (
+                *(None, 3, [], ["x"], ["x", "y", "z"], [0, 1], ["x", 1]),
+                *({"x": 0, "y": 1}, np.array([0, 1]), "longer", len),
+            )
+        ),
+        # They come in no order that lasts.
+        pytest.param(Said(actions={"x", "y"}), {}, id="actions in a set"),
     ],
-    ids=repr,
 )
-def test_an_attribute_called_actions_that_is_no_names_is_ignored(
-    foreign: object,
+def test_what_it_says_is_taken_over_and_else_it_has_numbers(
+    env: Any, said: dict[str, Any]
 ) -> None:
-    assert describe("w", Said(actions=foreign)).actions == ("action_0", "action_1")
+    assert describe("w", env) == dataclasses.replace(NUMBERED, **said)
+
+
+NO_WORLD = (
+    "must be MultiBinary with one axis (wrap the environment in "
+    "neurosnap.BinarySensors, which makes sensors of what it shows), got "
+)
+NO_ACTIONS = "must be Discrete, or MultiBinary with one axis, got "
+NO_ORDERS = "must be 2 whole numbers from 0 up, got "
 
 
 @pytest.mark.parametrize(
-    ("attributes", "says"),
+    ("given", "says"),
     [
-        ({"sensors": ("a",)}, "w: sensors: must be a sequence of 2 names, got ('a',)"),
-        ({"sensors": 7}, "w: sensors: must be a sequence of 2 names, got 7"),
-        ({"sensors": ("a", "a")}, "w: names: must be unique, got 'a'"),
-        ({"sensors": ("a", 1)}, "w: sensor name: must be text, got 1"),
-        ({"sensors": ("a", "b*")}, "w: sensor name: must not end with *, got 'b*'"),
-        ({"actions": ("x", "x")}, "w: names: must be unique, got 'x'"),
-        ({"actions": ("x", "")}, "w: sensor name: must not be empty, got ''"),
-        ({"orders": (0,)}, "w: orders: must be 2 whole numbers from 0 up, got (0,)"),
-        (
-            {"orders": (0, -1)},
-            "w: orders: must be 2 whole numbers from 0 up, got (0, -1)",
+        ({"sensors": ("a",)}, "sensors: must be a sequence of 2 names, got ('a',)"),
+        ({"sensors": 7}, "sensors: must be a sequence of 2 names, got 7"),
+        ({"sensors": ("a", "a")}, "names: must be unique, got 'a'"),
+        ({"sensors": ("a", 1)}, "sensor name: must be text, got 1"),
+        ({"sensors": ("a", "b*")}, "sensor name: must not end with *, got 'b*'"),
+        ({"actions": ("x", "x")}, "names: must be unique, got 'x'"),
+        ({"actions": ("x", "")}, "sensor name: must not be empty, got ''"),
+        *(
+            ({"orders": orders}, f"orders: {NO_ORDERS}{orders!r}")
+            for orders in [(0,), (0, -1), (0, 0.5), (0, True), 0]
         ),
-        (
-            {"orders": (0, 0.5)},
-            "w: orders: must be 2 whole numbers from 0 up, got (0, 0.5)",
+        *(
+            ({"observes": space}, f"observation space: {NO_WORLD}{space!r}")
+            for space in (
+                *(Box(0, 1, (2,)), Discrete(4), MultiBinary((2, 2))),
+                Dict({"a": MultiBinary(2)}),
+            )
         ),
-        (
-            {"orders": (0, True)},
-            "w: orders: must be 2 whole numbers from 0 up, got (0, True)",
+        *(
+            ({"acts": space}, f"action space: {NO_ACTIONS}{space!r}")
+            for space in (
+                *(Box(0, 1, (2,)), MultiBinary((2, 2)), MultiDiscrete([2, 2])),
+            )
         ),
-        ({"orders": 0}, "w: orders: must be 2 whole numbers from 0 up, got 0"),
     ],
 )
-def test_bad_words_are_refused(attributes: dict[str, object], says: str) -> None:
-    with pytest.raises(InvalidValueError, match=f"^{re.escape(says)}$"):
-        describe("w", Said(**attributes))  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
-    "space",
-    [Box(0, 1, (2,)), Discrete(4), MultiBinary((2, 2)), Dict({"a": MultiBinary(2)})],
-    ids=repr,
-)
-def test_another_observation_space_is_refused(space: Space[Any]) -> None:
-    says = (
-        "w: observation space: must be MultiBinary with one axis (wrap the environment "
-        "in neurosnap.BinarySensors, which makes sensors of what it shows), "
-        f"got {space!r}"
-    )
-    with pytest.raises(InvalidValueError, match=f"^{re.escape(says)}$"):
-        describe("w", Said(observes=space))
+def test_what_cannot_be_is_refused(given: dict[str, Any], says: str) -> None:
+    with pytest.raises(InvalidValueError, match=f"^w: {re.escape(says)}$"):
+        describe("w", Said(**given))
 
 
 def test_where_it_is_there_with_sensors_the_refusal_names_it() -> None:
@@ -164,105 +154,97 @@ def test_where_it_is_there_with_sensors_the_refusal_names_it() -> None:
 
 
 @pytest.mark.parametrize(
-    "space", [Box(0, 1, (2,)), MultiBinary((2, 2)), MultiDiscrete([2, 2])], ids=str
+    ("space", "expected"),
+    [
+        *((Discrete(3, start=k), [k, k + 1, k + 2]) for k in (-2, 0, 5)),
+        # Free choices are bits, of which the first action is the lowest.
+        (MultiBinary(2), [[0, 0], [1, 0], [0, 1], [1, 1]]),
+    ],
+    ids=repr,
 )
-def test_another_action_space_is_refused(space: Space[Any]) -> None:
-    rule = "must be Discrete, or MultiBinary with one axis"
-    says = f"w: action space: {rule}, got {space!r}"
-    with pytest.raises(InvalidValueError, match=f"^{re.escape(says)}$"):
-        describe("w", Said(acts=space))
-
-
-class TestStep:
-    @pytest.mark.parametrize("start", [-2, 0, 5])
-    def test_exclusive_choices_count_from_where_the_space_starts(
-        self, start: int
-    ) -> None:
-        space = Discrete(3, start=start)
-        said = describe("w", Said(acts=space))
-        steps = [said.step(choice) for choice in range(3)]
-        assert steps == [start, start + 1, start + 2]
-        assert all(space.contains(step) for step in steps)
-
-    def test_free_choices_are_bits_the_first_action_lowest(self) -> None:
-        space = MultiBinary(3)
-        said = describe("w", Said(acts=space))
-        steps = [said.step(choice) for choice in range(8)]
-        assert all(space.contains(step) for step in steps)
-        assert [list(step) for step in steps] == [
-            [low, middle, high]
-            for high in (0, 1)
-            for middle in (0, 1)
-            for low in (0, 1)
-        ]
-
-    @pytest.mark.parametrize(
-        ("space", "choice", "most"),
-        [
-            (Discrete(3), 3, 2),
-            (Discrete(3), -1, 2),
-            (Discrete(3, start=5), 5, 2),
-            (MultiBinary(2), 4, 3),
-            (MultiBinary(2), -1, 3),
-        ],
-        ids=repr,
-    )
-    def test_no_other_choice_is_taken(
-        self, space: Space[Any], choice: int, most: int
-    ) -> None:
-        said = describe("w", Said(acts=space))
-        says = f"^action: must be a whole number in 0..{most}, got {choice}$"
+def test_choices_are_steps_and_nothing_else_is(space: Any, expected: list[Any]) -> None:
+    said, count = describe("w", Said(acts=space)), len(expected)
+    steps = [said.step(choice) for choice in range(count)]
+    assert all(space.contains(step) for step in steps)
+    assert [np.asarray(step).tolist() for step in steps] == expected
+    for choice in (-1, count):
+        says = f"^action: must be a whole number in 0..{count - 1}, got {choice}$"
         with pytest.raises(InvalidValueError, match=says):
             said.step(choice)
 
 
-class TestSource:
-    """A source hands an environment's own words on."""
-
-    @pytest.fixture
-    def stepped(self) -> Any:
-        class Stepped(Said):
-            taken: list[Any] = []  # noqa: RUF012
-
-            def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
-                gymnasium.Env.reset(self, seed=seed)
-                return np.zeros(2, np.int8), {}
-
-            def step(self, action: Any) -> Any:
-                self.taken.append(action)
-                return np.ones(2, np.int8), 0.0, False, False, {}
-
-        def make(**_: Any) -> Stepped:
-            return Stepped(acts=MultiBinary(2), orders=(0, 1), actions=("x", "y"))
-
-        gymnasium.register("Said-v0", make)
-        yield Stepped.taken
-        del gymnasium.registry["Said-v0"]
-
-    def test_it_says_what_the_environment_says(self, stepped: list[Any]) -> None:
-        source = open_source("Said-v0", seed=0)
-        assert source.orders == (0, 1)
-        assert source.actions == ("x", "y")
-        assert source.exclusive is False
-        assert stepped == []
-
-    def test_its_choices_are_bits(self, stepped: list[Any]) -> None:
-        source = open_source("Said-v0", seed=0)
-        source.first()
-        for choice in range(4):
-            assert source.step(choice) is not None
-        assert [list(bits) for bits in stepped] == [[0, 0], [1, 0], [0, 1], [1, 1]]
-        with pytest.raises(
-            InvalidValueError, match=r"^action: must be .* 0\.\.3, got 4$"
-        ):
-            source.step(4)
+# Agents that act by themselves --------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", [InvalidValueError, ShapeError])
-def test_an_error_says_where_and_stays_of_its_kind(
-    kind: type[InvalidValueError],
-) -> None:
-    error = within("there", kind("thing", "must be", 3))
-    assert type(error) is kind
-    assert str(error) == "there: thing: must be, got 3"
-    assert error.value == 3
+@pytest.fixture(scope="module")
+def explorer() -> Agent:
+    """One that has learned the lake."""
+    agent = Agent.of(frozen_lake(), "planner", grow=True, imagine=True, seed=1)
+    learned = agent.learn(frozen_lake(), 700, seed=1)
+    assert learned.steps == 700
+    assert learned.episodes > 1
+    return agent
+
+
+def experience_of(agent: Agent) -> Experience:
+    experience = agent._mind.memory.experience
+    assert experience is not None
+    return experience
+
+
+def test_it_acts_for_so_many_steps_and_counts_episodes_and_rewards() -> None:
+    agent = Agent.of(cliff_walking(), "walker", seed=3)
+    outing = agent.run(cliff_walking(), 50, seed=1)
+    assert outing.steps == 50
+    assert not outing.reached
+    assert outing.reward <= -50
+    # What the last step led to is observed as well.
+    assert agent.snapshot.clock == 51
+
+
+def test_after_it_has_learned_it_can_be_sent_anywhere(explorer: Agent) -> None:
+    assert 1 < len(experience_of(explorer).ends) <= 5  # four holes and the goal
+    env = frozen_lake()
+    assert explorer.send(env, ["tile=goal"], 100) == Outing(6, 1, 1.0, True)
+    # Another target without learning again.
+    corner = explorer.send(env, ["row<1", "column<3*"], 100)
+    assert (corner.steps, corner.reached) == (3, True)
+    nowhere = explorer.send(env, ["tile=hole", "tile=goal"], 30)
+    assert (nowhere.steps, nowhere.reached) == (30, False)
+
+
+def test_to_learn_or_to_be_sent_leaves_the_policy_as_it_was() -> None:
+    agent, env = Agent.of(frozen_lake(), "walker", seed=2, grow=True), frozen_lake()
+    for steps in (1, 2, 97):
+        agent.learn(env, steps)
+        assert experience_of(agent).plan is None  # one to explore is not followed
+    agent.send(env, ["row<1*"], 5)
+    agent.run(env, 3)
+    assert agent.decision.why == "random walk"
+
+
+def test_an_episode_that_was_cut_off_is_no_end_and_actions_can_be_left_out() -> None:
+    env = Continuing(gymnasium.wrappers.TimeLimit(cliff_walking(), 5))
+    agent = Agent.of(env, "walker", grow=True, without=["right"])
+    assert agent.body.actions == ("up", "down", "left")
+    # Without going right it neither falls nor reaches the goal.
+    assert agent.run(env, 60).reward >= -60
+    assert experience_of(agent).ends == set()
+
+
+@pytest.mark.parametrize("names", [["up", "right", "down", "left"], ["fly"]])
+def test_only_some_of_its_actions_can_be_left_out(names: list[str]) -> None:
+    rule = "without: must be some of up, right, down, left, and not all, got"
+    with pytest.raises(InvalidValueError, match=re.escape(rule)):
+        Agent.of(cliff_walking(), "walker", without=names)
+
+
+def test_an_agent_that_does_not_imagine_cannot_be_sent() -> None:
+    agent = Agent.of(frozen_lake(), "walker")
+    rule = "agent: must be one that imagines or grows sensors, got"
+    with pytest.raises(InvalidValueError, match=re.escape(rule)):
+        agent.send(frozen_lake(), ["tile=goal"])
+    with pytest.raises(InvalidValueError, match=r"^imagine: must go with a planner"):
+        Agent.of(frozen_lake(), "walker", imagine=True)
+    with pytest.raises(InvalidValueError, match=r"^steps: must be 0 or more, got -1"):
+        agent.run(frozen_lake(), -1)

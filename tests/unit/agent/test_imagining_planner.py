@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
-from neurosnap.agent.experience import BEGINNING, Experience
+from neurosnap.agent.experience import Experience
 from neurosnap.agent.imagining_planner import ImaginingPlanner
 from neurosnap.agent.policy import Signal, decided
 from neurosnap.errors import InvalidValueError
@@ -24,6 +24,20 @@ MOVES = [
 ]
 FIELDS = [[x < k for x in range(PLACES)] for k in range(1, PLACES)]
 GRAPH = known(BODY, MOVES, FIELDS)
+
+
+def sensed(place: int) -> Bits:
+    """Return the state at a place."""
+    state = np.zeros(2 * len(BODY.sensors), np.bool_)
+    state[list(complete(view(FIELDS, place)))] = True
+    return state
+
+
+def unsure_of(name: str) -> PocGraph:
+    """Return the truth without what a sensor guarantees."""
+    keep, literal = GRAPH.edges.copy(), 2 * BODY.sensors.index(name)
+    keep[literal] = keep[:, literal ^ 1] = False
+    return PocGraph(keep)
 
 
 class Walk:
@@ -54,14 +68,11 @@ class Walk:
             self.experience.met[2 * BODY.sensors.index(name)] = False
 
     def decide(self, place: int, tick: int = 1) -> tuple[str, str]:
-        state = np.zeros(2 * len(BODY.sensors), np.bool_)
-        state[list(complete(view(FIELDS, place)))] = True
-
         def closure(signal: Signal) -> Bits:
             self.asked += 1
             return self.graph.up(signal)
 
-        action, why = decided(self.planner.decide(tick, state), closure)
+        action, why = decided(self.planner.decide(tick, sensed(place)), closure)
         return BODY.actions[action], why
 
     def go(self, place: int, steps: int) -> list[int]:
@@ -91,24 +102,13 @@ def test_a_plan_is_told_and_kept_without_another_wave() -> None:
     assert walk.asked == asked > 0
 
 
-def test_a_surprise_makes_another_plan() -> None:
-    walk = Walk(5)
-    walk.decide(2)
-    asked = walk.asked
-    assert walk.decide(7) == ("back", "in 2: back, back")
-    assert walk.asked > asked
-
-
 def test_a_long_plan_is_not_told_whole() -> None:
     _, why = Walk(7).decide(0)
     assert why == f"in 7: {', '.join(['forward'] * 6)}, …"
 
 
 def test_a_round_asks_for_all_states_of_one_distance() -> None:
-    planner = Walk(3).planner
-    state = np.zeros(2 * len(BODY.sensors), np.bool_)
-    state[list(complete(view(FIELDS, 0)))] = True
-    deliberation = planner.decide(1, state)
+    deliberation = Walk(3).planner.decide(1, sensed(0))
     rounds = [next(deliberation)]
     with pytest.raises(StopIteration) as end:
         while True:
@@ -119,17 +119,16 @@ def test_a_round_asks_for_all_states_of_one_distance() -> None:
     assert [len(one) for one in rounds] == [2, 2, 2]
 
 
-def test_with_too_few_states_it_does_what_the_greedy_planner_does() -> None:
-    action, why = Walk(7, states=2).decide(0)
-    assert action == "forward"
-    assert why.startswith("guarantees")
-
-
-def test_an_action_whose_contexts_were_not_met_is_not_imagined() -> None:
-    walk = Walk(5)
-    walk.unmeet(["forward&a4"])
-    _, why = walk.decide(3)
-    assert why.startswith(("guarantees", "at random"))
+@pytest.mark.parametrize("why", ["few states", "never met", "an end"])
+def test_where_no_way_can_be_imagined_it_does_what_the_greedy_planner_does(
+    why: str,
+) -> None:
+    walk = Walk(5, states=2 if why == "few states" else 100)
+    if why == "never met":
+        walk.unmeet(["forward&a4"])
+    if why == "an end":
+        walk.experience.leave(sensed(4), ends=True)
+    assert walk.decide(2)[1].startswith(("guarantees", "at random"))
 
 
 def calm(walk: Walk) -> None:
@@ -150,39 +149,15 @@ def test_the_curious_go_to_the_nearest_action_they_know_nothing_of() -> None:
 
 
 def test_the_curious_go_to_the_nearest_action_that_guarantees_too_little() -> None:
-    keep = GRAPH.edges.copy()
-    unsure = 2 * BODY.sensors.index("forward&a2")
-    keep[unsure] = keep[:, unsure ^ 1] = False
-    walk = Walk(None, PocGraph(keep))
+    walk = Walk(None, unsure_of("forward&a2"))
     calm(walk)
-    action, why = walk.decide(3)
-    assert (action, why) == (
-        "back",
-        "to learn what forward does there, in 3: back, back, forward",
-    )
-
-
-def ending(walk: Walk, place: int, ends: bool = True) -> None:
-    """Let an episode end at a place, or not any more."""
-    here = np.zeros(2 * len(BODY.sensors), np.bool_)
-    here[list(complete(view(FIELDS, place)))] = True
-    walk.experience.leave(here, ends=ends)
-
-
-def first_words(walk: Walk, ticks: int = 40) -> set[str]:
-    """What it is up to at a place, at many ticks."""
-    found = set()
-    for tick in range(ticks):
-        walk.experience.plan = None
-        found.add(walk.decide(3, tick)[1].split(",")[0])
-    return found
+    learn = "to learn what forward does there, in 3: back, back, forward"
+    assert walk.decide(3) == ("back", learn)
 
 
 def test_with_a_target_what_is_left_to_chance_is_not_for_learning() -> None:
-    keep = GRAPH.edges.copy()
-    unsure = 2 * BODY.sensors.index("forward&a2")  # whether it leads from 1 to 2
-    keep[unsure] = keep[:, unsure ^ 1] = False
-    walk = Walk(5, PocGraph(keep), curious=True)
+    # Whether to go forward leads from 1 to 2.
+    walk = Walk(5, unsure_of("forward&a2"), curious=True)
     walk.unmeet(["forward&~a2"])  # only on from 2 on
     learn = "to learn what forward does there, in 1: forward"
     assert walk.decide(1) == ("forward", learn)
@@ -191,74 +166,14 @@ def test_with_a_target_what_is_left_to_chance_is_not_for_learning() -> None:
     hopeless = np.zeros((2, 2 * len(BODY.own)), np.bool_)
     hopeless[0, 2 * BODY.own.index("a3") :][:2] = True
     walk.experience.give_up(hopeless)
-    ending(walk, 0)
+    walk.experience.leave(sensed(0), ends=True)
     action, why = walk.decide(1)
     assert action == "forward"
     assert why.startswith("guarantees")  # by luck, and no other episode is begun
-    ending(walk, 0, ends=False)
+    walk.experience.leave(sensed(0), ends=False)
     walk.unmeet(["back&a1"])  # only on at the first place
     learn = "to learn what back does there, in 2: back, back"
     assert walk.decide(1) == ("back", learn)  # what can be learned still is
-
-
-def test_where_all_is_known_the_curious_do_what_surprised_most_before() -> None:
-    walk = Walk(None)
-    forward, back = (f"to test what {name} does there" for name in ("forward", "back"))
-    assert first_words(walk) == {forward, back}
-    ending(walk, 1)
-    assert first_words(walk) == {forward, back}  # they are nearer
-    surprises = walk.experience.surprises
-    for _ in range(20):
-        surprises.count(0, False)
-    assert first_words(walk) == {back}
-    calm(walk)
-    assert first_words(walk) == {"to begin another episode"}
-    for _ in range(200):
-        surprises.count(BEGINNING, False)
-    assert first_words(walk) == {back}
-    ending(walk, 1, ends=False)
-    assert first_words(walk) == {back}
-
-
-def tried(walk: Walk, place: int, action: int) -> None:
-    here = np.zeros(2 * len(BODY.sensors), np.bool_)
-    here[list(complete(view(FIELDS, place)))] = True
-    walk.experience.leave(here, ends=False, action=action)
-
-
-def test_tests_are_of_the_nearest_outcome_never_seen_then_of_any() -> None:
-    walk = Walk(None)
-    for place in range(PLACES):
-        for action in range(2):
-            if (place, action) != (4, 1):
-                tried(walk, place, action)
-    assert walk.decide(2) == (
-        "forward",
-        "to test what back does there, in 3: forward, forward, back",
-    )
-    tried(walk, 4, 1)
-    lengths = set()
-    for tick in range(200):
-        walk.experience.plan = None
-        lengths.add(int(walk.decide(0, tick)[1].split(" in ")[1].split(":")[0]))
-    assert lengths == set(range(1, PLACES + 1))
-
-
-def test_who_wants_something_tests_nothing_and_ends_the_episode() -> None:
-    walk = Walk(5)
-    walk.planner._curious = True
-    ending(walk, 4)
-    ending(walk, 1)
-    assert first_words(walk) == {"to begin another episode"}
-
-
-def test_no_way_leads_through_the_end_of_an_episode() -> None:
-    walk = Walk(5)
-    place = np.zeros(2 * len(BODY.sensors), np.bool_)
-    place[list(complete(view(FIELDS, 4)))] = True
-    walk.experience.leave(place, ends=True)
-    _, why = walk.decide(2)
-    assert why.startswith(("guarantees", "at random"))
 
 
 def test_a_share_of_actions_is_random() -> None:
@@ -268,23 +183,17 @@ def test_a_share_of_actions_is_random() -> None:
 
 
 @pytest.mark.parametrize(
-    ("states", "curious", "target", "rule"),
+    ("exclusive", "states", "target", "rule"),
     [
-        (0, False, ["a1"], "imagine: must be 1 or more, got 0"),
-        (9, False, [], "target: must name a sensation to achieve, or come with explor"),
-        (9, False, ["b"], "literal: must name a sensor that exists, got 'b'"),
+        (True, 0, ["a1"], "imagine: must be 1 or more, got 0"),
+        (True, 9, [], "target: must name a sensation to achieve, or come with explor"),
+        (True, 9, ["b"], "literal: must name a sensor that exists, got 'b'"),
+        (False, 9, ["a1"], "imagine: must come with actions"),
     ],
 )
 def test_what_cannot_be_is_refused(
-    states: int, curious: bool, target: list[str], rule: str
+    exclusive: bool, states: int, target: list[str], rule: str
 ) -> None:
+    body = Body.full(["a1"], ["go", "turn"], exclusive=exclusive)
     with pytest.raises(InvalidValueError, match=re.escape(rule)):
-        ImaginingPlanner(
-            BODY, target, 0, 0.0, Experience(BODY), states, curious=curious
-        )
-
-
-def test_actions_must_exclude_each_other() -> None:
-    body = Body.full(["a"], ["go", "turn"], exclusive=False)
-    with pytest.raises(InvalidValueError, match=r"^imagine: must come with actions"):
-        ImaginingPlanner(body, ["a"], 0, 0.0, Experience(body))
+        ImaginingPlanner(body, target, 0, 0.0, Experience(body), states)

@@ -1,4 +1,4 @@
-"""The planner on relations small enough to see through, and the targets it refuses."""
+"""The greedy planner on small relations, and where it remembers what led nowhere."""
 
 import re
 from collections import Counter
@@ -8,10 +8,11 @@ import pytest
 from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
-from neurosnap.agent.planner import Planner, target_literals
+from neurosnap.agent.experience import Experience
+from neurosnap.agent.planner import Planner, Reflex, target_literals
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.sensorium import Sensorium
+from neurosnap.sensorium import Sensorium, complete
 from tests.support.deliberations import asked, decided_by
 
 BODY = Body.full(["a", "b", "better"], ["x", "y", "z"], [0, 0, 1])
@@ -127,14 +128,6 @@ def test_it_explores_as_often_as_it_is_told() -> None:
     }
 
 
-def test_a_pure_action_believed_impossible_is_taken_all_the_same() -> None:
-    known = [("x", "b"), ("x&a", "x*"), ("y", "y*")]
-    found = decided(["b"], known, "a", "b*", explore=0.0)
-    assert {action for action, _ in found} == {"x"}
-    found = decided(["b"], known, "a", "b*", explore=1.0)
-    assert {action for action, _ in found} == {"x", "y", "z"}
-
-
 def test_many_subgoals_are_not_all_named() -> None:
     body = Body.full(list("abcdef"), ["x"])
     pairs = [(2 * 6, 2 * k) for k in range(6)]
@@ -174,7 +167,67 @@ def test_a_target_must_be_of_the_worlds_own(target: list[str | int], says: str) 
         Planner(BODY, target, seed=0)
 
 
-@pytest.mark.parametrize("explore", [-0.1, 1.1, float("nan")])
-def test_a_share_is_a_share(explore: float) -> None:
-    with pytest.raises(InvalidValueError, match=r"^explore: must be in \[0, 1\], got "):
-        Planner(BODY, ["a"], seed=0, explore=explore)
+# Where greed led nowhere --------------------------------------------------------------
+
+# A corridor of six places, of which each is sensed. The goal looks alike its far end in
+# two of three sensors, so that greedily one goes there, and stays.
+SENSORS = ("p0", "p1", "p2", "p3", "p4", "p5", "u", "v")
+CORRIDOR = Body.full(SENSORS, ["back", "forward"])
+TARGET = ["p5", "u", "v"]
+
+
+def reading(place: int) -> NDArray[np.bool_]:
+    both = place in (0, 5)
+    return np.array([*(place == k for k in range(6)), both, both])
+
+
+def moved(place: int, action: int) -> int:
+    return min(5, max(0, place + (-1, 1)[action]))
+
+
+@pytest.fixture(scope="module")
+def corridor() -> PocGraph:
+    """Return what follows from each action at each place."""
+    names = Sensorium(CORRIDOR.sensors)
+    found = [
+        (names.literal(f"{name}&p{place}"), literal)
+        for action, name in enumerate(CORRIDOR.actions)
+        for place in range(6)
+        for literal in complete(reading(moved(place, action))).nonzero()[0].tolist()
+    ]
+    return PocGraph.from_implications(len(names), found)
+
+
+def steps(graph: PocGraph, policy: Planner, place: int, most: int = 40) -> int:
+    """Return the steps it takes to the far end, or `most` if it does not arrive."""
+    for tick in range(most):
+        if place == 5:
+            return tick
+        here = np.zeros(2 * len(CORRIDOR.sensors), np.bool_)
+        here[: 2 * len(SENSORS)] = complete(reading(place))
+        place = moved(place, decided_by(graph, policy, tick, here)[0])
+    return most
+
+
+def test_where_greed_stays_for_ever_it_leaves_and_learns_the_shortest_way(
+    corridor: PocGraph,
+) -> None:
+    assert steps(corridor, Planner(CORRIDOR, TARGET, 0, explore=0.0), 1) == 40
+    experience = Experience(CORRIDOR)
+    taken = [
+        steps(corridor, Reflex(CORRIDOR, TARGET, 0, experience), 1) for _ in range(30)
+    ]
+    assert taken[0] < 40
+    # What it has raised by then it need not raise again.
+    assert taken[-1] == 4
+    again = Experience(CORRIDOR)
+    again.restore(experience.arrays())
+    assert list(again.raised.items()) == list(experience.raised.items()) != []
+    again.aim()
+    assert again.raised == {}
+
+
+def test_where_greed_arrives_it_does_the_same(corridor: PocGraph) -> None:
+    greedy = Planner(CORRIDOR, TARGET, 0, explore=0.0)
+    for policy in (greedy, Reflex(CORRIDOR, TARGET, 0, Experience(CORRIDOR))):
+        assert steps(corridor, policy, 4) == 1

@@ -1,70 +1,185 @@
-"""The policies by name, and what goes with which."""
+"""The policies by name: the walker, the excited agent, and what goes with which."""
 
+from collections import Counter
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
 from neurosnap.agent.planner import Planner
-from neurosnap.agent.policies import Excited, Walker, new_policy
+from neurosnap.agent.policies import (
+    EXPLORES,
+    KEEPS,
+    LOST,
+    SEEKS,
+    Excited,
+    Walker,
+    choose,
+    drives,
+    new_policy,
+)
 from neurosnap.agent.policy import AgentKind
 from neurosnap.errors import InvalidValueError
-from tests.support.deliberations import decided
+from tests.support.deliberations import asked, decided
 
-BODY = Body.full(["a", "b"], ["x", "y"])
-
-
-def test_each_is_had_by_its_name() -> None:
-    body = Body.full(["a", "better", "worse"], ["x"], [0, 1, 1])
-    assert isinstance(new_policy("walker", body, 0), Walker)
-    assert isinstance(new_policy("excited", body, 0), Excited)
-    assert isinstance(new_policy("planner", body, 0, target=["a"]), Planner)
-
-
-@pytest.mark.parametrize("kind", ["walker", "excited"])
-def test_only_a_planner_has_a_target(kind: AgentKind) -> None:
-    with pytest.raises(
-        InvalidValueError,
-        match=r"^target: must go with a planner (only|or an excited agent), got \('a',\)",
-    ):
-        new_policy(kind, BODY, 0, target=["a"])
+Bits = NDArray[np.bool_]
+BODY = Body.full(["a", "better", "worse"], ["x", "y"], [0, 1, 1])
+KINDS: dict[AgentKind, type] = {
+    "walker": Walker,
+    "excited": Excited,
+    "planner": Planner,
+}
 
 
-def test_a_planner_needs_one() -> None:
-    with pytest.raises(InvalidValueError, match=r"^target: must name a sensation"):
-        new_policy("planner", BODY, 0)
+def target_of(kind: AgentKind) -> dict[str, Any]:
+    return {"target": ["a"]} if kind == "planner" else {}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_each_is_had_by_its_name_and_acts_at_random_as_often_as_it_is_told(
+    kind: AgentKind,
+) -> None:
+    nothing = np.zeros(2 * len(BODY.sensors), np.bool_)
+    # x guarantees a and worse*, y nothing; a planner asks for its target, too.
+    x, wanted = nothing.copy(), nothing.copy()
+    x[[0, 5]], wanted[0] = True, True
+    answers = [x, nothing, wanted] if kind == "planner" else [x, nothing]
+    for explore, taken in ((0.0, {0}), (1.0, {0, 1})):
+        policy = new_policy(kind, BODY, 0, explore=explore, **target_of(kind))
+        assert type(policy) is KINDS[kind]
+        found = {decided(policy, tick, nothing, answers)[0] for tick in range(40)}
+        assert found == ({0, 1} if kind == "walker" else taken)
+
+
+@pytest.mark.parametrize(
+    ("kind", "body", "given", "rule"),
+    [
+        ("walker", BODY, {"target": ["a"]}, "target: must go with a planner"),
+        ("excited", BODY, {"target": ["a"]}, "target: must go with a planner"),
+        ("planner", BODY, {}, "target: must name a sensation to achieve, got"),
+        *(
+            (kind, BODY, {"explore": "planned", **target_of(kind)}, rule)
+            for kind in KINDS
+            for rule in ["explore: must go with a planner that imagines "]
+        ),
+        *(
+            (kind, BODY, {"explore": share, **target_of(kind)}, rule)
+            for kind in KINDS
+            for share in (-0.1, 1.1, np.nan)
+            for rule in ["explore: must be in [0, 1], got "]
+            if kind != "walker"
+        ),
+        *(
+            ("excited", Body.full(own, ["x"]), {}, rule)
+            for own in [("a",), ("better", "a"), ("worse",)]
+            for rule in ["agent excited: must have a world with the sensors better and"]
+        ),
+    ],
+)
+def test_what_does_not_go_together_is_refused(
+    kind: AgentKind, body: Body, given: dict[str, Any], rule: str
+) -> None:
+    with pytest.raises(InvalidValueError) as caught:
+        new_policy(kind, body, 0, **given)
+    assert str(caught.value).startswith(rule)
+
+
+# The walker ---------------------------------------------------------------------------
+
+
+def state(*literals: int, sensors: int = 4) -> Bits:
+    bits = np.zeros(2 * sensors, dtype=np.bool_)
+    bits[list(literals)] = True
+    return bits
+
+
+def walked(walker: Walker, tick: int) -> tuple[int, list[Any]]:
+    """Return what it does at a tick, and what it asks."""
+    here = state(0, 3, 5, 6)
+    return decided(walker, tick, here, [])[0], asked(walker, tick, here)
+
+
+def test_the_same_seed_walks_the_same_way_in_any_order() -> None:
+    one, other = Walker(3, 7), Walker(3, 7)
+    forwards = [walked(one, tick) for tick in range(1, 200)]
+    backwards = [walked(other, tick) for tick in range(199, 0, -1)]
+    assert backwards[::-1] == forwards
+
+
+def test_it_asks_for_one_literal_of_the_state_whatever_it_does() -> None:
+    walker, on = Walker(4, 11), [0, 3, 5, 6]
+    actions, questions = zip(
+        *(walked(walker, tick) for tick in range(400)), strict=True
+    )
+    places = [on.index(literal) for ((literal,),) in questions]
+    for drawn in (actions, places):
+        found = Counter(drawn)
+        assert set(found) == {0, 1, 2, 3}
+        assert min(found.values()) > 50
+    # From one stream, the question's place in the state would be the action.
+    assert places != list(actions)
+    assert asked(walker, 5, state()) == []
+
+
+def test_what_it_does_depends_on_no_state_and_no_answer() -> None:
+    walker = Walker(5, 3)
+    for tick in range(50):
+        plain = decided(walker, tick, state(0), [])
+        assert plain == decided(walker, tick, state(1, 2), [state(1, 2, 4)])
+
+
+@pytest.mark.parametrize("seed", [0, 2**63 - 1])
+def test_a_source_without_actions_gets_none(seed: int) -> None:
+    here = state(0)
+    no_action = (-1, "the source takes no actions")
+    assert decided(Walker(0, seed), 1, here, []) == no_action
 
 
 def test_a_walker_chooses_among_all_choices() -> None:
     body = Body.full(["a"], ["x", "y"], exclusive=False)
     policy = new_policy("walker", body, 1)
-    nothing = np.zeros(2 * len(body.sensors), np.bool_)
-    taken = {decided(policy, tick, nothing, [])[0] for tick in range(60)}
+    taken = {decided(policy, tick, state(0), [])[0] for tick in range(60)}
     assert taken == {0, 1, 2, 3}
 
 
-@pytest.mark.parametrize("kind", ["walker", "excited", "planner"])
-def test_only_who_imagines_plans_where_to_explore(kind: AgentKind) -> None:
-    body = Body.full(["a", "better", "worse"], ["x", "y"], [0, 1, 1])
-    given: dict[str, Any] = {"target": ["a"]} if kind == "planner" else {}
-    rule = r"^explore: must go with a planner that imagines .*, got 'planned'"
-    with pytest.raises(InvalidValueError, match=rule):
-        new_policy(kind, body, 0, explore="planned", **given)
+# The excited agent --------------------------------------------------------------------
+
+# Midpoints: twelve to pick by, so that 1, 2 or 3 options come up equally often, and ten
+# to explore by, so that a share in tenths is met exactly.
+PICKS = [(k + 0.5) / 12 for k in range(12)]
+EXPLORE = [(k + 0.5) / 10 for k in range(10)]
+GRID = [np.array([p, e, 0.9, 0.1]) for p, e in product(PICKS, EXPLORE)]
+FLAGS = [np.array(one) for one in product([False, True], repeat=3)]
 
 
-@pytest.mark.parametrize("kind", ["excited", "planner"])
-def test_the_share_of_random_actions_is_passed_on(kind: AgentKind) -> None:
-    body = Body.full(["a", "better", "worse"], ["x", "y"], [0, 1, 1])
-    target = ["a"] if kind == "planner" else []
-    nothing = np.zeros(2 * len(body.sensors), np.bool_)
-    # x guarantees worse* and a, y nothing.
-    x = nothing.copy()
-    x[[0, 5]] = True
-    wanted = nothing.copy()
-    wanted[0] = True
-    answers = [x, nothing, wanted] if kind == "planner" else [x, nothing]
-    for explore, taken in ((0.0, {0}), (1.0, {0, 1})):
-        policy = new_policy(kind, body, 0, target=target, explore=explore)
-        found = {decided(policy, tick, nothing, answers)[0] for tick in range(40)}
-        assert found == taken
+@pytest.mark.parametrize("explore", [0.0, 0.3, 1.0])
+def test_each_choice_comes_up_exactly_as_often_as_it_should(explore: float) -> None:
+    for possible, better, calm in product(FLAGS, repeat=3):
+        able = set(possible.nonzero()[0].tolist())
+        if not able:
+            continue  # of the choices, one can always be made
+        seeking = able & set(better.nonzero()[0].tolist())
+        keeping = able & set(calm.nonzero()[0].tolist())
+        random = round(explore * len(GRID))
+        expected: Counter[tuple[int, int]] = Counter()
+        parts = (
+            [(SEEKS, seeking, len(GRID))]
+            if seeking
+            else [(EXPLORES, able, random), (KEEPS, keeping, len(GRID) - random)]
+            if keeping
+            else [(LOST, able, len(GRID))]
+        )
+        for why, options, cases in parts:
+            for action in options:
+                expected[action, why] += cases // len(options)
+        found = Counter(
+            choose(possible, better, calm, explore, draws) for draws in GRID
+        )
+        assert found == +expected, (possible, better, calm)
+
+
+def test_the_drives_are_found_wherever_they_stand() -> None:
+    assert drives(Body(own=("worse", "a", "better"))) == (4, 1)
