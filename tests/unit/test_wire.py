@@ -243,3 +243,10 @@ def test_a_part_of_a_number_is_refused(size: int) -> None:
     expected = rf"^hops: must be four bytes a number, got {size}$"
     with pytest.raises(MessageError, match=expected):
         wire.numbers("hops", bytes(size))
+
+
+@pytest.mark.parametrize(("data", "count"), [(b"abc", 2), (b"abc", 0)])
+def test_rings_of_different_sizes_are_refused(data: bytes, count: int) -> None:
+    rule = rf"field: must hold {count} rings of the same size, got 3 bytes"
+    with pytest.raises(MessageError, match=rule):
+        wire.split_rings("field", data, count)

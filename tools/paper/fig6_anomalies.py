@@ -23,7 +23,7 @@ from tools.paper.fault_detection import (
     DetectionEntry,
     Judge,
 )
-from tools.paper.figure import Figure, FigureOptions, Report
+from tools.paper.figure import Figure, FigureOptions, Report, markdown
 from tools.paper.learners import DECAYS, LEAST
 from tools.paper.sensor_faults import FAULTS, PLACES
 
@@ -121,7 +121,7 @@ def report(options: FigureOptions, rows: Sequence[NDArray[Any]]) -> Report:
     return Report(
         columns=Score.__struct_fields__,
         rows=[_row(found) for found in scores],
-        lines=tuple(_markdown([*kinds, *whole])),
+        lines=markdown(_COLUMNS, map(_shown, [*kinds, *whole])),
     )
 
 
@@ -207,24 +207,19 @@ def _row(found: Score) -> list[object]:
     ]
 
 
-def _markdown(scores: Sequence[Score]) -> Iterable[str]:
-    """Yield the lines of a table for people."""
-    yield f"| {' | '.join(_COLUMNS)} |"
-    yield "|" + " --- |" * len(_COLUMNS)
-    for found in scores:
-        shares = (found.visible, found.recall, found.precision)
-        line = [
-            _learner(found.threshold, found.decay),
-            found.fault,
-            found.judge,
-            str(found.shown),
-            *map(_percent, shares),
-            "–" if found.false is None else f"{1000 * found.false:.3g}",
-            f"{_percent(found.caught)} of {found.episodes}",
-            "–" if found.delay is None else f"{found.delay:.2g}",
-            *map(_percent, (found.right, found.among)),
-        ]
-        yield f"| {' | '.join(line)} |"
+def _shown(found: Score) -> tuple[str, ...]:
+    """Return a row of the table for people."""
+    return (
+        _learner(found.threshold, found.decay),
+        found.fault,
+        found.judge,
+        str(found.shown),
+        *map(_percent, (found.visible, found.recall, found.precision)),
+        "–" if found.false is None else f"{1000 * found.false:.3g}",
+        f"{_percent(found.caught)} of {found.episodes}",
+        "–" if found.delay is None else f"{found.delay:.2g}",
+        *map(_percent, (found.right, found.among)),
+    )
 
 
 def _percent(share: float | None) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tools.paper.explorers import CHECKS
-from tools.paper.figure import Figure, FigureOptions, Report
+from tools.paper.figure import Figure, FigureOptions, Report, markdown
 from tools.paper.growing import (
     FALLS,
     FALSE,
@@ -98,7 +98,7 @@ def report(options: FigureOptions, rows: Sequence[NDArray[Any]]) -> Report:
     return Report(
         columns=("world", "learner", "run", "steps", "whole", "false", "grown", "used"),
         rows=_curves(pairs),
-        lines=tuple(_markdown(scores)),
+        lines=markdown(_COLUMNS, map(_shown, scores)),
     )
 
 
@@ -171,32 +171,23 @@ def _curves(
                 )
 
 
-def _markdown(scores: Sequence[Score]) -> Iterable[str]:
-    """Yield the lines of a table for people."""
-    yield f"| {' | '.join(_COLUMNS)} |"
-    yield "|" + " --- |" * len(_COLUMNS)
-    for found in scores:
-        learns = found.learner not in ("Q-learning", "Dyna-Q")
-        curve = (
-            f"{_range(found.whole)} of {found.moves}",
-            _range(found.after),
-            _range(found.grown),
-            _range(found.used),
-        )
-        line = (
-            found.world,
-            found.learner,
-            str(found.runs),
-            *(curve if learns else ("–",) * 4),
-            found.kind,
-            str(found.journeys),
-            str(found.reached),
-            str(found.shortest),
-            "–" if found.waves is None else f"{found.waves:.3g}",
-            "–" if found.falls is None else str(found.falls),
-            "–" if found.unforeseen is None else str(found.unforeseen),
-        )
-        yield f"| {' | '.join(line)} |"
+def _shown(found: Score) -> tuple[str, ...]:
+    """Return a row of the table for people."""
+    curve = (
+        f"{_range(found.whole)} of {found.moves}",
+        *map(_range, (found.after, found.grown, found.used)),
+    )
+    learns = found.learner not in ("Q-learning", "Dyna-Q")
+    return (
+        found.world,
+        found.learner,
+        str(found.runs),
+        *(curve if learns else ("–",) * 4),
+        found.kind,
+        *map(str, (found.journeys, found.reached, found.shortest)),
+        "–" if found.waves is None else f"{found.waves:.3g}",
+        *("–" if n is None else str(n) for n in (found.falls, found.unforeseen)),
+    )
 
 
 def _range(values: Sequence[int]) -> str:

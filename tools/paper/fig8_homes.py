@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from neurosnap.errors import InvalidValueError
 from neurosnap.health.budget import parse_budget
 from tools.paper.bootstrap import Interval, harmonic, median, ratio, score
-from tools.paper.figure import Figure, FigureOptions, Report
+from tools.paper.figure import Figure, FigureOptions, Report, markdown
 from tools.paper.homes.cases import (
     KINDS,
     SEGMENT_FIELDS,
@@ -54,7 +54,7 @@ def report(options: FigureOptions, rows: Sequence[NDArray[Any]]) -> Report:
     return Report(
         columns=_COLUMNS,
         rows=[(*row[:5], *(f"{value:.6g}" for value in row[5:])) for row in made],
-        lines=tuple(_markdown(made)),
+        lines=_shown(made),
     )
 
 
@@ -139,18 +139,20 @@ _MEASURES = {
 }
 
 
-def _markdown(rows: Iterable[Row]) -> Iterator[str]:
-    """Yield a table for people: a line each home, table, faults and measure."""
+def _shown(rows: Iterable[Row]) -> tuple[str, ...]:
+    """Return a table for people: a line each home, table, faults and measure."""
     tables: dict[tuple[str, str, str, str], dict[str, Interval]] = {}
     for home, table, faults, method, measure, value, low, high in rows:
         key = home, table, faults, measure
         tables.setdefault(key, {})[method] = value, low, high
     names = (*METHODS, "always alarm")
-    yield "| home | table | faults | measure | " + " | ".join(names) + " |"
-    yield "|" + " --- |" * (4 + len(names))
-    for of, by in tables.items():
-        told = [_told(by[name]) if name in by else "" for name in names]
-        yield "| " + " | ".join([*of, *told]) + " |"
+    return markdown(
+        ("home", "table", "faults", "measure", *names),
+        (
+            [*of, *(_told(by[name]) if name in by else "" for name in names)]
+            for of, by in tables.items()
+        ),
+    )
 
 
 def _told(interval: Interval) -> str:

@@ -96,6 +96,12 @@ class Figure:
     """Takes the rows of those entries, in the same order."""
 
 
+def markdown(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> tuple[str, ...]:
+    """Return the lines of a Markdown table for people."""
+    lines = (columns, ("---",) * len(columns), *rows)
+    return tuple(f"| {' | '.join(line)} |" for line in lines)
+
+
 def judged(claims: Sequence[Claim], steps: int) -> tuple[Claim, ...]:
     """Return the claims, those undecided for which so many steps are too few."""
     return tuple(

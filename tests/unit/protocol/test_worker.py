@@ -191,6 +191,13 @@ def test_a_wave_goes_along_the_wiring_it_was_announced_after() -> None:
     assert found == [{6: 0, 8: 1}, {6: 0}]
 
 
+def test_a_change_of_a_wiring_that_was_replaced_is_refused() -> None:
+    worker = wired((6, 8))
+    worker.receive([wire.WorkerWiring(ME, 2, 1, edges([(6, 10)]))])
+    (fault,) = worker.receive([wire.WorkerWiring(ME, 3, 1, edges([(6, 4)]))])
+    assert fault == wire.Fault("worker/1", "workerwiring: must build on epoch 2, got 1")
+
+
 def test_after_a_lost_frame_it_is_silent_until_wired_anew() -> None:
     worker = wired((6, 8))
     (fault,) = worker.receive([wire.WorkerWiring(ME, 3, 2, edges([(6, 10)]))])

@@ -1,6 +1,7 @@
 """Where a code changes, to the observation: worked out by hand."""
 
 import numpy as np
+import pytest
 
 from neurosnap.poc.learning.history import Newborn
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
@@ -9,18 +10,22 @@ A, B, C = 0, 2, 4
 """The literals that say that the sensors are on."""
 
 
-def test_a_limit_that_grows_past_the_exceptions_counts_at_once() -> None:
-    """At tick 63, where row 1 looks ahead, a without b came 7 times, and tau t is 6.3.
+@pytest.mark.parametrize("idle", [0, 64], ids="{} sensors are idle".format)
+def test_a_limit_that_grows_past_the_exceptions_counts_at_once(idle: int) -> None:
+    """At tick 63, where the row looks ahead, a was 7 times without b; tau t is 6.3.
 
-    Nothing speaks against it any more. At 71 the limit is 7.1, and a implies b.
+    Nothing speaks against it any more. At 71 the limit is 7.1, and a implies b. Where
+    the row has many idle pairs, this one is judged from a list meanwhile.
     """
     rows = [(1, 0)] * 7 + [(1, 1), (0, 0), (0, 1), (1, 1)] * 14
-    snapshot = EmpiricalSnapshot(2, threshold=0.1)
+    snapshot = EmpiricalSnapshot(2 + idle, threshold=0.1)
+    a, b = (A, B) if not idle else (2 * (1 + idle), A)
     implied = []
     for number in range(90):
-        row = rows[number] if number < len(rows) else (1, 1)
+        on, also = rows[number] if number < len(rows) else (1, 1)
+        row = (on, also) if not idle else (also, *[0] * idle, on)
         snapshot.observe(np.array(row, np.bool_))
-        implied.append(bool(snapshot.poc_graph().up([A])[B]))
+        implied.append(bool(snapshot.poc_graph().up([a])[b]))
     assert [tick for tick, holds in enumerate(implied, 1) if holds] == [*range(71, 91)]
 
 

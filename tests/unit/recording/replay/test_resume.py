@@ -12,6 +12,7 @@ from neurosnap.errors import RecordingError
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording, part_path
+from neurosnap.recording.replay import resume
 from neurosnap.recording.replay.resume import find_resume_point, restore, whole_ticks
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.rotation import SplitWriter
@@ -61,6 +62,20 @@ def test_it_goes_on_from_any_tick(log: Path, tick: int) -> None:
     record(driven, OPTIONS, log)
     _, past = find_resume_point(log, tick)
     assert (past.tick, past.resumed) == (tick, (tick,))
+
+
+@pytest.mark.parametrize(("last", "start"), [(20, 0), (21, 10), (40, 10), (41, 20)])
+def test_a_key_frame_counts_once_every_cell_has_reported_on_a_later_wave(
+    last: int, start: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A report on its own wave is no proof that nothing before it was lost."""
+    log = tmp_path / "log.mcap"
+    record(drive(OPTIONS, Scripted(ROWS)), OPTIONS, log)
+    recording = Recording.open(log)
+    last_waves = {"cell/0": 80, "cell/1": last}
+    monkeypatch.setattr(resume, "_reported", lambda _: last_waves)
+    found = resume._start(recording, None)
+    assert (0 if found is None else found.frame.tick) == start
 
 
 # In its last file ---------------------------------------------------------------------

@@ -6,12 +6,14 @@ import os
 import random
 from pathlib import Path
 
+import msgspec
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
 from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.sources.live.journal import (
+    Begin,
     Journal,
     JournalRow,
     cut,
@@ -85,6 +87,33 @@ def test_rows_are_read_again_by_whoever_comes_next(folder: Path) -> None:
     kept = read_journal(folder)
     assert kept.sensors == ("door", "motion")
     assert kept.rows == (row(1), row(2), row(3), JournalRow(4, b"\0", b"\3", True))
+
+
+def test_a_row_out_of_turn_ends_its_file() -> None:
+    begin = Begin(("door", "motion"), 1, -1)
+    written = [begin, row(1), row(3), row(4)]
+    data = b"".join(framed(msgspec.msgpack.encode(one)) for one in written)
+    assert [*decoded(data)] == [begin, row(1)]
+
+
+def test_rows_written_anew_take_the_place_of_those_that_were_there(
+    folder: Path,
+) -> None:
+    journal = written(folder, 5)
+    journal.restart(2, [row(9)])
+    journal.close()
+    assert numbers(folder) == [1, 2, 3]
+
+
+def test_what_was_done_is_known_once_its_file_is_deleted(folder: Path) -> None:
+    journal = written(folder, 200)
+    assert journal.begin_action(199)
+    for number in range(200, 600):
+        journal.write(row(number + 1))
+    journal.close()
+    cut(folder, 600)
+    assert numbers(folder)[0] == 513
+    assert read_journal(folder).acted == 199
 
 
 def test_only_the_owner_may_read_it(folder: Path) -> None:

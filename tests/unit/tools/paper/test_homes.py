@@ -171,6 +171,7 @@ def test_an_interval_holds_its_value_and_shrinks_with_cases() -> None:
     assert bootstrap.median(np.array([1.0, np.inf, 2.0]))[0] == 2.0
 
 
+@pytest.mark.exhaustive
 @pytest.mark.slow
 def test_a_figure_of_homes_has_every_table(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

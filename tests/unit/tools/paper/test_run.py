@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from neurosnap.errors import InvalidValueError
+from tests.support.exhaustive import rows
 from tools.paper.__main__ import main
 from tools.paper.figure import FigureOptions
 from tools.paper.run import FIGURES, run_figures
@@ -35,7 +36,7 @@ class Squares(Entry, frozen=True, kw_only=True):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("workers", [0, 2])
+@pytest.mark.parametrize("workers", rows([0], [2]))
 def test_an_entry_is_computed_once_and_whole_or_not_at_all(
     tmp_path: Path, workers: int
 ) -> None:
@@ -61,6 +62,7 @@ def test_an_entry_is_computed_once_and_whole_or_not_at_all(
     assert table.load(cell) is None
 
 
+@pytest.mark.exhaustive
 @pytest.mark.slow
 def test_a_figure_comes_with_its_picture_data_and_facts(tmp_path: Path) -> None:
     options = FigureOptions(
@@ -71,10 +73,10 @@ def test_a_figure_comes_with_its_picture_data_and_facts(tmp_path: Path) -> None:
     assert png.startswith(b"\x89PNG")
     assert svg.startswith(b"<?xml")
     assert pdf.startswith(b"%PDF")
-    rows = list(csv.DictReader(data.decode().splitlines()))
+    lines = list(csv.DictReader(data.decode().splitlines()))
     cells = FIGURES["learning-empirical"].cells(options)
     errors = np.stack([cells[0].row(run) for run in range(2)])
-    means = [float(row["mean"]) for row in rows[:40]]
+    means = [float(row["mean"]) for row in lines[:40]]
     assert means == pytest.approx(errors.mean(axis=0), rel=1e-5)
     told = msgspec.json.decode(facts)
     assert told["options"] == {"seed": 0, "runs": 2, "steps": 40, "truth": "contained"}

@@ -1,0 +1,23 @@
+"""The table of small bugs fits the source: it would be of no use after a change."""
+
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from tools.mutants.__main__ import HERE, Mutant, mutants
+
+ROWS = mutants([])
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.why)
+def test_a_row_fits_the_source(row: Mutant) -> None:
+    assert (HERE / row.file).read_text(encoding="utf-8").count(row.old) == 1
+    assert row.new != row.old
+    assert all((HERE / test.partition("::")[0]).exists() for test in row.tests)
+
+
+def test_no_bug_is_there_twice() -> None:
+    assert max(Counter(row.why for row in ROWS).values()) == 1
+    rooms = {Path(row.file).parts[1] for row in ROWS}
+    assert rooms >= {"agent", "poc", "protocol", "recording", "sources", "fabric"}
