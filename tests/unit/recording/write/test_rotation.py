@@ -174,6 +174,16 @@ def test_a_closing_decision_that_is_none_is_refused(log: Path) -> None:
 # Which are kept, what they are called -------------------------------------------------
 
 
+def test_a_file_ends_at_the_first_key_frame_behind_its_size(
+    whole: Path, messages: Sequence[Recorded], tmp_path: Path
+) -> None:
+    every = write(whole, tmp_path / "every.mcap", messages)
+    size = every[0].stat().st_size  # some half of it is there at a key-frame
+    for split, fewer in ((Split(int(0.43 * size)), False), (Split(size), True)):
+        paths = write(whole, tmp_path / f"{fewer}.mcap", messages, split=split)
+        assert (len(paths) < len(every)) == fewer
+
+
 def test_the_newest_are_kept(
     whole: Path, messages: Sequence[Recorded], log: Path
 ) -> None:
