@@ -136,8 +136,10 @@ def _copy(writer: Writer, files: Sequence[RecordingFile]) -> str:
 def _facts(recording: Recording) -> dict[str, str]:
     """Return what is written of the run."""
     facts = dict(recording.metadata)
-    if not recording.begins:
-        for name in _OF_ITS_FILE:
-            facts.pop(name, None)
+    first = recording.files[0]
+    for name in _OF_ITS_FILE:  # where the new file begins is where the first does
+        facts.pop(name, None)
+        if first.begins and name in first.metadata:
+            facts[name] = first.metadata[name]
     facts[SALVAGED] = recording.path.name
     return facts
