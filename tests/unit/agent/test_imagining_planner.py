@@ -93,13 +93,15 @@ def test_the_way_is_the_shortest(start: int, goal: int) -> None:
     assert Walk(goal).go(start, len(straight) - 1) == straight
 
 
-def test_a_plan_is_told_and_kept_without_another_wave() -> None:
+def test_a_plan_is_told_and_kept_without_another_wave_until_a_surprise() -> None:
     walk = Walk(5)
     assert walk.decide(2) == ("forward", "in 3: forward, forward, forward")
     asked = walk.asked
     assert walk.decide(3) == ("forward", "in 2: forward, forward")
     assert walk.decide(4) == ("forward", "in 1: forward")
     assert walk.asked == asked > 0
+    assert walk.decide(7) == ("back", "in 2: back, back")
+    assert walk.asked > asked
 
 
 def test_a_long_plan_is_not_told_whole() -> None:

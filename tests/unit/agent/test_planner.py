@@ -48,24 +48,10 @@ def decided(
     [
         pytest.param(
             ["b"],
-            [("x&a", "b"), ("y&a", "b*")],
-            ["a", "b*"],
-            ("x", "guarantees 1 of 2 subgoals (b)"),
-            id="it takes what guarantees the target",
-        ),
-        pytest.param(
-            ["b"],
             [("x&a", "b"), ("y&a", "b"), ("y&a", "a")],
             ["a", "b*"],
             ("y", "guarantees 2 of 2 subgoals (a, b)"),
             id="it counts what of the present is kept",
-        ),
-        pytest.param(
-            ["b"],
-            [("b", "a"), ("x&~a", "a")],  # a comes before b, and x leads to a
-            ["a*", "b*"],
-            ("x", "guarantees 1 of 2 subgoals (a)"),
-            id="what the target implies is wanted too",
         ),
         pytest.param(
             ["b"],
@@ -80,13 +66,6 @@ def decided(
             ["a", "b*"],
             ("x", "guarantees 1 of 3 subgoals (better)"),
             id="unless it is wanted",
-        ),
-        pytest.param(
-            ["b"],
-            [("b", "x"), ("y", "a")],  # that x is taken is nothing to be scored
-            ["a", "b*"],
-            ("y", "guarantees 1 of 2 subgoals (a)"),
-            id="its own actions are no subgoals",
         ),
         pytest.param(
             ["a", "b"],

@@ -8,10 +8,9 @@ import pytest
 
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.dual.cubing import Cubing
-from neurosnap.poc.dual.mask_dual import Counter
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.pocset import PocSet
-from tools.paper.spaces import chain, exclusive, grid, simple
+from tools.paper.spaces import chain, exclusive, simple
 
 
 def test_the_simple_example() -> None:
@@ -73,15 +72,6 @@ def test_a_dual_too_large_to_count_is_refused_with_an_estimate() -> None:
         cubing.vertices()
 
 
-def test_an_estimate_is_near_and_a_count_is_exact() -> None:
-    decided = {a: 1 << a | 1 << (a ^ 1) for a in range(20)}
-    assert Counter(decided).sized((1 << 20) - 1) == (1024, True)
-    rng = np.random.default_rng(1)
-    edges = [(2 * int(a), 2 * int(b) + 1) for a, b in rng.integers(0, 22, (22, 2))]
-    cubing = Cubing(PocSet(22, [e for e in edges if e[0] != e[1] ^ 1]))
-    assert sum(1 for _ in cubing.vertices()) == cubing.count()
-
-
 def test_equal_sensors_are_one_step_apart_together() -> None:
     cubing = Cubing(PocSet.parse("a, b, c : a = b*"))
     assert cubing.count() == 4
@@ -89,14 +79,6 @@ def test_equal_sensors_are_one_step_apart_together() -> None:
     assert cubing.distance([0, 3, 4], [1, 2, 4]) == 1
     assert cubing.minimal([0, 3, 4]).nonzero()[0].tolist() == [0, 3, 4]
     assert len(list(cubing.neighbours([0, 3, 4]))) == 2
-
-
-def test_the_median_of_the_grid() -> None:
-    """[GK] fig:median."""
-    example = grid()
-    cubing = Cubing(example.poc)
-    *three, median = example.marks()
-    assert (cubing.median(*three) == median).all()
 
 
 def test_convex_sets_are_values() -> None:
@@ -116,14 +98,6 @@ def test_convex_sets_are_values() -> None:
     assert half != "a"
     with pytest.raises(InvalidValueError, match=r"^convex set: must not be empty"):
         empty.first()
-
-
-def test_convex_sets_of_other_cubings_are_refused() -> None:
-    one, two = Cubing(PocSet(2)), Cubing(PocSet(2))
-    with pytest.raises(InvalidValueError, match=r"^convex set: must be of the same"):
-        one.project(two.convex_set([0]), [])
-    with pytest.raises(InvalidValueError, match=r"^convex set: must be of the same"):
-        one.convex_set([]) & two.convex_set([])
 
 
 @pytest.mark.parametrize(
@@ -174,19 +148,6 @@ def test_what_cannot_be_flipped_or_projected_to_is_refused() -> None:
         cubing.convex_hull([])
     with pytest.raises(ShapeError, match=r"^literals: must be \(4,\)"):
         cubing.convex_set(np.zeros(6, np.bool_))
-
-
-def test_a_state_leaves_some_vertices_possible() -> None:
-    """The state of an agent is coherent and may be incomplete: ``h(S)``."""
-    poc = PocSet.parse("a, b, c : a < b, b < c")
-    state = poc.graph.coherent_projection([0, 3, 4])
-    assert state.nonzero()[0].tolist() == [4]
-    possible = Cubing(poc).convex_set(state)
-    assert sorted(v.nonzero()[0].tolist() for v in possible) == [
-        [0, 2, 4],
-        [1, 2, 4],
-        [1, 3, 4],
-    ]
 
 
 def test_the_dual_of_nothing_is_a_point() -> None:

@@ -26,11 +26,6 @@ def test_points_show_vertices_and_vertices_have_witnesses() -> None:
     assert repr(shown) == "Realization(2 sensors over 4 points)"
 
 
-def test_points_that_show_the_same_are_one_vertex() -> None:
-    shown = Realization([[0, 1, 1]])
-    assert [v.tolist() for v in shown.vertices()] == [[False, True], [True, False]]
-
-
 def test_a_broken_relation_is_named_and_its_points_leave_the_dual() -> None:
     """[GK] defn:punctured dual: consistent vertices that are in the dual."""
     shown = Realization(FIELDS, ["a", "b"])
@@ -41,11 +36,6 @@ def test_a_broken_relation_is_named_and_its_points_leave_the_dual() -> None:
     assert shown.punctured(believed).face_vector() == (3, 2)
     with pytest.raises(InvalidValueError, match=r"^poc set: must be on \['a', 'b'\]"):
         shown.breaks(PocSet.parse("a, c"))
-
-
-def test_equal_sensors_are_one_direction() -> None:
-    shown = Realization([[0, 1], [0, 1], [1, 0]])
-    assert shown.punctured().face_vector() == (2, 1)
 
 
 def test_fields_cannot_be_changed() -> None:

@@ -8,7 +8,6 @@ import pytest
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
-from neurosnap.poc.order.pocset import PocSet
 
 Kind: TypeAlias = type[EmpiricalSnapshot] | type[DiscountedSnapshot]
 KINDS = pytest.mark.parametrize("kind", [EmpiricalSnapshot, DiscountedSnapshot])
@@ -30,35 +29,6 @@ def see(
 
 
 @KINDS
-def test_an_unknown_sensor_is_in_the_state_as_what_the_known_imply(kind: Kind) -> None:
-    snapshot = kind(3, 0.1)
-    for first, second in BELOW * 40:
-        snapshot.observe([first, second, 0])
-        snapshot.observe([first, second, 1])
-    assert snapshot.poc_graph().implications(snapshot.sensorium) == [("s0", "s1")]
-    state = snapshot.observe([1, 0, 0], known=[True, False, False])
-    assert state.nonzero()[0].tolist() == [0, 2]
-    assert (snapshot.state == state).all()
-    state = snapshot.observe([0, 0, 0], known=[True, False, False])
-    assert state.nonzero()[0].tolist() == [1]
-
-
-@KINDS
-def test_only_the_clock_grows_when_nothing_is_known(kind: Kind) -> None:
-    snapshot = kind(3, 0.25)
-    for bits in [(0, 0, 0), (0, 1, 1), (1, 1, 0)] * 9:
-        snapshot.observe(bits)
-    graph = snapshot.poc_graph()
-    before = [snapshot.weight(a, b) for a, b in [(0, 2), (0, 3), (1, 2), (1, 3)]]
-    assert not snapshot.learn([1, 1, 1], known=[False] * 3)
-    assert snapshot.clock == 28
-    assert snapshot.poc_graph() is graph
-    after = [snapshot.weight(a, b) for a, b in [(0, 2), (0, 3), (1, 2), (1, 3)]]
-    assert after == before
-    assert not snapshot.observe([1, 1, 1], known=[False] * 3).any()
-
-
-@KINDS
 def test_a_snapshot_takes_more_room_from_the_first_unknown_reading_on(
     kind: Kind,
 ) -> None:
@@ -69,16 +39,6 @@ def test_a_snapshot_takes_more_room_from_the_first_unknown_reading_on(
     snapshot.learn([1, 0, 1])
     assert snapshot.arrays()["squares"].shape == (4, 3)
     assert "joints" not in snapshot.arrays()
-
-
-@KINDS
-@pytest.mark.parametrize("sensors", [0, 1])
-def test_few_sensors_may_be_unknown_too(kind: Kind, sensors: int) -> None:
-    snapshot = kind(sensors, np.full((sensors, sensors), 0.1))
-    state = snapshot.observe([True] * sensors, [False] * sensors)
-    assert state.tolist() == [False, False] * sensors
-    assert kind.from_bytes(snapshot.to_bytes()).to_bytes() == snapshot.to_bytes()
-    assert snapshot.clock == 1
 
 
 @KINDS
@@ -171,46 +131,3 @@ def test_a_long_memory_is_read_back_all_the_same() -> None:
     assert snapshot.weight(0, 2) == 1 - 2**-14
     twin = DiscountedSnapshot.from_bytes(snapshot.to_bytes())
     assert twin.weight(0, 2) == 1 - 2**-14
-
-
-def test_a_sensor_read_once_says_nothing_of_those_read_often() -> None:
-    snapshot = EmpiricalSnapshot(3, 0.1)
-    for first, second in BELOW * 10:
-        snapshot.learn([first, second, 0], known=[True, True, False])
-    snapshot.learn([1, 0, 1])  # an exception, of one in thirty-one
-    graph = snapshot.poc_graph()
-    assert graph.implications(snapshot.sensorium) == [("s0", "s1")]
-    for seen, (first, second) in enumerate(BELOW * 3, 2):
-        assert snapshot.evidence(2, 4).holds == (seen > 10)
-        snapshot.learn([first, second, second])
-    assert snapshot.evidence(2, 4).total == 10
-    assert snapshot.evidence(2, 4).holds
-
-
-def test_pairs_known_apart_may_form_a_cycle() -> None:
-    snapshot = EmpiricalSnapshot(3, 0.25)
-    for i, j in [(0, 1), (1, 2), (2, 0)]:
-        see(snapshot, i, j, BELOW * 2)
-    graph = snapshot.poc_graph(equivalences=False)
-    assert graph.edges[[0, 2, 4], [2, 4, 0]].all()
-    assert graph.classes() == [(0, 2, 4), (1, 3, 5)]
-    assert graph.height() == 0
-    # What a sensor weighs depends on which other it is weighed with.
-    assert snapshot.weight(0, 2) + snapshot.weight(0, 3) == 2
-    assert snapshot.weight(0, 4) + snapshot.weight(0, 5) == 4
-
-
-def test_a_literal_may_be_equivalent_to_its_own_complement() -> None:
-    snapshot = EmpiricalSnapshot(4, 0.25)
-    see(snapshot, 0, 1, SAME * 2)
-    see(snapshot, 1, 2, SAME * 2)
-    see(snapshot, 0, 2, OPPOSITE * 2)
-    see(snapshot, 0, 3, [(1, 1), (1, 0), (0, 1), (0, 0)])
-    graph = snapshot.poc_graph()
-    assert graph.classes() == [(0, 1, 2, 3, 4, 5)]
-    assert not graph.is_coherent([0])
-    state = snapshot.observe([1, 1, 1, 1], known=[True, False, False, True])
-    assert state.nonzero()[0].tolist() == [6]
-    rule = "^literal: must not be equivalent to its own complement, got 0$"
-    with pytest.raises(InvalidValueError, match=rule):
-        PocSet.from_graph(graph)

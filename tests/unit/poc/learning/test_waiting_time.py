@@ -118,39 +118,6 @@ def test_an_implication_is_learned_after_exactly_so_many_observations(
     assert expected - 1 <= math.log(tau) / math.log(decay) < expected
 
 
-@given(
-    st.floats(0.3, 0.95),
-    st.floats(0.001, 0.25),
-    st.lists(st.sampled_from(SCHEDULE), max_size=60),
-)
-def test_whatever_else_is_seen_it_is_not_learned_sooner(
-    decay: float, tau: float, seen: list[tuple[int, int]]
-) -> None:
-    snapshot = largest(decay, tau)
-    bound = math.log(tau) / math.log(decay)
-    for count, bits in enumerate(seen, 1):
-        snapshot.learn(bits)
-        if has(snapshot, B, A):
-            break  # the converse takes weight from w_ab*, see below
-        assert snapshot.weight(A, B ^ 1) >= decay**count - 1e-9 or has(snapshot, A, B)
-        if has(snapshot, A, B):
-            assert count > bound - 1e-9
-            break
-
-
-def test_with_its_converse_on_record_an_implication_is_learned_sooner() -> None:
-    """Here the paper's bound is loose: truncating ``b -> a`` drains ``w_ab*`` too."""
-    decay, tau = 0.95, 0.25
-    snapshot, count = largest(decay, tau), 8
-    for bits in [BOTH] * 4 + [NEITHER] * 4:
-        snapshot.learn(bits)
-    assert has(snapshot, B, A)
-    while not has(snapshot, A, B):
-        snapshot.learn(ONLY_B)
-        count += 1
-    assert count < math.log(tau) / math.log(decay) - 5
-
-
 @given(st.floats(0.3, 0.999), st.floats(1e-4, 0.25), st.floats(0, 1))
 def test_the_wait_is_the_least_that_is_enough(
     decay: float, tau: float, weight: float
@@ -158,22 +125,6 @@ def test_the_wait_is_the_least_that_is_enough(
     count = to_learn(tau, decay, weight)
     assert decay**count * weight < tau
     assert count == 0 or decay ** (count - 1) * weight >= tau
-
-
-@pytest.mark.parametrize(
-    ("decay", "tau"),
-    # Below three, a weight not seen yet ties with w_ab*.
-    [g for g in GRID if quiet(*g) and to_learn(g[1], g[0], 0.25) >= 3],
-)
-def test_a_new_snapshot_waits_less_as_it_starts_with_a_quarter(
-    decay: float, tau: float
-) -> None:
-    snapshot, count = DiscountedSnapshot(2, tau, decay), 0
-    # A quarter is no less than tau, so it waits at least once.
-    while not has(snapshot, A, B):
-        snapshot.learn(SCHEDULE[count % 3])
-        count += 1
-    assert count == to_learn(tau, decay, 0.25) < to_learn(tau, decay)
 
 
 @pytest.mark.parametrize(
@@ -210,21 +161,3 @@ def test_an_implication_lasts_exactly_so_many_observations_against_it(
         assert expected == bound == 1
     elif 1 - decay > tau or math.log1p(converse) > -math.log(decay) * bound:
         assert expected > bound
-
-
-def test_with_a_light_converse_an_implication_is_given_up_sooner() -> None:
-    """Here ``tau / (1 - q)`` is not necessary: the smallest weight is another one."""
-    decay, tau = 0.99, 0.25
-    snapshot = recorded(decay, tau, 0.01)
-    snapshot.learn(ONLY_A)
-    assert not has(snapshot, A, B)
-    assert tau / (1 - decay) > 24
-
-
-def test_more_than_tau_over_one_minus_q_need_not_be_enough() -> None:
-    """Nor is it sufficient: what is on record is put back to 0 at every step."""
-    decay, tau = 0.99, 0.05
-    snapshot = recorded(decay, tau, 0.9)
-    for _ in range(math.ceil(tau / (1 - decay)) + 10):
-        snapshot.learn(ONLY_A)
-    assert has(snapshot, A, B)
