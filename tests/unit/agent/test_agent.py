@@ -111,28 +111,17 @@ class TestActing:
 
 
 class TestConsequences:
-    def test_what_was_learned_is_foreseen_by_name_and_by_number(self) -> None:
-        body = Body.full(["a"], ["x", "y"])
-        acting = Agent(body, Walker(2, 3))
-        for _ in range(200):  # x switches the sensor on, y switches it off
-            action = acting.decision.action
-            acting.act([action == 0])
-        literal = Sensorium(body.sensors).literal
-        for name, number, leads, not_to in (("x", 0, "a", "a*"), ("y", 1, "a*", "a")):
-            bound = acting.consequences(name)
-            assert bound.shape == (2 * len(body.sensors),)
-            assert bound[literal(leads)]
-            assert not bound[literal(not_to)]
-            assert (bound == acting.consequences(number)).all()
-
-    def test_a_name_among_free_actions_is_that_action_alone(self) -> None:
-        body = Body.full(["a"], ["x", "y", "z"], exclusive=False)
+    @pytest.mark.parametrize("exclusive", [True, False])
+    def test_an_action_goes_by_its_name_and_by_its_number(
+        self, exclusive: bool
+    ) -> None:
+        body = Body.full(["a"], ["x", "y", "z"], exclusive=exclusive)
         acting = Agent(body, Walker(8, 0))
         literal = Sensorium(body.sensors).literal
-        for name, number in (("x", 0b001), ("y", 0b010), ("z", 0b100)):
-            expected = {
-                literal(one if one == name else f"{one}*") for one in body.actions
-            }
+        for place, name in enumerate(body.actions):
+            others = {literal(f"{one}*") for one in body.actions if one != name}
+            expected = {literal(name)} | (set() if exclusive else others)
+            number = place if exclusive else 1 << place
             assert as_set(acting.consequences(name)) == expected
             assert as_set(acting.consequences(number)) == expected
 

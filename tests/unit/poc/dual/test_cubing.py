@@ -98,15 +98,18 @@ def test_convex_sets_are_values() -> None:
     assert half != "a"
     with pytest.raises(InvalidValueError, match=r"^convex set: must not be empty"):
         empty.first()
+    other = Cubing(PocSet(2)).convex_set([])
+    mixed: list[Any] = [lambda: cubing.project(other, []), lambda: half & other]
+    for mix in mixed:
+        with pytest.raises(
+            InvalidValueError, match=r"^convex set: must be of the same"
+        ):
+            mix()
 
 
 @pytest.mark.parametrize(
     ("u", "message"),
     [
-        (
-            [0, 1, 2],
-            "u: must be a *-selection, without a literal and its complement, got",
-        ),
         ([0], "u: must be complete, with one literal of every sensor, got"),
         (
             [0, 3],

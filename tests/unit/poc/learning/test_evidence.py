@@ -4,7 +4,6 @@ from typing import TypeAlias
 
 import pytest
 
-from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
 from neurosnap.poc.learning.pairs import Evidence
 
@@ -41,12 +40,3 @@ def test_a_snapshot_that_saw_nothing_has_no_evidence(kind: Kind) -> None:
     assert not found.holds
     assert found.since == 0
     assert found.both == found.neither == found.other == found.against
-
-
-def test_evidence_is_of_a_proper_pair() -> None:
-    snapshot = EmpiricalSnapshot(2)
-    rule = r"^pair: must be of two sensors, got \(0, 1\)$"
-    with pytest.raises(InvalidValueError, match=rule):
-        snapshot.evidence(0, 1)
-    with pytest.raises(InvalidValueError, match=r"^a: must be a literal, .* got 4$"):
-        snapshot.evidence(4, 0)

@@ -133,10 +133,11 @@ def test_a_decay_is_a_number_and_sensors_are_counted() -> None:
 def test_a_weight_is_of_a_proper_pair() -> None:
     snapshot = EmpiricalSnapshot(2)
     rule = r"^pair: must be of two sensors, got \(0, 1\)$"
-    with pytest.raises(InvalidValueError, match=rule):
-        snapshot.weight(0, 1)
-    with pytest.raises(InvalidValueError, match=r"^b: must be a literal, .* got 4$"):
-        snapshot.weight(0, 4)
+    for of in (snapshot.weight, snapshot.evidence):
+        with pytest.raises(InvalidValueError, match=rule):
+            of(0, 1)
+        with pytest.raises(InvalidValueError, match=r"^b: must be a literal, .* got 4"):
+            of(0, 4)
     assert type(snapshot.weight(0, 2)) is int
     assert type(DiscountedSnapshot(2).weight(0, 2)) is float
 

@@ -6,7 +6,7 @@ of the square have a say as well, and truncation moves weight between them:
 - To learn: with ``w_ab* = 1`` at first, no implication ``b -> a`` on record meanwhile
   and the other weights above the threshold in time, `to_learn` is exact. While
   ``b -> a`` is on record, each truncation takes what it takes from ``w_a*b`` from
-  ``w_ab*`` too, and the wait may be shorter.
+  ``w_ab*`` too, and the wait may be shorter than the paper's ``log tau / log q``.
 - To unlearn: ``w_ab*`` is put back to 0 at every step that leaves ``a -> b`` on record,
   so it never gathers. If ``1 - q >= tau``, one observation of ``a b*`` is enough. If
   not, the implication lasts until ``w_a*b`` has run out, which takes
@@ -21,8 +21,6 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from neurosnap.poc.learning.kinds import DiscountedSnapshot
 from tools.paper.fig2_discounted import to_learn
@@ -101,10 +99,7 @@ def quiet(decay: float, tau: float) -> bool:
 def test_an_implication_is_learned_after_exactly_so_many_observations(
     decay: float, tau: float
 ) -> None:
-    """The paper's ``log tau / log q`` is necessary, and the next whole number enough.
-
-    Where a step weighs less than tau this is loose: see the test on the converse.
-    """
+    """The paper's ``log tau / log q`` is needed, and the next whole number enough."""
     snapshot = largest(decay, tau)
     expected = to_learn(tau, decay)
     for count, bits in enumerate(itertools.cycle(SCHEDULE), 1):
@@ -116,15 +111,6 @@ def test_an_implication_is_learned_after_exactly_so_many_observations(
         if count == expected:
             break
     assert expected - 1 <= math.log(tau) / math.log(decay) < expected
-
-
-@given(st.floats(0.3, 0.999), st.floats(1e-4, 0.25), st.floats(0, 1))
-def test_the_wait_is_the_least_that_is_enough(
-    decay: float, tau: float, weight: float
-) -> None:
-    count = to_learn(tau, decay, weight)
-    assert decay**count * weight < tau
-    assert count == 0 or decay ** (count - 1) * weight >= tau
 
 
 @pytest.mark.parametrize(

@@ -50,6 +50,7 @@ def test_the_worked_example_of_generators_and_relations() -> None:
         (6, 5),
     ]
     assert (poc.name(6), poc.name(7), poc.name(5)) == ("0", "1", "c*")
+    assert poc.height() == 1  # without the bounds
 
 
 def test_lists_say_the_same_by_name_and_by_number() -> None:
