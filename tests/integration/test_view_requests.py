@@ -171,20 +171,6 @@ async def test_it_listens_on_loopback_alone(path_log: Path) -> None:
             other.bind(("127.0.0.2", address.port))
 
 
-async def test_a_broken_recording_says_where_it_ends(
-    path_log: Path, tmp_path: Path
-) -> None:
-    small = in_chunks(path_log, tmp_path / "small.mcap", 2000)
-    data = small.read_bytes()
-    small.write_bytes(data[: len(data) // 2])
-    async with served(small) as address:
-        _, body = await get(address, "/api/run")
-    run = msgspec.json.decode(body, type=api.Run)
-    assert 0 < run.ticks < TICKS
-    assert run.cut is not None
-    assert "cut short after" in run.cut
-
-
 async def test_who_fails_while_serving_leaves_nothing_listening(path_log: Path) -> None:
     # The second listens on the descriptor that the first has let go.
     for _ in range(2):

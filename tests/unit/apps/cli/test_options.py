@@ -1,5 +1,6 @@
 """Flags go before a file that describes a run, where they were given."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -209,18 +210,20 @@ def test_another_broker_is_told_nothing_that_is_for_the_one_in_the_file(
     assert other.broker == broker
 
 
-@pytest.mark.parametrize("given", ["::1", "[::1]:1883", ":1883", "h:", "h:x", "a:b:1"])
-def test_what_is_no_host_and_port_is_refused(file: Path, given: str) -> None:
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("h:99999", "port: must be in [1, 655"),
+        *(
+            (given, "must be embedded, HOST or HOST:PORT, got ")
+            for given in ("::1", "[::1]:1883", ":1883", "h:", "h:x", "a:b:1")
+        ),
+    ],
+)
+def test_what_is_no_host_and_port_is_refused(file: Path, given: str, said: str) -> None:
     file.write_text(HOME)
-    rule = r"^broker: must be embedded, HOST or HOST:PORT, got "
-    with pytest.raises(InvalidValueError, match=rule):
+    with pytest.raises(InvalidValueError, match=f"^{re.escape(f'broker: {said}')}"):
         made(file, "--broker", given)
-
-
-def test_what_is_wrong_with_another_broker_is_told_by_the_flag(file: Path) -> None:
-    file.write_text(HOME)
-    with pytest.raises(InvalidValueError, match=r"^broker: port: must be in \[1, 655"):
-        made(file, "--broker", "h:99999")
 
 
 def test_a_flag_is_called_what_it_is_on_the_command_line(file: Path) -> None:
@@ -240,11 +243,3 @@ def test_a_source_needs_no_file(file: Path) -> None:
         2,
         "empirical",
     )
-    with pytest.raises(InvalidValueError, match=r"^source: must be a file that can be"):
-        made("none.csv")
-    with pytest.raises(InvalidValueError, match=r"arguments: must not be given for a"):
-        made("a.csv", "--set", "x=1")
-    with pytest.raises(
-        InvalidValueError, match=r"^out: must be in a folder that exists"
-    ):
-        made("neurosnap/Path-v0", "--out", "no/a.mcap")

@@ -166,18 +166,6 @@ def test_sensors_are_grown_as_the_file_says(file: Path) -> None:
 # What goes before the file ------------------------------------------------------------
 
 
-def test_what_is_given_besides_goes_before_the_file(file: Path) -> None:
-    text = f"{WORLD}[snapshot]\nkind = 'discounted'\nthreshold = 0.7\n"
-    given = {
-        "snapshot__threshold": 0.1,
-        "run__ticks": 4,
-        "source__arguments__wait": True,
-    }
-    options = prepared(file, text, **given).options
-    assert (options.threshold, options.decay, options.ticks) == (0.1, None, 4)
-    assert options.arguments == {"places": 6, "wait": True}
-
-
 def test_what_is_wrong_with_it_has_no_line_but_a_name(file: Path) -> None:
     write(file, f"{WORLD}[agent]\nexplore = 3\n")
     overrides = {
@@ -263,10 +251,24 @@ def test_the_schema_is_printed() -> None:
 # Where it is recorded -----------------------------------------------------------------
 
 
-def test_a_recording_gets_a_name_of_its_source(tmp_path: Path) -> None:
-    assert new_path("neurosnap/Path-v0").match("logs/path-*-*.mcap")
-    assert new_path("a/b.csv", tmp_path).match("b-*.mcap")
-    assert new_path("", tmp_path).match("run-*.mcap")
+@pytest.mark.parametrize(
+    ("source", "name"),
+    [
+        ("neurosnap/Path-v0", "path"),
+        ("", "run"),
+        ("mqtt:", "mqtt"),
+        ("-", "stdin"),
+        ("gymnasium:CartPole-v1", "gymnasium-cartpole-v1"),
+        ("a/Größe 2: <neu>?.csv", "größe-2-neu"),
+        ("x" * 300, "x" * 60),
+    ],
+)
+def test_a_recording_has_a_name_that_can_be_copied_anywhere(
+    tmp_path: Path, source: str, name: str
+) -> None:
+    assert new_path(source).parent == Path("logs")
+    stem, _, _ = new_path(source, tmp_path).name.rsplit("-", 3)[0].partition(".")
+    assert stem == name
     assert not list(tmp_path.iterdir())
 
 

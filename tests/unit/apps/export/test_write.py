@@ -8,7 +8,6 @@ import resource
 import signal
 import sys
 from pathlib import Path
-from typing import Any
 
 import networkx
 import numpy as np
@@ -17,6 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from neurosnap import wire
+from neurosnap.agent.body import Body
 from neurosnap.apps.export.write import Form, export
 from neurosnap.errors import InvalidValueError, NeurosnapError, RecordingError
 from neurosnap.recording.read.recording import Recording, part_paths
@@ -24,16 +24,36 @@ from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.recording.write.rotation import Split
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.parts import recorder_process
-from neurosnap.sources.csv_source import CsvSource
-from tests.support.export_runs import NAMES, TICKS, recorded, rows
+from tests.support.inline_runs import (
+    ACTIONS,
+    implying_rows,
+    record_scripted,
+    scripted_options,
+)
+from tests.support.scripted_sources import Scripted
 
+TICKS = 40
+NAMES = ("depth", "front.door", 'a "b" & c')
 FORMS: tuple[Form, ...] = ("csv", "parquet", "graphml")
 
 
+def recorded(log: Path) -> Path:
+    """Record a run in this process, of which not all is read."""
+    options = scripted_options(
+        TICKS,
+        body=Body.full(NAMES, ACTIONS),
+        keyframe_every=10,
+        watch=True,
+        support=1,
+    )
+    return record_scripted(
+        Scripted(implying_rows(TICKS, 5, 0.2), ACTIONS), options, log
+    )
+
+
 @pytest.fixture(scope="module")
-def known(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("known")
-    return recorded(folder / "log.mcap", unknown=False, acts=False)
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return recorded(tmp_path_factory.mktemp("run") / "log.mcap")
 
 
 def table(path: Path) -> list[dict[str, str]]:
@@ -128,19 +148,6 @@ def test_large_tables_are_written_in_groups(
     assert pq.ParquetFile(tmp_path / "many.parquet").num_row_groups > 3
     one, many = (pq.read_table(tmp_path / f"{n}.parquet") for n in ("one", "many"))
     assert one.equals(many)
-
-
-def test_what_is_exported_with_only_readings_is_a_source(
-    known: Path, tmp_path: Path
-) -> None:
-    export(known, "csv", tmp_path / "out.csv", only_readings=True)
-    source = CsvSource(str(tmp_path / "out.csv"))
-    assert source.sensors == NAMES
-    shown = [source.first().bits.tolist()]
-    while (reading := source.step(-1)) is not None:
-        shown.append(reading.bits.tolist())
-    source.close()
-    assert shown == rows(unknown=False)
 
 
 @pytest.mark.parametrize("at", [None, 0, 7])
@@ -299,27 +306,6 @@ def test_what_somebody_dead_left_is_in_nobodys_way(log: Path, tmp_path: Path) ->
     left.chmod(0o444)
     export(log, "csv", tmp_path / "out.csv")
     assert [path.name for path in tmp_path.iterdir()] == ["out.csv"]
-
-
-@pytest.mark.parametrize(
-    ("form", "given", "said"),
-    [
-        ("csv", {"at": 3}, r"^at: must go with a file .graphml, got 3$"),
-        (
-            "parquet",
-            {"only_readings": True},
-            r"^only-readings: must go with a file .csv",
-        ),
-        ("graphml", {"at": TICKS + 1}, rf"^tick: must be in \[0, {TICKS}\], got"),
-    ],
-)
-def test_options_that_do_not_fit_are_refused(
-    log: Path, tmp_path: Path, form: Form, given: dict[str, Any], said: str
-) -> None:
-    out = tmp_path / "out"
-    with pytest.raises(InvalidValueError, match=said):
-        export(log, form, out, **given)
-    assert not out.exists()
 
 
 @pytest.mark.parametrize("form", FORMS)

@@ -299,14 +299,6 @@ def test_a_summary_that_is_wrong_is_said_to_be(path_log: Path, tmp_path: Path) -
     assert run_view.frames(1, TICKS) == RunView(path_log).frames(1, TICKS)
 
 
-@pytest.mark.parametrize("content", [b"", b"tick,a\n1,0\n", b"\x89MCAP0\r\n"])
-def test_what_is_no_recording_is_refused(tmp_path: Path, content: bytes) -> None:
-    log = tmp_path / "no.mcap"
-    log.write_bytes(content)
-    with pytest.raises(RecordingError):
-        RunView(log)
-
-
 def test_a_growing_recording_is_followed(small: bytes, tmp_path: Path) -> None:
     data, growing = small, tmp_path / "growing.mcap"
     growing.write_bytes(data[: len(data) // 4])
