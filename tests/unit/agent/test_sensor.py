@@ -23,10 +23,6 @@ def second(pair: tuple[int, int]) -> int:
     return pair[1]
 
 
-def names(sensors: tuple[Sensor, ...]) -> list[str]:
-    return [sensor.name for sensor in sensors]
-
-
 @given(
     orders=st.lists(st.integers(0, 4), max_size=5),
     walks=st.lists(st.lists(st.integers(0, 3), min_size=1, max_size=8), max_size=3),
@@ -135,29 +131,6 @@ def test_a_trajectory_wants_sensors_of_different_names() -> None:
     wrong: Any = [len]
     with pytest.raises(InvalidValueError, match=r"^sensors: must each be a Sensor"):
         Trajectory(wrong)
-
-
-def test_thresholds_are_a_chain() -> None:
-    chain = thresholds("x", [1, 2.5, 4], of=second)
-    assert names(chain) == ["x<1", "x<2.5", "x<4"]
-    readings = [[sensor((9, x)) for sensor in chain] for x in range(5)]
-    assert readings == [
-        [True, True, True],
-        [False, True, True],
-        [False, True, True],
-        [False, False, True],
-        [False, False, False],
-    ]
-
-
-def test_one_hot_sensors_exclude_each_other() -> None:
-    sensors = one_hot("letter", "abc")
-    assert names(sensors) == ["letter=a", "letter=b", "letter=c"]
-    assert [[s(letter) for s in sensors] for letter in "bcz"] == [
-        [False, True, False],
-        [False, False, True],
-        [False, False, False],
-    ]
 
 
 @given(st.integers(), st.integers())

@@ -72,15 +72,6 @@ def test_a_dual_too_large_to_count_is_refused_with_an_estimate() -> None:
         cubing.vertices()
 
 
-def test_equal_sensors_are_one_step_apart_together() -> None:
-    cubing = Cubing(PocSet.parse("a, b, c : a = b*"))
-    assert cubing.count() == 4
-    assert cubing.face_vector() == (4, 4, 1)
-    assert cubing.distance([0, 3, 4], [1, 2, 4]) == 1
-    assert cubing.minimal([0, 3, 4]).nonzero()[0].tolist() == [0, 3, 4]
-    assert len(list(cubing.neighbours([0, 3, 4]))) == 2
-
-
 def test_convex_sets_are_values() -> None:
     cubing = Cubing(PocSet.parse("a, b, c : a < b"))
     half = cubing.halfspace("a")

@@ -51,11 +51,6 @@ def test_fields_cannot_be_changed() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (
-            ([[1, 0], [1]],),
-            "field of s1: must have 2 points as the first has, got (1,)",
-        ),
-        ((FIELDS, ["a"]), "fields: must be 1, one a sensor, got 2"),
         ((FIELDS, None, ["x"]), "points: must be 4, one a column, got 1"),
         ((FIELDS, None, list("xxyz")), "points: must have different names, got"),
     ],

@@ -12,21 +12,6 @@ from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
 Kind: TypeAlias = type[EmpiricalSnapshot] | type[DiscountedSnapshot]
 KINDS = pytest.mark.parametrize("kind", [EmpiricalSnapshot, DiscountedSnapshot])
 
-BELOW = [(1, 1), (0, 1), (0, 0)]
-SAME = [(1, 1), (0, 0)]
-OPPOSITE = [(1, 0), (0, 1)]
-
-
-def see(
-    snapshot: EmpiricalSnapshot, i: int, j: int, pairs: list[tuple[int, int]]
-) -> None:
-    """Observe two sensors, and no other."""
-    for pair in pairs:
-        bits, known = np.zeros((2, len(snapshot.sensorium)), np.bool_)
-        bits[[i, j]] = pair
-        known[[i, j]] = True
-        snapshot.observe(bits, known)
-
 
 @KINDS
 def test_a_snapshot_takes_more_room_from_the_first_unknown_reading_on(
@@ -58,11 +43,12 @@ def test_a_bad_mask_changes_nothing(kind: Kind) -> None:
 
 def test_as_many_against_as_the_threshold_are_too_many() -> None:
     snapshot = EmpiricalSnapshot(3, 1 / 8)
-    see(snapshot, 0, 1, [(1, 1)] * 3 + [(0, 1)] * 2 + [(0, 0)] * 2 + [(1, 0)])
+    for bits in [(1, 1)] * 3 + [(0, 1)] * 2 + [(0, 0)] * 2 + [(1, 0)]:
+        snapshot.learn([*bits, 0], [True, True, False])
     found = snapshot.evidence(0, 2)
     assert found.against == found.limit == 1
     assert not found.holds
-    see(snapshot, 0, 1, [(1, 1)])
+    snapshot.learn([1, 1, 0], [True, True, False])
     assert snapshot.evidence(0, 2).holds
 
 
