@@ -271,17 +271,13 @@ def test_what_cannot_be_grown_is_refused(context: Context, rule: str) -> None:
         GROWING.grow(context)
 
 
-def test_there_is_room_for_so_many() -> None:
-    body = Body.full(["a", "b"], ["x"], room=1).grow((0, (0, 2)))
-    with pytest.raises(
-        InvalidValueError, match=r"^grown: must be at most 1, for which"
-    ):
-        body.grow((0, (0, 3)))
-
-
-def test_only_what_was_grown_can_retire() -> None:
+def test_no_more_grow_than_there_is_room_for_and_only_those_retire() -> None:
+    body = Body.full(["a", "b"], ["x"], room=1)
     with pytest.raises(InvalidValueError, match=r"^retired: must be places in 0 grown"):
-        GROWING.retire(0)
+        body.retire(0)
+    full = body.grow((0, (0, 2)))
+    with pytest.raises(InvalidValueError, match=r"^grown: must be at most 1, for whic"):
+        full.grow((0, (0, 3)))
 
 
 @st.composite

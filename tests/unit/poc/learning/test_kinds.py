@@ -35,6 +35,8 @@ def test_few_sensors_are_a_snapshot_too(kind: Kind, sensors: int) -> None:
     for threshold in (0.1, np.full((sensors, sensors), 0.1)):
         snapshot = kind(sensors, threshold)
         assert snapshot.observe([True] * sensors).tolist() == [True, False] * sensors
+        state = snapshot.observe([True] * sensors, [False] * sensors)
+        assert not state.any()
         assert kind.from_bytes(snapshot.to_bytes()).to_bytes() == snapshot.to_bytes()
 
 
