@@ -7,6 +7,7 @@ from pathlib import Path
 import psutil
 import pytest
 import pytest_asyncio
+from msgspec.structs import replace
 from playwright.async_api import expect
 
 from neurosnap.fabric.security.make_keys import make_keys
@@ -64,6 +65,14 @@ def planner_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def csv_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("csv")
     return recorded(csv_run(folder / "readings.csv"), folder / "csv.mcap")
+
+
+@pytest.fixture(scope="session")
+def broken_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a recording of 60 ticks in which a rule is broken, first at tick 25."""
+    folder = tmp_path_factory.mktemp("broken")
+    options = replace(csv_run(folder / "rows.csv", 60), watch=True, support=2)
+    return recorded(options, folder / "run.mcap")
 
 
 @pytest.fixture(scope="session")

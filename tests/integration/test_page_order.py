@@ -152,64 +152,6 @@ async def test_an_edge_that_is_clicked_shows_its_weights(path_log: Path) -> None
             await expect(page.locator("#choice")).to_be_hidden()
 
 
-@pytest.mark.slow
-async def test_what_is_shown_already_is_not_painted_again(path_log: Path) -> None:
-    async with opened(path_log, "#t=20") as page:
-        for tick in (20, 3):  # both orders are known from then on
-            await go_to(page, tick)
-        changes = await page.evaluate(
-            """async () => {
-                const { page } = await import("/main.js");
-                const { order: { diagram }, time: { player } } = page;
-                let shown = 0;
-                const show = diagram.show;
-                diagram.show = function (...given) {
-                    shown += 1;
-                    show.apply(this, given);
-                };
-                player.seek(20);
-                const seen = new MutationObserver(() => {});
-                const what = { attributes: true, childList: true, subtree: true };
-                seen.observe(document.querySelector("#drawing svg"), what);
-                for (let k = 0; k < 3; k += 1) page.move();
-                return [shown, seen.takeRecords().length];
-            }"""
-        )
-    assert changes == [1, 0]
-
-
-async def said(page: Page, sensor: int) -> tuple[str, str, str]:
-    """Return what the table says: the reading, the state, and what is believed why."""
-    row = page.locator("#outline tbody tr").nth(sensor)
-    reads, state, belief = [
-        await row.locator(f"td.{what}").inner_text()
-        for what in ("reads", "state", "belief")
-    ]
-    return reads, state, belief
-
-
-@pytest.mark.slow
-async def test_each_kind_of_belief_is_said_in_the_table_and_at_the_node(
-    unread_log: Path,
-) -> None:
-    async with opened(unread_log, "#t=30") as page:
-        await page.click("#tab-sensors")
-        assert await said(page, 0) == ("on", "on", "read")
-        assert await said(page, 1) == ("on", "on", "read")
-        await go_to(page, 31)
-        assert await said(page, 0) == ("on", "on", "read")
-        predicted = ("unknown", "on", "predicted: not read; s0 says on")
-        assert await said(page, 1) == predicted
-        assert await said(page, 2) == ("unknown", "unknown", "unknown")
-        await go_to(page, 32)
-        broken = ("off", "contradicted", "contradicted: reads off; s0 says on")
-        assert await said(page, 1) == broken
-        await page.locator("#drawing [data-sensor='1']").hover()
-        await expect(page.locator("#drawing")).to_have_attribute(
-            "title", "s1: reads off; s0 says on"
-        )
-
-
 def related(log: Path, tick: int, sensor: int) -> list[int]:
     """Return the sensors that have a literal above or below one of a sensor's."""
     hasse = told(log)[tick].hasse

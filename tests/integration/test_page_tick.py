@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from msgspec.structs import replace
 from PIL import Image
 from playwright.async_api import Page, expect
 
@@ -19,7 +18,6 @@ from tests.support.home_runs import FLUSH
 from tests.support.lamp import BIRTH, GROWN
 from tests.support.recorded_runs import (
     TICKS,
-    csv_run,
     recorded,
 )
 from tests.support.run_options import options_for
@@ -131,20 +129,34 @@ async def test_what_was_not_read_and_what_is_contradicted_is_said_and_drawn(
     assert truth[32] == ["contradicted", "contradicted", "unknown"]
     async with opened(unread_log, "#t=30") as page:
         await page.click("#tab-sensors")
-        for tick, reads, unread, contradicted, changed in [
-            (30, ["on", "on", "on"], "none", "nothing", ""),
-            (31, ["on", "unknown", "unknown"], "s1, s2", "nothing", ": s2 unknown"),
+        for tick, reads, unread, contradicted, why, changed in [
+            (30, ["on", "on", "on"], "none", "nothing", ["read"] * 3, ""),
+            (
+                31,
+                ["on", "unknown", "unknown"],
+                "s1, s2",
+                "nothing",
+                ["read", "predicted: not read; s0 says on", "unknown"],
+                ": s2 unknown",
+            ),
             (
                 32,
                 ["on", "off", "unknown"],
                 "s2",
                 "s0, s1",
+                [
+                    "contradicted: reads on; s1* says off",
+                    "contradicted: reads off; s0 says on",
+                    "unknown",
+                ],
                 ": s0 contradicted, s1 contradicted",
             ),
         ]:
             await go_to(page, tick)
             assert await states(page, tick) == truth[tick]
             assert await page.locator("#outline td.reads").all_inner_texts() == reads
+            beliefs = page.locator("#outline td.belief")
+            assert await beliefs.all_inner_texts() == why
             facts = page.locator("#now dd")
             assert await facts.nth(0).inner_text() == contradicted
             assert await facts.nth(1).inner_text() == unread
@@ -157,37 +169,14 @@ async def test_what_was_not_read_and_what_is_contradicted_is_said_and_drawn(
             signs = [SIGNS.get(word, "∗") for word in truth[tick]]
             assert await drawn.locator(".sign").all_text_contents() == signs
             await expect(page.locator("#said")).to_have_text(f"tick {tick}{changed}")
+        await page.locator("#drawing [data-sensor='1']").hover()
+        await expect(page.locator("#drawing")).to_have_attribute(
+            "title", "s1: reads off; s0 says on"
+        )
         await page.locator("#outline tbody button").nth(2).click()
         has = page.locator("#choice-body dd")
         assert await has.nth(0).inner_text() == "unknown"
         assert await has.nth(1).inner_text() == "unknown"
-
-
-@pytest.mark.slow
-async def test_a_plot_says_what_its_columns_are_at_the_tick(planner_log: Path) -> None:
-    run_view = RunView(planner_log)
-    (frame,) = run_view.frames(TICKS, TICKS)
-    far = run_view.scene.distance(frame.place)
-    async with opened(planner_log, f"#t={TICKS}") as page:
-        captions = page.locator("#plots figcaption")
-        await expect(captions).to_have_text(
-            [
-                f"Edges {frame.edges} ",
-                re.compile(r"^Err \d+ $"),
-                f"Depth {frame.depth} Longest {frame.longest} Height {frame.height} ",
-                f"Pulses a tick {frame.pulses} ",
-                f"On {frame.state.count(1)} Predicted 0 Contradicted 0 Unknown 0 ",
-                f"Distance to target {far:.0f} ",
-            ]
-        )
-
-
-@pytest.fixture(scope="module")
-def broken_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a recording in which a rule is broken at tick 25."""
-    folder = tmp_path_factory.mktemp("broken")
-    options = replace(csv_run(folder / "rows.csv"), watch=True, support=2)
-    return recorded(options, folder / "run.mcap")
 
 
 @pytest.mark.slow

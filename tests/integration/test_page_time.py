@@ -5,7 +5,6 @@ import re
 from pathlib import Path
 
 import pytest
-from msgspec.structs import replace
 from playwright.async_api import Locator, Page, expect
 
 from neurosnap.apps.viewer.api import COUNTED
@@ -25,7 +24,6 @@ from tests.support.lamp import BIRTH
 from tests.support.patience import PATIENCE
 from tests.support.recorded_runs import (
     TICKS,
-    csv_run,
     in_chunks,
     path_run,
     recorded,
@@ -442,14 +440,6 @@ async def test_the_pointer_tells_each_value_and_a_click_goes_there(
         await page.keyboard.press("Enter")
         await wait_shown(page, READ - 1)
         assert await page.inner_text("#choice-title") == names[2]
-
-
-@pytest.fixture(scope="module")
-def broken_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a recording in which a rule is broken."""
-    folder = tmp_path_factory.mktemp("marks")
-    options = replace(csv_run(folder / "rows.csv", MARKED), watch=True, support=2)
-    return recorded(options, folder / "run.mcap")
 
 
 def read(log: Path) -> RunHistory:

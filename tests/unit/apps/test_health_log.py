@@ -50,27 +50,26 @@ def test_an_alarm_that_becomes_another_is_over(monkeypatch: pytest.MonkeyPatch) 
     assert lines[-1] == "2 alarms, 1 in force (budget 1/week)"
 
 
-@pytest.mark.parametrize("at_once", [True, False])
-def test_ends_and_alarms_count_in_the_order_of_their_steps(
-    at_once: bool, monkeypatch: pytest.MonkeyPatch
+SILENT, STUCK = alarm("silent", 10), alarm("stuck", 40)
+OVER = [("door", 30)]
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        [
+            ReportedAlarm([SILENT], []),
+            ReportedAlarm([], OVER),
+            ReportedAlarm([STUCK], []),
+        ],
+        [ReportedAlarm([SILENT, STUCK], OVER)],
+        [ReportedAlarm([SILENT], []), ReportedAlarm([alarm("stuck", 30)], OVER)],
+    ],
+    ids=["step by step", "several steps at once", "an end and an alarm in one step"],
+)
+def test_an_alarm_ends_before_a_later_one_begins(
+    said: list[ReportedAlarm], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whether one observation or several said what became of the steps before."""
-    first, second = alarm("silent", 10), alarm("stuck", 40)
-    said = [
-        ReportedAlarm([first], []),
-        ReportedAlarm([], [("door", 30)]),
-        ReportedAlarm([second], []),
-    ]
-    if at_once:
-        said = [ReportedAlarm([first, second], [("door", 30)])]
     found = log_of(said, monkeypatch)
     ends = [(each.ended, each.became) for each in found.alarms]
     assert ends == [(told(31), None), (None, None)]
-
-
-def test_within_a_step_what_ends_does_so_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    first, second = alarm("stuck", 10), alarm("silent", 30)
-    said = [ReportedAlarm([first], []), ReportedAlarm([second], [("door", 30)])]
-    found = log_of(said, monkeypatch)
-    assert [each.became for each in found.alarms] == [None, None]
-    assert [each.ended for each in found.alarms] == [told(31), None]

@@ -151,11 +151,3 @@ def test_orders_are_the_same_where_nothing_differs(
     one, other = pair
     differs = any(only_in(*two) or only_equal(*two) for two in (pair, pair[::-1]))
     assert np.array_equal(one.closed, other.closed) is not differs
-
-
-def test_a_chain_that_lost_its_middle() -> None:
-    whole = PocGraph.from_implications(3, [(0, 2), (2, 4)])
-    part = PocGraph.from_implications(3, [(0, 4)])
-    assert only_in(whole, part) == [(0, 2), (2, 4)]
-    assert only_in(part, whole) == []
-    assert np.array_equal(literals_of([2, 0]), [4, 5, 0, 1])
