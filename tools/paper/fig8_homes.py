@@ -4,7 +4,7 @@ The paper has no such experiment. Faults are put into recordings of lived-in hom
 health monitor stands beside simple baselines that were learned from the same past.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.health.budget import parse_budget
-from tools.paper.bootstrap import Interval, harmonic, median, ratio, score
 from tools.paper.figure import Figure, FigureOptions, Report, markdown
 from tools.paper.homes.cases import (
     KINDS,
@@ -24,8 +23,12 @@ from tools.paper.homes.home_entry import HomeEntry, entries
 from tools.paper.homes.methods import METHODS
 
 Floats = NDArray[np.float64]
+Interval = tuple[float, float, float]
+"""A value, and the bounds of its 95 % interval by drawing cases again."""
 
 _MOST_RUNS = 5
+_DRAWS = 1000
+_SEED = 16
 _COLUMNS = ("home", "table", "faults", "method", "measure", "value", "low", "high")
 _GROUPS = {"one": SINGLE, **{kind: (kind,) for kind in KINDS[len(SINGLE) :]}}
 
@@ -116,13 +119,6 @@ def _week(row: Floats) -> Measured:
             yield kind, method, "median hours", *median(_there(case[:, at["hours"]]))
 
 
-def _hourly(row: Floats) -> Measured:
-    for place, method in enumerate(METHODS):
-        for at, name in enumerate(("AUC",)):
-            values = _there(row[:, place, at])
-            yield "one", method, name, *ratio(values, np.ones(len(values)))
-
-
 def _clean(row: Floats) -> Measured:
     days = row[0][:, ~np.isnan(row[0, 0])]
     for place, method in enumerate(METHODS):
@@ -134,7 +130,6 @@ _MEASURES = {
     "segments": _segments,
     "long": _long,
     "week": _week,
-    "hourly": _hourly,
     "clean": _clean,
 }
 
@@ -160,6 +155,62 @@ def _told(interval: Interval) -> str:
     if np.isnan(value):
         return "–"
     return f"{value:.3g} ({low:.3g} to {high:.3g})"
+
+
+def ratio(above: Floats, below: Floats) -> Interval:
+    """Return the sum of one over the sum of the other, cases drawn together.
+
+    Args:
+        above: ``(cases,)``.
+        below: ``(cases,)``.
+
+    Returns:
+        Not a number if there is nothing below.
+    """
+    return score(np.column_stack([above, below]), lambda s: _over(s[..., 0], s[..., 1]))
+
+
+def score(columns: Floats, of: Callable[[Floats], Floats]) -> Interval:
+    """Return a function of the sums of columns.
+
+    Args:
+        columns: ``(cases, columns)``.
+        of: Takes sums, ``(..., columns)``, and returns values, ``(...)``.
+    """
+    count = len(columns)
+    if not count:
+        return np.nan, np.nan, np.nan
+    rng = np.random.default_rng(_SEED)
+    times = rng.multinomial(count, np.full(count, 1 / count), _DRAWS)
+    values = of(times @ columns)
+    values = values[~np.isnan(values)]
+    whole = float(of(columns.sum(0)))
+    if not len(values):
+        return whole, np.nan, np.nan
+    low, high = np.quantile(values, (0.025, 0.975))
+    return whole, float(low), float(high)
+
+
+def harmonic(sums: Floats) -> Floats:
+    """Return F1 of sums of right ones, of those named, and of those there are."""
+    right, named, there = sums[..., 0], sums[..., 1], sums[..., 2]
+    return _over(2 * right, named + there)
+
+
+def median(values: Floats) -> Interval:
+    """Return the median; values may be infinite."""
+    if not len(values):
+        return np.nan, np.nan, np.nan
+    rng = np.random.default_rng(_SEED)
+    ordered = np.sort(values)
+    drawn = rng.integers(0, len(values), (_DRAWS, len(values)))
+    middle = ordered[np.partition(drawn, len(values) // 2, axis=1)[:, len(values) // 2]]
+    low, high = np.quantile(middle, (0.025, 0.975), method="nearest")
+    return float(ordered[len(values) // 2]), float(low), float(high)
+
+
+def _over(above: Floats, below: Floats) -> Floats:
+    return np.asarray(np.divide(above, np.where(below > 0, below, np.nan)))
 
 
 FIGURE = Figure(

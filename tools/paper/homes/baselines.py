@@ -13,9 +13,6 @@ Flags = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
 _MINUTE = 60.0
-# Association rules.
-_CONFIDENCE = 0.95
-_SUPPORT = 5
 # Logistic regression: seconds learned from, and Newton's method.
 _MEMORY = 56 * 86400.0
 _RIDGE = 1.0
@@ -23,7 +20,7 @@ _ROUNDS = 12
 
 
 class _Baseline:
-    """What the baselines have in common: their score is whether they name a sensor."""
+    """What the baselines have in common: what they know, and when they first name."""
 
     def __init__(self, home: Home, until: float) -> None:
         self.home = home
@@ -42,15 +39,6 @@ class _Baseline:
             ):
                 return mention.begin
         return None
-
-    def score(self, home: Home, begin: float, end: float) -> Floats:
-        """Return in which hours each sensor is named."""
-        hours = int((end - begin) // HOUR)
-        made = np.zeros((hours, len(home.sensors)))
-        for mention in self.mentions(home, begin, end):
-            low = int((mention.begin - begin) // HOUR)
-            made[low : int((mention.end - begin) // HOUR) + 1, mention.sensor] = 1
-        return made
 
 
 def known(home: Home, until: float) -> Flags:
@@ -175,44 +163,6 @@ def _minutes(home: Home, begin: float, end: float) -> Flags:
     return made
 
 
-class Rules(_Baseline):
-    """Association rules of confidence 0.95 among what happens without a gap of 60 s.
-
-    The rule-mining baseline of HAWatcher (Fu, Zeng, Du, 2021).
-    """
-
-    def __init__(self, home: Home, until: float) -> None:
-        super().__init__(home, until)
-        sets, _ = _bursts(home, home.begin, until)
-        both = sets.T.astype(float) @ sets
-        alone = np.diag(both).copy()
-        np.fill_diagonal(both, 0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            sure = both / alone[:, None] >= _CONFIDENCE
-        self._rules = sure & (alone[:, None] >= _SUPPORT)
-
-    def mentions(self, home: Home, begin: float, end: float) -> list[Mention]:
-        """Return the sensors that rules have missed."""
-        sets, ends = _bursts(home, begin, end)
-        points = []
-        for row, time in zip(sets, ends, strict=True):
-            missed = self._rules[row].any(0) & ~row
-            points += [(float(time), int(s)) for s in np.flatnonzero(missed)]
-        return joined(points, _MINUTE)
-
-
-def _bursts(home: Home, begin: float, end: float) -> tuple[Flags, Floats]:
-    """Return who came on in each burst, and when that was known to be over."""
-    times, who = home.events(begin, end)
-    if not len(times):
-        return np.zeros((0, len(home.sensors)), np.bool_), times
-    number = np.concatenate([[0], np.cumsum(np.diff(times) > _MINUTE)])
-    sets = np.zeros((number[-1] + 1, len(home.sensors)), np.bool_)
-    sets[number, who] = True
-    last = times[np.append(np.flatnonzero(np.diff(number)), len(times) - 1)]
-    return sets, last + _MINUTE
-
-
 class Logistic(_Baseline):
     """Logistic regression of each sensor on the others, in windows of an hour.
 
@@ -237,10 +187,6 @@ class Logistic(_Baseline):
             (begin + (int(hour) + 1) * HOUR, int(s)) for hour, s in np.argwhere(over)
         ]
         return joined(points, _MINUTE)
-
-    def score(self, home: Home, begin: float, end: float) -> Floats:
-        """Return the surprise of each hour."""
-        return self._surprise(_hours(home, begin, end))
 
     def _surprise(self, on: Flags) -> Floats:
         logit = _with_one(on) @ self._weights

@@ -16,7 +16,7 @@ from tools.paper.homes.home import (
 from tools.paper.homes.methods import METHODS, bench
 from tools.paper.table import Entry, key_of
 
-TableKind: TypeAlias = Literal["segments", "long", "week", "hourly", "clean"]
+TableKind: TypeAlias = Literal["segments", "long", "week", "clean"]
 TABLES: tuple[TableKind, ...] = get_args(TableKind)
 MOST = (64, 512)
 """Known sensors, and days, that there is room for in a table."""
@@ -25,7 +25,7 @@ MOST = (64, 512)
 class HomeEntry(Entry, frozen=True, kw_only=True):
     """What every method says of one home, as `cases` describes."""
 
-    VERSION = 2
+    VERSION = 3
     dtype: ClassVar[DTypeLike] = np.float64
 
     table: TableKind
@@ -61,7 +61,6 @@ class HomeEntry(Entry, frozen=True, kw_only=True):
             ),
             "long": (len(LONG), sensors, cases.ONSETS, methods),
             "week": (2, sensors, methods, len(cases.WEEK_FIELDS)),
-            "hourly": (methods, 1),
             "clean": (methods, days),
         }
         return shapes[self.table]
@@ -74,7 +73,6 @@ class HomeEntry(Entry, frozen=True, kw_only=True):
             "segments": lambda: cases.segments(ready, seed),
             "long": lambda: cases.long_faults(ready, seed),
             "week": lambda: cases.last_week(ready, seed),
-            "hourly": lambda: cases.hourly(ready, seed),
             "clean": lambda: cases.clean_days(ready),
         }[self.table]()
         row = np.full(self.shape, np.nan)

@@ -2,9 +2,6 @@
 
 from typing import NamedTuple, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from tools.paper.homes.home import Home
 
 HOUR = 3600.0
@@ -36,9 +33,6 @@ class Method(Protocol):
 
         It was well at `begin`, and others are as they were.
         """
-
-    def score(self, home: Home, begin: float, end: float) -> NDArray[np.float64]:
-        """Return how suspect sensors are, ``(hours, sensors)``; more is worse."""
 
 
 def joined(points: list[tuple[float, int]], lasting: float) -> list[Mention]:

@@ -10,7 +10,6 @@ import numpy as np
 from tools.paper.homes.baselines import (
     Groups,
     Logistic,
-    Rules,
     Silence,
     known,
 )
@@ -27,7 +26,6 @@ HORIZON = 4 * WEEK
 _BASELINES: dict[str, Callable[[Home, float], Method]] = {
     "silence rule": Silence,
     "unseen groups": Groups,
-    "association rules": Rules,
     "logistic": Logistic,
 }
 METHODS = ("health", *_BASELINES)

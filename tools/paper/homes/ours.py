@@ -14,7 +14,7 @@ from neurosnap.health.monitor import HealthMonitor
 from neurosnap.health.steps import STEP, Steps
 from neurosnap.health.tail import weekly
 from tools.paper.homes.home import Home
-from tools.paper.homes.mention import HOUR, Mention
+from tools.paper.homes.mention import Mention
 
 SEGMENT = 6 * 3600
 """Seconds of a segment; faults branch off where one begins."""
@@ -75,31 +75,18 @@ class Ours:
     def mentions(self, home: Home, begin: float, end: float) -> list[Mention]:
         """Return the sensors in alarm."""
         judge, learned = self._watched.at(begin)
-        return self._followed(judge, learned, home, begin, end)[0]
-
-    def score(self, home: Home, begin: float, end: float) -> NDArray[np.float64]:
-        """Return the greatest strain of each hour."""
-        judge, learned = self._watched.at(begin)
-        return self._followed(judge, learned, home, begin, end)[1]
-
-    def _followed(
-        self, judge: Judge, learned: LearnedRates, home: Home, begin: float, end: float
-    ) -> tuple[list[Mention], NDArray[np.float64]]:
         steps = home.steps(begin, end)
         known = np.ones(len(home.sensors), np.bool_)
         mentions: list[Mention] = []
         open_: dict[int, float] = {
             int(s): begin for s in np.flatnonzero(judge.kind != WELL)
         }
-        hours = np.zeros((-(-len(steps) * STEP // int(HOUR)), len(home.sensors)))
         for at in range(len(steps)):
             number = steps.first + at
             judge.step(learned, number, steps.came_on[at], steps.longest[at], known)
             _note(judge, float((number + 1) * STEP), open_, mentions)
-            hour = at * STEP // int(HOUR)
-            np.maximum(hours[hour], judge.strain.max(1), out=hours[hour])
         mentions += [Mention(s, at, end) for s, at in open_.items()]
-        return sorted(mentions, key=lambda mention: mention.begin), hours
+        return sorted(mentions, key=lambda mention: mention.begin)
 
     def since(self, home: Home, sensor: int, begin: float, end: float) -> float | None:
         """Return when a sensor is first in alarm and its twin without the fault is not.
