@@ -124,7 +124,7 @@ class Groups(_Baseline):
 
     def __init__(self, home: Home, until: float) -> None:
         super().__init__(home, until)
-        sets = _minutes(home, home.begin, until)
+        sets = _came_on(home, home.begin, until, _MINUTE)
         keys = [row.tobytes() for row in sets]
         self._groups = np.unique(sets, axis=0)
         self._seen = set(keys)
@@ -132,7 +132,7 @@ class Groups(_Baseline):
 
     def mentions(self, home: Home, begin: float, end: float) -> list[Mention]:
         """Return the sensors that are in the way."""
-        sets = _minutes(home, begin, end)
+        sets = _came_on(home, begin, end, _MINUTE)
         points: list[tuple[float, int]] = []
         before = None
         for minute, row in enumerate(sets):
@@ -153,16 +153,6 @@ class Groups(_Baseline):
         return joined(points, _MINUTE)
 
 
-def _minutes(home: Home, begin: float, end: float) -> Flags:
-    """Return who came on in which minute, ``(minutes, sensors)``."""
-    times, who = home.events(begin, end)
-    made = np.zeros((int((end - begin) // _MINUTE), len(home.sensors)), np.bool_)
-    at = ((times - begin) // _MINUTE).astype(int)
-    inside = at < len(made)
-    made[at[inside], who[inside]] = True
-    return made
-
-
 class Logistic(_Baseline):
     """Logistic regression of each sensor on the others, in windows of an hour.
 
@@ -172,7 +162,7 @@ class Logistic(_Baseline):
 
     def __init__(self, home: Home, until: float) -> None:
         super().__init__(home, until)
-        on = _hours(home, max(home.begin, until - _MEMORY), until)
+        on = _came_on(home, max(home.begin, until - _MEMORY), until, HOUR)
         split = len(on) * 4 // 5
         self._weights = np.array(
             [_fit(on[:split], s) for s in range(len(home.sensors))]
@@ -182,7 +172,7 @@ class Logistic(_Baseline):
 
     def mentions(self, home: Home, begin: float, end: float) -> list[Mention]:
         """Return the sensors that surprise."""
-        over = self._surprise(_hours(home, begin, end)) > self._most
+        over = self._surprise(_came_on(home, begin, end, HOUR)) > self._most
         points = [
             (begin + (int(hour) + 1) * HOUR, int(s)) for hour, s in np.argwhere(over)
         ]
@@ -193,10 +183,11 @@ class Logistic(_Baseline):
         return np.asarray(np.logaddexp(0, np.where(on, -logit, logit)) * self.known)
 
 
-def _hours(home: Home, begin: float, end: float) -> Flags:
+def _came_on(home: Home, begin: float, end: float, width: float) -> Flags:
+    """Return which sensors came on in each window, ``(windows, sensors)``."""
     times, who = home.events(begin, end)
-    made = np.zeros((int((end - begin) // HOUR), len(home.sensors)), np.bool_)
-    at = ((times - begin) // HOUR).astype(int)
+    made = np.zeros((int((end - begin) // width), len(home.sensors)), np.bool_)
+    at = ((times - begin) // width).astype(int)
     inside = at < len(made)
     made[at[inside], who[inside]] = True
     return made
