@@ -107,20 +107,25 @@ def _furthest(
     damaged = any(file.damage for file in files)
     why: RecordingError | None = None
     lacks = False  # the file looked at, at its end
-    for last in reversed(files):
-        unproved = False
-        for stretch in reversed(stretches(last)):
-            try:
-                return look(last, stretch, lacks)
-            except RecordingError as error:
-                why = why or error
-                unproved = unproved or isinstance(error, _UnprovedError)
-        if not (unproved or damaged):
-            break
-        lacks = unproved
-    raise why or RecordingError(
-        f"{log}: must hold a whole tick to go on from, got none"
-    )
+    try:
+        for last in reversed(files):
+            unproved = False
+            for stretch in reversed(stretches(last)):
+                try:
+                    return look(last, stretch, lacks)
+                except RecordingError as error:
+                    why = why or error
+                    unproved = unproved or isinstance(error, _UnprovedError)
+            if not (unproved or damaged):
+                break
+            lacks = unproved
+        raise why or RecordingError(
+            f"{log}: must hold a whole tick to go on from, got none"
+        )
+    finally:
+        # Its traceback has this frame, and a replay with an open file: kept in the
+        # frame, it would keep both until the next collection.
+        del why
 
 
 def _resume_point_in(

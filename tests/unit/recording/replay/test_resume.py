@@ -1,9 +1,12 @@
 """A run goes on from where nothing is missing, in one file and in several."""
 
+import gc
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
+import psutil
 import pytest
 
 from neurosnap import wire
@@ -21,6 +24,7 @@ from tests.golden.drive import drive, record
 from tests.golden.scenarios import rows
 from tests.support.course import course
 from tests.support.recorded_messages import first
+from tests.support.rewritten_recordings import flipped, rewritten, saying
 from tests.support.scripted_sources import Scripted
 from tests.support.split_runs import (
     EVERY,
@@ -132,6 +136,27 @@ def test_behind_a_file_without_end_nothing_counts(
     _, past = find_resume_point(log)
     assert (past.part, past.begins) == (2, 2 * EVERY)
     assert 2 * EVERY <= past.tick < 3 * EVERY
+
+
+def test_where_it_cannot_go_on_no_file_is_left_open(whole: Path, log: Path) -> None:
+    def change(every: list[Recorded]) -> list[Recorded]:
+        """Change a bit of the last state: the run cannot be derived up to there."""
+        states = [
+            k for k, one in enumerate(every) if isinstance(one.message, wire.State)
+        ]
+        last = every[states[-1]]
+        assert isinstance(last.message, wire.State)
+        bits = flipped(last.message.literals)
+        return [*every[: states[-1]], saying(last, literals=bits)]
+
+    rewritten(whole, log, change)
+    gc.disable()  # a cycle is collected at any moment
+    try:
+        with suppress(RecordingError):
+            find_resume_point(log)
+        assert str(log) not in {file.path for file in psutil.Process().open_files()}
+    finally:
+        gc.enable()
 
 
 def test_without_its_first_files_a_world_that_acts_cannot_go_on(
