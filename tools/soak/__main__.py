@@ -74,8 +74,6 @@ class Soaked(msgspec.Struct, kw_only=True):
     restarts: int
     redone: int
     """Ticks that were whole but not on disk when a part died; they were done again."""
-    ms: float
-    """How long they had taken; see `Killing`."""
     repeated: int
     """Waves sent again inside one life of the swarm."""
     lost: int
@@ -211,7 +209,6 @@ def _look(log: Path, killer: Killer, seconds: float) -> Soaked:
         killed=dict(Counter("+".join(killing.victims) for killing in killings)),
         restarts=killer.restarts,
         redone=sum(killing.redone for killing in killings),
-        ms=sum(killing.ms for killing in killings),
         repeated=sum(isinstance(m, wire.WaveStart) and m.repeats > 0 for m in heard),
         lost=sum(recording.completeness().missing.values()),
         doubled=len(keys) - len(set(keys)),
