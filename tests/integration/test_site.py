@@ -45,6 +45,7 @@ def test_every_page_is_in_the_navigation_once() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_the_site_is_whole_and_asks_no_other_host(tmp_path: Path) -> None:
     copied(tmp_path)
     assert built(tmp_path) == []
@@ -56,6 +57,7 @@ def test_the_site_is_whole_and_asks_no_other_host(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_a_link_to_no_heading_is_no_site(tmp_path: Path) -> None:
     page = copied(tmp_path) / "docs/index.md"
     page.write_text(page.read_text() + "\n[there](data.md#nowhere)\n")

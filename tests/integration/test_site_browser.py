@@ -13,6 +13,7 @@ from tools.site.__main__ import built
 
 pytestmark = [
     pytest.mark.slow,
+    pytest.mark.exhaustive,
     pytest.mark.skipif(chromium() is None, reason=NO_BROWSER),
 ]
 

@@ -35,7 +35,7 @@ from tools.paper.tabular import (
     q_learning,
 )
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.exhaustive]
 
 LAKE = Setting(name="lake", world="neurosnap/FrozenLake-v0", steps=400, journeys=20)
 (CLIFF,) = (one for one in settings() if one.name == "cliff")
