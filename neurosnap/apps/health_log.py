@@ -51,42 +51,44 @@ class HealthLog(msgspec.Struct, frozen=True):
         yield f"{alarms}, {bad} in force (budget {self.budget})"
 
 
-def in_table(readings: Readings) -> Iterator[OwnReadings]:
-    """Yield the observations of a table.
+def health_of(found: Recording | Readings, budget: str) -> HealthLog:
+    """Return what a monitor says of a home, by a recording or a table of readings.
+
+    Args:
+        found: What the home's own sensors read, and when.
+        budget: Of alarms, such as ``1/week``.
 
     Raises:
-        InvalidValueError: It has no times, or not in order.
+        InvalidValueError: The budget is none; or a table has no times, or not in order.
+        RecordingError: The recording is damaged, or not a run's.
     """
-    columns = readings.columns
+    if isinstance(found, Recording):
+        own = found.options.body.own
+        return follow((each for _, each in observations(found)), own, budget)
+    return follow(_rows(found), found.columns.sensorium.names, budget)
+
+
+def _rows(readings: Readings) -> Iterator[OwnReadings]:
     for tick, at in enumerate(seconds_of(readings).tolist()):
-        yield OwnReadings(at, *columns.row(tick))
-
-
-def in_recording(recording: Recording) -> Iterator[OwnReadings]:
-    """Yield what the world's own sensors read in a recorded run, and when it was sent.
-
-    Raises:
-        RecordingError: While iterating: the recording is damaged, or not a run's.
-    """
-    return (each for _, each in observations(recording))
+        yield OwnReadings(at, *readings.columns.row(tick))
 
 
 def follow(
-    observations: Iterable[OwnReadings], names: Sequence[str], budget: str
+    readings: Iterable[OwnReadings], names: Sequence[str], budget: str
 ) -> HealthLog:
     """Return what a monitor says of a home, from the first observation to the last.
 
     Args:
-        observations: In order.
+        readings: In order.
         names: Of the sensors.
         budget: Of alarms, such as ``1/week``.
 
     Raises:
-        InvalidValueError: The budget is none; and what the observations raise.
+        InvalidValueError: The budget is none; and what the readings raise.
     """
     follower = Follower(names, budget)
     raised: list[Raised] = []
-    for each in observations:
+    for each in readings:
         said = follower.observe(each.on, each.known, each.at, begins=each.begins)
         # Many steps may be over at once; in each, what ends does so before what begins.
         changes: list[tuple[int, Alarm | str]] = [(at, name) for name, at in said.ended]

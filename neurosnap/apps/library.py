@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from neurosnap.apps.config.load import look
 from neurosnap.apps.config.prepare import prepare
-from neurosnap.apps.config.recording_names import free_path, new_path
 from neurosnap.apps.export.columns import Cell, Table
+from neurosnap.apps.new_files import free_path, new_path
 from neurosnap.depth.measure import Sweep, from_recording, measure
 from neurosnap.depth.probe import Measured
 from neurosnap.errors import InvalidValueError

@@ -27,24 +27,6 @@ def test_info_says_what_is_in_a_recording(log: Path, tmp_path: Path) -> None:
     assert json.loads(lacking.stdout)["messages"] < facts["messages"]
 
 
-def test_graph_names_what_was_learned(log: Path) -> None:
-    facts = happy("learn", log)["order"]
-    assert facts["tick"] == 30
-    assert ["below_18", "below_19"] in facts["implications"]
-    earlier = happy("learn", log, "--at", 0)["order"]
-    assert (earlier["tick"], earlier["implications"]) == (0, [])
-
-
-@pytest.mark.parametrize(
-    ("form", "start"), [("dot", "digraph"), ("graphml", "<graphml")]
-)
-def test_graph_speaks_other_formats(log: Path, form: str, start: str) -> None:
-    result = call("learn", log, "--format", form, "--at", 12)
-    assert result.exit_code == 0
-    assert result.stdout.startswith(start)
-    assert result.stderr == ""
-
-
 def test_depth_of_a_recording(log: Path, tmp_path: Path) -> None:
     out = tmp_path / "new" / "folder"
     facts = happy("depth", log, "--out", out)

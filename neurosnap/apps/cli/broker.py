@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from neurosnap.apps.cli.shared import screen
+from neurosnap.apps.cli.output import warn
 from neurosnap.errors import InvalidValueError
 from neurosnap.system.distribution import must_have
 
@@ -38,7 +38,7 @@ def brokered(broker: str, source: str) -> Iterator[dict[str, object]]:
         rule = must_have(error.name or "amqtt", "mqtt")
         raise InvalidValueError("broker", rule, broker) from error
     with EmbeddedBroker() as here:
-        screen.print(f"a broker listens on {HOST}:{here.port}", markup=False)
+        warn(f"a broker listens on {HOST}:{here.port}")
         yield {"source.broker": {"host": HOST, "port": here.port}}
 
 

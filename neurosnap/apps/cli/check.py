@@ -5,16 +5,9 @@ from typing import Annotated
 
 import typer
 
-from neurosnap.apps.cli import output
 from neurosnap.apps.cli.options import FLAG, option
-from neurosnap.apps.cli.shared import (
-    SET_UP,
-    Format,
-    app,
-    errors,
-    people,
-    print_facts,
-)
+from neurosnap.apps.cli.output import print_facts, say
+from neurosnap.apps.cli.shared import SET_UP, Format, app, errors
 
 
 @app.command(rich_help_panel=SET_UP)
@@ -63,7 +56,7 @@ def _check_file(file: Path, form: str, *, static: bool) -> None:
         faults = {"faults": error.faults, "more": error.more}
         print_facts(form, {"file": str(file), **faults})
         raise
-    people(form).print(f"{file}: no faults", markup=False, soft_wrap=True)
+    say(form, f"{file}: no faults")
     print_facts(form, {"file": str(file), "faults": [], "more": 0})
 
 
@@ -71,7 +64,11 @@ def _check_machine(keys: Path | None, form: str) -> None:
     from neurosnap.apps.doctor import examine
 
     findings = examine(keys)
-    output.findings(people(form), findings)
+    for finding in findings:
+        mark = "ok " if finding.ok else "bad"
+        say(form, f"{mark} {finding.what}: {finding.found}")
+        if not finding.ok:
+            say(form, f"    → {finding.fix}")
     print_facts(form, {"findings": findings})
     if not all(finding.ok for finding in findings):
         raise typer.Exit(1)

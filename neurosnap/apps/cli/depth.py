@@ -1,13 +1,14 @@
 """``neurosnap depth``: how far waves of messages travel, and how long that takes."""
 
 import asyncio
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from neurosnap.apps.cli import output
 from neurosnap.apps.cli.options import options_of, with_parameters
+from neurosnap.apps.cli.output import print_facts, progress, say, table, warn
 from neurosnap.apps.cli.shared import (
     RECORDINGS,
     Force,
@@ -15,15 +16,17 @@ from neurosnap.apps.cli.shared import (
     app,
     end_by,
     errors,
-    people,
-    print_facts,
     run_async,
-    screen,
     unwinding,
 )
+from neurosnap.apps.new_files import free_path
 from neurosnap.depth.measure import Sweep
 from neurosnap.depth.probe import Measured
 from neurosnap.errors import InvalidValueError, NeurosnapError, NothingBegunError
+from neurosnap.system.picture import KINDS
+
+if TYPE_CHECKING:
+    from neurosnap.depth.measure import FittedLine
 
 _SWEEP = options_of(Sweep)
 Out = Annotated[
@@ -79,9 +82,8 @@ def depth(
         tall, sizes = _numbers("heights", heights), _numbers("sensors", sensors or "0")
         sweep = Sweep(heights=tall, sensors=sizes if sensors else (), **given)
         recording = None if log is None else Recording.open(log)
-        if (table := out / "depth.csv").exists() and not force:
-            rule = "must not exist yet, or come with --force"
-            raise InvalidValueError("out", rule, str(table))
+        if out.is_dir():
+            free_path(out / "depth.csv", force=force)
         rows = _swept(sweep) if recording is None else from_recording(recording)
         if not rows:
             raise NeurosnapError("depth: must have a wave to measure, got none")
@@ -89,10 +91,11 @@ def depth(
         with unwinding():
             wrote, lacking = write_all(rows, out)
         if lacking:
-            screen.print(f"no picture: {lacking}", markup=False, soft_wrap=True)
-        line = fit(rows)
-        output.depths(people(form), rows, line, wrote)
-        print_facts(form, output.depth_facts(rows, line, wrote))
+            warn(f"no picture: {lacking}")
+        line, files = fit(rows), {path.suffix[1:]: str(path) for path in wrote}
+        say(form, *_lines(rows, line), f"wrote {', '.join(files.values())}")
+        paths = {kind: files.get(kind) for kind in ("csv", *KINDS)}
+        print_facts(form, {**paths, "waves": len(rows), "line": line, "rows": rows})
         if recording is not None:
             end_by(recording)
 
@@ -101,7 +104,7 @@ def _swept(sweep: Sweep) -> list[Measured]:
     """Start the swarms, and return what was measured."""
     from neurosnap.depth.measure import measure
 
-    with output.progress(screen, "waves", sweep.total) as on_progress:
+    with progress("waves", sweep.total) as on_progress:
 
         async def work(stop: asyncio.Event) -> list[Measured]:
             found = await measure(sweep, stop, on_progress)
@@ -111,6 +114,35 @@ def _swept(sweep: Sweep) -> list[Measured]:
             return found
 
         return run_async(work)
+
+
+def _lines(rows: Sequence[Measured], line: "FittedLine | None") -> Iterator[str]:
+    """Yield depth and time by height."""
+    groups: dict[tuple[int, str, int], list[Measured]] = {}
+    for row in rows:
+        groups.setdefault((row.sensors, row.kind, row.height), []).append(row)
+    shown = [("sensors", "kind", "height", "waves", "depth", "pulses", "median ms")]
+    for (sensors, kind, height), found in sorted(groups.items()):
+        times = sorted(row.seconds for row in found)
+        shown.append(
+            (
+                str(sensors),
+                f"{kind}, {found[0].wiring}",
+                str(height),
+                str(len(found)),
+                _span([row.depth for row in found]),
+                _span([row.pulses for row in found]),
+                f"{1e3 * times[len(times) // 2]:.2f}",
+            )
+        )
+    yield from table(shown, numbers=True)
+    if line is not None:
+        yield f"time over depth: {1e6 * line.slope:.0f} µs a hop, R² {line.r2:.3f}"
+
+
+def _span(values: Sequence[int]) -> str:
+    least, most = min(values), max(values)
+    return str(least) if least == most else f"{least}–{most}"
 
 
 def _numbers(name: str, text: str) -> tuple[int, ...]:

@@ -1,16 +1,16 @@
 """``neurosnap init``: the files that a swarm begins with: topics, keys, a schema."""
 
 import asyncio
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import msgspec
 import typer
-from rich.markup import escape
-from rich.table import Table
 
 from neurosnap.apps.cli.broker import host_and_port
 from neurosnap.apps.cli.options import FLAG, with_parameters
+from neurosnap.apps.cli.output import print_facts, say, table, warn
 from neurosnap.apps.cli.shared import (
     SET_UP,
     Force,
@@ -18,11 +18,9 @@ from neurosnap.apps.cli.shared import (
     app,
     convert,
     errors,
-    people,
-    print_facts,
     run_async,
-    screen,
 )
+from neurosnap.apps.new_files import free_path
 from neurosnap.errors import InvalidValueError, MissingExtraError, NeurosnapError
 from neurosnap.fabric.events import wait_any, wait_at_most
 from neurosnap.sensorium import visible
@@ -30,8 +28,6 @@ from neurosnap.sources.mqtt.options import MqttBroker
 from neurosnap.system.distribution import must_have
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from neurosnap.sources.mqtt.options import MqttSensor
     from neurosnap.sources.mqtt.topic_survey import HeardTopic, Survey
 
@@ -98,14 +94,16 @@ def topics(
     with errors():
         topic, broker = context.params["topic"], _broker(host, context.params)
         if out is not None:
-            _check_free(out, force=force)
+            if out.suffix.lower() != ".toml":
+                raise InvalidValueError("out", "must end with .toml", str(out))
+            free_path(out, force=force)
         survey = _listened(broker, topic, seconds)
-        _show(people(form), survey, survey.sensors())
+        say(form, *_lines(survey))
         if out is not None:
             _write(out, broker, survey, force=force)
-            check = f"wrote {out} with {len(survey.sensors())} sensors; look at it, "
-            run = f"then: neurosnap run {out}"
-            people(form).print(check + run, markup=False, soft_wrap=True)
+            count = len(survey.sensors())
+            say(form, f"wrote {out} with {count} sensors; read it, then:")
+            say(form, f"neurosnap run {out}")
         print_facts(form, {**_facts(survey), "out": out and str(out)})
 
 
@@ -153,16 +151,6 @@ def _facts(survey: "Survey") -> dict[str, object]:
     }
 
 
-def _check_free(out: Path, *, force: bool) -> None:
-    if out.suffix.lower() != ".toml":
-        raise InvalidValueError("out", "must end with .toml", str(out))
-    if out.exists() and not force:
-        rule = "must not exist yet, or come with --force"
-        raise InvalidValueError("out", rule, str(out))
-    if not out.absolute().parent.is_dir():
-        raise InvalidValueError("out", "must be in a folder that exists", str(out))
-
-
 def _listened(broker: MqttBroker, topic: str, seconds: float) -> "Survey":
     """Return what came at `broker` in so many seconds, or until Ctrl-C."""
     try:
@@ -176,7 +164,7 @@ def _listened(broker: MqttBroker, topic: str, seconds: float) -> "Survey":
 
     def receive(name: str, data: bytes, _retained: bool) -> None:
         if survey.add(name, data):
-            screen.print(f"heard {visible(name)}", markup=False, soft_wrap=True)
+            warn(f"heard {visible(name)}")
 
     async def work(stop: asyncio.Event) -> None:
         there = asyncio.Event()
@@ -184,8 +172,7 @@ def _listened(broker: MqttBroker, topic: str, seconds: float) -> "Survey":
         def connected(on: bool) -> None:
             if on and not there.is_set():
                 there.set()
-                text = f"listening at {broker.address} for {seconds:g} s (or Ctrl-C)"
-                screen.print(text, markup=False, soft_wrap=True)
+                warn(f"listening at {broker.address} for {seconds:g} s (or Ctrl-C)")
 
         link = MqttLink(
             broker, "topics", filters=[topic], receive=receive, connected=connected
@@ -202,25 +189,24 @@ def _listened(broker: MqttBroker, topic: str, seconds: float) -> "Survey":
     return survey
 
 
-def _show(console: "Console", survey: "Survey", sensors: "list[MqttSensor]") -> None:
-    """List the topics, and say which are sensors."""
+def _lines(survey: "Survey") -> Iterator[str]:
+    """List the topics, and the sensors made of each."""
     names: dict[str, list[str]] = {}
-    for sensor in sensors:
+    for sensor in survey.sensors():
         names.setdefault(sensor.topic, []).append(sensor.name)
-    table = Table("topic", "messages", "payloads", "sensors", box=None, pad_edge=False)
+    rows = [("topic", "messages", "payloads", "sensors")]
     for heard in survey.topics():
         kinds = heard.kind
         if heard.values.get(""):
             kinds += f": {_examples(heard.values[''])}"
         here = ", ".join(names.get(heard.topic, ()))
-        row = (heard.topic, str(heard.messages), kinds, here)
-        table.add_row(*(escape(visible(cell)) for cell in row))
-    if survey.topics():
-        console.print(table)
+        rows.append((heard.topic, str(heard.messages), kinds, here))
+    if len(rows) > 1:
+        yield from table(rows)
     else:
-        console.print("no topic said anything")
+        yield "no messages came"
     if survey.passed_over:
-        console.print(f"messages of further topics: {survey.passed_over}")
+        yield f"messages of further topics: {survey.passed_over}"
 
 
 def _said(heard: "HeardTopic", sensor: "MqttSensor") -> str:
@@ -283,13 +269,13 @@ def keys(
             return
         made = make_keys(folder, host or (), _listed(parts or []), days=days)
         several = f" and {len(made.parts)} parts" if made.parts else ""
-        for line in (
+        say(
+            form,
             f"keys for {', '.join(made.roles)}{several} in {made.folder}",
             f"the hub is {', '.join(made.hosts)}; valid until {made.until:%F}",
             "another machine needs ca.pem and the .pem and .key of its parts or roles,"
             " never ca.key",
-        ):
-            people(form).print(line, markup=False, soft_wrap=True)
+        )
         print_facts(form, made)
 
 
@@ -297,12 +283,12 @@ def _revoke(folder: Path, who: str, form: str) -> None:
     from neurosnap.fabric.security.make_keys import revoke
 
     until = revoke(folder, who)
-    for line in (
+    say(
+        form,
         f"{who} has new files in {folder}, valid until {until:%F}",
-        "the old ones count for nothing once the hub has been started again"
-        " with this folder's names.json",
-    ):
-        people(form).print(line, markup=False, soft_wrap=True)
+        "the old ones count for nothing once the hub has been started again with this"
+        " folder's names.json",
+    )
     print_facts(form, {"revoked": who, "until": until})
 
 

@@ -3,14 +3,14 @@
 A table of relations is made of readings in a file, or of what a run has learned.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from neurosnap.apps.cli import output
-from neurosnap.apps.cli.options import as_share, with_parameters
-from neurosnap.apps.cli.relations import MOST, Every, Out, check_out, show, write
+from neurosnap.apps.cli.options import FLAG, as_share, with_parameters
+from neurosnap.apps.cli.output import print_facts, progress, say, table
 from neurosnap.apps.cli.shared import (
     LEARN,
     Force,
@@ -19,19 +19,20 @@ from neurosnap.apps.cli.shared import (
     app,
     end_by,
     errors,
-    people,
-    print_facts,
-    screen,
     unwinding,
 )
-from neurosnap.errors import InvalidValueError
+from neurosnap.errors import NeurosnapError
 
 if TYPE_CHECKING:
+    from neurosnap.apps.export.learned import Learned
     from neurosnap.recording.read.recording import Recording
-    from neurosnap.sources.meaning import Wanted
     from neurosnap.sources.tables.readings import Readings
 
-GraphForm: TypeAlias = Literal["text", "json", "dot", "graphml"]
+_MOST = 40
+"""Rows that a terminal is shown; `--out` writes all."""
+_FEW = 10
+_SMALL = 16 << 20
+"""Bytes of a recording of which `info` shows the beginning of the table."""
 _EXAMPLE = "Example: neurosnap learn home-assistant_v2.db --out home.html"
 Data = Annotated[
     Path,
@@ -81,8 +82,24 @@ Threshold = Annotated[
         show_default="sure; of a recording, what its run has learned",
     ),
 ]
-
-
+Out = Annotated[
+    Path | None,
+    typer.Option(
+        "--out",
+        "-o",
+        metavar="FILE",
+        help="Write the whole table to a .csv file, or to a .html file with a picture of"
+        " the order; or the order that was learned to a .dot file (for Graphviz) or a"
+        " .graphml file.",
+        show_default="the terminal",
+    ),
+]
+Every = Annotated[
+    bool,
+    typer.Option(
+        "--all", metavar=FLAG, help="Show the relations that follow from others, too."
+    ),
+]
 _with_choice = with_parameters(
     sensors=(Sensors, None), when=(When, None), time=(Time, None)
 )
@@ -98,45 +115,67 @@ def learn(
     threshold: Threshold = None,
     at: OptionalTick = None,
     force: Force = False,
-    form: Annotated[
-        GraphForm,
-        typer.Option(
-            "--format",
-            help="Print a table: each implication with how often it was put to the test,"
-            " and how often it failed. Or one JSON object. Or the order that was learned,"
-            " as dot (for Graphviz) or graphml.",
-        ),
-    ] = "text",
+    form: Format = "text",
 ) -> None:
-    """Report which sensors imply which, in readings or in a recording."""
-    from neurosnap.apps.export.learned import learned_from
+    """Report which sensors imply which, in readings or in a recording.
+
+    Each relation comes with how often it was put to the test, and how often it failed.
+    """
+    from neurosnap.apps.export.learned import form_of, learned_from
+    from neurosnap.recording.read.recording import Recording
 
     with errors():
         if out is not None:
-            check_out(out)
-            if form in ("dot", "graphml"):
-                rule = "must go with the table; other formats go to standard output"
-                raise InvalidValueError("out", rule, str(out))
-        found = _opened(data, _wanted(context))
-        with output.progress(screen, "pairs", None) as on_progress:
-            share = None if threshold is None else as_share(threshold)
-            learned = learned_from(str(data), found, share, at, on_progress)
-            answered = learned.table(every, on_progress)
-        if form in ("dot", "graphml"):
-            # For programs, which take it for UTF-8 whatever a terminal is.
-            typer.echo(learned.graph(form).encode())
+            form_of(out)
+        found = _opened(data, context)
+        share = None if threshold is None else as_share(threshold)
+        with progress("pairs") as on_progress:
+            learned = learned_from(
+                str(data), found, share, at=at, every=every, on_progress=on_progress
+            )
+        if out is None:
+            say(form, *_lines(learned, _MOST, "--out FILE"), learned.title)
         else:
-            if out is not None:
-                with unwinding():
-                    write(answered, out, data, force=force)
-            recorded = threshold is None and learned.recorded
-            show(people(form), answered, out, None if recorded else MOST)
-            if not answered.rows and learned.sure:
-                hint = "more readings may help; --threshold shows what a run learns"
-                people(form).print(hint)
-            print_facts(form, learned.facts(answered))
-        if learned.recording is not None:
-            end_by(learned.recording)
+            with unwinding():
+                learned.write(out, force=force, reads=data)
+            say(form, learned.title, f"wrote {out}")
+        if not learned.rows and learned.snapshot is None:
+            say(form, "more readings may help; --threshold shows what a run learns")
+        print_facts(form, learned.facts())
+        if isinstance(found, Recording):
+            end_by(found)
+
+
+def _lines(learned: "Learned", most: int, more: str) -> Iterator[str]:
+    """Yield the strongest relations as a table, and where the others are."""
+    from neurosnap.apps.export.learned import HEADS
+
+    if rows := [learned.cells(row) for row in learned.rows[:most]]:
+        yield from table([HEADS, *rows], numbers=True)
+    if (left := len(learned.rows) - most) > 0:
+        yield f"and {left} more: {more}"
+
+
+def beginning(log: Path, recording: "Recording", size: int) -> Iterator[str]:
+    """Yield the beginning of a run's table, or the command that prints it.
+
+    Only of what is read in a moment; and nothing of a file that cannot be read whole,
+    for then what it lacks is reported.
+    """
+    from neurosnap.apps.export.learned import learned_from
+
+    command = f"neurosnap learn {log}"
+    if "options" not in recording.metadata or not recording.whole:
+        return
+    if size > _SMALL:
+        yield f"relations: {command}"
+        return
+    try:
+        learned = learned_from(str(log), recording)
+    except NeurosnapError:
+        return  # a part of a run whose beginning is elsewhere, for one
+    yield f"relations: {learned.title}"
+    yield from (f"  {line}" for line in _lines(learned, _FEW, command))
 
 
 @app.command(
@@ -158,55 +197,30 @@ def health(
     form: Format = "text",
 ) -> None:
     """Report which sensors of a home seem broken, since when, and why."""
-    from neurosnap.apps import health_log
+    from neurosnap.apps.health_log import health_of
     from neurosnap.recording.read.recording import Recording
 
     with errors():
-        there = _opened(data, _wanted(context))
-        if isinstance(there, Recording):
-            names = there.options.body.own
-            observations = health_log.in_recording(there)
-        else:
-            names = there.columns.sensorium.names
-            observations = health_log.in_table(there)
-        found = health_log.follow(observations, names, alarms)
-        for line in found.lines():
-            people(form).print(line, markup=False, soft_wrap=True)
+        opened = _opened(data, context)
+        found = health_of(opened, alarms)
+        say(form, *found.lines())
         print_facts(form, found)
-        if isinstance(there, Recording):
-            end_by(there)
+        if isinstance(opened, Recording):
+            end_by(opened)
 
 
-def _wanted(context: typer.Context) -> "Wanted":
-    """Return which sensors to read of data, and how.
+def _opened(data: Path, context: typer.Context) -> "Recording | Readings":
+    """Return the recording in a file, or else the readings that are asked for.
 
     Raises:
-        InvalidValueError: What is said of a sensor with numbers is not of that form.
+        InvalidValueError: What is said of a sensor with numbers is not of that form; or
+            as in `open_data`.
     """
+    from neurosnap.apps.export.learned import open_data
     from neurosnap.sources.meaning import Wanted, parse_comparison
 
     given = context.params
     comparisons = tuple(map(parse_comparison, given["when"] or ()))
-    return Wanted(tuple(given["sensors"] or ()), comparisons, given["time"])
-
-
-def _opened(data: Path, wanted: "Wanted") -> "Recording | Readings":
-    """Return the recording in a file, or else the readings in it.
-
-    Raises:
-        InvalidValueError: The file cannot be read, or breaks a rule; or it is a
-            recording, and something else than all of it is wanted.
-        RecordingError: It is a recording that cannot be read.
-    """
-    from neurosnap.recording.format.records import MAGIC
-    from neurosnap.recording.read.recording import Recording
-    from neurosnap.sources.tables.open_readings import first_bytes, open_readings
-
-    recorded = data.suffix.lower() == ".mcap"
-    if not recorded and not first_bytes(str(data)).startswith(MAGIC):
-        with output.progress(screen, "reading", None) as on_progress:
-            return open_readings(str(data), wanted, on_progress)
-    if wanted.patterns or wanted.comparisons or wanted.time:
-        rule = "must not go with a recording, whose sensors are known"
-        raise InvalidValueError("sensors, when or time", rule, str(data))
-    return Recording.open(data)
+    wanted = Wanted(tuple(given["sensors"] or ()), comparisons, given["time"])
+    with progress("reading") as on_progress:
+        return open_data(data, wanted, on_progress)

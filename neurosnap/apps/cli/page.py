@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 import typer
 
-from neurosnap.apps.cli.shared import print_json
+from neurosnap.apps.cli.output import print_json
 from neurosnap.errors import InvalidValueError, MissingExtraError, RecordingError
 from neurosnap.fabric.events import wait_at_most
 from neurosnap.system.distribution import must_have

@@ -6,14 +6,17 @@ decisions are read. One that was cut short or is damaged is read through.
 """
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
-from datetime import UTC, datetime, timedelta
+from collections.abc import Iterator
+from datetime import timedelta
 from itertools import pairwise
 
 import msgspec
+import numpy as np
+from rich.filesize import decimal
 
 from neurosnap import wire
-from neurosnap.apps.cli.output import in_ranges
+from neurosnap.apps.cli.output import fields, in_ranges, printable, table
+from neurosnap.errors import RecordingError
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import Cut, damaged_in
@@ -21,8 +24,6 @@ from neurosnap.recording.read.recording import Recording, first_path, part_paths
 from neurosnap.recording.replay.births import RecordedBirth, births_of
 
 _SECOND = 10**9
-_CLOCKS_BEGIN = 946_684_800 * _SECOND
-"""The year 2000; times before it come from clocks that do not count from 1970."""
 
 
 class Info(msgspec.Struct, frozen=True):
@@ -79,9 +80,11 @@ def describe(recording: Recording) -> Info:
         completeness = recording.noted().completeness
     else:
         counts, start, end, completeness = _read_through(recording)
-    run = _options(recording.metadata)
+    run = _options(recording)
     births = None if run is None else births_of(recording)
     damage = recording.damage
+    balance = ("completeness", "expected")
+    totals = recording.totals
     return Info(
         path=str(recording.path),
         size=layout.size,
@@ -92,7 +95,7 @@ def describe(recording: Recording) -> Info:
         chunks=len(layout.chunks),
         channels={topic: counts[topic] for topic in wire.TOPICS if counts[topic]},
         metadata=recording.metadata,
-        totals=_without_balance(recording.totals),
+        totals=totals and {k: v for k, v in totals.items() if k not in balance},
         completeness=completeness,
         cut=recording.cut,
         files=_files(recording),
@@ -105,32 +108,22 @@ def describe(recording: Recording) -> Info:
     )
 
 
-def _options(metadata: dict[str, str]) -> RunOptions | None:
+def _options(recording: Recording) -> RunOptions | None:
     """Return the options of a run; None if they are missing or not valid."""
     try:
-        return msgspec.json.decode(metadata["options"], type=RunOptions)
-    except (KeyError, msgspec.MsgspecError):
+        return recording.options
+    except RecordingError:
         return None
 
 
 def _run(info: Info) -> dict[str, str]:
-    """Return what is shown of a run: names once, and values as they were in force."""
-    run, texts = _options(info.metadata), dict(info.metadata)
-    if run is None:
-        return texts
-    del texts["options"]  # says all of the others again
-    there = [*run.body.sensors[: run.body.size], *(birth.name for birth in info.births)]
-    texts["sensors"] = msgspec.json.encode(there).decode()
-    body = msgspec.to_builtins(run.body)
-    del body["own"]  # the first of the sensors
-    if not any(run.body.orders):
-        del body["orders"]
-    texts["body"] = msgspec.json.encode(body).decode()
-    for name in ("threshold", "decay"):
-        if texts.get(name) == "null":
-            value = info.in_force.get(name)
-            texts[name] = "none" if value is None else f"{value} (the default)"
-    return texts
+    """Return what is shown of a run: values as they were in force."""
+    # These say of each sensor again what `sensors` says.
+    shown = {k: v for k, v in info.metadata.items() if k not in ("options", "body")}
+    for name in [name for name, value in shown.items() if value == "null"]:
+        value = info.in_force.get(name)
+        shown[name] = "none" if value is None else f"{value} (the default)"
+    return shown
 
 
 def _missing_ticks(recording: Recording) -> Iterator[tuple[int, int]]:
@@ -183,16 +176,6 @@ def _read_through(
     return counts, start, end, recording.balance(sequences)
 
 
-def _without_balance(totals: dict[str, str] | None) -> dict[str, str] | None:
-    if totals is None:
-        return None
-    return {
-        name: value
-        for name, value in totals.items()
-        if name not in ("completeness", "expected")
-    }
-
-
 def render(info: Info) -> str:
     """Return `info` as text: what is missing, then the run, then the file."""
     return "\n".join(_lines(info))
@@ -200,42 +183,40 @@ def render(info: Info) -> str:
 
 def _lines(info: Info) -> Iterator[str]:
     yield from _balance(info)
-    yield from _grown(info)
-    yield from _texts("run:", _run(info))
-    yield from _texts("places:", info.places)
-    yield from _texts("totals:", info.totals or {})
-    yield from _table(
-        (
-            ("messages:", str(info.messages)),
-            ("duration:", str(timedelta(microseconds=(info.end - info.start) // 1000))),
-            ("start:", _moment(info.start)),
-            ("end:", _moment(info.end)),
-            ("size:", f"{_bytes(info.size)} in {info.chunks} chunks"),
-        )
+    if info.births or info.room:
+        yield f"grown: {len(info.births)}, room for {info.room} more"
+        yield from table(map(_birth, info.births))
+    for title, texts in (
+        ("run:", _run(info)),
+        ("places:", info.places),
+        ("totals:", info.totals or {}),
+    ):
+        if texts:
+            yield title
+            yield from fields(texts, "  ")
+    duration = timedelta(microseconds=(info.end - info.start) // 1000)
+    yield from fields(
+        {
+            "messages:": info.messages,
+            "duration:": duration,
+            "start:": _moment(info.start),
+            "end:": _moment(info.end),
+            "size:": f"{decimal(info.size)} in {info.chunks} chunks",
+        }
     )
     if info.channels:
         yield "channels:"
-    width = max((len(str(count)) for count in info.channels.values()), default=0)
-    yield from _table(
-        (f"\t{topic}", f"{count:{width}} messages")
-        for topic, count in info.channels.items()
-    )
+        yield from fields(info.channels, "  ")
 
 
-def _grown(info: Info) -> Iterator[str]:
-    """Say which sensors were grown, and when."""
-    if not info.births and not info.room:
-        return
-    yield f"grown: {len(info.births)}, room for {info.room} more"
-    yield from _table(
-        (
-            f"\t{'tick' if birth.exact else 'by tick'} {birth.tick}",
-            f"sensor {birth.sensor}",
-            shown(birth.name),
-            "" if birth.history is None else f"from {birth.history} ticks",
-            "" if birth.retired is None else f"retired at tick {birth.retired}",
-        )
-        for birth in info.births
+def _birth(birth: RecordedBirth) -> tuple[str, ...]:
+    """Return which sensor was grown, and when."""
+    return (
+        f"  {'tick' if birth.exact else 'by tick'} {birth.tick}",
+        f"sensor {birth.sensor}",
+        birth.name,
+        "" if birth.history is None else f"from {birth.history} ticks",
+        "" if birth.retired is None else f"retired at tick {birth.retired}",
     )
 
 
@@ -243,59 +224,21 @@ def _balance(info: Info) -> Iterator[str]:
     """Say whether it is all there."""
     if info.files:
         yield f"files: {len(info.files)}"
-        yield from _table((f"\t{shown(name)}",) for name in info.files)
-    if info.cut is not None:
-        yield (
-            f"cut short: after {info.cut.chunks} whole chunks,"
-            f" at byte {info.cut.offset} of {info.cut.size}"
-        )
-    yield from (f"damaged: {shown(line)}" for line in info.damage)
+        yield from (f"  {printable(name)}" for name in info.files)
+    if (cut := info.cut) is not None:
+        place = f"at byte {cut.offset} of {cut.size}"
+        yield f"cut short: after {cut.chunks} whole chunks, {place}"
+    yield from (f"damaged: {printable(line)}" for line in info.damage)
     if info.missing_ticks:
         yield f"missing ticks: {in_ranges(info.missing_ticks)}"
     missing = info.completeness.missing
     yield f"missing: {sum(missing.values())}"
-    yield from _table((f"\t{shown(who)}", str(n)) for who, n in missing.items())
+    yield from fields(missing, "  ")
     yield f"duplicates: {info.completeness.duplicates} left out"
     yield f"foreign: {info.completeness.foreign} left out"
 
 
-def _texts(title: str, texts: dict[str, str]) -> Iterator[str]:
-    if texts:
-        yield title
-    yield from _table((f"\t{shown(k)}:", shown(v)) for k, v in texts.items())
-
-
-def _table(rows: Iterable[tuple[str, ...]]) -> Iterator[str]:
-    """Lay out rows in columns as wide as their widest cell."""
-    rows = list(rows)
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        cells = (f"{cell:{width}}" for cell, width in zip(row, widths, strict=True))
-        yield "  ".join(cells).rstrip()
-
-
-def shown(text: str) -> str:
-    """Return `text` as it may go to a terminal: a stranger's file may steer one."""
-    return text if text.isprintable() else repr(text)
-
-
-def _bytes(count: float) -> str:
-    for unit in ("B", "KiB", "MiB"):
-        if count <= 1024:
-            return f"{count:.2f} {unit}"
-        count /= 1024
-    return f"{count:.2f} GiB"
-
-
 def _moment(nanoseconds: int) -> str:
-    """Return a time as RFC 3339 in UTC; one of another clock in seconds."""
-    seconds, rest = divmod(nanoseconds, _SECOND)
-    plain = f"{seconds}.{rest:09}"
-    if nanoseconds < _CLOCKS_BEGIN:
-        return plain
-    try:
-        day = datetime.fromtimestamp(seconds, UTC)
-    except (OverflowError, ValueError, OSError):  # beyond the year 9999
-        return plain
-    digits = f".{rest:09}".rstrip("0") if rest else ""
-    return f"{day:%Y-%m-%dT%H:%M:%S}{digits}Z"
+    """Return a time as RFC 3339 in UTC; the last there is for one of another clock."""
+    latest = np.iinfo(np.int64).max
+    return f"{np.datetime64(min(nanoseconds, latest), 'ns')}Z"

@@ -1,50 +1,52 @@
 """``neurosnap info``, ``verify``, ``play`` and ``export``, all of a recording."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import msgspec
 import typer
 
-from neurosnap.apps.cli import output
 from neurosnap.apps.cli.options import FLAG, NETWORK, option
+from neurosnap.apps.cli.output import (
+    in_ranges,
+    print_facts,
+    printable,
+    progress,
+    say,
+    warn,
+)
 from neurosnap.apps.cli.shared import (
     LOST,
     RECORDINGS,
     Force,
     Format,
     Log,
-    OptionalTick,
     app,
     convert,
     end_by,
     errors,
-    people,
-    print_facts,
     run_async,
-    screen,
     unwinding,
 )
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.runtime.network import Network
 
 if TYPE_CHECKING:
-    from neurosnap.apps.export.write import Exported
+    from neurosnap.recording.replay.verify import Verdict
     from neurosnap.recording.write.copying import Salvaged
 
 
 @app.command(rich_help_panel=RECORDINGS)
 def info(log: Log, form: Format = "text") -> None:
     """Show what a recording holds, what it learned, and what is missing from it."""
+    from neurosnap.apps.cli.learn import beginning
     from neurosnap.apps.cli.recording_info import describe, render
-    from neurosnap.apps.cli.relations import learned_lines
     from neurosnap.recording.read.recording import Recording
 
     with errors():
         recording = Recording.open_file(log)
         found = describe(recording)
-        for line in (*learned_lines(log, recording, found), render(found)):
-            people(form).print(line, markup=False, soft_wrap=True)
+        say(form, *beginning(log, recording, found.size), render(found))
         print_facts(form, found)
         if not recording.whole:
             raise typer.Exit(LOST)
@@ -76,12 +78,36 @@ def verify(
             behind = f" behind tick {verdict.start}" if verdict.start else ""
             rule = f"must hold a whole tick{behind} to be verified"
             raise RecordingError(f"{log}: {rule}, got none")
-        output.verdict(people(form), verdict)
-        print_facts(form, msgspec.structs.asdict(verdict))
+        say(form, *_verdict_lines(verdict))
+        print_facts(form, verdict)
         if not verdict.same:
             raise typer.Exit(1)
         if not verdict.complete:
             raise typer.Exit(LOST)
+
+
+def _verdict_lines(found: "Verdict") -> Iterator[str]:
+    """Yield what a replay found."""
+    if not found.same:
+        yield f"different: {found.difference}"
+        return
+    since = f" after tick {found.start}" if found.start else ""
+    if found.missing:
+        since = f" ({in_ranges(found.ranges)})"
+    where = f" in {found.files} files" if found.files > 1 else ""
+    # The last tick's is left out, unless the run was only asked to end after it.
+    one_more = found.decisions > found.states
+    before = ", since a start makes one, too" if one_more else ""
+    yield (
+        f"same: every state and decision of {found.ticks} ticks{since}{where} came out"
+        f" the same ({found.states} states, {found.decisions} decisions{before},"
+        f" {found.wirings} wirings, {found.waves} waves; {found.seconds:.2f} s)"
+    )
+    if found.missing:
+        yield f"missing: ticks {in_ranges(found.missing)}"
+    yield from (f"damaged: {line}" for line in found.damage)
+    if not found.complete:
+        yield "the recording is incomplete"
 
 
 @app.command(rich_help_panel=RECORDINGS)
@@ -107,7 +133,6 @@ def play(
     form: Format = "text",
 ) -> None:
     """Publish a recording over Zenoh again, as it was when it was recorded."""
-    from neurosnap.apps.cli.recording_info import shown
     from neurosnap.recording.read.recording import Recording
     from neurosnap.recording.replay.playback import Playing, play_on
 
@@ -115,27 +140,27 @@ def play(
         network = convert(Network, listen=listen, tls=tls, insecure=insecure)
         network.check()
         recording = Recording.open(log)
-        where = f"{network.listen} under neurosnap/{shown(recording.swarm)}/**"
 
         async def begin() -> None:
-            screen.print(f"playing on {where}", markup=False)
+            swarm = printable(recording.swarm)
+            warn(f"playing on {network.listen} under neurosnap/{swarm}/**")
 
-        with output.progress(screen, "tick", None) as on_progress:
+        credentials = network.credentials("hub")
+        with progress("tick") as on_progress:
+            playing = Playing(rate, start, begin, on_progress)
             played = run_async(
                 lambda stop: play_on(
                     recording,
-                    network.listen,
+                    listen,
                     stop,
-                    Playing(rate, start, begin, on_progress),
-                    credentials=network.credentials("hub"),
-                    insecure=network.insecure,
+                    playing,
+                    credentials=credentials,
+                    insecure=insecure,
                 )
             )
-        people(form).print(
-            f"played {played.ticks} ticks, {played.messages} messages"
-            f" in {played.seconds:.1f} s"
-        )
-        print_facts(form, msgspec.structs.asdict(played))
+        count = f"{played.ticks} ticks, {played.messages} messages"
+        say(form, f"played {count} in {played.seconds:.1f} s")
+        print_facts(form, played)
         end_by(recording)
 
 
@@ -149,12 +174,11 @@ def export(
             "-o",
             metavar="FILE",
             help="Where to write; must not exist yet. Its ending says what: .csv or"
-            " .parquet: a table with a row for each tick. .graphml: the implications"
-            " that were learned. .mcap: all that is intact of a damaged recording.",
+            " .parquet: a table with a row for each tick. .mcap: all that is intact of a"
+            " damaged recording.",
             show_default="a .csv beside the recording",
         ),
     ] = None,
-    at: OptionalTick = None,
     only_readings: Annotated[
         bool,
         typer.Option(
@@ -167,51 +191,34 @@ def export(
     force: Force = False,
     form: Format = "text",
 ) -> None:
-    """Convert a recording to a table or a graph, or save what is intact of it."""
+    """Convert a recording to a table, or save what is intact of it."""
     from neurosnap.apps.export.write import export as write
-    from neurosnap.apps.export.write import form_of
+    from neurosnap.recording.read.recording import Recording
     from neurosnap.recording.write.copying import salvage
 
     with errors():
-        kind = "csv" if out is None else form_of(out)
-        if out is not None and kind is None:
-            if force or at is not None or only_readings:
-                rule = "must come without --at, --only-readings and --force"
-                raise InvalidValueError("out", rule, str(out))
-            _show_saved(salvage(log, out), form)
-        else:
-            with unwinding():
-                exported = write(
-                    log,
-                    kind or "csv",
-                    out,
-                    at=at,
-                    only_readings=only_readings,
-                    force=force,
-                )
-            _show_exported(exported, form)
+        path = log.with_suffix(".csv") if out is None else out
+        if path.suffix.lower() == ".mcap":
+            if force or only_readings:
+                rule = "must come without --only-readings and --force"
+                raise InvalidValueError("out", rule, str(path))
+            _report_salvaged(salvage(log, path), form)
+            return
+        recording = Recording.open(log)
+        with unwinding():
+            found = write(recording, path, only_readings=only_readings, force=force)
+        say(form, f"wrote {path}")
+        if found.incomplete:
+            say(form, f"{found.incomplete} ticks lack something")
+        print_facts(form, found)
+        end_by(recording)
 
 
-def _show_exported(found: "Exported", form: str) -> None:
-    people(form).print(f"wrote {found.path}", markup=False, soft_wrap=True)
-    if found.incomplete:
-        people(form).print(f"{found.incomplete} ticks lack something")
-    if not found.whole:
-        for line in found.damage:
-            screen.print(f"damaged: {line}", markup=False, soft_wrap=True)
-        screen.print("the recording is not whole: wrote what there is")
-    print_facts(form, found)
-    if not found.whole:
-        raise typer.Exit(LOST)
-
-
-def _show_saved(found: "Salvaged", form: str) -> None:
-    for line in found.lost:
-        people(form).print(f"lost: {line}", markup=False, soft_wrap=True)
+def _report_salvaged(found: "Salvaged", form: str) -> None:
     kept, missing = found.completeness.messages, found.completeness.missing
     lacks = f", {sum(missing.values())} are missing" if missing else ""
-    text = f"wrote {found.path}: {kept} messages{lacks}"
-    people(form).print(text, markup=False, soft_wrap=True)
+    say(form, *(f"lost: {line}" for line in found.lost))
+    say(form, f"wrote {found.path}: {kept} messages{lacks}")
     print_facts(form, found)
     if found.lost or missing:
         raise typer.Exit(LOST)

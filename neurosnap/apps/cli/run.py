@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from neurosnap.apps.cli import output
 from neurosnap.apps.cli.broker import brokered
 from neurosnap.apps.cli.options import (
     FLAG,
@@ -18,6 +17,15 @@ from neurosnap.apps.cli.options import (
     described,
     with_run_options,
 )
+from neurosnap.apps.cli.output import (
+    outcome_facts,
+    outcome_lines,
+    print_facts,
+    progress,
+    say,
+    warn,
+    watcher,
+)
 from neurosnap.apps.cli.page import check_page, viewed
 from neurosnap.apps.cli.shared import (
     LEARN,
@@ -27,10 +35,7 @@ from neurosnap.apps.cli.shared import (
     app,
     errors,
     new_log,
-    people,
-    print_facts,
     run_async,
-    screen,
 )
 from neurosnap.errors import InvalidValueError
 from neurosnap.runtime.systemd import ServiceManager
@@ -89,9 +94,9 @@ def run(
                 raise InvalidValueError("view", rule, "no recording")
             request = prepared.request(swarm)
             if prepared.chosen:
-                screen.print(prepared.chosen, markup=False, soft_wrap=True)
+                warn(prepared.chosen)
             outcome = _carry_out(request, form, view=view)
-        print_facts(form, output.outcome_facts(request.options, outcome, request.log))
+        print_facts(form, outcome_facts(request.options, outcome, request.log))
         _end_by(outcome)
 
 
@@ -125,7 +130,7 @@ def resume(
         options, after = request.options, request.after
         request = replace(request, log=new_log(options.source, out))
         outcome = _carry_out(request, form)
-        facts = output.outcome_facts(options, outcome, request.written)
+        facts = outcome_facts(options, outcome, request.written)
         print_facts(form, {**facts, "resumed": str(log), "resumed_at": after})
         _end_by(outcome)
 
@@ -137,24 +142,24 @@ def _carry_out(request: "RunRequest", form: str, *, view: bool = False) -> "Outc
     if request.log is not None:
         request.log.parent.mkdir(exist_ok=True)
 
-    def tell(outcome: "Outcome") -> None:
-        output.outcome(people(form), request.options, outcome, request.written)
+    def report(outcome: "Outcome") -> None:
+        say(form, *outcome_lines(request.options, outcome, request.written))
 
     ticks = request.options.ticks
-    with ServiceManager() as service, output.progress(screen, "ticks", ticks) as shown:
+    with ServiceManager() as service, progress("ticks", ticks) as shown:
 
         def on_tick(tick: int) -> None:
             shown(tick)
             service.progress(tick)
 
         async def work(stop: asyncio.Event) -> "Outcome":
-            return await run_swarm(request, stop, output.watcher(screen, on_tick))
+            return await run_swarm(request, stop, watcher(on_tick))
 
         if view and (new := request.log) is not None:
-            return run_async(lambda stop: viewed(new, stop, work, tell))
+            return run_async(lambda stop: viewed(new, stop, work, report))
         outcome = run_async(work)
-        tell(outcome)
-        return outcome
+    report(outcome)
+    return outcome
 
 
 def _end_by(outcome: "Outcome") -> None:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import msgspec
 import typer
 
-from neurosnap.apps.cli import output
 from neurosnap.apps.cli.options import (
     AUTO_HOSTS,
     FLAG,
@@ -25,6 +24,15 @@ from neurosnap.apps.cli.options import (
     with_parameters,
     with_run_options,
 )
+from neurosnap.apps.cli.output import (
+    outcome_facts,
+    outcome_lines,
+    print_facts,
+    progress,
+    say,
+    warn,
+    watcher,
+)
 from neurosnap.apps.cli.shared import (
     LOST,
     SWARMS,
@@ -34,10 +42,7 @@ from neurosnap.apps.cli.shared import (
     convert,
     errors,
     new_log,
-    people,
-    print_facts,
     run_async,
-    screen,
 )
 from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.run_options import HostChoice
@@ -181,14 +186,11 @@ async def _hub(
     """Be a hub until `stop` is set."""
     from neurosnap.fabric.zenoh.hub import follow_links, open_hub
 
-    def report(text: str) -> None:
-        screen.print(text, markup=False, soft_wrap=True)
-
     session = await asyncio.to_thread(open_hub, endpoints, sessions, **secured)
     try:
-        report(f"listening on {', '.join(endpoints)}")
+        warn(f"listening on {', '.join(endpoints)}")
         credentials = secured["credentials"]
-        await follow_links(session, secured["links"], stop, report, credentials)
+        await follow_links(session, secured["links"], stop, warn, credentials)
     finally:
         await asyncio.to_thread(session.close)
 
@@ -247,8 +249,7 @@ def recorder(
         )
         if resume is not None:
             logs = [_written(log) for log in logs]
-        for log in logs:
-            people(form).print(f"recording: {log}", markup=False, soft_wrap=True)
+        say(form, *(f"recording: {log}" for log in logs))
         whole = all(balance.whole for balance in _balances(served))
         facts = {"logs": [str(log) for log in logs], "complete": whole}
         print_facts(form, {"swarm": swarm, **facts, "served": _names(served)})
@@ -321,18 +322,18 @@ def coordinator(
             rule = "must be 'process' or 'worker', for others to start them"
             raise InvalidValueError("cells", rule, options.cells)
         if prepared.chosen:
-            screen.print(prepared.chosen, markup=False, soft_wrap=True)
+            warn(prepared.chosen)
         log = context.params["resume"]
         past = None if log is None else past_of(log, options)
         recorder = [] if prepared.log is None else ["recorder"]
         parts = frozenset(["world", *options.host_names(), *recorder])
         site = Site(prepared.network, swarm=swarm, elsewhere=parts, patience=patience)
         request = RunRequest(options, None, past, site)
-        with output.progress(screen, "ticks", options.ticks) as on_tick:
-            watcher = output.watcher(screen, on_tick)
-            outcome = run_async(lambda stop: run_swarm(request, stop, watcher))
-        output.outcome(people(form), options, outcome, None)
-        facts = output.outcome_facts(options, outcome, None)
+        with progress("ticks", options.ticks) as on_tick:
+            watching = watcher(on_tick)
+            outcome = run_async(lambda stop: run_swarm(request, stop, watching))
+        say(form, *outcome_lines(options, outcome, None))
+        facts = outcome_facts(options, outcome, None)
         # The recording, and whether it is whole, is the recorder's to say.
         its = ("log", "complete", "kept", "journal", "waiting")
         kept = {k: v for k, v in facts.items() if k not in its}
@@ -354,11 +355,10 @@ def _serve(
     def report(one: "Served") -> None:
         served.append(one)
         if one.trouble:
-            text = f"swarm {one.swarm}: {one.trouble}"
-            screen.print(text, markup=False, soft_wrap=True)
+            warn(f"swarm {one.swarm}: {one.trouble}")
 
     async def work(stop: asyncio.Event) -> None:
-        screen.print(f"{what} for swarm {swarm}", markup=False)
+        warn(f"{what} for swarm {swarm}")
         await serve(
             choose,
             network,

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Annotated, Literal, NoReturn, TypeAlias, TypeV
 
 import msgspec
 import typer
-from rich.console import Console
 from rich.text import Text
 
 from neurosnap.apps.cli.options import FLAG, NETWORK
-from neurosnap.apps.config.recording_names import free_path, new_path
+from neurosnap.apps.cli.output import screen, warn
+from neurosnap.apps.new_files import free_path, new_path
 from neurosnap.errors import (
     InvalidValueError,
     NeurosnapError,
@@ -53,7 +53,6 @@ app = typer.Typer(
     rich_markup_mode="rich" if get_terminal_size().columns >= _WIDE else None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-screen = Console(stderr=True, highlight=False)
 
 
 def _print_version(wanted: bool) -> None:
@@ -116,7 +115,7 @@ def errors() -> Iterator[None]:
     try:
         yield
     except NothingBegunError:
-        screen.print("interrupted")
+        warn("interrupted")
         raise typer.Exit(INTERRUPTED) from None
     except (InvalidValueError, NoRecordingError) as error:
         fail(str(error), 2)
@@ -137,13 +136,11 @@ def fail(text: str, code: int) -> NoReturn:
 
 def end_by(recording: "Recording") -> None:
     """Say what a recording lacks, if anything; end with `LOST` then."""
-    for line in recording.damage:
-        screen.print(f"damaged: {line}", markup=False, soft_wrap=True)
+    warn(*(f"damaged: {line}" for line in recording.damage))
     if (cut := recording.cut) is not None:
-        where = f"{recording.path} at byte {cut.offset} of {cut.size}"
-        screen.print(f"cut short: {where}", markup=False, soft_wrap=True)
+        warn(f"cut short: {recording.path} at byte {cut.offset} of {cut.size}")
     if not recording.whole:
-        screen.print("the recording is not whole: `neurosnap info` says what it lacks")
+        warn("the recording is not whole: `neurosnap info` says what it lacks")
         raise typer.Exit(LOST)
 
 
@@ -159,22 +156,6 @@ def convert(kind: type[T], **given: object) -> T:
         reason, _, place = str(error).partition(" - at ")
         name = place.strip("`$.") or "options"
         raise InvalidValueError(name, reason, given.get(name)) from error
-
-
-def people(form: str) -> Console:
-    """Return where people are told: standard output, or beside it where JSON goes."""
-    return screen if form == "json" else Console(highlight=False)
-
-
-def print_facts(form: str, facts: object) -> None:
-    """Print an object for programs, if that is the form that was asked for."""
-    if form == "json":
-        print_json(msgspec.to_builtins(facts, enc_hook=str))
-
-
-def print_json(facts: object) -> None:
-    """Print an object for programs, on one line."""
-    typer.echo(msgspec.json.encode(facts))  # JSON is UTF-8, whatever a terminal is
 
 
 def run_async(work: Callable[[asyncio.Event], Awaitable[T]]) -> T:

@@ -7,8 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import msgspec
 import typer
 
-from neurosnap.apps.cli import output
 from neurosnap.apps.cli.options import FLAG, NETWORK, option, with_parameters
+from neurosnap.apps.cli.output import (
+    changed_line,
+    print_facts,
+    print_json,
+    say,
+    table,
+    warn,
+)
 from neurosnap.apps.cli.page import look
 from neurosnap.apps.cli.shared import (
     SWARMS,
@@ -19,11 +26,7 @@ from neurosnap.apps.cli.shared import (
     convert,
     end_by,
     errors,
-    people,
-    print_facts,
-    print_json,
     run_async,
-    screen,
 )
 from neurosnap.errors import InvalidValueError
 from neurosnap.runtime.network import Network
@@ -101,7 +104,7 @@ def _watch_recording(log: Path, support: int | None, form: str) -> None:
         _report(told, form)
         found |= isinstance(told, Told)
     if not found and form == "text":
-        typer.echo(without_anomalies(recording.file, support))
+        say(form, without_anomalies(recording.file, support))
     end_by(recording.file)
 
 
@@ -122,7 +125,7 @@ def _watch_swarm(
     secured = {name: given[name] for name in ("tls", "insecure")}
     network = convert(Network, connect=connect, **secured)
     network.check("watcher")
-    screen.print(f"watching {swarm}; Ctrl-C ends it", markup=False)
+    warn(f"watching {swarm}; Ctrl-C ends it")
     show = partial(_report, form=form)
     run_async(
         lambda stop: look_on(network, swarm, stop, show, support=support, log=log)
@@ -138,11 +141,11 @@ def _report(told: "Fed", form: str) -> None:
     if form == "json":
         print_json(told)
     elif isinstance(told, News):
-        typer.echo(visible(told.line()))
+        say(form, visible(told.line()))
     elif isinstance(told, Changed):
-        typer.echo(output.changed_line(told))
+        say(form, changed_line(told))
     else:
-        typer.echo(anomaly_line(told))
+        say(form, anomaly_line(told))
 
 
 @app.command(rich_help_panel=WATCH)
@@ -238,12 +241,25 @@ def ps(
     with errors():
         if swarm is None:
             notes = registry.swarms()
-            output.swarms(people(form), notes)
+            rows = [(n.swarm, str(n.pid), n.source, n.log) for n in notes]
+            heads = ("swarm", "pid", "source", "recording")
+            say(form, *(table([heads, *rows]) if rows else ["no swarm runs here"]))
             print_facts(form, {"swarms": notes})
         else:
             note = registry.find(swarm)
             parts = registry.parts(note)
-            output.parts(people(form), note, parts)
+            say(form, f"swarm {note.swarm}: {note.source}, hub at {note.endpoint}")
+            rows = [
+                (
+                    part.who,
+                    str(part.pid),
+                    f"{part.memory / 2**20:.0f} MB",
+                    f"{part.seconds:.2f} s",
+                )
+                for part in parts
+            ]
+            heads = ("part", "pid", "memory", "processor")
+            say(form, *table([heads, *rows], numbers=True))
             print_facts(form, {**msgspec.structs.asdict(note), "parts": parts})
 
 
@@ -269,5 +285,5 @@ def stop(
     with errors():
         note = registry.find(swarm) if swarm else registry.only()
         registry.stop(note, patience)
-        people(form).print(f"stopped {note.swarm}", markup=False)
+        say(form, f"stopped {note.swarm}")
         print_facts(form, {"stopped": note.swarm, "log": note.log})

@@ -20,7 +20,6 @@ from neurosnap.agent.body import Body
 from neurosnap.agent.policy import default_threshold
 from neurosnap.apps.config.load import Loaded
 from neurosnap.apps.config.problems import Keys, dotted
-from neurosnap.apps.config.recording_names import LOGS, free_path, new_path
 from neurosnap.apps.config.sources import MqttTable
 from neurosnap.apps.config.tables import (
     Config,
@@ -28,6 +27,7 @@ from neurosnap.apps.config.tables import (
     flattened,
 )
 from neurosnap.apps.config.validate import Problem, known_keys
+from neurosnap.apps.new_files import LOGS, free_path, new_path
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.thresholds import AUTO
 from neurosnap.protocol.run_options import (

@@ -1,7 +1,5 @@
 """The learned order by name, and as text: DOT or GraphML."""
 
-from typing import Literal, TypeAlias
-
 import msgspec
 import numpy as np
 
@@ -10,8 +8,6 @@ from neurosnap.poc.order.graph import PocGraph
 from neurosnap.recording.replay.births import Births, RecordedBirth
 from neurosnap.sensorium import Sensorium
 from neurosnap.system.distribution import must_have
-
-Format: TypeAlias = Literal["dot", "graphml"]
 
 
 class Diagram(msgspec.Struct, frozen=True):
@@ -62,19 +58,6 @@ def diagram(
     )
 
 
-def render(drawn: Diagram, form: Format) -> str:
-    """Return `drawn` as text in one of the formats.
-
-    Raises:
-        MissingExtraError: networkx, which writes GraphML, is not installed.
-    """
-    match form:
-        case "dot":
-            return _dot(drawn)
-        case "graphml":
-            return _graphml(drawn)
-
-
 def _equivalent(drawn: Diagram) -> list[tuple[str, str]]:
     """Return each class of equivalent literals as a star around its first one."""
     return [
@@ -82,7 +65,8 @@ def _equivalent(drawn: Diagram) -> list[tuple[str, str]]:
     ]
 
 
-def _dot(drawn: Diagram) -> str:
+def dot(drawn: Diagram) -> str:
+    """Return the order for Graphviz."""
     equivalent = _equivalent(drawn)
     names = dict.fromkeys(n for pair in equivalent + drawn.implications for n in pair)
     lines = [f"{_quoted(name)};" for name in names]
@@ -102,12 +86,17 @@ def _quoted(name: str) -> str:
     return f'"{escaped}"'
 
 
-def _graphml(drawn: Diagram) -> str:
+def graphml(drawn: Diagram) -> str:
+    """Return the order as GraphML.
+
+    Raises:
+        MissingExtraError: networkx, which writes it, is not installed.
+    """
     try:
         import networkx
     except ImportError as error:
         rule = must_have("networkx", "export")
-        raise MissingExtraError(f"format: {rule}") from error
+        raise MissingExtraError(f"out: {rule}") from error
     graph: networkx.DiGraph[str] = networkx.DiGraph(
         tick=drawn.tick, height=drawn.height
     )

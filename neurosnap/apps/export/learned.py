@@ -1,95 +1,212 @@
-"""What readings say, or what a run has learned, as a table or a graph."""
+"""What readings say, or what a run has learned, as a table and as a graph."""
 
-from dataclasses import dataclass
+import csv
+import io
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
 
-import msgspec
-
-from neurosnap.apps.export.graph_text import Diagram, Format, diagram, render
-from neurosnap.apps.export.relations import Answered
+from neurosnap.apps.drawing.relations_page import relations_page
+from neurosnap.apps.export.graph_text import Diagram, diagram, dot, graphml
+from neurosnap.apps.new_files import placed
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.learning.pair_counts import OnProgress
-from neurosnap.poc.learning.relation_table import tabulate
+from neurosnap.poc.learning.relation_table import Relation, tabulate
 from neurosnap.poc.learning.snapshot import Snapshot
+from neurosnap.recording.format.records import MAGIC
 from neurosnap.recording.read.observations import readings_of
-from neurosnap.recording.read.recording import Recording
+from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.births import Births, births_of
 from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.runtime.preflight import free_memory
+from neurosnap.sensorium import visible
+from neurosnap.sources.meaning import Wanted
+from neurosnap.sources.tables.open_readings import first_bytes, open_readings
 from neurosnap.sources.tables.readings import Readings
+from neurosnap.system.csv_text import as_text
 
+HEADS = ("relation", "tested", "failed", "held in", "since", "last failure")
+"""What stands above the cells of a row."""
 SURE = "sure"
 """The rule by which a table is made of what readings leave no doubt about."""
+_ALL = Wanted()
+_FORMS = (".csv", ".html", ".dot", ".graphml")
 _BYTES_A_PAIR = 100
 """Of two sensors: their counts and what is judged of them. Measured: 85, of 2,000."""
 
 
+def open_data(
+    data: Path, wanted: Wanted = _ALL, on_progress: OnProgress | None = None
+) -> Recording | Readings:
+    """Return the recording in a file, or else the readings in it.
+
+    Args:
+        data: The file.
+        wanted: Which sensors to read, and how.
+        on_progress: Called with how much is read, and of how much.
+
+    Raises:
+        InvalidValueError: The file cannot be read, or breaks a rule; or it is a
+            recording, and something else than all of it is wanted.
+        RecordingError: It is a recording that cannot be read.
+    """
+    recorded = data.suffix.lower() == ".mcap"
+    if not recorded and not first_bytes(str(data)).startswith(MAGIC):
+        return open_readings(str(data), wanted, on_progress)
+    if wanted != _ALL:
+        rule = "must not go with a recording, whose sensors are known"
+        raise InvalidValueError("sensors, when or time", rule, str(data))
+    return Recording.open(data)
+
+
 @dataclass(frozen=True)
-class Findings:
-    """What is known of some sensors, and from which readings."""
+class Learned:
+    """The relations of some sensors, and the order, if one was learned."""
 
     source: str
     """What the readings are of."""
     readings: Readings
     how: str
     """By which rule, in words."""
+    rows: Sequence[Relation]
+    """The strongest first."""
     snapshot: Snapshot | None = None
-    """What was learned; None if only what is sure is told."""
-    recording: Recording | None = None
-    """Where the readings are recorded."""
+    """What was learned; None if the rows are what is sure."""
     births: Births | None = None
     """What had been grown, where this is what a run has learned."""
 
     @property
-    def sure(self) -> bool:
-        """Whether only what is sure is told."""
-        return self.snapshot is None
+    def sensors(self) -> int:
+        """How many sensors it is about, without those that were never grown."""
+        columns, births = self.readings.columns, self.births
+        room = births.body.room - len(births.at(columns.ticks)) if births else 0
+        return len(columns.sensorium) - room
 
     @property
-    def recorded(self) -> bool:
-        """Whether a run has learned it."""
-        return self.births is not None
+    def title(self) -> str:
+        """One line that says how much it holds."""
+        found, ticks = len(self.rows), self.readings.columns.ticks
+        noun = "relation" if found == 1 else "relations"
+        return f"{found} {noun} of {self.sensors} sensors in {ticks} ticks ({self.how})"
 
-    def table(
-        self, every: bool = False, on_progress: OnProgress | None = None
-    ) -> Answered:
-        """Return its relations, and those that follow from others if `every`."""
-        columns, births = self.readings.columns, self.births
-        rows = tabulate(columns, self.snapshot, every, on_progress)
-        room = births.body.room - len(births.at(columns.ticks)) if births else 0
-        return Answered(self.source, self.readings, rows, self.how, room)
-
-    def graph(self, form: Format) -> str:
-        """Return the order as text for programs.
+    def order(self) -> Diagram:
+        """Return the order that was learned, by name.
 
         Raises:
-            InvalidValueError: Nothing is learned but what is sure, which is no order.
+            InvalidValueError: Nothing was learned but what is sure, which is no order.
         """
-        if (drawn := self._diagram()) is None:
-            rule = "must go with --threshold, or a recording without it"
-            raise InvalidValueError("format", rule, form)
-        return render(drawn, form)
-
-    def facts(self, answered: Answered) -> dict[str, object]:
-        """Return all of it for programs: the table, and the order that was learned."""
-        facts: dict[str, object] = msgspec.to_builtins(answered.facts())
-        drawn = self._diagram()
-        return facts if drawn is None else {**facts, "order": drawn}
-
-    def _diagram(self) -> Diagram | None:
         if (known := self.snapshot) is None:
-            return None
+            rule = "must be given, or a recording, for an order to be learned"
+            raise InvalidValueError("threshold", rule, SURE)
         ticks = self.readings.columns.ticks
         return diagram(ticks, known.poc_graph(), known.sensorium, self.births)
+
+    def facts(self) -> dict[str, object]:
+        """Return all of it for programs: the table, and the order that was learned."""
+        facts: dict[str, object] = {
+            "source": visible(self.source),
+            "sensors": self.sensors,
+            "ticks": self.readings.columns.ticks,
+            "learned": self.how,
+            "relations": [self._fields(row) for row in self.rows],
+        }
+        return facts if self.snapshot is None else {**facts, "order": self.order()}
+
+    def cells(self, row: Relation) -> tuple[str, ...]:
+        """Return what a row shows, in the order of `HEADS`."""
+        both = row.relation in ("the same", "opposite") or "nearly" in row.relation
+        failed = f"{row.failed} + {row.failed_back}" if both else str(row.failed)
+        # Down, so that what failed once in ten thousand ticks does not say 100 %.
+        share = f"{math.floor(10_000 * row.share) / 100:.2f} %".replace(".00 %", " %")
+        return (
+            visible(row.sentence),
+            f"{row.tested} + {row.tested_back}",
+            failed,
+            share,
+            self._tick(row.since),
+            self._tick(row.last_failure) if row.last_failure else "never",
+        )
+
+    def write(self, out: Path, *, force: bool, reads: Path) -> None:
+        """Write all of it in the form that the ending of a file asks for.
+
+        Args:
+            out: The file.
+            force: Replace what is there.
+            reads: The data; nothing replaces these.
+
+        Raises:
+            InvalidValueError: A file is there already, or no folder for it; or it is
+                to hold an order, and none was learned.
+            MissingExtraError: What writes it is not installed.
+            OSError: It cannot be written.
+        """
+        text = self._text(form_of(out))
+        with placed(out, force=force, reads=part_paths(reads).values()) as draft:
+            draft.write_text(text, encoding="utf-8")
+
+    def _text(self, form: str) -> str:
+        match form:
+            case ".csv":
+                return self._csv()
+            case ".html":
+                cells = [self.cells(row) for row in self.rows]
+                return relations_page(self.source, self.title, HEADS, cells, self.rows)
+            case ".dot":
+                return dot(self.order())
+            case _:
+                return graphml(self.order())
+
+    def _csv(self) -> str:
+        buffer = io.StringIO()
+        times = ["since_time", "last_failure_time"]
+        timed = times if self.readings.times is not None else []
+        names = [*Relation.__dataclass_fields__, *timed]
+        writer = csv.DictWriter(buffer, names, lineterminator="\n")
+        writer.writeheader()
+        for row in self.rows:
+            fields = self._fields(row).items()
+            writer.writerow(
+                {k: as_text(v) if isinstance(v, str) else v for k, v in fields}
+            )
+        return buffer.getvalue()
+
+    def _fields(self, row: Relation) -> dict[str, object]:
+        """Return the attributes of a row, and the moments of its ticks, if known."""
+        fields = asdict(row)
+        if self.readings.times is not None:
+            fields["since_time"] = self.readings.moment(row.since)
+            fields["last_failure_time"] = self.readings.moment(row.last_failure)
+        return fields
+
+    def _tick(self, tick: int) -> str:
+        moment = visible(self.readings.moment(tick))
+        return f"{tick} ({moment})" if moment else str(tick)
+
+
+def form_of(out: Path) -> str:
+    """Return the ending of a file that a table or an order is written to.
+
+    Raises:
+        InvalidValueError: Its name ends with something else.
+    """
+    if out.suffix.lower() not in _FORMS:
+        rule = f"must end with one of {', '.join(_FORMS)}"
+        raise InvalidValueError("out", rule, str(out))
+    return out.suffix.lower()
 
 
 def learned_from(
     source: str,
     found: Recording | Readings,
     threshold: float | str | None = None,
+    *,
     at: int | None = None,
+    every: bool = False,
     on_progress: OnProgress | None = None,
-) -> Findings:
+) -> Learned:
     """Return what readings tell, or what the run of a recording has learned.
 
     Args:
@@ -98,31 +215,38 @@ def learned_from(
         threshold: Learn with this threshold; ``sure``: tell only what is sure. None:
             what the run has learned, and of readings what is sure.
         at: The last tick to go by; None for the last.
-        on_progress: Told how much is done, and of how much.
+        every: Also return the relations that follow from others.
+        on_progress: Called with how much is done, and of how much.
 
     Raises:
         InvalidValueError: The threshold or the tick is out of range, or there are more
             sensors than there is memory for all their pairs.
         RecordingError: The recording is damaged.
     """
-    recording = found if isinstance(found, Recording) else None
+    births: Births | None = None
+    snapshot: Snapshot | None = None
+    how = "by the table's own rule"
     if isinstance(found, Recording):
         tick, snapshot = snapshot_at(found, at)
         readings = readings_of(found, snapshot.sensorium, tick)
         if threshold is None:
-            how = f"learned by tick {tick}"
-            births = births_of(found)
-            return Findings(source, readings, how, snapshot, recording, births)
+            births, how = births_of(found), f"learned by tick {tick}"
     elif at is not None:
         raise InvalidValueError("at", "must go with a recording", at)
     else:
         readings = found
-    _check_room(len(readings.columns.sensorium))
-    if threshold is None or threshold == SURE:
-        how = "by the table's own rule"
-        return Findings(source, readings, how, None, recording)
-    fitted = EmpiricalSnapshot.fit(readings.columns, threshold, on_progress=on_progress)
-    return Findings(source, readings, f"threshold {threshold}", fitted, recording)
+    columns = readings.columns
+    if births is None:
+        _check_room(len(columns.sensorium))
+        if threshold is None or threshold == SURE:
+            snapshot = None
+        else:
+            snapshot = EmpiricalSnapshot.fit(
+                columns, threshold, on_progress=on_progress
+            )
+            how = f"threshold {threshold}"
+    rows = tabulate(columns, snapshot, every, on_progress)
+    return Learned(source, readings, how, rows, snapshot, births)
 
 
 def _check_room(sensors: int) -> None:

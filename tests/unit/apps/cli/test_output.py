@@ -1,19 +1,19 @@
 """What people are told fits on a screen, and names where the rest is."""
 
-import io
 from pathlib import Path
 
 import msgspec
 import pytest
-from rich.console import Console
+import typer
 
 from neurosnap.agent.body import Body
-from neurosnap.apps.cli import output
+from neurosnap.apps.cli.output import outcome_lines, say
+from neurosnap.apps.cli.shared import errors
+from neurosnap.errors import NeurosnapError
 from neurosnap.protocol.anomaly_messages import Link, Told, anomaly_line
 from neurosnap.protocol.coordinator import Totals
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.replay.verify import Verdict
 from neurosnap.runtime.request import Outcome
 
 OPTIONS = RunOptions(source="a.csv", body=Body(own=("a", "b")), cells="inline")
@@ -25,29 +25,12 @@ OUTCOME = Outcome(
     startup=0.0,
     stopped=False,
 )
-VERDICT = Verdict(
-    files=1,
-    same=True,
-    complete=True,
-    difference=None,
-    start=0,
-    ticks=89,
-    wirings=3,
-    waves=178,
-    states=89,
-    decisions=89,
-    seconds=0.5,
-)
 
 
-def told(
-    outcome: Outcome = OUTCOME, log: Path | None = None, **changes: object
-) -> list[str]:
+def told(log: Path | None = None, **changes: object) -> list[str]:
     """Return the lines that a run ends with."""
-    text = io.StringIO()
-    changed = msgspec.structs.replace(outcome, **changes)
-    output.outcome(Console(file=text, width=100), OPTIONS, changed, log)
-    return text.getvalue().splitlines()
+    changed = msgspec.structs.replace(OUTCOME, **changes)
+    return list(outcome_lines(OPTIONS, changed, log))
 
 
 def many(name: str, count: int) -> tuple[str, ...]:
@@ -56,17 +39,9 @@ def many(name: str, count: int) -> tuple[str, ...]:
 
 def test_an_anomaly_names_a_few_sensors_and_how_many_more_there_are() -> None:
     links = tuple(Link(f"{name} -> x", 1, 0, 1) for name in many("s", 30))
-    line = anomaly_line(
-        Told(
-            tick=7,
-            since=7,
-            culprits=many("guilty", 9),
-            candidates=(*many("guilty", 9), *many("other", 8)),
-            exact=True,
-            broken=links,
-            more=70,
-        )
-    )
+    culprits = many("guilty", 9)
+    candidates = (*culprits, *many("other", 8))
+    line = anomaly_line(Told(7, 7, culprits, candidates, True, links, 70))
     guilty, others = ", ".join(many("guilty", 8)), ", ".join(many("other", 8))
     assert f"tick 7: {guilty} and 1 more or {others} may be wrong: breaks s0" in line
     assert line.endswith("s2 -> x (1 for, 0 against, since tick 1) and 97 more")
@@ -75,27 +50,19 @@ def test_an_anomaly_names_a_few_sensors_and_how_many_more_there_are() -> None:
 def test_a_name_cannot_turn_the_text_around() -> None:
     name = "door\u202eno"  # as an older recording may have it, or a stranger's
     link = Link(f"{name} -> x", 1, 0, 1)
-    one = Told(7, 7, (name,), (name,), True, (link,), 0)
-    assert "\u202e" not in anomaly_line(one)
-    assert "door\\u202eno may be wrong" in anomaly_line(one)
-    shown = told(implications=[(name, "x")])
-    assert "  door\\u202eno → x" in shown
+    line = anomaly_line(Told(7, 7, (name,), (name,), True, (link,), 0))
+    assert "\u202e" not in line
+    assert "door\\u202eno may be wrong" in line
+    assert "  door\\u202eno → x" in told(implications=[(name, "x")])
 
 
 def test_a_run_names_the_command_that_shows_all_it_learned() -> None:
-    pairs = [(low, "top") for low in many("s", 26)]
-    shown = told(implications=pairs, log=Path("my logs/a.mcap"))
+    pairs, log = [(low, "top") for low in many("s", 26)], Path("my logs/a.mcap")
     table = "with tests and failures: neurosnap learn 'my logs/a.mcap'"
-    assert f"  and 2 more; {table}" in shown
+    assert f"  and 2 more; {table}" in told(log, implications=pairs)
+    assert f"  {table}" in told(log, implications=pairs[:1])
     assert "  and 2 more; all: --format json" in told(implications=pairs)
-
-
-def test_a_run_that_learned_nothing_names_no_command() -> None:
-    shown = told(implications=[("a", "b")], log=Path("a.mcap"))
-    assert "  a → b" in shown
-    assert any("neurosnap learn a.mcap" in line for line in shown)
-    nothing = told(implications=[], log=Path("a.mcap"))
-    assert not any("learn" in line for line in nothing)
+    assert not any("learn" in line for line in told(log, implications=[]))
 
 
 def test_messages_that_are_missing_are_counted() -> None:
@@ -106,11 +73,15 @@ def test_messages_that_are_missing_are_counted() -> None:
 
 
 @pytest.mark.parametrize(
-    ("decisions", "said"),
-    [(89, "89 decisions, 3"), (90, "90 decisions, since a start makes one, too, 3")],
+    "text",
+    [r"\[/b]", "[/red]", "[link=file:/x]", "\\", "a\\[x]\\", "[]", "a:cat:b"],
 )
-def test_a_decision_that_has_no_state_is_explained(decisions: int, said: str) -> None:
-    text = io.StringIO()
-    found = msgspec.structs.replace(VERDICT, decisions=decisions)
-    output.verdict(Console(file=text, width=400), found)
-    assert f"(89 states, {said} wirings, 178 waves; 0.50 s)" in text.getvalue()
+def test_what_is_said_is_not_taken_for_markup(
+    text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(typer.Exit) as ended, errors():
+        raise NeurosnapError(text)
+    say("json", text)
+    say("text", text)
+    assert ended.value.exit_code == 1
+    assert capsys.readouterr() == (f"{text}\n", f"error: {text}\n{text}\n")

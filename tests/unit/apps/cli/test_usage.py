@@ -15,7 +15,7 @@ FILE = "run readings.csv --cells inline"
 PATH = f"run {WORLD} --cells inline --set places=5"
 UNRECORDED = f"run {WORLD} --set recording.record=false"
 NO_RECORDING = "must go with a recording, and nothing is recorded, got"
-NO_FOLDER = "out: must name a file that does not exist yet, not a folder, got"
+NO_FOLDER = "out: must be another file, not a folder or what is read, got"
 NO_MQTT = 'broker: must go with a TOML file that says kind = "mqtt" under [source]'
 SHARE = "threshold: must be a number in (0, 0.25] or 'auto'"
 SPLIT = "run readings.csv --set recording.split"
@@ -97,24 +97,24 @@ ROWS = {
         "wiring: must be \"hasse\" for a random order, got 'derived'"
     ),
     # Data, and recordings.
+    "learn readings.csv --at 3": "at: must go with a recording, got 3",
+    "learn readings.csv -o taken.csv": "out: must not exist yet, or come with --force",
     "learn readings.csv -o a.png": "out: must end with one of .csv",
     "learn readings.csv --sensors nobody": "must have this sensor",
     "learn readings.csv --when warm": "when: must be like",
     "learn readings.csv --threshold 2": "threshold: must be in",
     "learn log.mcap --time then": "must not go with a recording",
-    "learn log.mcap --format dot --out a.csv": "out: must go with the table",
-    "learn log.mcap --format png": "'png' is not one of 'text', 'json', 'dot', 'gra",
+    "learn readings.csv --out a.dot": "threshold: must be given, or a recording",
+    "learn log.mcap -o log.html --at 3 --threshold sure --format png": "'png' is not",
     "learn log.mcap --at 31": "tick: must be in [0, 30], got 31",
     "learn log.mcap --at -1": "tick: must be in [0, 30], got -1",
     "health readings.csv": "data: must say when each reading was",
     "health readings.csv --alarms often": "alarms: must be a number a hour, day, week",
     "export log.mcap -o a.xls": "out: must end with one of .csv, ",
-    "export log.mcap -o a.csv --at 3": "at: must go with a file .graphml, got 3",
-    "export log.mcap -o a.graphml --at 31": "tick: must be in [0, 30], got 31",
     "export log.mcap -o a.parquet --only-readings": (
         "only-readings: must go with a file .csv"
     ),
-    "export log.mcap -o a.mcap --at 3": "out: must come without --at",
+    "export log.mcap -o a.mcap --force": "out: must come without --only-readings",
     "export log.mcap -o taken.csv": "out: must not exist yet, or come with --force",
     "export log.mcap -o none/a.csv": "out: must be in a folder that exists",
     "resume log.mcap --ticks 30": GOES_ON,

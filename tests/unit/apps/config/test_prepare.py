@@ -11,7 +11,7 @@ from neurosnap.apps.config.json_schema import schema
 from neurosnap.apps.config.load import load
 from neurosnap.apps.config.prepare import FOREVER, Prepared, prepare
 from neurosnap.apps.config.problems import ConfigError
-from neurosnap.apps.config.recording_names import free_path, new_path
+from neurosnap.apps.new_files import free_path, new_path
 from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.network import Network

@@ -1,15 +1,13 @@
-"""Tables, graphs and layouts of a recording, compared with what was recorded."""
+"""Tables of a recording, compared with what was recorded."""
 
 import csv
 import io
 import os
-import re
 import resource
 import signal
 import sys
 from pathlib import Path
 
-import networkx
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -17,10 +15,9 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.apps.export.write import Form, export
-from neurosnap.errors import InvalidValueError, NeurosnapError, RecordingError
+from neurosnap.apps.export.write import Exported, export
+from neurosnap.errors import InvalidValueError, MissingExtraError, RecordingError
 from neurosnap.recording.read.recording import Recording, part_paths
-from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.recording.write.rotation import Split
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.parts import recorder_process
@@ -30,11 +27,13 @@ from tests.support.inline_runs import (
     record_scripted,
     scripted_options,
 )
+from tests.support.lamp import BIRTH, GROWN, lamp_options
+from tests.support.recorded_runs import recorded as run_recorded
 from tests.support.scripted_sources import Scripted
 
 TICKS = 40
 NAMES = ("depth", "front.door", 'a "b" & c')
-FORMS: tuple[Form, ...] = ("csv", "parquet", "graphml")
+FORMS = ("csv", "parquet")
 
 
 def recorded(log: Path) -> Path:
@@ -54,6 +53,10 @@ def recorded(log: Path) -> Path:
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return recorded(tmp_path_factory.mktemp("run") / "log.mcap")
+
+
+def exported(log: Path, out: Path, **options: bool) -> Exported:
+    return export(Recording.open(log), out, **options)
 
 
 def table(path: Path) -> list[dict[str, str]]:
@@ -78,8 +81,7 @@ def bit(packed: bytes, number: int) -> bool:
 
 def test_a_row_of_csv_is_what_was_recorded_of_a_tick(log: Path, tmp_path: Path) -> None:
     out = tmp_path / "out.csv"
-    done = export(log, "csv", out)
-    assert (done.ticks, done.incomplete, done.whole) == (TICKS, 0, True)
+    assert exported(log, out) == Exported(str(out), TICKS, 0, True)
     got, said = table(out), by_tick(log)
     assert [int(row["tick"]) for row in got] == sorted(said)
     sensors = Recording.open(log).options.sensors
@@ -102,28 +104,24 @@ def test_a_row_of_csv_is_what_was_recorded_of_a_tick(log: Path, tmp_path: Path) 
             own = bit(state.literals, 2 * number)
             other = bit(state.literals, 2 * number + 1)
             assert row["state"][number] == ("T" if own else "F" if other else "?")
-    assert any(
-        cell == "" for row in got for name, cell in row.items() if name == NAMES[1]
-    )
-
-
-def test_a_decision_is_named_after_its_action(log: Path, tmp_path: Path) -> None:
-    export(log, "csv", tmp_path / "out.csv")
-    said = by_tick(log)
-    for row in table(tmp_path / "out.csv"):
-        decision = said[int(row["tick"])].get(wire.Decision)
+        # A decision is named after its action; the last tick may have none.
+        decision = there[wire.Decision][0] if wire.Decision in there else None
         if decision is None:
             assert (row["decision"], row["why"]) == ("", "")
-            continue
-        message = decision[0]
-        assert isinstance(message, wire.Decision)
-        assert row["decision"] == ("go", "stay")[message.action]
-        assert row["why"] == message.why
+        else:
+            assert isinstance(decision, wire.Decision)
+            named = ("go", "stay")[decision.action], decision.why
+            assert (row["decision"], row["why"]) == named
+    assert any(row[NAMES[1]] == "" for row in got)
 
 
-def test_parquet_equals_csv(log: Path, tmp_path: Path) -> None:
-    export(log, "csv", tmp_path / "out.csv")
-    export(log, "parquet", tmp_path / "out.parquet")
+def test_parquet_equals_csv_and_is_written_in_groups(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    exported(log, tmp_path / "out.csv")
+    monkeypatch.setattr("neurosnap.apps.export.write._CELLS", 200)
+    exported(log, tmp_path / "out.parquet")
+    assert pq.ParquetFile(tmp_path / "out.parquet").num_row_groups > 3
     got = pq.read_table(tmp_path / "out.parquet")
     rows = list(csv.reader(io.StringIO((tmp_path / "out.csv").read_text())))
     assert got.column_names == rows[0]
@@ -139,31 +137,18 @@ def test_parquet_equals_csv(log: Path, tmp_path: Path) -> None:
     assert [list(row) for row in zip(*columns, strict=True)] == rows[1:]
 
 
-def test_large_tables_are_written_in_groups(
-    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    export(log, "parquet", tmp_path / "one.parquet")
-    monkeypatch.setattr("neurosnap.apps.export.write._CELLS", 200)
-    export(log, "parquet", tmp_path / "many.parquet")
-    assert pq.ParquetFile(tmp_path / "many.parquet").num_row_groups > 3
-    one, many = (pq.read_table(tmp_path / f"{n}.parquet") for n in ("one", "many"))
-    assert one.equals(many)
-
-
-@pytest.mark.parametrize("at", [None, 0, 7])
-def test_graphml_is_the_order_learned_by_then(
-    log: Path, tmp_path: Path, at: int | None
-) -> None:
-    done = export(log, "graphml", tmp_path / "out.graphml", at=at)
-    assert done.ticks == (TICKS if at is None else at)
-    graph = networkx.read_graphml(tmp_path / "out.graphml")
-    _, snapshot = snapshot_at(Recording.open(log), at)
-    above = snapshot.poc_graph()
-    name = snapshot.sensorium.literal
-    for a, b in graph.edges:
-        assert above.leq(name(a), name(b))
-    assert (len(graph.edges) > 0) == bool(above.hasse().any())
-    assert graph.graph["height"] == above.height()
+def test_what_is_grown_has_a_column_by_its_formula(tmp_path: Path) -> None:
+    options = lamp_options(ticks=TICKS, cells="inline")
+    log = run_recorded(options, tmp_path / "lamp.mcap")
+    exported(log, tmp_path / "t.csv")
+    rows = table(tmp_path / "t.csv")
+    assert not any(name.startswith("grown ") for name in rows[0])
+    assert {row[GROWN] for row in rows[:BIRTH]} == {""}
+    assert {row[GROWN] for row in rows[BIRTH:]} == {"0", "1"}
+    assert {len(row["state"]) for row in rows} == {25}
+    grew = [(int(row["tick"]), row["grew"]) for row in rows if row["grew"]]
+    assert grew == [(BIRTH, GROWN)]
+    assert {row["retired"] for row in rows} == {""}
 
 
 def without_times(path: Path) -> list[dict[str, str]]:
@@ -177,18 +162,14 @@ def test_several_files_are_exported_like_one(
     split = recorded(tmp_path / "log.mcap")
     files = list(part_paths(split).values())
     assert len(files) > 2
-    export(log, "csv", tmp_path / "one.csv")
-    done = export(split, "csv", tmp_path / "all.csv")
-    assert (done.ticks, done.whole) == (TICKS, True)
-    assert without_times(tmp_path / "all.csv") == without_times(tmp_path / "one.csv")
-    export(files[1], "csv", tmp_path / "part.csv")
+    exported(log, tmp_path / "one.csv")
+    assert exported(split, tmp_path / "all.csv").ticks == TICKS
+    one = without_times(tmp_path / "one.csv")
+    assert without_times(tmp_path / "all.csv") == one
+    exported(files[1], tmp_path / "part.csv")
     begins = Recording.open(files[1]).begins
     share = without_times(tmp_path / "part.csv")
-    same = without_times(tmp_path / "one.csv")[begins : begins + len(share)]
-    assert share == same
-    for file in files[1:]:
-        with pytest.raises(InvalidValueError, match=r"^out: must be another file"):
-            export(split, "csv", file, force=True)
+    assert share == one[begins : begins + len(share)]
 
 
 def test_what_a_recording_lacks_is_told(log: Path, tmp_path: Path) -> None:
@@ -200,7 +181,7 @@ def test_what_a_recording_lacks_is_told(log: Path, tmp_path: Path) -> None:
             if not (isinstance(message, wire.State) and message.tick in (5, 8)):
                 writer.write(message, each.delivery, each.log_time)
         writer.finish({}, {})
-    done = export(tmp_path / "log.mcap", "csv", tmp_path / "out.csv")
+    done = exported(tmp_path / "log.mcap", tmp_path / "out.csv")
     assert (done.ticks, done.incomplete, done.whole) == (TICKS, 2, False)
     lacking = [row for row in table(tmp_path / "out.csv") if not row["state"]]
     assert [row["tick"] for row in lacking] == ["5", "8"]
@@ -225,38 +206,26 @@ def test_what_is_not_of_such_a_run_is_an_error(
         writer.write(message, delivery, 1)
         writer.finish({}, {})
     with pytest.raises(RecordingError, match=said):
-        export(tmp_path / "log.mcap", "csv")
+        exported(tmp_path / "log.mcap", tmp_path / "log.csv")
     assert [path.name for path in tmp_path.iterdir()] == ["log.mcap"]
 
 
-def cut(log: Path, path: Path) -> Path:
-    path.write_bytes(log.read_bytes()[:-2000])
-    assert Recording.open(path).cut is not None
-    return path
-
-
 @pytest.mark.parametrize("form", FORMS)
-def test_a_cut_recording_is_exported_as_far_as_it_goes(
-    log: Path, tmp_path: Path, form: Form
+@pytest.mark.parametrize("damaged", [False, True])
+def test_what_is_cut_short_or_damaged_is_exported_as_far_as_it_goes(
+    log: Path, tmp_path: Path, form: str, damaged: bool
 ) -> None:
-    done = export(cut(log, tmp_path / "cut.mcap"), form)
+    path = tmp_path / "cut.mcap"
+    data = bytearray(log.read_bytes()[:-2000])
+    path.write_bytes(data)
+    chunks = Recording.open(path).files[0].layout.chunks
+    if damaged:
+        data[chunks[len(chunks) // 2].offset + 5] ^= 1
+        path.write_bytes(data)
+    done = exported(path, tmp_path / f"out.{form}")
     assert not done.whole
+    assert 0 < done.ticks < TICKS or not damaged
     assert Path(done.path).stat().st_size > 0
-    assert Path(done.path).parent == tmp_path
-
-
-@pytest.mark.parametrize("form", ["csv", "parquet"])
-def test_a_damaged_recording_is_exported_without_what_is_damaged(
-    log: Path, tmp_path: Path, form: Form
-) -> None:
-    data = bytearray(cut(log, tmp_path / "cut.mcap").read_bytes())
-    layout = Recording.open(tmp_path / "cut.mcap").files[0].layout
-    data[layout.chunks[len(layout.chunks) // 2].offset + 5] ^= 1
-    (tmp_path / "cut.mcap").write_bytes(data)
-    done = export(tmp_path / "cut.mcap", form)
-    assert not done.whole
-    assert re.search("chunk", done.damage[0])
-    assert done.ticks < export(log, form, tmp_path / "all").ticks
 
 
 def test_only_a_file_of_another_thing_is_replaced_and_that_by_force(
@@ -265,60 +234,53 @@ def test_only_a_file_of_another_thing_is_replaced_and_that_by_force(
     own, out = tmp_path / "log.mcap", tmp_path / "out.csv"
     own.write_bytes(log.read_bytes())
     out.write_text("mine")
-    (tmp_path / "link").symlink_to(own)
-    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link.csv").symlink_to(own)
+    (tmp_path / "folder.csv").mkdir()
+    os.mkfifo(tmp_path / "pipe.csv")
     for place, force, said in [
         (out, False, "must not exist yet, or come"),
         *(
-            (tmp_path / name, True, "must be another file, got")
-            for name in ("log.mcap", "link", ".", "pipe")
+            (tmp_path / f"{name}.csv", True, "must be another file, not a folder")
+            for name in ("link", "folder", "pipe")
         ),
         (tmp_path / "none" / "out.csv", True, "must be in a folder"),
     ]:
         with pytest.raises(InvalidValueError, match=f"^out: {said}"):
-            export(own, "csv", place, force=force)
+            exported(own, place, force=force)
     assert own.read_bytes() == log.read_bytes()
-    assert (tmp_path / "pipe").is_fifo()
+    assert (tmp_path / "pipe.csv").is_fifo()
     assert out.read_text() == "mine"
-    export(own, "csv", out, force=True)
+    exported(own, out, force=True)
     assert len(table(out)) == TICKS
 
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("mode", [0o600, 0o640])
 def test_what_is_exported_is_as_private_as_the_recording(
-    log: Path, tmp_path: Path, form: Form, mode: int
+    log: Path, tmp_path: Path, form: str, mode: int
 ) -> None:
-    own = tmp_path / "log.mcap"
+    own, out = tmp_path / "log.mcap", tmp_path / f"out.{form}"
     own.write_bytes(log.read_bytes())
     own.chmod(mode)
     before = os.umask(0)
     try:
-        done = export(own, form)
+        exported(own, out)
     finally:
         os.umask(before)
-    assert Path(done.path).stat().st_mode & 0o777 == mode
-
-
-def test_what_somebody_dead_left_is_in_nobodys_way(log: Path, tmp_path: Path) -> None:
-    left = tmp_path / f".out.csv.{os.getpid()}.part"
-    left.write_text("half")
-    left.chmod(0o444)
-    export(log, "csv", tmp_path / "out.csv")
-    assert [path.name for path in tmp_path.iterdir()] == ["out.csv"]
+    assert out.stat().st_mode & 0o777 == mode
 
 
 @pytest.mark.parametrize("form", FORMS)
 def test_a_full_disk_is_named_with_the_file(
-    log: Path, tmp_path: Path, form: Form
+    log: Path, tmp_path: Path, form: str
 ) -> None:
-    out = tmp_path / "out"
+    out = tmp_path / f"out.{form}"
     limit = resource.getrlimit(resource.RLIMIT_FSIZE)
     before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, limit[1]))  # EFBIG, like ENOSPC
     try:
         with pytest.raises(OSError, match="too large") as caught:
-            export(log, form, out)
+            exported(log, out)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limit)
         signal.signal(signal.SIGXFSZ, before)
@@ -330,6 +292,6 @@ def test_parquet_without_pyarrow_says_what_to_install(
     log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(NeurosnapError, match=r"^format: must have pyarrow installed"):
-        export(log, "parquet", tmp_path / "out")
+    with pytest.raises(MissingExtraError, match=r"^out: must have pyarrow installed"):
+        exported(log, tmp_path / "out.parquet")
     assert list(tmp_path.iterdir()) == []

@@ -129,7 +129,7 @@ def test_every_file_is_a_run_and_all_together_are_the_run(
     assert Recording.open(log).files[-1].snapshot == snapshot
     text = render(describe(Recording.open_file(paths[1])))
     assert f"files: {len(paths)}\n" in text
-    assert "\tlog.mcap\n\tlog_0001.mcap\n" in text
+    assert "  log.mcap\n  log_0001.mcap\n" in text
 
 
 def test_every_file_says_where_parts_are(
