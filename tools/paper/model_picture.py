@@ -2,10 +2,7 @@
 
 The dual is a linear image of the cube: every element has one direction, and a vertex
 lies at the sum of the directions of the elements it has on. So edges that cross the
-same hyperplane are parallel and equally long, and squares are parallelograms. The
-directions make distances in the plane follow hop distances (restricted stress
-majorisation), then keep vertices apart, and nested elements that are almost parallel
-become parallel, so that a path is straight and a grid is a grid.
+same hyperplane are parallel and equally long, and squares are parallelograms.
 """
 
 import textwrap
@@ -35,9 +32,7 @@ Floats = NDArray[np.float64]
 
 _MARK = "#c1121f"
 _NAMED = 48  # the most vertices that are named
-_STARTS, _TRIES = 6, 300
-_APART = 0.5  # how far vertices keep from each other, in lengths of an edge
-_ALIGNED = np.deg2rad(25)
+_LONGER = 0.13  # by which a chain's direction is longer than that of the one before
 _TOP, _EDGE = 0.9, 0.6  # inches
 
 
@@ -59,13 +54,14 @@ def picture(model: Model) -> "Figure":
     width, height = draw_order(
         order, model.poc, model.state, lambda literal: colours.get(literal & ~1)
     )
-    wide, high = 0.0, 0.0
+    wide, high, key = 0.0, 0.0, 0.0
     if model.vertices is not None:
-        wide, high = _draw_dual(dual, model, colours)
+        wide, high, key = _draw_dual(dual, model, colours)
     else:
         dual.set_axis_off()
     heading = [model.title, *_wrapped(model), *model.measures()]
-    size = max(width + wide + 2 * _EDGE, 8.0), max(height, high) + _TOP + 2 * _EDGE
+    across = width + wide + key + 2 * _EDGE
+    size = max(across, 8.0), max(height, high) + _TOP + 2 * _EDGE
     figure.set_size_inches(*size)
     for axes, left, across, up in (
         (order, 0, width, height),
@@ -94,15 +90,14 @@ def _colours(count: int) -> list[str]:
 
 def _draw_dual(
     axes: "Axes", model: Model, colours: dict[int, str]
-) -> tuple[float, float]:
-    """Draw a dual; return how wide and how high it is, in inches."""
+) -> tuple[float, float, float]:
+    """Draw a dual; return how wide and high it is, and how wide its key, in inches."""
     vertices = model.vertices or []
     rows = corners(model.poc, vertices)
     number = {row.tobytes(): k for k, row in enumerate(rows)}
     edges, squares = _cells(rows, number)
     own = list(colours)
-    nested = np.array([[model.poc.nested(a, b) for b in own] for a in own], np.bool_)
-    points = rows @ directions_of(rows, edges, nested.reshape(len(own), len(own)))
+    points = rows @ directions_of(model.poc, own)
     points = points - (points.min(axis=0) if len(points) else 0)
     shown = _chosen(model.poc, number, model.witnessed)
     lit = _chosen(model.poc, number, _possible(model))
@@ -139,7 +134,7 @@ def _draw_dual(
     span = np.ptp(points, axis=0) if len(points) else np.zeros(2)
     wide, high = np.clip(span, 1.5, 9.0) + 1.2
     names = [text_width(element_name(model.poc, literal), 8.0) for literal in colours]
-    return float(wide) + 0.6 + max(names), float(high)
+    return float(wide), float(high), 0.6 + max(names)
 
 
 def _cells(
@@ -184,84 +179,31 @@ def _name(poc: PocSet, vertex: Vertex) -> str:
     return " ".join(short(poc.name(a)) for a in least) or "∅"
 
 
-def directions_of(
-    rows: NDArray[np.bool_],
-    edges: list[tuple[int, int, int]],
-    nested: NDArray[np.bool_],
-) -> Floats:
-    """Return the direction of each element, ``(n, 2)``; the same each time.
+def directions_of(poc: PocSet, elements: list[int]) -> Floats:
+    """Return the direction of each element, ``(n, 2)``.
 
-    Args:
-        rows: ``(vertices, n)``: which elements a vertex has on.
-        edges: Two vertices each, and the element that is crossed.
-        nested: ``(n, n)``: which elements do not cross.
+    A chain has one direction, so that a path is straight and a grid is a grid. Chains
+    that exclude each other point all around, others upwards. Each is a little longer
+    than the one before: no two sums of some of them fall together then.
     """
-    count = rows.shape[1]
-    cost = _Cost(rows, edges)
-    tries = []
-    for start in range(_STARTS if len(rows) > 1 else 0):
-        chance = np.random.default_rng(start)
-        angles = np.arange(count) * (2 - start % 2) * np.pi / count
-        angles += chance.normal(0, 0.1 * start, count)
-        ways = cost.majorised(np.stack([np.cos(angles), np.sin(angles)], axis=1))
-        tries += [ways, _aligned(ways, nested)]
-    if not tries:
-        return np.ones((count, 2))
-    best = min(tries, key=cost.of)
-    chance = np.random.default_rng(0)
-    for _ in range(_TRIES):
-        tried = best + chance.normal(0, 0.1, best.shape)
-        tried = min(tried, _aligned(tried, nested), key=cost.of)
-        best = min(best, tried, key=cost.of)
-    return np.asarray(best / np.linalg.norm(best, axis=1).mean())
-
-
-class _Cost:
-    """How badly directions read: less is better."""
-
-    def __init__(
-        self, rows: NDArray[np.bool_], edges: list[tuple[int, int, int]]
-    ) -> None:
-        self._rows = rows.astype(np.float64)
-        self._ends = np.array([edge[:2] for edge in edges], np.int64).reshape(-1, 2)
-        i, j = np.triu_indices(len(rows), 1)
-        self._steps = self._rows[i] - self._rows[j]
-        self._hops = np.abs(self._steps).sum(axis=1)
-
-    def majorised(self, ways: Floats) -> Floats:
-        """Return directions whose distances are nearer to the hops."""
-        weights = 1 / self._hops**2
-        inverse = np.linalg.pinv((self._steps * weights[:, None]).T @ self._steps)
-        for _ in range(40):
-            moves = self._steps @ ways
-            pull = weights * self._hops / (np.linalg.norm(moves, axis=1) + 1e-9)
-            ways = inverse @ (self._steps.T @ (pull[:, None] * moves))
-        return np.asarray(ways)
-
-    def of(self, ways: Floats) -> float:
-        """Return the stress, and what vertices cost that are too near to others."""
-        lengths = np.linalg.norm(self._steps @ ways, axis=1)
-        stress = ((lengths / self._hops - 1) ** 2).mean()
-        near = np.maximum(_APART - lengths, 0).sum()
-        points = self._rows @ ways
-        middles = points[self._ends].mean(axis=1)
-        off = np.linalg.norm(points[:, None] - middles, axis=2)
-        near += np.maximum(_APART / 2 - off, 0).sum()
-        families = len(np.unique(np.round(np.arctan2(*ways.T) % np.pi, 3)))
-        return float(stress + near + 0.01 * families)
-
-
-def _aligned(ways: Floats, nested: NDArray[np.bool_]) -> Floats:
-    """Return directions of which the nested ones that are almost parallel are."""
-    angles = np.arctan2(ways[:, 1], ways[:, 0])
-    off = np.abs((angles[:, None] - angles + np.pi / 2) % np.pi - np.pi / 2)
-    made, left = ways.copy(), list(range(len(ways)))
-    while left:
-        family = [left[0]]
-        for k in left[1:]:
-            if off[left[0], k] < _ALIGNED and nested[k, family].all():
-                family.append(k)
-        left = [k for k in left if k not in family]
-        signs = np.sign(ways[family] @ ways[family[0]])[:, None]
-        made[family] = signs * (signs * ways[family]).mean(axis=0)
-    return made
+    chains: list[list[int]] = []
+    for element in elements:
+        for chain in chains:
+            if all(poc.leq(element, b) or poc.leq(b, element) for b in chain):
+                chain.append(element)
+                break
+        else:
+            chains.append([element])
+    tops = [next(a for a in c if all(poc.leq(b, a) for b in c)) for c in chains]
+    apart = [sum(poc.leq(a, b ^ 1) for b in tops) for a in tops]
+    around = min(apart, default=0) > len(tops) / 4
+    ways = np.empty((len(elements), 2))
+    for number, chain in enumerate(chains):
+        angle = (2 if around else 1) * np.pi * number / len(chains)
+        length = 1 if around else 1 + _LONGER * number
+        for element in chain:
+            ways[elements.index(element)] = (
+                length * np.cos(angle),
+                length * np.sin(angle),
+            )
+    return ways

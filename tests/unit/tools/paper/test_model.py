@@ -8,28 +8,25 @@ from neurosnap.poc.dual.realization import corners
 from tools.paper.model import find
 from tools.paper.model_picture import _cells as cells_of
 from tools.paper.model_picture import directions_of, picture
+from tools.paper.spaces import EXAMPLES
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "text", ["simple", "six-arcs", "grid", "a, b, c, d", "a, b, c, d, e : a < b < c"]
-)
+@pytest.mark.parametrize("text", [*EXAMPLES, "a, b, c, d", "a, b, c, d, e : a < b < c"])
 def test_vertices_keep_apart_and_edges_have_a_length(text: str) -> None:
     poc, vertices = find(text).poc, find(text).vertices
     assert vertices is not None
     rows = corners(poc, vertices)
     number = {row.tobytes(): k for k, row in enumerate(rows)}
-    edges, squares = cells_of(rows, number)
+    _, squares = cells_of(rows, number)
     own = [a for a in poc.heads.tolist() if not a & 1]
-    nested = np.array([[poc.nested(a, b) for b in own] for a in own])
-    ways = directions_of(rows, edges, nested)
+    ways = directions_of(poc, own)
     points = rows @ ways
     one, two = np.triu_indices(len(points), 1)
     assert (np.linalg.norm(points[one] - points[two], axis=1) > 0.2).all()
     assert all(len(set(ring)) == 4 for ring in squares)
     if text == "grid":  # its thresholds are parallel, and cross the others
-        angles = np.unique(np.round(np.arctan2(ways[:, 1], ways[:, 0]) % np.pi, 3))
-        assert len(angles) == 2
+        assert len(np.unique(ways.round(6), axis=0)) == 2
 
 
 def test_what_is_too_large_is_measured_and_left_out() -> None:
