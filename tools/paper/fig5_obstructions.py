@@ -39,7 +39,6 @@ _TASKS: tuple[tuple[str, AgentName, int, tuple[str, ...]], ...] = (
     (_RAIL, "excited", 12, ("near_12",)),
     (_RAIL, "random", 12, ("near_12",)),
 )
-_WORLDS = {_GRID: "whole grid", _PUNCTURED: "punctured grid", _RAIL: "rail"}
 _COLOURS = {"excited": FEW[0], "greedy": FEW[1], "random": FEW[2]}
 _MARKERS = {"excited": "o", "greedy": "s", "random": "^"}
 
@@ -188,9 +187,8 @@ def _table(results: Results) -> Iterator[Sequence[object]]:
 
 
 def _draw(canvas: "Canvas", results: Results) -> None:
-    canvas.set_size_inches(12, 7.6)
-    rows: Any = canvas.subfigures(2, 1)  # their columns are not alike
-    top, bottom = (row.subplots(1, 3) for row in rows)
+    canvas.set_size_inches(9, 8)
+    panels = canvas.subplots(2, 2)
     maps: tuple[tuple[str, AgentName], ...] = (
         (_GRID, "greedy"),
         (_PUNCTURED, "greedy"),
@@ -202,21 +200,12 @@ def _draw(canvas: "Canvas", results: Results) -> None:
         "punctured grid, excitation-driven",
     )
     image: Any = None
-    for axes, key, title in zip(top, maps, titles, strict=True):
+    for axes, key, title in zip(panels.flat, maps, titles, strict=False):
         cell, found = results[key]
         image = _map(axes, arena(cell.world, cell.target), found)
         axes.set_title(title, fontsize="medium")
-    canvas.colorbar(image, ax=top, label="share of runs that arrive", shrink=0.8)
-    _rail(bottom[0], results)
-    _bars(
-        bottom[1],
-        {
-            "whole, greedy": results[_GRID, "greedy"],
-            "punctured, greedy": results[_PUNCTURED, "greedy"],
-            "punctured, excited": results[_PUNCTURED, "excited"],
-        },
-    )
-    _arrivals(bottom[2], results)
+    canvas.colorbar(image, ax=panels, label="share of runs that arrive", shrink=0.5)
+    _rail(panels[1, 1], results)
     canvas.suptitle("Obstructions to greedy planning, with perfect exposure beforehand")
 
 
@@ -291,34 +280,6 @@ def _rail(axes: "Axes", results: Results) -> None:
     axes.set_title("circular rail (never arriving counts as 400)", fontsize="medium")
     axes.grid(alpha=0.25)
     axes.legend(fontsize="small", frameon=False)
-
-
-def _bars(
-    axes: "Axes", results: Mapping[str, tuple[ObstacleEntry, NDArray[np.int32]]]
-) -> None:
-    counts = [_summary(*result)["blocked"] for result in results.values()]
-    colours = [_COLOURS[cell.agent] for cell, _ in results.values()]
-    bars = axes.bar(range(len(counts)), counts, color=colours)
-    axes.bar_label(bars, [f"{count:.0f}" for count in counts])
-    axes.set_xticks(range(len(counts)), [name.replace(", ", "\n") for name in results])
-    axes.set_title("attempts to enter the missing vertex", fontsize="medium")
-    axes.set_ylabel("a run from every start")
-    axes.margins(y=0.15)
-
-
-def _arrivals(axes: "Axes", results: Results) -> None:
-    facts = [_summary(*result) for result in results.values()]
-    names = [f"{_WORLDS[each['world']]}, {each['agent']}" for each in facts]
-    shares = [100 * each["arrived"] for each in facts]
-    colours = [_COLOURS[each["agent"]] for each in facts]
-    bars = axes.barh(range(len(facts)), shares, color=colours)
-    axes.bar_label(bars, [f"{share:.0f} %" for share in shares], padding=2)
-    axes.set_yticks(range(len(facts)), names)
-    axes.invert_yaxis()
-    axes.set_xlim(0, 130)  # room for "100 %" behind a bar
-    axes.set_xticks(range(0, 101, 20))
-    axes.set_xlabel("share of the starts (%)")
-    axes.set_title(f"who arrives in {_LIMIT} steps", fontsize="medium")
 
 
 FIGURE = Figure(
