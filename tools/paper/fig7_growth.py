@@ -4,10 +4,9 @@ The paper has no such experiment: it names both as future work. In each world se
 learners explore for equally many steps; then they are sent on the same journeys.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, get_args
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,7 +14,6 @@ from tools.paper.explorers import CHECKS
 from tools.paper.figure import Figure, FigureOptions, Report, markdown
 from tools.paper.growing import (
     FALLS,
-    FALSE,
     GROWN,
     KIND,
     NEED,
@@ -41,39 +39,6 @@ _COLUMNS = (
 )
 
 
-class Score(msgspec.Struct, frozen=True):
-    """How one learner did in a world, all runs together."""
-
-    world: str
-    learner: str
-    runs: int
-    steps: int
-    """Of exploration, in a run."""
-    moves: int
-    """Of the world, but for where the episode is over."""
-    whole: tuple[int, ...]
-    """Of how many, in each run, all is guaranteed in the end; of a table: tried."""
-    false: tuple[int, ...]
-    """Of how many something false is."""
-    after: tuple[int, ...]
-    """Steps after which all were for the first time seen to be; -1: they never were."""
-    grown: tuple[int, ...]
-    """Sensors grown in each run; of a table: entries."""
-    used: tuple[int, ...]
-    """Those in use in the end."""
-    kind: str
-    """Of the journeys."""
-    journeys: int
-    reached: int
-    shortest: int
-    waves: float | None
-    """Planning waves a step; None: the learner has none."""
-    falls: int | None
-    """Steps of the journeys into a hole or over the cliff; None: not counted."""
-    unforeseen: int | None
-    """Those that the agent did not foresee, likewise."""
-
-
 def cells(options: FigureOptions) -> list[GrowthEntry]:
     """Return a cell a world and learner, worlds outermost; then any targets."""
     runs = min(options.runs, _MOST_RUNS)
@@ -94,16 +59,18 @@ def cells(options: FigureOptions) -> list[GrowthEntry]:
 def report(options: FigureOptions, rows: Sequence[NDArray[Any]]) -> Report:
     """Return the figure of the rows of its cells."""
     pairs = list(zip(cells(options), rows, strict=True))
-    scores = [found for pair in pairs for found in scored(*pair)]
     return Report(
         columns=("world", "learner", "run", "steps", "whole", "false", "grown", "used"),
         rows=_curves(pairs),
-        lines=markdown(_COLUMNS, map(_shown, scores)),
+        lines=markdown(_COLUMNS, (line for pair in pairs for line in _lines(*pair))),
     )
 
 
-def scored(cell: GrowthEntry, rows: NDArray[Any]) -> list[Score]:
-    """Return the scores of a cell, one for each kind of journey.
+def _lines(cell: GrowthEntry, rows: NDArray[Any]) -> Iterator[tuple[str, ...]]:
+    """Yield a line of the table for each kind of journey; see `_COLUMNS`.
+
+    A learner of values has no curve. What no journey asked for or met is not shown: a
+    method without waves counts no falls either.
 
     Args:
         cell: The cell.
@@ -111,39 +78,33 @@ def scored(cell: GrowthEntry, rows: NDArray[Any]) -> list[Score]:
     """
     stage = stage_of(cell.setting)
     moves = int((~stage.over).sum()) * len(stage.actions)
-    curves, journeys = (
-        rows[:, :CHECKS, :4],
-        rows[:, CHECKS:].reshape(-1, rows.shape[-1]),
+    curves = rows[:, :CHECKS, :4]
+    ends = curves[:, -1]
+    curve = (
+        f"{_range(ends[:, WHOLE].tolist())} of {moves}",
+        _range([_after(cell, each, moves) for each in curves]),
+        _range(ends[:, GROWN].tolist()),
+        _range(ends[:, USED].tolist()),
     )
+    learns = cell.method not in ("Q-learning", "Dyna-Q")
+    journeys = rows[:, CHECKS:].reshape(-1, rows.shape[-1])
     journeys = journeys[journeys[:, NEED] >= 0]
-    found = []
     for kind in np.unique(journeys[:, KIND]).tolist():
         mine = journeys[journeys[:, KIND] == kind]
         there = mine[:, STEPS] >= 0
-        steps = int(mine[there, STEPS].sum())
-        waves = mine[there, WAVES].sum() / max(1, steps)
-        found.append(
-            Score(
-                world=cell.setting.name,
-                learner=cell.method,
-                runs=cell.runs,
-                steps=cell.setting.steps,
-                moves=moves,
-                whole=tuple(curves[:, -1, WHOLE].tolist()),
-                false=tuple(curves[:, -1, FALSE].tolist()),
-                after=tuple(_after(cell, curve, moves) for curve in curves),
-                grown=tuple(curves[:, -1, GROWN].tolist()),
-                used=tuple(curves[:, -1, USED].tolist()),
-                kind=f"{_TARGETS} targets" if cell.targets else KINDS[kind],
-                journeys=len(mine),
-                reached=int(there.sum()),
-                shortest=int((mine[:, STEPS] == mine[:, NEED]).sum()),
-                waves=float(waves) if waves else None,
-                falls=int(mine[:, FALLS].sum()) if waves else None,
-                unforeseen=int(mine[:, UNFORESEEN].sum()) if waves else None,
-            )
+        waves = mine[there, WAVES].sum() / max(1, mine[there, STEPS].sum())
+        falls = (mine[:, FALLS].sum(), mine[:, UNFORESEEN].sum())
+        yield (
+            cell.setting.name,
+            cell.method,
+            str(cell.runs),
+            *(curve if learns else ("–",) * len(curve)),
+            f"{_TARGETS} targets" if cell.targets else KINDS[kind],
+            str(len(mine)),
+            str(there.sum()),
+            str((mine[:, STEPS] == mine[:, NEED]).sum()),
+            *((f"{waves:.3g}", *map(str, falls)) if waves else ("–",) * 3),
         )
-    return found
 
 
 def _after(cell: GrowthEntry, curve: NDArray[Any], moves: int) -> int:
@@ -169,25 +130,6 @@ def _curves(
                     check * _every(cell),
                     *point,
                 )
-
-
-def _shown(found: Score) -> tuple[str, ...]:
-    """Return a row of the table for people."""
-    curve = (
-        f"{_range(found.whole)} of {found.moves}",
-        *map(_range, (found.after, found.grown, found.used)),
-    )
-    learns = found.learner not in ("Q-learning", "Dyna-Q")
-    return (
-        found.world,
-        found.learner,
-        str(found.runs),
-        *(curve if learns else ("–",) * 4),
-        found.kind,
-        *map(str, (found.journeys, found.reached, found.shortest)),
-        "–" if found.waves is None else f"{found.waves:.3g}",
-        *("–" if n is None else str(n) for n in (found.falls, found.unforeseen)),
-    )
 
 
 def _range(values: Sequence[int]) -> str:
