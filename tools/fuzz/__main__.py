@@ -2,7 +2,7 @@
 """Hostile input for everything that reads what others wrote; exit code 1 on a failure.
 
     tools/fuzz [--inputs 1000000] [--seed 1] [--minutes 15]
-                  [--only decode,cell,worker,wave,coordinator,recording,disk]
+                  [--only decode,cell,worker,coordinator,recording,disk]
 
 Valid input (from the messages' own types, and from a small recorded run) is damaged in
 ways that respect its structure, and for each target it must hold that
@@ -43,7 +43,6 @@ from tools.fuzz.targets import (
     FuzzError,
     RecordingTarget,
     Target,
-    WaveTarget,
 )
 from tools.fuzz.worker import WORKERS, WorkerTarget
 
@@ -53,7 +52,6 @@ _SHOWN = 2000  # characters of an input that failed
 SHARES = {
     "decode": 0.5,
     "cell": 0.2,
-    "wave": 0.15,
     "coordinator": 0.12,
     "recording": 0.03,
     "worker": 0.2,
@@ -65,8 +63,9 @@ SHARES = {
 TARGETS: dict[str, Callable[[Path], Target]] = {
     "decode": lambda folder: Decode(honest_run(folder)),
     "cell": lambda folder: CellTarget(honest_run(folder)),
-    "wave": lambda _: WaveTarget(),
-    "coordinator": lambda folder: CoordinatorTarget(honest_run(folder)),
+    "coordinator": lambda folder: CoordinatorTarget(
+        honest_run(folder), honest_run(folder, WORKERS)
+    ),
     "recording": lambda folder: RecordingTarget(honest_run(folder), folder),
     "worker": lambda folder: WorkerTarget(honest_run(folder, WORKERS)),
     "disk": DiskTarget,

@@ -7,12 +7,10 @@ honest input alone, a core that was given what it rejects goes on saying the sam
 import copy
 import random
 import re
-import struct
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from fractions import Fraction
 from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
@@ -21,23 +19,21 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.apps.cli.recording_info import describe, render
-from neurosnap.errors import MessageError, RecordingError
+from neurosnap.errors import RecordingError
 from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.coordinator import Coordinator
-from neurosnap.protocol.wave import Wave
 from neurosnap.recording.format.chunks import unpack
 from neurosnap.recording.format.records import opened
 from neurosnap.recording.format.scan import scan_index
 from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime.parts.job import decoded
 from tools.fuzz.altered_bytes import damage, damage_json, damage_recording
-from tools.fuzz.messages import altered, drawn, message, number
+from tools.fuzz.messages import altered, message
 from tools.fuzz.run import SENSORS, Honest
 
 _SLOWEST = 2.0  # seconds of computing an input may cost
 _LONGEST = 1000  # characters of a fault
-_HOSTED = 9  # cells that report on a wave, or the one worker that has them all
 _GAP = re.compile(r"(wiring|workerwiring): must build on epoch")
 
 
@@ -245,88 +241,19 @@ class CellTarget:
 
 
 class CoordinatorTarget:
-    """The coordinator, among what it heard in the run."""
+    """The coordinator, among what it heard in a run in cells, or in workers."""
 
-    def __init__(self, honest: Honest) -> None:
-        self._options = honest.options
-        self._script = honest.heard_by(("observation", "cellreport"))
+    _TOPICS = ("observation", "cellreport", "workerreport", "learned")
+
+    def __init__(self, *runs: Honest) -> None:
+        self._runs = [(run.options, run.heard_by(self._TOPICS)) for run in runs]
 
     def round(self, chance: random.Random, count: Count) -> None:
-        """Take the coordinator through the run."""
-        core = Coordinator.of(self._options)
+        """Take the coordinator through a run."""
+        options, script = chance.choice(self._runs)
+        core = Coordinator.of(options)
         core.begin()
-        Twins(core, self._script).play(chance, count, 40)
-
-
-class WaveTarget:
-    """The credit of a wave: what it refuses leaves it as it was."""
-
-    def round(self, chance: random.Random, count: Count) -> None:
-        """Report to waves what may be right now and then."""
-        wave = self._wave(chance)
-        for _ in range(250):
-            settled = self._report(wave, chance)
-            report: wire.CellReport | wire.WorkerReport = settled
-            if chance.random() < 0.3:
-                report = self._tally(settled, chance)
-            before = self._facts(wave)
-            try:
-                count.timed(report, partial(self._take, wave, report))
-            except MessageError as error:
-                count.rejected += 1
-                check_readable([wire.Fault("coordinator", str(error))])
-                if self._facts(wave) != before:
-                    raise FuzzError("changed by a report it refused") from error
-            if not 0 <= wave.missing <= before[0]:
-                raise FuzzError(f"misses {wave.missing}, after {before[0]}")
-            deep = max(report.credit, default=0) > 1000  # correct, and slow to show
-            if wave.is_settled or deep or chance.random() < 0.02:
-                wave = self._wave(chance)
-
-    def _wave(self, chance: random.Random) -> Wave:
-        return Wave(number(chance, 1), 0, "state", number(chance, 1))
-
-    def _take(self, wave: Wave, report: wire.CellReport | wire.WorkerReport) -> None:
-        if isinstance(report, wire.WorkerReport):
-            wave.report(report, range(_HOSTED))
-        else:
-            wave.report(report, range(report.cell, report.cell + 1))
-
-    def _tally(
-        self, settled: wire.CellReport, chance: random.Random
-    ) -> wire.WorkerReport:
-        """Return a worker's report with what a cell's says."""
-        kept = ("wave", "part", "credit", "pulses")
-        packed: dict[str, Any] = {
-            name: struct.pack(f"<{len(numbers)}i", *numbers)[chance.random() < 0.1 :]
-            for name in ("literals", "hops")
-            for numbers in (getattr(settled, name),)
-        }
-        fields: dict[str, Any] = {name: getattr(settled, name) for name in kept}
-        return wire.WorkerReport(worker=settled.cell, **fields, **packed)
-
-    def _facts(self, wave: Wave) -> tuple[Fraction, dict[int, int], int, bool]:
-        return wave.missing, dict(wave.hops), wave.pulses, wave.is_settled
-
-    def _report(self, wave: Wave, chance: random.Random) -> wire.CellReport:
-        settled = drawn(wire.CellReport, chance)
-        if chance.random() < 0.2:
-            return settled
-        cell, fired = chance.randrange(_HOSTED), chance.randrange(3)
-        shares = tuple(
-            number(chance, 0) if chance.random() < 0.1 else chance.randrange(40)
-            for _ in range(chance.randrange(1, 5))
-        )
-        return msgspec.structs.replace(
-            settled,
-            wave=wave.number,
-            cell=cell,
-            part=chance.randrange(5),
-            literals=(2 * cell, 2 * cell + 1)[:fired],
-            hops=(1,) * fired,
-            credit=shares,
-            pulses=chance.randrange(9),
-        )
+        Twins(core, script).play(chance, count, 40)
 
 
 class RecordingTarget:
