@@ -225,7 +225,7 @@ class _Launch:
     async def _start_hub(self, stop: asyncio.Event) -> None:
         sessions = len(self._jobs.hosts) + _SERVICES
         hub = await self._supervisor.start(
-            HubJob(sessions, self._folder, self._site.network.audit),
+            HubJob(sessions, self._folder),
             self._connection("hub"),
         )
         await self._supervisor.wait(stop, hub.ready)

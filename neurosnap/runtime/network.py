@@ -11,7 +11,6 @@ from neurosnap.fabric.security.hub_address import (
     Credentials,
     HubAddress,
     check_endpoint,
-    holder,
     nearest,
 )
 from neurosnap.fabric.security.roles import Role, role_of
@@ -56,9 +55,6 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
         bool,
         option("Allow other machines to connect without encryption and without keys."),
     ] = False
-    audit: Annotated[bool, option("Log every message that the hub refuses. Slow.")] = (
-        False
-    )
 
     def check(self, *parts: str) -> None:
         """Refuse what cannot be, before anything is started.
@@ -78,8 +74,8 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
         if endpoint:
             check_endpoint(endpoint, tls=bool(self.tls), insecure=self.insecure)
             own = "hub" if self.listen else "coordinator"
-            for name in sorted({self.holder(who) for who in parts or (own,)}):
-                self.credentials(name)
+            for role in sorted({role_of(who) for who in parts or (own,)}):
+                self.credentials(role)
         elif self.tls:
             rule = "must come with an endpoint to listen on (--listen tls/HOST:PORT)"
             raise InvalidValueError("tls", rule, self.tls)
@@ -97,12 +93,8 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
             return own
         return self.listen if role == "hub" else nearest(self.listen)
 
-    def holder(self, who: str) -> str:
-        """Return whose certificate a part shows: its own, or its role's."""
-        return holder(Path(self.tls), who)
-
-    def credentials(self, who: str) -> Credentials | None:
-        """Return the credentials of a part; None if there are no keys.
+    def credentials(self, role: Role) -> Credentials | None:
+        """Return the credentials of a role; None if there are no keys.
 
         Raises:
             InvalidValueError: The folder lacks its keys, or they are not fit for use.
@@ -112,7 +104,7 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
         # Only here: parts are handed paths, and need no cryptography of their own.
         from neurosnap.fabric.security.load_keys import read_credentials
 
-        return read_credentials(Path(self.tls), who)
+        return read_credentials(Path(self.tls), role)
 
 
 PRIVATE = Network()
@@ -134,7 +126,7 @@ class Connections:
         self._network = network
         self._own = own
         self._located = located
-        self._known: dict[str, Credentials | None] = {}
+        self._known: dict[Role, Credentials | None] = {}
 
     def to(self, who: str, swarm: str, first: int = 0) -> PartConnection:
         """Return the connection of a part.
@@ -181,12 +173,8 @@ class Connections:
 
     def _hub(self, who: str) -> HubAddress:
         """Return where a part finds the hub, and what it shows to it."""
-        endpoint = self._network.endpoint(role_of(who), self._own)
-        credentials = self._credentials(who)
-        return HubAddress(endpoint, credentials, self._network.insecure)
-
-    def _credentials(self, who: str) -> Credentials | None:
-        name = self._network.holder(who)
-        if name not in self._known:  # and not read for every cell of a role
-            self._known[name] = self._network.credentials(name)
-        return self._known[name]
+        role = role_of(who)
+        if role not in self._known:  # and not read for every cell of a role
+            self._known[role] = self._network.credentials(role)
+        endpoint = self._network.endpoint(role, self._own)
+        return HubAddress(endpoint, self._known[role], self._network.insecure)

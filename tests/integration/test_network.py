@@ -26,15 +26,12 @@ def run(log: Path, *network: object) -> tuple[int, str]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("audit", [(), ("--set", "network.audit=true")])
-def test_a_swarm_with_keys_comes_to_what_one_without_does(
-    audit: tuple[str, ...], tmp_path: Path
-) -> None:
+def test_a_swarm_with_keys_comes_to_what_one_without_does(tmp_path: Path) -> None:
     keys = tmp_path / "keys"
     assert call("init", "keys", keys)[0] == 0
     endpoint = f"tls/127.0.0.1:{free_port()}"
     secured = tmp_path / "secured.mcap"
-    code, stderr = run(secured, "--listen", endpoint, "--tls", keys, *audit)
+    code, stderr = run(secured, "--listen", endpoint, "--tls", keys)
     assert code == 0, stderr
     verdict = verify(secured)
     assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, 20)

@@ -1,7 +1,7 @@
 """A swarm under mutual TLS: it runs, its recording plays, and strangers are refused.
 
-The hub is a process of its own, as in a run, and traces its decisions: whatever it
-refuses is in what it said on its standard error.
+The hub is a process of its own, as in a run: which sessions it refuses is in what it
+said on its standard error.
 """
 
 import asyncio
@@ -22,7 +22,7 @@ from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.security.hub_address import Credentials, HubAddress
 from neurosnap.fabric.security.load_keys import read_credentials
 from neurosnap.fabric.security.make_keys import make_keys
-from neurosnap.fabric.security.roles import RIGHTS, Role
+from neurosnap.fabric.security.roles import Role
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.session import configuration
 from neurosnap.recording.read.recording import Recording
@@ -30,7 +30,7 @@ from neurosnap.recording.replay.playback import Playing, play_on
 from neurosnap.recording.write.writer import Writer
 from tests.support.fabrics import Seen
 from tests.support.patience import PATIENCE
-from tests.support.secured_hub import INTRUSION, SWARM, Hub, Noted, hub_with
+from tests.support.secured_hub import INTRUSION, SWARM, Hub, hub_with
 from tests.support.secured_swarm import TICKS, options, run_swarm
 from tests.support.witnesses import Heard
 
@@ -40,34 +40,9 @@ pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 # A swarm ------------------------------------------------------------------------------
 
 
-# What the table allows and this run need not do: nothing goes wrong, no sensor looks
-# back at a state, none is read outside or grown, no cells share a worker, nor workers
-# the learning, no key-frame is large, and nothing is drawn.
-UNSAID = {
-    "coordinator": {
-        "fault",
-        "workerwiring",
-        "anomaly",
-        "recall",
-        "reminder",
-        "band",
-        "learn",
-    },
-    "cell": {"fault", "recalled"},
-    "world": {"fault", "image"},
-    "recorder": {"fault"},
-}
-UNHEARD = {
-    "coordinator": {"workerreport", "recalled", "learned"},
-    "cell": {"recall", "reminder"},
-    "world": {"state", "reading"},
-}
-
-
-async def test_a_swarm_runs_and_does_what_the_table_says(
+async def test_a_swarm_runs_with_the_rights_of_its_roles(
     role_keys: Path, tmp_path: Path
 ) -> None:
-    Noted.forget()
     with hub_with(role_keys) as hub:
         balance = await run_swarm(hub, options(), tmp_path / "log.mcap")
     assert balance.whole, balance
@@ -75,15 +50,6 @@ async def test_a_swarm_runs_and_does_what_the_table_says(
     recording = Recording.open(tmp_path / "log.mcap")
     states = [m for m in recording.messages() if isinstance(m.message, wire.State)]
     assert len(states) == TICKS
-    parts: tuple[Role, ...] = ("coordinator", "world", "recorder", "cell")
-    for role in parts:
-        rights = RIGHTS[role]
-        may = set(rights.publishes)
-        assert may - UNSAID.get(role, set()) <= Noted.published[role] <= may
-        may = {"**"} if role == "recorder" else set(rights.reads)
-        assert may - UNHEARD.get(role, set()) <= Noted.read[role] <= may
-        assert (role in Noted.watched) == rights.watches
-        assert bool(Noted.announced[role]) == rights.announces
 
 
 # Playing back -------------------------------------------------------------------------

@@ -247,7 +247,6 @@ configs: st.SearchStrategy[Config] = st.builds(
         connect=names,
         tls=names,
         insecure=st.booleans(),
-        audit=st.booleans(),
     ),
 )
 

@@ -2,16 +2,12 @@
 
 import subprocess
 import sys
-from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import ClassVar
 
-from neurosnap import wire
-from neurosnap.fabric.protocol import Handler, PresenceHandler
 from neurosnap.fabric.security.hub_address import Credentials, HubAddress
-from neurosnap.fabric.security.roles import Role, role_of
+from neurosnap.fabric.security.roles import Role
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from tests.support.patience import PATIENCE
 from tests.support.ports import free_port
@@ -25,7 +21,7 @@ from pathlib import Path
 from neurosnap.fabric.security.load_keys import read_credentials
 from neurosnap.fabric.zenoh.hub import open_hub
 from neurosnap.fabric.zenoh.denied_log import telling_refusals
-with telling_refusals(audit=True):
+with telling_refusals():
     credentials = read_credentials(Path(sys.argv[2]), "hub")
     links = sys.argv[3:]
     session = open_hub([sys.argv[1]], 30, credentials=credentials, links=links)
@@ -49,7 +45,7 @@ class Hub:
         return self.end_with(who, Credentials.in_folder(self.keys, own))
 
     def end_with(self, who: str, credentials: Credentials) -> ZenohFabric:
-        return Noted(
+        return ZenohFabric(
             who, SWARM, HubAddress(self.endpoint, credentials), patience=INTRUSION
         )
 
@@ -74,37 +70,3 @@ def hub_with(keys: Path, *links: Hub) -> Iterator[Hub]:
             _, errors = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, errors
     hub.refused = errors.splitlines()
-
-
-class Noted(ZenohFabric):
-    """Notes what its part does, by role."""
-
-    published: ClassVar[defaultdict[str, set[str]]] = defaultdict(set)
-    read: ClassVar[defaultdict[str, set[str]]] = defaultdict(set)
-    announced: ClassVar[defaultdict[str, set[str]]] = defaultdict(set)
-    watched: ClassVar[set[str]] = set()
-
-    @classmethod
-    def forget(cls) -> None:
-        for noted in (cls.published, cls.read, cls.announced):
-            noted.clear()
-        cls.watched.clear()
-
-    def publish(self, *messages: wire.Message) -> None:
-        topics = {wire.topic(message.key) for message in messages}
-        self.published[role_of(self.who)] |= topics
-        super().publish(*messages)
-
-    async def subscribe(
-        self, keys: Sequence[str], handler: Handler, *, poll: float | None = None
-    ) -> None:
-        self.read[role_of(self.who)] |= {wire.topic(key) for key in keys}
-        await super().subscribe(keys, handler, poll=poll)
-
-    async def announce(self) -> None:
-        self.announced[role_of(self.who)].add(self.who)
-        await super().announce()
-
-    async def watch(self, handler: PresenceHandler) -> None:
-        self.watched.add(role_of(self.who))
-        await super().watch(handler)

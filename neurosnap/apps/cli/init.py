@@ -227,7 +227,7 @@ def keys(
         Path,
         typer.Argument(
             metavar="DIR",
-            help="The folder to make them in; must not exist yet, but with --revoke.",
+            help="The folder to make them in; must not exist yet.",
         ),
     ],
     host: Annotated[
@@ -238,71 +238,21 @@ def keys(
             " repeated.",
         ),
     ] = None,
-    parts: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="KIND/RANGES",
-            help="Make a certificate for each of these parts, which lets it speak for"
-            " itself alone: cell/0-39, worker/0-1. May be repeated.",
-        ),
-    ] = None,
     days: Annotated[int, typer.Option(help="How many days the keys are valid.")] = 365,
-    revoke: Annotated[
-        str,
-        typer.Option(
-            metavar="WHO",
-            help="Revoke the certificate of a part (cell/3) or a role, and make another"
-            " in its place.",
-        ),
-    ] = "",
     form: Format = "text",
 ) -> None:
     """Make the keys and certificates of a swarm on several machines, for --tls."""
     from neurosnap.fabric.security.make_keys import make_keys
 
     with errors():
-        if revoke:
-            if host or parts:
-                rule = "must come without --host and --parts"
-                raise InvalidValueError("revoke", rule, revoke)
-            _revoke(folder, revoke, form)
-            return
-        made = make_keys(folder, host or (), _listed(parts or []), days=days)
-        several = f" and {len(made.parts)} parts" if made.parts else ""
+        made = make_keys(folder, host or (), days=days)
         say(
             form,
-            f"keys for {', '.join(made.roles)}{several} in {made.folder}",
+            f"keys for {', '.join(made.roles)} in {made.folder}",
             f"the hub is {', '.join(made.hosts)}; valid until {made.until:%F}",
-            "another machine needs ca.pem and the .pem and .key of its parts or roles,"
-            " never ca.key",
+            "another machine needs ca.pem and the .pem and .key of its parts' roles",
         )
         print_facts(form, made)
-
-
-def _revoke(folder: Path, who: str, form: str) -> None:
-    from neurosnap.fabric.security.make_keys import revoke
-
-    until = revoke(folder, who)
-    say(
-        form,
-        f"{who} has new files in {folder}, valid until {until:%F}",
-        "the old ones count for nothing once the hub has been started again with this"
-        " folder's names.json",
-    )
-    print_facts(form, {"revoked": who, "until": until})
-
-
-def _listed(parts: list[str]) -> list[str]:
-    """Return the parts in ``cell/0-39`` and the like, each once."""
-    from neurosnap.runtime.remote_parts import parse_ranges
-
-    found: list[str] = []
-    for text in parts:
-        kind, _, numbers = text.partition("/")
-        found += [f"{kind}/{number}" for number in parse_ranges("parts", numbers)]
-    if len(set(found)) < len(found):
-        raise InvalidValueError("parts", "must name each once", ", ".join(parts))
-    return found
 
 
 @init.command()

@@ -104,7 +104,6 @@ _with_place = with_parameters(
 @with_parameters(
     tls=(str, option("tls")),
     insecure=(bool, option("insecure")),
-    audit=(bool, option("audit")),
     sessions=(
         int,
         typer.Option(
@@ -175,7 +174,7 @@ def hub(
         if print_config:
             typer.echo(msgspec.json.format(msgspec.json.encode(document)))
             return
-        with telling_refusals(audit=given["audit"]):
+        with telling_refusals():
             run_async(lambda stop: _hub(stop, endpoints, given["sessions"], secured))
         print_facts(form, {"listened": endpoints})
 

@@ -9,45 +9,43 @@ could undo what the configuration says.
 """
 
 import ipaddress
-from collections.abc import Mapping
 from pathlib import Path
 
 import msgspec
 
-from neurosnap import wire
 from neurosnap.errors import InvalidValueError
-from neurosnap.fabric.security.roles import role_of
+from neurosnap.fabric.security.roles import Role, role_of
 
 AUTHORITY = "ca"
-"""The stem of the authority's files, which stand beside those of roles and parts."""
-NAMES = "names.json"
-"""The file beside them that says which certificates a hub accepts."""
+"""The stem of the authority's files, which stand beside those of the roles."""
 _WILDCARDS = {"0.0.0.0": "127.0.0.1", "[::]": "[::1]"}
 
 
 class Credentials(msgspec.Struct, frozen=True):
-    """A part's key, or its role's, the certificate for it, and the authority's."""
+    """A role's key, the certificate for it, and the authority's."""
 
-    name: str
-    """Whose they are: ``cell/3``, or ``cell`` for every cell."""
+    role: Role
+    """Whose they are: ``cell`` for every cell."""
     authority: str
     """Path of the certificate all others must be signed by."""
     certificate: str
-    """Path of the part's certificate."""
+    """Path of the role's certificate."""
     key: str
     """Path of its private key."""
-    accepted: Mapping[str, str] = {}
-    """For a hub, whose each certificate is that it accepts, by its common name."""
 
     @classmethod
     def in_folder(cls, folder: Path, who: str) -> "Credentials":
-        """Return where `folder` has those of `who`, or of its role; nothing is read."""
-        name = holder(folder, who)
+        """Return where `folder` has those of the role of `who`; nothing is read.
+
+        Raises:
+            InvalidValueError: There is no such role.
+        """
+        role = role_of(who)
         return cls(
-            name,
+            role,
             str(certificate_file(folder, AUTHORITY)),
-            str(certificate_file(folder, name)),
-            str(key_file(folder, name)),
+            str(certificate_file(folder, role)),
+            str(key_file(folder, role)),
         )
 
     def to_listen(self) -> dict[str, object]:
@@ -77,29 +75,13 @@ class Credentials(msgspec.Struct, frozen=True):
         }
 
 
-def holder(folder: Path, who: str) -> str:
-    """Return whose certificate a part shows: its own where there is one, or its role's.
-
-    Args:
-        folder: Of keys.
-        who: A part, or a role.
-
-    Raises:
-        InvalidValueError: It is of no role.
-    """
-    role = role_of(who)
-    if not wire.is_part(who):  # it would be a path to somewhere else
-        raise InvalidValueError("part", "must be like cell/3", who)
-    return who if certificate_file(folder, who).exists() else role
-
-
 def certificate_file(folder: Path, stem: str) -> Path:
-    """Return where the certificate of a part, a role or the authority is."""
+    """Return where the certificate of a role or the authority is."""
     return folder / f"{stem}.pem"
 
 
 def key_file(folder: Path, stem: str) -> Path:
-    """Return where the private key of a part, a role or the authority is."""
+    """Return where the private key of a role or the authority is."""
     return folder / f"{stem}.key"
 
 

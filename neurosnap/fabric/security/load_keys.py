@@ -2,38 +2,23 @@
 
 Zenoh's side of a refused handshake is a time-out; here the file and the fault have
 names.
-
-The folder also holds the hub's list of certificates, by common name. It is no secret,
-but whatever is added to it is let in. Zenoh knows no list of revoked certificates, so
-this is one of those that are accepted: a certificate that takes another's place gets a
-name with the next number (``cell/3#1``), and the one before is then no part's. Its
-owner still gets a session, on which the hub lets nothing pass.
 """
 
 import logging
 import stat
-from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import cast
 
-import msgspec
 from cryptography import x509
 from cryptography.exceptions import InvalidSignature
-from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.asymmetric.types import PrivateKeyTypes
 from cryptography.hazmat.primitives.serialization import load_pem_private_key
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.fabric.security.hub_address import (
-    AUTHORITY,
-    NAMES,
     Credentials,
-    certificate_file,
-    key_file,
 )
-from neurosnap.fabric.security.roles import EVERY_ROLE, role_of
 
 _LOG = logging.getLogger(__name__)
 
@@ -52,16 +37,14 @@ def read_credentials(
 
     Args:
         folder: What was made, or the authority's certificate and the two files of the
-            part or its role.
-        who: A part, ``cell/3``, or a role. A part without files of its own has those of
-            its role.
+            role.
+        who: A part, ``cell/3``, which has those of its role; or a role.
         now: When they must be valid.
 
     Raises:
         InvalidValueError: There is no such role; a file is missing, is not what it must
             be, or may be read or written by others; the certificate is not valid now,
-            was revoked, is another's, was not signed by the authority, or its key is
-            another's.
+            is another's, was not signed by the authority, or its key is another's.
     """
     found = Credentials.in_folder(folder, who)
     authority = _certificate(Path(found.authority))
@@ -72,37 +55,11 @@ def read_credentials(
     _check_time(found.certificate, certificate, at)
     _check_signed(found, certificate, authority)
     _check_name(found, certificate)
-    names = listed(folder)
-    if names is not None and _common_names(certificate)[0] not in names:
-        rule = "must not have been revoked; take the files that were made in its place"
-        raise InvalidValueError(found.certificate, rule, found.name)
     if key.public_key() != certificate.public_key():
         rule = f"must be the key of {found.certificate}"
         raise InvalidValueError(found.key, rule, "another key")
-    _warn(folder, min(authority, certificate, key=_until), at)
-    if found.name == "hub":
-        return msgspec.structs.replace(found, accepted=names or EVERY_ROLE)
+    _warn(folder, min(_until(authority), _until(certificate)), at)
     return found
-
-
-def read_authority(
-    folder: Path, now: datetime
-) -> tuple[datetime, ec.EllipticCurvePrivateKey]:
-    """Return until when the authority of a folder is valid, and its key.
-
-    Raises:
-        InvalidValueError: They are not there, not fit for use, or not valid `now`.
-    """
-    path = certificate_file(folder, AUTHORITY)
-    certificate = _certificate(path)
-    _check_time(str(path), certificate, now)
-    secret = key_file(folder, AUTHORITY)
-    key = _key(secret)
-    if not isinstance(key, ec.EllipticCurvePrivateKey) or (
-        key.public_key() != certificate.public_key()
-    ):
-        raise InvalidValueError(str(secret), f"must be the key of {path}", "another")
-    return _until(certificate), key
 
 
 def expiry(folder: Path) -> datetime:
@@ -111,7 +68,7 @@ def expiry(folder: Path) -> datetime:
     Raises:
         InvalidValueError: There is none, or one that is not what it must be.
     """
-    paths = sorted(folder.glob("*.pem")) + sorted(folder.glob("*/*.pem"))
+    paths = sorted(folder.glob("*.pem"))
     if not paths:
         rule = "must be a folder made by `neurosnap init keys`"
         raise InvalidValueError("tls", rule, str(folder))
@@ -133,9 +90,9 @@ def _until(certificate: x509.Certificate) -> datetime:
     return certificate.not_valid_after_utc
 
 
-def _warn(folder: Path, first: x509.Certificate, now: datetime) -> None:
+def _warn(folder: Path, until: datetime, now: datetime) -> None:
     """Warn of a certificate that expires soon: one of a folder is enough."""
-    text = near(_until(first), now)
+    text = near(until, now)
     if text and folder not in _warned:
         _warned.add(folder)
         _LOG.warning("keys in %s: %s", folder, text)
@@ -193,18 +150,14 @@ def _check_signed(
         raise InvalidValueError(found.certificate, rule, issuer) from error
 
 
-def _common_names(certificate: x509.Certificate) -> list[str]:
-    names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
-    return [cast("str", name.value) for name in names]
-
-
 def _check_name(found: Credentials, certificate: x509.Certificate) -> None:
-    shown = _common_names(certificate)
-    if len(shown) != 1 or not belongs_to(shown[0], found.name):
-        rule = f"must be for {found.name}"
+    names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
+    shown = [str(name.value) for name in names]
+    if shown != [found.role]:
+        rule = f"must be for {found.role}"
         raise InvalidValueError(found.certificate, rule, ", ".join(shown))
     wanted = {ExtendedKeyUsageOID.CLIENT_AUTH}
-    if found.name == "hub":
+    if found.role == "hub":
         wanted.add(ExtendedKeyUsageOID.SERVER_AUTH)
     try:
         uses = certificate.extensions.get_extension_for_class(x509.ExtendedKeyUsage)
@@ -212,64 +165,6 @@ def _check_name(found: Credentials, certificate: x509.Certificate) -> None:
     except x509.ExtensionNotFound:
         given = set()
     if not wanted <= given:
-        rule = f"must be made for what {found.name} does with it"
+        rule = f"must be made for what {found.role} does with it"
         names_given = sorted(use.dotted_string for use in given)
         raise InvalidValueError(found.certificate, rule, names_given)
-
-
-def listed(folder: Path) -> Mapping[str, str] | None:
-    """Return the list in a folder of keys; None if there is none.
-
-    So it is where keys were made before there were lists, and on a host that was given
-    the files of its parts alone.
-
-    Raises:
-        InvalidValueError: It is not such a list, or may be written by others.
-    """
-    path = folder / NAMES
-    try:
-        content = path.read_bytes()
-        mode = stat.S_IMODE(path.stat().st_mode)
-    except FileNotFoundError:
-        return None
-    except OSError as error:
-        rule = "must be a file that can be read"
-        raise InvalidValueError(str(path), rule, error.strerror) from error
-    if mode & (stat.S_IWGRP | stat.S_IWOTH):
-        rule = "must be writable by its owner only (chmod go-w)"
-        raise InvalidValueError(str(path), rule, f"{mode:04o}")
-    try:
-        names = msgspec.json.decode(content, type=dict[str, str])
-    except (msgspec.MsgspecError, UnicodeDecodeError) as error:
-        rule = "must hold whose each certificate is"
-        raise InvalidValueError(str(path), rule, str(error)) from error
-    for name in names.values():
-        role_of(name)
-    return names
-
-
-def written(names: Mapping[str, str]) -> bytes:
-    """Return a list as the content of its file."""
-    return msgspec.json.format(msgspec.json.encode(names)) + b"\n"
-
-
-def belongs_to(common_name: str, name: str) -> bool:
-    """Tell whether a certificate is, or was, one of `name`.
-
-    Example:
-        >>> belongs_to("cell/3#2", "cell/3"), belongs_to("cell/31", "cell/3")
-        (True, False)
-    """
-    base, hash_, number = common_name.partition("#")
-    return base == name and number.isdecimal() == bool(hash_)
-
-
-def successor(common_name: str) -> str:
-    """Return the common name of the certificate that takes another's place.
-
-    Example:
-        >>> successor("cell/3"), successor("cell/3#1")
-        ('cell/3#1', 'cell/3#2')
-    """
-    base, _, number = common_name.partition("#")
-    return f"{base}#{int(number or 0) + 1}"

@@ -1,8 +1,8 @@
-"""Makes a swarm's keys: a private authority, certificates per role or part.
+"""Makes a swarm's keys: a private authority, and a certificate per role.
 
 The folder comes whole or not at all, and only its owner can look into it. What a part
-on another machine needs is the authority's certificate and its own two files; the
-authority's key stays where it was made.
+on another machine needs is the authority's certificate and the two files of its role.
+The authority's key can make more; it stays where it was made.
 """
 
 import ipaddress
@@ -13,7 +13,6 @@ import tempfile
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Self
 
 import msgspec
 from cryptography import x509
@@ -29,17 +28,10 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.security.hub_address import (
     AUTHORITY,
-    NAMES,
     certificate_file,
     key_file,
 )
-from neurosnap.fabric.security.load_keys import (
-    listed,
-    read_authority,
-    successor,
-    written,
-)
-from neurosnap.fabric.security.roles import EVERY_ROLE, MANY, ROLES
+from neurosnap.fabric.security.roles import ROLES
 
 _LONGEST = 3650  # days
 _LONGEST_NAME = 253
@@ -54,9 +46,7 @@ class Made(msgspec.Struct):
 
     folder: str
     roles: tuple[str, ...]
-    """Whose certificates there are, but for those of `parts`."""
-    parts: tuple[str, ...]
-    """The parts that have a certificate of their own."""
+    """Whose certificates there are."""
     hosts: tuple[str, ...]
     """The names and addresses the hub may be reached under."""
     until: datetime
@@ -66,27 +56,21 @@ class Made(msgspec.Struct):
 def make_keys(
     folder: Path,
     hosts: Sequence[str] = (),
-    parts: Sequence[str] = (),
     *,
     days: int = 365,
     now: datetime | None = None,
 ) -> Made:
     """Make a private authority and a certificate for every role (EC, P-256).
 
-    With `parts` there is none for all cells or all workers, but one for each of these:
-    it lets its owner speak for that part alone. About 0.2 ms each.
-
     Args:
         folder: Where; must not exist yet. It gets mode 0700, its files 0600.
         hosts: Names and addresses the hub is reached under, beside this machine's own.
-        parts: Cells and workers, ``cell/3``.
         days: How long the certificates are valid, in [1, 3650].
         now: From when; they are valid an hour earlier, for clocks that lag.
 
     Raises:
         InvalidValueError: The folder is there already, or has no parent; a host is no
-            name and no address; a part is no cell and no worker; `days` is out of its
-            range.
+            name and no address; `days` is out of its range.
         FabricError: The files cannot be written; nothing is left behind.
     """
     if not 1 <= days <= _LONGEST:
@@ -96,77 +80,20 @@ def make_keys(
     if not folder.absolute().parent.is_dir():
         rule = "must be in a folder that exists"
         raise InvalidValueError("keys", rule, str(folder))
-    for part in parts:
-        _check_part(part)
     hosts = tuple(dict.fromkeys((*_HERE, *hosts)))
     names = [_general_name(host) for host in hosts]
     start = datetime.now(UTC) if now is None else now
     authority = _Authority(start - _SKEW, start + timedelta(days=days))
-    roles = tuple(role for role in ROLES if not (parts and role in MANY))
     files = authority.files()
-    for name in (*roles, *parts):
-        files |= authority.issue(name, name, names if name == "hub" else ())
-    files[Path(NAMES)] = written({name: name for name in (*roles, *parts)})
+    for role in ROLES:
+        files |= authority.issue(role, names if role == "hub" else ())
     try:
         _write(folder, files)
     except OSError as error:
         raise FabricError(
             f"keys: must be able to write {str(folder)!r}, got {error.strerror}"
         ) from error
-    return Made(str(folder), roles, tuple(parts), hosts, authority.until)
-
-
-def revoke(folder: Path, who: str, *, now: datetime | None = None) -> datetime:
-    """Let a certificate count for nothing, and make another in its place.
-
-    A hub takes note of it when it starts next: until then a session that is up goes on,
-    and the holder of the old certificate may open more.
-
-    Args:
-        folder: What `make_keys` made, with the authority's key.
-        who: Whose certificate it is: a part's or a role's, not the hub's.
-        now: From when the other is valid; until when its authority is.
-
-    Returns:
-        When that expires, UTC.
-
-    Raises:
-        InvalidValueError: `who` has none, is the hub, whom parts know by its address
-            alone, or the authority's files are not there or not fit for use.
-        FabricError: The files cannot be written.
-    """
-    names = dict(listed(folder) or EVERY_ROLE)
-    found = [common_name for common_name, name in names.items() if name == who]
-    if who == "hub" or not found:
-        rule = "must be a part or a role with a certificate, and not the hub"
-        raise InvalidValueError("revoke", rule, who)
-    (old,) = found
-    authority = _Authority.load(folder, datetime.now(UTC) if now is None else now)
-    del names[old]
-    names[successor(old)] = who
-    files = authority.issue(who, successor(old))
-    # The list comes last: should this end halfway, the old one goes on, and this can
-    # be done again.
-    files[Path(NAMES)] = written(names)
-    try:
-        for name, content in files.items():
-            draft = folder / name.with_name(f".{name.name}.new")
-            draft.unlink(missing_ok=True)
-            _write_file(draft, content)
-            draft.replace(folder / name)
-    except OSError as error:
-        raise FabricError(
-            f"keys: must be able to write {str(folder)!r}, got {error.strerror}"
-        ) from error
-    return authority.until
-
-
-def _check_part(name: str) -> None:
-    kind, _, number = name.partition("/")
-    whole = number.isascii() and number.isdecimal() and str(int(number)) == number
-    if kind not in MANY or not whole:
-        rule = "must be a cell or a worker, as in cell/3"
-        raise InvalidValueError("parts", rule, name)
+    return Made(str(folder), ROLES, hosts, authority.until)
 
 
 def _general_name(host: str) -> x509.GeneralName:
@@ -181,24 +108,13 @@ def _general_name(host: str) -> x509.GeneralName:
 
 
 class _Authority:
-    """Signs; its own key is new, unless one is given."""
+    """Signs, with a new key."""
 
-    def __init__(
-        self,
-        since: datetime,
-        until: datetime,
-        key: ec.EllipticCurvePrivateKey | None = None,
-    ) -> None:
+    def __init__(self, since: datetime, until: datetime) -> None:
         self.until = until.replace(microsecond=0)
         self._since = since
-        self._key = key or ec.generate_private_key(ec.SECP256R1())
+        self._key = ec.generate_private_key(ec.SECP256R1())
         self._name = _named("neurosnap authority")
-
-    @classmethod
-    def load(cls, folder: Path, now: datetime) -> Self:
-        """Return the authority of a folder, to sign from `now` on."""
-        until, key = read_authority(folder, now)
-        return cls(now - _SKEW, until, key)
 
     def files(self) -> dict[Path, bytes]:
         """Return its own files by name."""
@@ -209,9 +125,9 @@ class _Authority:
         return self._signed(AUTHORITY, self._key, signs.add_extension(usage, True))
 
     def issue(
-        self, name: str, common_name: str, hosts: Sequence[x509.GeneralName] = ()
+        self, role: str, hosts: Sequence[x509.GeneralName] = ()
     ) -> dict[Path, bytes]:
-        """Return the files of a role or a part by name.
+        """Return the files of a role by name.
 
         Only the hub's certificate lets its owner listen. It connects as well, where
         the hub plays a recording to itself.
@@ -219,15 +135,15 @@ class _Authority:
         key = ec.generate_private_key(ec.SECP256R1())
         uses = [ExtendedKeyUsageOID.CLIENT_AUTH]
         builder = (
-            self._builder(_named(common_name), key)
+            self._builder(_named(role), key)
             .add_extension(x509.BasicConstraints(ca=False, path_length=None), True)
             .add_extension(_usage(signs_certificates=False), True)
         )
-        if name == "hub":
+        if role == "hub":
             uses.append(ExtendedKeyUsageOID.SERVER_AUTH)
             builder = builder.add_extension(x509.SubjectAlternativeName(hosts), False)
         builder = builder.add_extension(x509.ExtendedKeyUsage(uses), True)
-        return self._signed(name, key, builder)
+        return self._signed(role, key, builder)
 
     def _builder(
         self, subject: x509.Name, key: ec.EllipticCurvePrivateKey
@@ -284,7 +200,6 @@ def _write(folder: Path, files: dict[Path, bytes]) -> None:
     draft = Path(tempfile.mkdtemp(prefix=".keys-", dir=folder.absolute().parent))
     try:
         for name, content in files.items():
-            (draft / name).parent.mkdir(mode=0o700, exist_ok=True)
             _write_file(draft / name, content)
         # Fails if anything was put there meanwhile.
         draft.rename(folder)

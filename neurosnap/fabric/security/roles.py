@@ -2,11 +2,10 @@
 
 Whatever the table does not allow is denied, to known names and to strangers. A name is
 the common name of a certificate, so the list means something under mutual TLS only. It
-is a part's, ``cell/3``, which can speak for that part alone; or a role's, ``cell``,
-which can speak for any cell, and for no part of another role.
+is a role's, ``cell``, which can speak for any cell, and for no part of another role.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
 from neurosnap import wire
@@ -16,9 +15,6 @@ Role: TypeAlias = Literal[
     "hub", "coordinator", "world", "recorder", "cell", "worker", "watcher", "sensor"
 ]
 ROLES: tuple[Role, ...] = get_args(Role)
-
-ALL = tuple(wire.TOPICS)
-"""Every topic."""
 
 READING = "reading"
 """Where programs outside put what their sensors read: no message of ours."""
@@ -30,8 +26,7 @@ class Rights(NamedTuple):
     publishes: tuple[str, ...] = ()
     """Topics it may send to."""
     reads: tuple[str, ...] = ()
-    """Topics it may listen to, a cell or a worker to what is for it; `ALL` also allows
-    one subscription to everything."""
+    """Key expressions it may listen to."""
     announces: bool = False
     """It may show itself as alive, and where."""
     passes: bool = False
@@ -48,9 +43,7 @@ class Rights(NamedTuple):
     sends nothing as long as it knows of no listener. Ours do not ask."""
 
 
-def _topics(keys: Iterable[str]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(wire.topic(key) for key in keys))
-
+_ALL = ("**",)
 
 RIGHTS: dict[Role, Rights] = {
     # A hub that is linked to another: each holds its own parts to this table. And who
@@ -62,20 +55,20 @@ RIGHTS: dict[Role, Rights] = {
             *("recall", "reminder", "keyframe", "band", "learn"),
             *("anomaly", "fault", "leave"),
         ),
-        reads=_topics(wire.COORDINATOR_KEYS),
+        reads=wire.COORDINATOR_KEYS,
         announces=True,
         watches=True,
         briefs=True,
     ),
     "world": Rights(
         publishes=("observation", "image", "fault", "leave"),
-        reads=("state", "decision", READING),
+        reads=("state", "decision", f"{READING}/**"),
         announces=True,
     ),
-    "recorder": Rights(publishes=("fault",), reads=ALL, announces=True, watches=True),
+    "recorder": Rights(publishes=("fault",), reads=_ALL, announces=True, watches=True),
     "cell": Rights(
         publishes=("pulse", "cellreport", "recalled", "fault", "leave"),
-        reads=_topics(wire.cell_keys("*")),
+        reads=wire.cell_keys("*"),
         announces=True,
     ),
     "worker": Rights(
@@ -88,11 +81,11 @@ RIGHTS: dict[Role, Rights] = {
             "fault",
             "leave",
         ),
-        reads=_topics((*wire.worker_keys("*"), *wire.LEARNING_KEYS)),
+        reads=(*wire.worker_keys("*"), *wire.LEARNING_KEYS),
         announces=True,
     ),
     # Looks on, and leaves no trace.
-    "watcher": Rights(reads=ALL, watches=True, asks=True),
+    "watcher": Rights(reads=_ALL, watches=True, asks=True),
     # Any program that knows something, and nothing of ours.
     "sensor": Rights(publishes=(READING,), told=True),
 }
@@ -114,10 +107,8 @@ MESSAGES = (
 """What parts send, as Zenoh's rules call it: nothing is ever deleted."""
 
 _EVERY = f"{wire.ROOT}/*/"  # below any swarm's prefix
-MANY = ("cell", "worker")
+_MANY = ("cell", "worker")
 """Roles of which there are many parts."""
-EVERY_ROLE: dict[str, str] = {role: role for role in ROLES}
-"""A certificate a role, each under its own name."""
 
 
 def role_of(who: str) -> Role:
@@ -133,49 +124,34 @@ def role_of(who: str) -> Role:
     raise InvalidValueError("part", f"must be of {', '.join(ROLES)}", who)
 
 
-def parts_of(name: str) -> str:
-    """Return whom a certificate may speak for: a part, or all parts of a role.
-
-    Args:
-        name: Whose the certificate is, ``cell/3`` or ``cell``.
-
-    Raises:
-        InvalidValueError: There is no such role.
-    """
-    return f"{name}/*" if role_of(name) in MANY and "/" not in name else name
-
-
-def access_list(names: Mapping[str, str] = EVERY_ROLE) -> dict[str, object]:
+def access_list() -> dict[str, object]:
     """Return Zenoh's ``access_control``: `RIGHTS`, and nothing else.
 
     A flow is seen from the hub: what comes in was sent or asked for by the part, what
     goes out is what the part gets. A rule's key has to include the key in question.
-
-    Args:
-        names: Whose each certificate is, by its common name; no other is accepted.
     """
     rules: list[dict[str, object]] = []
     policies: list[dict[str, object]] = []
-    for common_name, name in names.items():
-        own = list(_rules(common_name, parts_of(name)))
+    for role in ROLES:
+        own = list(_rules(role))
         rules += own
-        ids = [rule["id"] for rule in own]
-        policies.append({"rules": ids, "subjects": [common_name]})
+        policies.append({"rules": [rule["id"] for rule in own], "subjects": [role]})
     return {
         "enabled": True,
         "default_permission": "deny",
         "rules": rules,
-        "subjects": [{"id": name, "cert_common_names": [name]} for name in names],
+        "subjects": [{"id": role, "cert_common_names": [role]} for role in ROLES],
         "policies": policies,
     }
 
 
-def _rules(common_name: str, who: str) -> Iterator[dict[str, object]]:
-    """Yield the rules for a certificate that speaks for `who`."""
-    rights = RIGHTS[role_of(who)]
+def _rules(role: Role) -> Iterator[dict[str, object]]:
+    """Yield the rules for the certificate of a role."""
+    rights = RIGHTS[role]
+    who = f"{role}/*" if role in _MANY else role
     if rights.passes:
         yield {
-            "id": common_name,
+            "id": role,
             "permission": "allow",
             "messages": list(MESSAGES),
             "flows": ["ingress", "egress"],
@@ -183,7 +159,6 @@ def _rules(common_name: str, who: str) -> Iterator[dict[str, object]]:
         }
         return
     publishes = tuple(wire.said_by(who, topic) for topic in rights.publishes)
-    reads = _read_by(who, rights)
     alive = (f"alive/{who}",) if rights.announces else ()
     places = (f"{PLACE}/{who}/*/*",) if rights.announces else ()
     everybody = ("alive/**", f"{PLACE}/**") if rights.watches else ()
@@ -192,8 +167,8 @@ def _rules(common_name: str, who: str) -> Iterator[dict[str, object]]:
     for message, flow, keys in (
         ("put", "ingress", publishes),
         ("declare_subscriber", "egress", publishes if rights.told else ()),
-        ("declare_subscriber", "ingress", reads),
-        ("put", "egress", reads),
+        ("declare_subscriber", "ingress", rights.reads),
+        ("put", "egress", rights.reads),
         ("liveliness_token", "ingress", alive + places),
         ("declare_liveliness_subscriber", "ingress", everybody),
         ("liveliness_query", "ingress", everybody),
@@ -206,21 +181,9 @@ def _rules(common_name: str, who: str) -> Iterator[dict[str, object]]:
     ):
         if keys:
             yield {
-                "id": f"{common_name} {message} {flow}",
+                "id": f"{role} {message} {flow}",
                 "permission": "allow",
                 "messages": [message],
                 "flows": [flow],
                 "key_exprs": [_EVERY + key for key in keys],
             }
-
-
-def _read_by(who: str, rights: Rights) -> tuple[str, ...]:
-    """Return the key expressions of what a part may listen to."""
-    kind, _, number = who.partition("/")
-    if kind == "cell":
-        return wire.cell_keys(number)
-    if kind == "worker":
-        return (*wire.worker_keys(number), *wire.LEARNING_KEYS)
-    if rights.reads == ALL:
-        return ("**",)
-    return tuple(f"{topic}/**" for topic in rights.reads)

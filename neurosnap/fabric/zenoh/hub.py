@@ -22,7 +22,7 @@ import zenoh
 from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.events import wait_any, wait_at_most
 from neurosnap.fabric.security.hub_address import Credentials, check_endpoint, nearest
-from neurosnap.fabric.security.roles import EVERY_ROLE, access_list
+from neurosnap.fabric.security.roles import access_list
 from neurosnap.fabric.zenoh.session import absence, nested, settings
 
 _SOURCE = re.compile(r" at /\S+\.rs:\d+")  # places in the engine's own code
@@ -88,7 +88,7 @@ def hub_document(
     if credentials is not None:
         guard = {
             "transport__link__tls": credentials.to_listen() | credentials.to_connect(),
-            "access_control": access_list(credentials.accepted or EVERY_ROLE),
+            "access_control": access_list(),
         }
     return nested(
         settings(
@@ -145,7 +145,7 @@ async def follow_links(
                 now = {}
                 for link in await asyncio.to_thread(_links, session):
                     name = link.auth_identifier
-                    if credentials is None or credentials.accepted.get(name) == "hub":
+                    if credentials is None or name == "hub":
                         now[str(link.zid)] = str(link.dst)
                     elif name not in intruders:
                         intruders.add(name)

@@ -49,13 +49,11 @@ class HubJob(msgspec.Struct, frozen=True):
     folder: str
     """The swarm's own, which goes with the hub: a launcher that was killed cannot
     remove it."""
-    audit: bool
-    """Log what is refused."""
 
     async def run(self, part: PartContext) -> None:
         """Route until the end."""
         own = part.connection.address
-        with telling_refusals(audit=self.audit):
+        with telling_refusals():
             session = await asyncio.to_thread(
                 open_hub,
                 [own.endpoint],

@@ -43,7 +43,7 @@ def test_a_service_needs_its_own_keys_and_the_watchers(
     who = role if role in ("world", "recorder") else f"{role}/0"
     own = connections.to(who, "demo", 5)
     assert own.address.credentials is not None
-    assert (own.address.credentials.name, own.address.endpoint, own.first) == (
+    assert (own.address.credentials.role, own.address.endpoint, own.first) == (
         role,
         WHERE,
         5,

@@ -70,7 +70,7 @@ VALUES = {
     "[supervision]\nbackoff = -1": (
         "6: supervision.backoff: must be 0 or more and finite, got -1"
     ),
-    "[network]\naudit = 1": "6: network.audit: must be true or false, got 1",
+    "[network]\ninsecure = 1": "6: network.insecure: must be true or false, got 1",
     "[network]\nlisten = 1": "6: network.listen: must be text, got 1",
     "[recording]\npath = ''": (
         "6: recording.path: must have 1 or more characters, got ''"

@@ -83,7 +83,7 @@ def test_what_is_given_is_taken(file: Path) -> None:
         backoff = 0
         [network]
         listen = "tcp/127.0.0.1:0"
-        audit = true
+        insecure = true
         """
     made = prepared(file, text)
     options = made.options
@@ -95,7 +95,7 @@ def test_what_is_given_is_taken(file: Path) -> None:
     )  # fmt: skip
     assert made.log == file.parent / "one.mcap"
     assert made.supervision == Supervision(restart="never", max_restarts=0, backoff=0)
-    assert made.network == Network(listen="tcp/127.0.0.1:0", audit=True)
+    assert made.network == Network(listen="tcp/127.0.0.1:0", insecure=True)
     assert not made.log.exists()
 
 

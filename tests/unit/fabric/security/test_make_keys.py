@@ -17,30 +17,22 @@ from neurosnap.apps.doctor import check_keys
 from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.security.hub_address import Credentials
 from neurosnap.fabric.security.load_keys import read_credentials
-from neurosnap.fabric.security.make_keys import make_keys, revoke
+from neurosnap.fabric.security.make_keys import make_keys
 from neurosnap.fabric.security.roles import ROLES
-
-PARTS = ("cell/0", "cell/1", "worker/0")
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Keys of all roles, another authority's, and keys of parts: only to be read."""
+    """Keys of all roles, and another authority's: only to be read."""
     folder = tmp_path_factory.mktemp("made")
     make_keys(folder / "keys", ["hub.example", "192.168.0.7"])
     make_keys(folder / "other")
-    make_keys(folder / "parted", parts=PARTS)
     return folder
 
 
 @pytest.fixture
 def keys(made: Path, tmp_path: Path) -> Path:
     return copytree(made / "keys", tmp_path / "keys")
-
-
-@pytest.fixture
-def parted(made: Path, tmp_path: Path) -> Path:
-    return copytree(made / "parted", tmp_path / "parted")
 
 
 def certificate(folder: Path, stem: str) -> x509.Certificate:
@@ -58,7 +50,7 @@ def test_each_role_has_a_certificate_that_says_what_it_is_for(made: Path) -> Non
     folder = made / "keys"
     stems, authority = ("ca", *ROLES), certificate(folder, "ca")
     wanted = {f"{stem}{end}" for stem in stems for end in (".pem", ".key")}
-    assert {path.name for path in folder.iterdir()} == wanted | {"names.json"}
+    assert {path.name for path in folder.iterdir()} == wanted
     numbers = set()
     for stem in stems:
         key = load_pem_private_key((folder / f"{stem}.key").read_bytes(), None)
@@ -153,18 +145,6 @@ def test_a_disk_that_fails_leaves_nothing(
                 "x" * 64,
             )
         ],
-        *[
-            ({"parts": ["cell/0", part]}, r"^parts: must be a cell or a worker")
-            for part in (
-                "hub",
-                "cell",
-                "cell/",
-                "cell/x",
-                "cell/03",
-                "cell/1/2",
-                "../x",
-            )
-        ],
         ({"folder": "a/keys"}, r"^keys: must be in a folder that"),
     ],
 )
@@ -183,26 +163,10 @@ def test_what_cannot_be_made_is_refused(
 def test_what_was_made_can_be_read(made: Path) -> None:
     folder = made / "keys"
     for role in ROLES:
-        accepted: dict[str, str] = {each: each for each in ROLES}
-        if role != "hub":
-            accepted = {}
         ca, pem, key = (
             f"{folder}/{name}" for name in ("ca.pem", f"{role}.pem", f"{role}.key")
         )
-        assert read_credentials(folder, role) == Credentials(
-            role, ca, pem, key, accepted
-        )
-
-
-def test_a_part_needs_its_own_files_and_the_authoritys_certificate_alone(
-    keys: Path, parted: Path
-) -> None:
-    for folder, who in ((keys, "cell"), (parted, "cell/1")):
-        needed = [folder / "ca.pem", folder / f"{who}.pem", folder / f"{who}.key"]
-        for path in folder.rglob("*.*"):
-            if path not in needed:
-                path.unlink()
-        assert read_credentials(folder, who).name == who
+        assert read_credentials(folder, role) == Credentials(role, ca, pem, key)
 
 
 NONSENSE = b"-----BEGIN NONSENSE-----\n"
@@ -220,7 +184,7 @@ OTHERS = "must be writable by its owner only"
             ("cell.key", m, CLOSED + f"'{m:04o}'$")
             for m in (0o640, 0o604, 0o620, 0o601)
         ],
-        *[(name, 0o664, OTHERS) for name in ("ca.pem", "cell.pem", "names.json")],
+        *[(name, 0o664, OTHERS) for name in ("ca.pem", "cell.pem")],
         *[(name, NONSENSE, PEM) for name in ("ca.pem", "cell.pem")],
         ("cell.key", NONSENSE, "must be a private key in PEM, .*, got 'someth"),
         ("cell.pem", "../other/cell.pem", "must be signed by .*/ca.pem, got "),
@@ -233,7 +197,7 @@ def test_what_is_wrong_with_keys_is_said(
 ) -> None:
     """The file is gone, has another mode, another content, or is another's."""
     (keys / "cell.pem").chmod(0o644)  # which is no harm
-    assert read_credentials(keys, "cell").name == "cell"
+    assert read_credentials(keys, "cell/3").role == "cell"
     match becomes:
         case None:
             (keys / name).unlink()
@@ -259,95 +223,10 @@ def test_time_has_its_bounds(made: Path) -> None:
             read_credentials(keys, "cell", now=now)
 
 
-@pytest.mark.parametrize(
-    ("who", "rule"),
-    [
-        ("../secret", r"^part: must be of hub, .*, got '\.\./secret'$"),
-        *[
-            (who, r"^part: must be like cell/3, got")
-            for who in ("cell/../hub", "cell//3", "cell/*", "cell/3#1")
-        ],
-    ],
-)
-def test_a_part_nobody_can_be_is_refused(made: Path, who: str, rule: str) -> None:
+def test_a_part_of_no_role_is_refused(made: Path) -> None:
+    rule = r"^part: must be of hub, .*, got '\.\./secret'$"
     with pytest.raises(InvalidValueError, match=rule):
-        read_credentials(made / "keys", who)
-
-
-# Parts --------------------------------------------------------------------------------
-
-
-def test_a_part_has_files_of_its_own_and_its_role_has_none(parted: Path) -> None:
-    assert {path.name for path in parted.glob("cell/*")} == {
-        *("0.pem", "0.key", "1.pem", "1.key")
-    }
-    assert not (parted / "cell.pem").exists()
-    assert not (parted / "worker.key").exists()
-    assert mode(parted / "cell") == 0o700
-    for who in PARTS:
-        found = read_credentials(parted, who)
-        assert (found.name, found.certificate) == (who, f"{parted}/{who}.pem")
-    accepted = read_credentials(parted, "hub").accepted
-    assert {*PARTS} <= accepted.keys()
-    assert not {"cell", "worker"} & accepted.keys()
-    for end in (".pem", ".key"):  # the name of a file proves nothing
-        (parted / f"cell/1{end}").replace(parted / f"cell/0{end}")
-    with pytest.raises(InvalidValueError, match=r"must be for cell/0, got 'cell/1'$"):
-        read_credentials(parted, "cell/0")
-
-
-# Revoking -----------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("who", ["cell/1", "world"])
-def test_who_is_revoked_has_other_files_and_the_old_ones_are_refused(
-    parted: Path, who: str
-) -> None:
-    old = {end: (parted / f"{who}{end}").read_bytes() for end in (".pem", ".key")}
-    until = revoke(parted, who)
-    assert until == certificate(parted, "ca").not_valid_after_utc
-    assert read_credentials(parted, who).name == who
-    accepted = read_credentials(parted, "hub").accepted
-    assert f"{who}#1" in accepted
-    assert who not in accepted
-    assert mode(parted / f"{who}.key") == 0o600
-    for end, content in old.items():
-        assert (parted / f"{who}{end}").read_bytes() != content
-        (parted / f"{who}{end}").write_bytes(content)
-    with pytest.raises(InvalidValueError, match="must not have been revoked"):
-        read_credentials(parted, who)
-    revoke(parted, who)
-    assert f"{who}#2" in read_credentials(parted, "hub").accepted
-
-
-def test_a_folder_without_a_list_of_names_has_one_once_a_role_is_revoked(
-    keys: Path,
-) -> None:
-    (keys / "names.json").unlink()
-    for role in ROLES:
-        assert read_credentials(keys, role).name == role
-    revoke(keys, "cell")
-    accepted = read_credentials(keys, "hub").accepted
-    assert sorted(accepted.values()) == sorted(ROLES)
-    assert accepted["cell#1"] == "cell"
-
-
-@pytest.mark.parametrize("who", ["hub", "cell", "cell/9", "ca", ""])
-def test_who_has_no_certificate_cannot_be_revoked_nor_can_the_hub(
-    parted: Path, who: str
-) -> None:
-    before = (parted / "names.json").read_bytes()
-    with pytest.raises(InvalidValueError, match=r"^revoke: must be a part or a role"):
-        revoke(parted, who)
-    assert (parted / "names.json").read_bytes() == before
-
-
-def test_revoking_takes_the_authoritys_key(parted: Path) -> None:
-    (parted / "ca.key").unlink()
-    with pytest.raises(
-        InvalidValueError, match=r"/ca\.key: must be a file that can be"
-    ):
-        revoke(parted, "cell/0")
+        read_credentials(made / "keys", "../secret")
 
 
 # Expiry -------------------------------------------------------------------------------
