@@ -20,7 +20,6 @@ from neurosnap import wire
 from neurosnap.fabric.events import Failure
 from neurosnap.fabric.protocol import (
     Handler,
-    PlaceHandler,
     PresenceHandler,
     check_polled,
 )
@@ -281,9 +280,6 @@ class MemoryFabric:
     async def watch(self, handler: PresenceHandler) -> None:
         """Call ``handler(who, alive)`` for every part that is there, comes or goes."""
         self._hub.watch(self.who, handler)
-
-    async def locate(self, handler: PlaceHandler) -> None:
-        """Never call `handler`: all parts are in this process."""
 
     async def serve(self, stop: asyncio.Event) -> None:
         """Wait until `stop` is set; raise what a handler raised before that."""

@@ -8,59 +8,19 @@ Handlers are plain functions that get a burst of deliveries: a pulse needs neith
 ``await`` nor a task, and either would cost more than the work. They run on the event
 loop's thread, unless a part asked for a swift fabric: then each subscription has a
 thread of its own for them. What such a handler shares with the loop, or with a handler
-of another subscription, needs a lock. Handlers of presence and of places run on the
-loop always.
+of another subscription, needs a lock. Handlers of presence run on the loop always.
 """
 
 import asyncio
-import os
-import re
-import socket
 from collections.abc import Callable, Sequence
 from types import TracebackType
-from typing import NamedTuple, Protocol, Self
+from typing import Protocol, Self
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError
 
-_LONGEST = 64  # characters of a machine's name, as many as Linux lets it have
-_STRANGE = re.compile(r"[^A-Za-z0-9._-]")
-_TEXT = re.compile(rf"([A-Za-z0-9._-]{{1,{_LONGEST}}})/([0-9]{{1,10}})")
-
-
-class Place(NamedTuple):
-    """A process on a machine."""
-
-    host: str
-    """The machine's name: up to 64 letters, digits, dots, dashes and underscores."""
-    pid: int
-
-    @classmethod
-    def here(cls) -> Self:
-        """Return this process. What a name may not hold is a dash in it."""
-        name = _STRANGE.sub("-", socket.gethostname())[:_LONGEST]
-        return cls(name or "-", os.getpid())
-
-    @classmethod
-    def read(cls, text: str) -> Self | None:
-        """Return the place in `text`, which may be a stranger's; None if it is none.
-
-        Example:
-            >>> Place.read("oak.lan/4711")
-            Place(host='oak.lan', pid=4711)
-        """
-        found = _TEXT.fullmatch(text)
-        return None if found is None else cls(found[1], int(found[2]))
-
-    @property
-    def text(self) -> str:
-        """The place as a part of a key, and as it is recorded."""
-        return f"{self.host}/{self.pid}"
-
-
 Handler = Callable[[list[wire.Delivery]], None]
 PresenceHandler = Callable[[str, bool], None]
-PlaceHandler = Callable[[str, Place], None]
 
 
 class Fabric(Protocol):
@@ -132,14 +92,6 @@ class Fabric(Protocol):
 
     async def watch(self, handler: PresenceHandler) -> None:
         """Call ``handler(who, alive)`` for every part that is there, comes or goes."""
-        ...
-
-    async def locate(self, handler: PlaceHandler) -> None:
-        """Call ``handler(who, place)`` for every part that says where it is.
-
-        Those do whose swarm is on several machines. A part's place may come before or
-        after the word that it is there (`watch`): a hub sends them separately.
-        """
         ...
 
     async def serve(self, stop: asyncio.Event) -> None:

@@ -56,7 +56,6 @@ _hiding = threading.Lock()  # of the main module, which is the whole process's
 class ChildProcesses:
     """Starts every part as a process of this machine."""
 
-    located = False
     has_hub = True
 
     def __init__(self) -> None:

@@ -21,7 +21,6 @@ from neurosnap.runtime.starter import Listener
 class InlineTasks:
     """Starts every part as a task."""
 
-    located = False
     has_hub = False
 
     def __init__(self) -> None:

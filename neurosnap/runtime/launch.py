@@ -151,8 +151,7 @@ async def launch(
         here = _parts_here(jobs, site, has_hub=has_hub)
         site.network.check(*here)
         async with Supervisor(starter, watcher) as supervisor:
-            located = starter.located or bool(site.elsewhere)
-            connections = Connections(site.network, own, located=located)
+            connections = Connections(site.network, own)
             running = _Launch(jobs, site, supervisor, connections, folder)
             if starter.has_hub:
                 shown = site.network.endpoint("hub", own)

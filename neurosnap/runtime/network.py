@@ -117,15 +117,11 @@ class Connections:
     Args:
         network: Where the hub is.
         own: The swarm's own socket, where it has one.
-        located: The swarm is on several machines, and its parts say where they are.
     """
 
-    def __init__(
-        self, network: Network, own: str = "", *, located: bool = False
-    ) -> None:
+    def __init__(self, network: Network, own: str = "") -> None:
         self._network = network
         self._own = own
-        self._located = located
         self._known: dict[Role, Credentials | None] = {}
 
     def to(self, who: str, swarm: str, first: int = 0) -> PartConnection:
@@ -139,8 +135,7 @@ class Connections:
         Raises:
             InvalidValueError: Its keys are not there, or not fit for use.
         """
-        hub = self._hub(who)
-        return PartConnection(who, swarm, hub, first, self._located)
+        return PartConnection(who, swarm, self._hub(who), first)
 
     async def await_hub(self, stop: asyncio.Event) -> bool:
         """Wait until the hub answers a coordinator, or `stop`; tell whether it did.

@@ -79,7 +79,7 @@ async def serve(
         rule = "must say where the hub of the swarm listens"
         raise InvalidValueError("connect", rule, network.connect)
     network.check("watcher")
-    connections = Connections(network, located=True)
+    connections = Connections(network)
     host = _Host(choose, connections, stop)
     wait = None if restart == "always" else patience
     trouble = ""

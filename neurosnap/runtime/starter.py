@@ -46,8 +46,6 @@ class Listener(Protocol):
 class Starter(Protocol):
     """Starts the parts of one swarm."""
 
-    located: bool
-    """The parts may be on several machines."""
     has_hub: bool
     """The parts reach each other through a hub, which is one of them."""
 

@@ -134,7 +134,6 @@ class RayActors:
         patience: Seconds to wait for room that others have.
     """
 
-    located = True
     has_hub = True
 
     def __init__(

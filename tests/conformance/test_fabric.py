@@ -2,7 +2,6 @@
 
 import asyncio
 import os
-import secrets
 import signal
 import time
 from collections import Counter
@@ -11,7 +10,6 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.errors import FabricError
-from neurosnap.fabric.protocol import Place, PlaceHandler
 from neurosnap.fabric.security.hub_address import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from tests.support.fabrics import Heard, Hub, Network, Seen, ZenohNetwork, listening
@@ -284,47 +282,3 @@ async def test_a_part_that_returns_is_seen_again(network: Network) -> None:
                     await seen._more.wait()
                     seen._more.clear()
         assert seen.changes == [("world", True), ("world", False)] * 2
-
-
-@pytest.mark.zenoh
-async def test_a_part_that_is_located_says_where_it_is(hub: Hub) -> None:
-    swarm, first, late = secrets.token_hex(4), Seen(), Seen()
-
-    def end(who: str, *, located: bool = False) -> ZenohFabric:
-        return ZenohFabric(who, swarm, HubAddress(hub.endpoint), located=located)
-
-    def noting(seen: Seen) -> PlaceHandler:
-        return lambda who, place: seen(f"{who} at {place}", True)
-
-    async with (
-        end("recorder") as recorder,
-        end("cell/1", located=True) as cell,
-        end("world") as world,
-    ):
-        await recorder.locate(noting(first))
-        await recorder.watch(first)
-        await cell.announce()
-        await world.announce()
-        told = (f"cell/1 at {Place.here()}", True), ("cell/1", True), ("world", True)
-        await first.wait(*told)
-        await recorder.locate(noting(late))
-        await recorder.watch(late)
-        await late.wait(*told)
-        assert sorted(late.changes) == sorted(first.changes) == sorted(told)
-
-
-@pytest.mark.zenoh
-async def test_a_place_that_cannot_be_is_nobodys(hub: Hub) -> None:
-    swarm, placed, seen = secrets.token_hex(4), list[tuple[str, Place]](), Seen()
-    async with (
-        ZenohFabric("recorder", swarm, HubAddress(hub.endpoint)) as recorder,
-        ZenohFabric("cell/1", swarm, HubAddress(hub.endpoint)) as cell,
-    ):
-        await recorder.locate(lambda who, place: placed.append((who, place)))
-        await recorder.watch(seen)
-        for wrong in ("cell/1/oak/x", "cell/1", "oak/7", "cell/1/" + "o" * 65 + "/7"):
-            key = f"{wire.ROOT}/{swarm}/place/{wrong}"
-            cell._declared.append(cell._session.liveliness().declare_token(key))
-        await cell.announce()
-        await seen.wait(("cell/1", True))
-        assert placed == []

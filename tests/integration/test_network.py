@@ -9,7 +9,6 @@ from typer.testing import CliRunner
 from neurosnap.apps.cli import app
 from neurosnap.recording.replay.verify import verify
 from tests.support.ports import free_port
-from tests.support.services import placed
 
 pytestmark = pytest.mark.zenoh
 
@@ -43,7 +42,6 @@ def test_a_swarm_listens_on_a_port_of_loopback(tmp_path: Path) -> None:
     code, stderr = run(log, "--listen", f"tcp/127.0.0.1:{free_port()}")
     assert code == 0, stderr
     assert verify(log).complete
-    assert placed(log) == set()  # all parts are here
 
 
 @pytest.mark.slow

@@ -10,11 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from neurosnap import wire
-from neurosnap.fabric.protocol import Place
 from neurosnap.fabric.security.hub_address import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.request import RunRequest
@@ -95,14 +93,6 @@ def facts(said: str) -> dict[str, Any]:
     assert found is not None, said
     told: dict[str, Any] = json.loads(found[0])
     return told
-
-
-def placed(log: Path) -> set[str]:
-    """Return whose machine is recorded: for all of those, it is this one."""
-    places = Recording.open(log).files[-1].places
-    assert len({place.pid for place in places.values()}) == len(places)
-    assert {place.host for place in places.values()} <= {Place.here().host}
-    return set(places)
 
 
 def in_one_piece(ticks: int, log: Path) -> Path:

@@ -52,8 +52,6 @@ class Info(msgspec.Struct, frozen=True):
     """Where the file was cut short; None for a finished one."""
     files: tuple[str, ...] = ()
     """The files there are of the run, where there may be several."""
-    places: dict[str, str] = {}
-    """Where parts are, as in `Place.text`, of a swarm on several machines."""
     in_force: dict[str, float | str] = {}
     """The threshold, and of a discounted snapshot the decay, given or not."""
     damage: tuple[str, ...] = ()
@@ -99,7 +97,6 @@ def describe(recording: Recording) -> Info:
         completeness=completeness,
         cut=recording.cut,
         files=_files(recording),
-        places={who: place.text for who, place in recording.files[-1].places.items()},
         in_force={} if run is None else run.in_force,
         damage=damage,
         missing_ticks=tuple(_missing_ticks(recording)) if damage else (),
@@ -188,7 +185,6 @@ def _lines(info: Info) -> Iterator[str]:
         yield from table(map(_birth, info.births))
     for title, texts in (
         ("run:", _run(info)),
-        ("places:", info.places),
         ("totals:", info.totals or {}),
     ):
         if texts:

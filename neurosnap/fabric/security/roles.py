@@ -28,12 +28,12 @@ class Rights(NamedTuple):
     reads: tuple[str, ...] = ()
     """Key expressions it may listen to."""
     announces: bool = False
-    """It may show itself as alive, and where."""
+    """It may show itself as alive."""
     passes: bool = False
     """It passes on whatever the others say and hear, either way, and says what others
     said."""
     watches: bool = False
-    """It may follow who is alive, and where."""
+    """It may follow who is alive."""
     briefs: bool = False
     """It answers what the run is."""
     asks: bool = False
@@ -92,10 +92,6 @@ RIGHTS: dict[Role, Rights] = {
 
 DESCRIPTION = "brief"
 """What a coordinator answers to those who want to take part in its run."""
-
-PLACE = "place"
-"""Below it parts of a swarm on several machines show where they are: as what follows
-who it is, in ``place/cell/3/oak/4711``."""
 
 FLUSHED = "flushed"
 """What every part asks for at its end; the hub itself answers that no part has it."""
@@ -160,8 +156,7 @@ def _rules(role: Role) -> Iterator[dict[str, object]]:
         return
     publishes = tuple(wire.said_by(who, topic) for topic in rights.publishes)
     alive = (f"alive/{who}",) if rights.announces else ()
-    places = (f"{PLACE}/{who}/*/*",) if rights.announces else ()
-    everybody = ("alive/**", f"{PLACE}/**") if rights.watches else ()
+    everybody = ("alive/**",) if rights.watches else ()
     answers = (DESCRIPTION,) if rights.briefs else ()
     asks = (DESCRIPTION,) if rights.asks else ()
     for message, flow, keys in (
@@ -169,7 +164,7 @@ def _rules(role: Role) -> Iterator[dict[str, object]]:
         ("declare_subscriber", "egress", publishes if rights.told else ()),
         ("declare_subscriber", "ingress", rights.reads),
         ("put", "egress", rights.reads),
-        ("liveliness_token", "ingress", alive + places),
+        ("liveliness_token", "ingress", alive),
         ("declare_liveliness_subscriber", "ingress", everybody),
         ("liveliness_query", "ingress", everybody),
         ("liveliness_token", "egress", everybody),

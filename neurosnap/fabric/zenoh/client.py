@@ -25,13 +25,11 @@ from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.events import Failure
 from neurosnap.fabric.protocol import (
     Handler,
-    Place,
-    PlaceHandler,
     PresenceHandler,
     check_polled,
 )
 from neurosnap.fabric.security.hub_address import HubAddress
-from neurosnap.fabric.security.roles import DESCRIPTION, FLUSHED, PLACE
+from neurosnap.fabric.security.roles import DESCRIPTION, FLUSHED
 from neurosnap.fabric.zenoh.inbox import Inbox, Poll
 from neurosnap.fabric.zenoh.pieces import LARGEST, Assembly, pieces
 from neurosnap.fabric.zenoh.session import connecting
@@ -57,8 +55,6 @@ class ZenohFabric:
         patience: Seconds to go on trying until the hub answers.
         swift: Handlers run on a thread of their own, not on the event loop: a third
             off the time of a hop. For parts that share nothing with their loop.
-        located: Says where it is when it shows as alive; for a swarm that is on
-            several machines.
     """
 
     def __init__(
@@ -70,7 +66,6 @@ class ZenohFabric:
         first: int = 0,
         patience: float = 60.0,
         swift: bool = False,
-        located: bool = False,
     ) -> None:
         self.who = who
         self.sent = first
@@ -78,7 +73,6 @@ class ZenohFabric:
         self._hub = hub
         self._patience = patience
         self._swift = swift
-        self._located = located
         # Delivery threads and the loop may publish at once; numbers must be unique.
         self._publishing = threading.Lock()
         self._declared: list[Any] = []
@@ -204,15 +198,10 @@ class ZenohFabric:
         return subscribers
 
     async def announce(self) -> None:
-        """Declare the liveliness token ``alive/<who>``, and one of its place."""
-        keys = [f"alive/{self.who}"]
-        if self._located:
-            # First: once all parts are seen, a run may begin, and be over soon.
-            keys.insert(0, f"{PLACE}/{self.who}/{Place.here().text}")
+        """Declare the liveliness token ``alive/<who>``."""
         declare = self._session.liveliness().declare_token
-        for key in keys:
-            token = await self._off_loop(declare, self._prefix + key)
-            self._declared.append(token)
+        token = await self._off_loop(declare, f"{self._prefix}alive/{self.who}")
+        self._declared.append(token)
 
     async def confirm(self) -> None:
         """Wait until the hub has what was declared here; see the protocol.
@@ -291,22 +280,7 @@ class ZenohFabric:
 
     async def watch(self, handler: PresenceHandler) -> None:
         """Follow the liveliness tokens, those already there included."""
-        await self._follow("alive", handler)
-
-    async def locate(self, handler: PlaceHandler) -> None:
-        """Follow the tokens that say where parts are, those already there included."""
-
-        def receive(name: str, alive: bool) -> None:
-            who, *rest = name.rsplit("/", 2)
-            place = Place.read("/".join(rest))
-            if alive and place is not None:
-                handler(who, place)
-
-        await self._follow(PLACE, receive)
-
-    async def _follow(self, below: str, handler: PresenceHandler) -> None:
-        """Follow the liveliness tokens below a key."""
-        prefix = f"{self._prefix}{below}/"
+        prefix = f"{self._prefix}alive/"
 
         def deliver(changes: list[tuple[str, bool]]) -> None:
             for name, alive in changes:

@@ -27,8 +27,6 @@ TOTALS = "neurosnap.totals"
 SHARE = "neurosnap.share"
 """Where a file is not the first of its run: what number each sender's share begins
 with."""
-PLACES = "neurosnap.places"
-"""Of a swarm on several machines: where each part is, as in `Place.text`."""
 GAP = "neurosnap.gap"
 """Between chunks: messages are missing here, which another recording had lost."""
 CLOSING = "decision"

@@ -15,12 +15,10 @@ from mcap.records import Attachment, Channel
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
-from neurosnap.fabric.protocol import Place
 from neurosnap.recording.format.chunks import index_chunk
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import (
     CLOSING,
-    PLACES,
     RUN,
     SHARE,
     SNAPSHOT,
@@ -164,24 +162,6 @@ class RecordingFile:
         rule = "must hold a number for each sender"
         where = f"{self.path}: {SHARE}"
         return decoded(noted.get("first"), dict[str, int], where, rule)
-
-    @property
-    def places(self) -> dict[str, Place]:
-        """Where the parts are that said so: those of a swarm on several machines.
-
-        Raises:
-            RecordingError: What is noted of that is not what a writer writes.
-        """
-        places = {}
-        for who, text in self.layout.metadata.get(PLACES, {}).items():
-            place = Place.read(text)
-            if place is None:
-                rule = "must hold a place for each part"
-                raise RecordingError(
-                    f"{self.path}: {PLACES}: {rule}, got {text[:40]!r}"
-                )
-            places[who] = place
-        return places
 
     def _number(self, name: str) -> int:
         text = self.metadata.get(name, "")

@@ -40,7 +40,6 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
-from neurosnap.fabric.protocol import Place
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.recording.format.completeness import Completeness, added_up
 from neurosnap.recording.format.records import CLOSING
@@ -121,7 +120,6 @@ class SplitWriter:
         self._closed: list[Completeness] = []
         self._saving = FsyncThread()
         self._warned = False
-        self._places: Mapping[str, Place] = {}
         self._vanished: list[str] = []
         self._newest = self._new_writer()
         try:
@@ -146,16 +144,6 @@ class SplitWriter:
             return self._metadata
         part = {"part": str(self._number), "begins": str(self._begins)}
         return {**self._metadata, **part}
-
-    def write_places(self, places: Mapping[str, Place]) -> None:
-        """Write down where parts are, in each file from now on.
-
-        Raises:
-            RecordingError: See `Writer.write_places`.
-        """
-        self._places = dict(places)
-        if places:
-            self._newest.write_places(places)
 
     def upcoming(self, sender: str) -> int:
         """Return the number after the highest that came from `sender`."""
@@ -229,7 +217,6 @@ class SplitWriter:
         self._begins = frame.tick
         self._newest = self._new_writer()
         self._newest.start(self._facts())
-        self.write_places(self._places)
         decision = wire.Decision(frame.tick, frame.action, frame.why)
         self._boundary = _Boundary(decision, frame.waves, log_time + LATE)
         self._passed = set()

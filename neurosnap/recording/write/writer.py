@@ -25,13 +25,11 @@ from mcap.writer import Writer as McapWriter
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, MessageError, RecordingError
-from neurosnap.fabric.protocol import Place
 from neurosnap.recording.format import schemas
 from neurosnap.recording.format.completeness import Completeness, RunningNumbers
 from neurosnap.recording.format.records import (
     GAP,
     LIMIT,
-    PLACES,
     PROFILE,
     RUN,
     SHARE,
@@ -238,14 +236,6 @@ class Writer:
         """
         first = msgspec.json.encode(self.sequences.first).decode()
         self._write_metadata(SHARE, {"first": first})
-
-    def write_places(self, places: Mapping[str, Place]) -> None:
-        """Write down where parts are, by name; what was noted before is forgotten.
-
-        Raises:
-            RecordingError: The recording is not open, or cannot be written.
-        """
-        self._write_metadata(PLACES, {who: place.text for who, place in places.items()})
 
     def write_gap(self, why: str) -> None:
         """Write down that messages are missing here, in what is copied.

@@ -177,8 +177,6 @@ class PartConnection(msgspec.Struct, frozen=True):
     """Where its hub is; None if it needs none."""
     first: int = 0
     """The number of its first message."""
-    located: bool = False
-    """It says where it is, for the swarm is on several machines."""
     local: "MemoryHub | None" = None
     """The network in memory, where all parts are tasks of one loop."""
 
@@ -192,7 +190,6 @@ class PartConnection(msgspec.Struct, frozen=True):
             self.address,
             first=self.first,
             swift=swift,
-            located=self.located,
         )
 
     @property

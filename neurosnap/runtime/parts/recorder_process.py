@@ -17,7 +17,7 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.errors import NeurosnapError
-from neurosnap.fabric.protocol import Fabric, Place
+from neurosnap.fabric.protocol import Fabric
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
@@ -127,7 +127,7 @@ async def run_recorder(
     """Record all traffic until every one of `parts` has left; finish the recording.
 
     Reads everything, and the presence of `parts`, since one that was killed has no
-    last word, and where they are; publishes a ``fault`` for what cannot be recorded.
+    last word; publishes a ``fault`` for what cannot be recorded.
 
     Args:
         writer: Entered by the caller, who also leaves it in case of an error.
@@ -148,7 +148,6 @@ async def run_recorder(
     """
     listener = _Listener(writer, parts, fabric)
     await fabric.subscribe(("**",), listener.handle, poll=_POLL)
-    await fabric.locate(listener.locate)
     await fabric.watch(listener.change)
     await fabric.announce()
     await fabric.confirm()
@@ -167,7 +166,7 @@ async def run_recorder(
     finally:
         for task in (flushing, serving, stopping):
             task.cancel()
-    listener.close()
+    listener.closed = True
     return writer.finish(listener.totals(), listener.expected())
 
 
@@ -216,8 +215,6 @@ class _Listener:
         self._left: dict[str, int] = {}
         self._going: dict[str, asyncio.TimerHandle] = {}
         self._gone: set[str] = set()
-        self._places: dict[str, Place] = {}
-        self._noted: dict[str, Place] = {}  # of those, what is written
         self._ticks = 0
         self._frame = 0  # the tick of the last key-frame
         self.framed = 0
@@ -248,19 +245,6 @@ class _Listener:
             self._writer.flush(time.time_ns())
         self._find_all_left()
 
-    def locate(self, who: str, place: Place) -> None:
-        """Note where a part is; once that is known of all, write it down.
-
-        It may come before or after the word that the part is there. What is written
-        names every part, and they can be thousands: so it is written once, not for
-        each of them.
-        """
-        if self.closed or who not in self._parts:
-            return
-        self._places[who] = place
-        if len(self._places) == len(self._parts):
-            self._note_places()
-
     def change(self, who: str, alive: bool) -> None:
         """Note that a part came or went."""
         if self.closed:
@@ -273,17 +257,6 @@ class _Listener:
             # Its last word travels apart from its presence, and may be on the way.
             loop = asyncio.get_running_loop()
             self._going[who] = loop.call_later(_LAST_WORD, self._give_up, who)
-
-    def close(self) -> None:
-        """Write down where those are of whom it is known; take in nothing more."""
-        self._note_places()
-        self.closed = True
-
-    def _note_places(self) -> None:
-        """Write down where parts are, unless nothing of that is new."""
-        if self._places != self._noted:
-            self._noted = dict(self._places)
-            self._writer.write_places(self._noted)
 
     def _give_up(self, who: str) -> None:
         self._going.pop(who, None)

@@ -76,11 +76,8 @@ def test_the_keys_of_a_role_are_read_once(keys: Path, tmp_path: Path) -> None:
 
 
 def test_without_a_network_parts_meet_on_the_swarms_own_socket() -> None:
-    own = Connections(Network(), "unixsock-stream/own", located=True).to(
-        "world", "demo"
-    )
+    own = Connections(Network(), "unixsock-stream/own").to("world", "demo")
     assert (own.address.endpoint, own.address.credentials) == (
         "unixsock-stream/own",
         None,
     )
-    assert own.located

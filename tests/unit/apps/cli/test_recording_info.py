@@ -8,7 +8,6 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.apps.cli.recording_info import describe, render
 from neurosnap.errors import RecordingError
-from neurosnap.fabric.protocol import Place
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import MAGIC
@@ -38,9 +37,6 @@ def write_small(path: Path, metadata: dict[str, str], *, finish: bool = True) ->
     first, second, _, fourth = observations
     with Writer(path, compression="none") as writer:
         writer.start(metadata)
-        writer.write_places(
-            {"world": Place("oak.lan", 4711), "cell/0": Place("elm", 2)}
-        )
         for delivery in (first, second, pulse, pulse, fourth):
             after = delivery.sequence if delivery.key == "observation" else 1
             writer.add(delivery, NOW + after * SECOND)
@@ -67,9 +63,6 @@ def test_what_is_missing_comes_first_and_empty_channels_are_left_out(
         "  seed           7",
         r"'  evil\x1b[2J'  '\x1b]0;owned\x07'",
         f"  schema         {wire.SCHEMA}",
-        "places:",
-        "  world   oak.lan/4711",
-        "  cell/0  elm/2",
         "totals:",
         "  ticks  4",
         "messages:  5",

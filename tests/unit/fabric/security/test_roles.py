@@ -9,7 +9,6 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.fabric.security.roles import (
     DESCRIPTION,
     FLUSHED,
-    PLACE,
     READING,
     ROLES,
     access_list,
@@ -23,7 +22,7 @@ SPEAKERS = tuple(role for role in ROLES if role != "hub")
 # out. Written by hand: a slip in the table of the code shows here.
 _READS = "put<", "declare_subscriber>"
 _WATCHES = {
-    "alive/** place/**": (
+    "alive/**": (
         "declare_liveliness_subscriber>",
         "liveliness_query>",
         "liveliness_token<",
@@ -36,7 +35,7 @@ MAY: dict[str, dict[str, tuple[str, ...]]] = {
         " fault/coordinator leave/coordinator": ("put>",),
         "observation cellreport/** workerreport/** recalled/** learned/** fault/**"
         " leave/**": _READS,
-        "alive/coordinator place/coordinator/*/*": ("liveliness_token>",),
+        "alive/coordinator": ("liveliness_token>",),
         "brief": ("declare_queryable>", "query<", "reply>"),
         "flushed": ("query>",),
         **_WATCHES,
@@ -44,13 +43,13 @@ MAY: dict[str, dict[str, tuple[str, ...]]] = {
     "world": {
         "observation/** image/** fault/world leave/world": ("put>",),
         "state decision reading/**": _READS,
-        "alive/world place/world/*/*": ("liveliness_token>",),
+        "alive/world": ("liveliness_token>",),
         "flushed": ("query>",),
     },
     "recorder": {
         "fault/recorder": ("put>",),
         "**": _READS,
-        "alive/recorder place/recorder/*/*": ("liveliness_token>",),
+        "alive/recorder": ("liveliness_token>",),
         "flushed": ("query>",),
         **_WATCHES,
     },
@@ -60,7 +59,7 @@ MAY: dict[str, dict[str, tuple[str, ...]]] = {
         ),
         "observation wavestart recall wiring/* wavestart/* recall/* reminder/cell/*"
         " pulse/*/**": _READS,
-        "alive/cell/* place/cell/*/*/*": ("liveliness_token>",),
+        "alive/cell/*": ("liveliness_token>",),
         "flushed": ("query>",),
     },
     "worker": {
@@ -68,7 +67,7 @@ MAY: dict[str, dict[str, tuple[str, ...]]] = {
         " band/worker/* fault/worker/* leave/worker/*": ("put>",),
         "observation workerwiring/* reminder/worker/* wavestart recall pulsebatch/*/**"
         " learn band/coordinator": _READS,
-        "alive/worker/* place/worker/*/*/*": ("liveliness_token>",),
+        "alive/worker/*": ("liveliness_token>",),
         "flushed": ("query>",),
     },
     # Leaves no trace.
@@ -130,7 +129,7 @@ def test_every_role_is_written_here_and_a_hub_passes_on_all_they_may_say() -> No
 
 
 def test_what_is_no_message_of_ours_has_keys_that_none_of_ours_has() -> None:
-    assert {READING, PLACE, DESCRIPTION, FLUSHED, "alive"}.isdisjoint(wire.TOPICS)
+    assert {READING, DESCRIPTION, FLUSHED, "alive"}.isdisjoint(wire.TOPICS)
 
 
 def test_a_parts_role_is_the_first_word_of_its_name() -> None:

@@ -11,11 +11,9 @@ from mcap.writer import Writer as McapWriter
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
-from neurosnap.fabric.protocol import Place
 from neurosnap.recording.format.chunks import unpack
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import (
-    PLACES,
     PROFILE,
     RUN,
     TOTALS,
@@ -71,25 +69,10 @@ def test_a_finished_recording_says_so(path: Path) -> None:
     path.unlink()
     completeness = record(path, traffic(100), every=30)
     recording = Recording.open(path)
-    assert recording.files[-1].places == {}
     assert recording.cut is None
     assert recording.metadata == {"seed": "7", "world": "Test-v0", "schema": SCHEMA}
     assert recording.totals is not None
     assert recording.completeness() == completeness == Completeness(100)
-
-
-@pytest.mark.parametrize("whole", [True, False])
-def test_where_parts_were_comes_back(path: Path, whole: bool) -> None:
-    places = {"world": Place("oak.lan", 4711), "cell/0": Place("elm", 2)}
-    with Writer(path) as writer:
-        writer.start({})
-        writer.write_places({"world": Place("ash", 1)})
-        writer.add(next(delivered([EACH["observation"]])), NOW)
-        writer.write_places(places)
-        if whole:
-            writer.finish({}, {})
-    assert Recording.open(path).files[-1].places == places
-    assert Recording.open(path, verify=False).files[-1].places == places
 
 
 @pytest.mark.parametrize("whole", [True, False])
@@ -268,15 +251,6 @@ def test_a_message_that_is_none_of_its_topic_is_an_error(
     recording = Recording.open(path)
     with pytest.raises(RecordingError, match=rule):
         list(recording.messages())
-
-
-@pytest.mark.parametrize("text", ["", "oak", "oak/\x1b", "oak/" + "1" * 11])
-def test_a_place_that_cannot_be_is_refused(path: Path, text: str) -> None:
-    write_mcap(path, facts={PLACES: {"world": text}})
-    (file,) = Recording.open(path).files
-    rule = r": neurosnap\.places: must hold a place for each part, got '"
-    with pytest.raises(RecordingError, match=rule):
-        assert file.places
 
 
 def test_totals_without_a_balance_are_an_error(path: Path) -> None:

@@ -12,7 +12,6 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.apps.cli.recording_info import describe, render
 from neurosnap.errors import InvalidValueError, RecordingError
-from neurosnap.fabric.protocol import Place
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.read.chunk_messages import Recorded
@@ -130,19 +129,6 @@ def test_every_file_is_a_run_and_all_together_are_the_run(
     text = render(describe(Recording.open_file(paths[1])))
     assert f"files: {len(paths)}\n" in text
     assert "  log.mcap\n  log_0001.mcap\n" in text
-
-
-def test_every_file_says_where_parts_are(
-    whole: Path, messages: Sequence[Recorded], log: Path
-) -> None:
-    places = {"world": Place("oak", 4711)}
-    with SplitWriter(log, Recording.open(whole).metadata, split=SMALL) as writer:
-        writer.write_places(places)
-        added(writer, messages)
-    files = each_file(log)
-    assert len(files) > 1
-    assert all(file.files[-1].places == places for file in files)
-    assert Recording.open(log).files[-1].places == places
 
 
 def test_a_decision_that_ends_one_file_is_compared_with_the_next(

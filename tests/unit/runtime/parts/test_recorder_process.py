@@ -1,4 +1,4 @@
-"""The recorder knows who is there and where, and believes only what it has written."""
+"""The recorder knows who is there, and believes only what it has written."""
 
 import asyncio
 from pathlib import Path
@@ -7,57 +7,13 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.fabric.in_memory import MemoryHub
-from neurosnap.fabric.protocol import Place
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.rotation import SplitWriter
 from neurosnap.runtime.parts import recorder_process as recorder
 from neurosnap.runtime.parts.recorder_process import _Listener
 from tests.support.recordings import EACH
 
-OAK, ELM = Place("oak", 4711), Place("elm", 2)
-
-
 PARTS = ("world", "cell/0")
-
-
-def test_places_are_noted_once_all_are_known_and_when_one_changes(
-    tmp_path: Path,
-) -> None:
-    log = tmp_path / "log.mcap"
-    with SplitWriter(log, {}) as writer:
-        listener = _Listener(writer, PARTS, MemoryHub().fabric("x"))
-        for who in ("recorder", *PARTS):
-            listener.change(who, True)  # before its place, as hubs sometimes say it
-        for who in ("world", "cell/7", "recorder"):
-            listener.locate(who, OAK)
-            assert Recording.open(log).files[-1].places == {}
-        for place in (ELM, ELM, OAK):
-            listener.locate("cell/0", place)
-            assert Recording.open(log).files[-1].places == {
-                "world": OAK,
-                "cell/0": place,
-            }
-        size = log.stat().st_size
-        listener.locate("world", OAK)
-        listener.close()
-        listener.locate("world", ELM)  # too late
-        assert log.stat().st_size == size
-    assert Recording.open(log).files[-1].places == dict.fromkeys(PARTS, OAK)
-
-
-@pytest.mark.parametrize("places", [{}, {"world": OAK}])
-def test_places_that_are_known_at_the_end_are_noted(
-    tmp_path: Path, places: dict[str, Place]
-) -> None:
-    log = tmp_path / "log.mcap"
-    with SplitWriter(log, {}) as writer:
-        listener = _Listener(writer, PARTS, MemoryHub().fabric("x"))
-        size = log.stat().st_size
-        for who, place in places.items():
-            listener.locate(who, place)
-        listener.close()
-        assert (log.stat().st_size == size) == (not places)
-    assert Recording.open(log).files[-1].places == places
 
 
 async def settle() -> None:
