@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.apps.config.load import look
+from neurosnap.apps.config.load import described
 from neurosnap.apps.config.prepare import prepare
 from neurosnap.apps.export.columns import Cell, Table
 from neurosnap.apps.new_files import free_path, new_path
@@ -196,25 +196,19 @@ def run(
         InvalidValueError: Something is wrong with the source or the options.
         NeurosnapError: A part failed; what was recorded until then is readable.
     """
-    name = str(source)
-    file = Path(name) if name.lower().endswith(".toml") else None
-    overrides: dict[str, object] = dict(settings or {})
+    given: dict[str, object] = dict(settings or {})
     names: dict[str, str] = {}
     for option, value in options.items():
         if (key := _KEYS.get(option)) is None:
             rule = f"must be an option of a run: {', '.join(_KEYS)}"
             raise InvalidValueError("run", rule, option)
-        overrides[key] = list(value) if isinstance(value, tuple) else value
+        given[key] = list(value) if isinstance(value, tuple) else value
         names[key] = option
     for argument, value in (arguments or {}).items():
-        overrides[f"source.arguments.{argument}"] = value
+        given[f"source.arguments.{argument}"] = value
     if out is not None:
-        overrides["recording.path"] = str(Path(out).absolute())
-        names["recording.path"] = "out"
-    if file is None:
-        overrides |= {"source.kind": "world", "source.id": name}
-        names["source.id"] = "source"
-    prepared = prepare(look(file, overrides, names))
+        given["recording.path"], names["recording.path"] = str(out), "out"
+    prepared = prepare(described(str(source), given, names))
     if prepared.log is None:
         rule = "must be recorded to be returned"
         raise InvalidValueError("recording.record", rule, False)

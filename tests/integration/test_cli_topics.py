@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("aiomqtt")
 
-from neurosnap.apps.config.load import look
+from neurosnap.apps.config.load import load
 from neurosnap.apps.config.prepare import prepare
 from neurosnap.sources.live.live_source import LiveSource
 from neurosnap.sources.open import open_live
@@ -69,7 +69,7 @@ async def test_a_look_at_a_broker_gives_a_file_that_runs(
             dict.fromkeys(heard, 1)
         )
         assert call("check", out).exit_code == 0
-        options = prepare(look(out)).options
+        options = prepare(load(out)).options
         source = open_live(options.source, options.arguments)
         assert isinstance(source, LiveSource)
         wanted = {"bath_motion": False, "kitchen_motion": True, "door_contact": True}

@@ -82,9 +82,9 @@ async def test_it_runs_where_a_loop_is_running(tmp_path: Path) -> None:
     ("given", "text"),
     [
         ({"tick": 3}, "run: must be an option of a run: "),
-        ({"ticks": 0}, "ticks: must be 1 or more, got 0"),
+        ({"ticks": 0}, "ticks: must be a whole number, 1 or more, got 0"),
         ({"out": "no/such/folder.mcap"}, "out: must be in a folder that exists"),
-        ({"settings": {"recording.record": False}}, "recording.record: must be recor"),
+        ({"settings": {"recording.record": False}}, "out: must go with a recording"),
         ({"arguments": {"places": "x"}}, "source.arguments.places: "),
     ],
 )

@@ -300,7 +300,7 @@ def test_one_thing_wrong_is_found_where_it_is(
     text = msgspec.toml.encode(table).decode()
     file.write_text(text, encoding="utf-8", newline="")
     with pytest.raises(ConfigError) as caught:
-        load(file)
+        load(file).check()
     (fault,) = caught.value.faults
     mark = UNKNOWN if keys[-1] == UNKNOWN else str(WRONG)
     (line,) = (n for n, part in enumerate(text.split("\n"), 1) if mark in part)

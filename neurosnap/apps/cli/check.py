@@ -43,15 +43,16 @@ def check(
 
 
 def _check_file(file: Path, form: str, *, static: bool) -> None:
-    from neurosnap.apps.config.load import load, look
+    from neurosnap.apps.config.load import load
     from neurosnap.apps.config.prepare import prepare
     from neurosnap.apps.config.problems import ConfigError
 
     try:
+        loaded = load(file)
         if static:
-            load(file)
+            loaded.check()
         else:
-            prepare(look(file))
+            prepare(loaded)
     except ConfigError as error:
         faults = {"faults": error.faults, "more": error.more}
         print_facts(form, {"file": str(file), **faults})

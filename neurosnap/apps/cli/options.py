@@ -8,7 +8,6 @@ import inspect
 import re
 from collections.abc import Callable, Mapping
 from functools import cache, wraps
-from pathlib import Path
 from types import MappingProxyType, NoneType, UnionType
 from typing import (
     TYPE_CHECKING,
@@ -58,9 +57,6 @@ _PANELS = {
 """The panel of each table of a description, in the order of the help."""
 _OPTION = re.compile(r"`([a-z_]+)`")
 """Another option in a help text, by the name of its field."""
-_PATHS = {"recording.path", "recording.folder", "network.tls"}
-_RECORDING = {"path", "folder", "frames", "split", "keep"}
-"""Keys of `recording` that are of no use where nothing is recorded."""
 
 HOSTS = (
     "Process: each cell is a process of its own. Worker: a few processes share them."
@@ -280,37 +276,18 @@ def described(
     Raises:
         InvalidValueError: Something is wrong with it; what a file says has its line.
     """
-    from neurosnap.apps.config.load import look
+    from neurosnap.apps.config.load import described as described_run
     from neurosnap.apps.config.prepare import prepare
 
-    name = str(context.params["source"])
-    file = Path(name) if name.lower().endswith(".toml") else None
     flags = {
         each.key: flag
         for flag, each in run_options().items()
         if flag in context.params and was_given(context, flag)
     }
-    set_ = _settings(context.params["given"] or [])
-    overrides = set_ | {key: context.params[flag] for key, flag in flags.items()}
+    given = _settings(context.params["given"] or [])
+    given |= {key: context.params[flag] for key, flag in flags.items()} | dict(before)
     names = flags | dict.fromkeys(before, "broker")
-    for key in _PATHS & overrides.keys():
-        # They are relative to where they are typed, and not to the file. Without a
-        # path there is none, whatever the file says.
-        if isinstance(path := overrides[key], str) and path and file is not None:
-            overrides[key] = str(Path(path).absolute())
-    given = set(overrides)
-    overrides |= before
-    if file is None:
-        # A file of readings, too: opening it tells them apart.
-        overrides |= {"source.kind": "world", "source.id": name}
-        names["source.id"] = "source"
-    loaded = look(file, overrides, names)
-    for key in sorted(f"recording.{each}" for each in _RECORDING):
-        recorded = loaded.config.recording.record or "recording" in loaded.wrong
-        if key in given and overrides[key] and not recorded:
-            rule = "must go with a recording, and nothing is recorded"
-            raise InvalidValueError(names.get(key, key), rule, str(overrides[key]))
-    return prepare(loaded)
+    return prepare(described_run(str(context.params["source"]), given, names))
 
 
 def _settings(given: list[str]) -> dict[str, object]:

@@ -5,6 +5,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import msgspec
@@ -19,9 +20,15 @@ from neurosnap.apps.config.problems import (
 )
 from neurosnap.apps.config.tables import Config
 from neurosnap.apps.config.validate import Problem, problems
+from neurosnap.errors import InvalidValueError
 
 _MOST = 100
 _NO_SOURCE = {"kind": "world", "id": "-"}  # stands where none can be read; never opened
+_PATHS = {"recording.path", "recording.folder", "network.tls"}
+_RECORDING = {
+    f"recording.{key}" for key in ("path", "folder", "frames", "split", "keep")
+}
+"""Keys that are of no use where nothing is recorded."""
 _PLACE = re.compile(r" \((?:at line (\d+), (column \d+)|at end of document)\)$")
 
 
@@ -90,18 +97,60 @@ class Loaded(msgspec.Struct, frozen=True):
     found: tuple[Problem, ...] = ()
     """What is wrong with values alone."""
 
+    def check(self) -> None:
+        """Refuse a description that has wrong values.
+
+        Raises:
+            ConfigError: All of them are named, each with its line.
+        """
+        if self.found:
+            raise self.origin.error(self.found)
+
     @property
     def wrong(self) -> set[str | int]:
         """The tables that are left out."""
         return {problem.keys[0] for problem in self.found}
 
 
+def described(
+    source: str, given: Mapping[str, object], names: Mapping[str, str]
+) -> Loaded:
+    """Read the description of a run by its source and what is given besides.
+
+    Args:
+        source: A TOML file that describes the run; or a world, or readings.
+        given: As the overrides of `load`; paths are relative to the working folder.
+        names: As in `load`.
+
+    Raises:
+        ConfigError: As in `load`.
+        InvalidValueError: A key of a recording is given, and nothing is recorded.
+    """
+    overrides, names = dict(given), dict(names)
+    file = Path(source) if source.lower().endswith(".toml") else None
+    if file is None:
+        # Readings, too: opening them tells them apart.
+        overrides |= {"source.kind": "world", "source.id": source}
+        names["source.id"] = "source"
+    for key in _PATHS & overrides.keys():
+        # Without a path there is none, whatever the file says.
+        if isinstance(path := overrides[key], str) and path and file is not None:
+            overrides[key] = str(Path(path).absolute())
+    loaded = load(file, overrides, names)
+    recorded = loaded.config.recording.record or "recording" in loaded.wrong
+    for key in () if recorded else _RECORDING & given.keys():
+        if given[key]:
+            rule = "must go with a recording, and nothing is recorded"
+            raise InvalidValueError(names.get(key, key), rule, str(given[key]))
+    return loaded
+
+
 def load(
     path: Path | None,
-    overrides: Mapping[str, object] | None = None,
-    names: Mapping[str, str] | None = None,
+    overrides: Mapping[str, object] = MappingProxyType({}),
+    names: Mapping[str, str] = MappingProxyType({}),
 ) -> Loaded:
-    """Read a description of a run and check every value in it.
+    """Read a description of a run, and judge every value in it alone.
 
     Args:
         path: A TOML file; None if all is in `overrides`.
@@ -112,31 +161,12 @@ def load(
             is called as it is unless it is among them.
 
     Raises:
-        ConfigError: The file cannot be read, is no TOML, or breaks rules: all that are
-            broken are named, each with its line.
+        ConfigError: The file cannot be read, or is no TOML.
 
     Example:
         >>> load(None, {"source": {"kind": "csv", "path": "a.csv"}}).config.source
         CsvTable(path='a.csv')
     """
-    loaded = look(path, overrides, names)
-    if loaded.found:
-        raise loaded.origin.error(loaded.found)
-    return loaded
-
-
-def look(
-    path: Path | None,
-    overrides: Mapping[str, object] | None = None,
-    names: Mapping[str, str] | None = None,
-) -> Loaded:
-    """Read a description of a run as `load` does, and note what is wrong with values.
-
-    Raises:
-        ConfigError: The file cannot be read, or is no TOML.
-    """
-    overrides = {} if overrides is None else overrides
-    names = {} if names is None else names
     text = "" if path is None else _text(path)
     table = {} if path is None else _parsed(path, text)
     given = {

@@ -79,10 +79,8 @@ class _Walk(NamedTuple):
                     yield from self.of(item, kind.value_type, (*at, key))
             case inspect.ListType() | inspect.VarTupleType():
                 yield from self._of_list(value, kind, at)
-            case _:
-                rule = rule_of(kind, value)
-                if rule is not None:
-                    yield Problem(at, rule, value)
+            case _ if not _is_one(value, kind):
+                yield Problem(at, f"must be {name_of(kind)}", value)
 
     def _of_one(
         self, value: object, kind: inspect.UnionType, at: Keys
@@ -153,8 +151,6 @@ class _Walk(NamedTuple):
             return
         if len(value) < (kind.min_length or 0):
             yield Problem(at, f"must have {kind.min_length} or more items", value)
-        if kind.max_length is not None and len(value) > kind.max_length:
-            yield Problem(at, f"must have at most {kind.max_length} items", len(value))
         for place, item in enumerate(value):
             yield from self.of(item, kind.item_type, (*at, place))
 
@@ -202,46 +198,28 @@ def _keys_of(kind: inspect.Type, at: Keys) -> Iterator[Keys]:
             return
 
 
-def rule_of(kind: inspect.Type, value: object) -> str | None:
-    """Return the rule that a single value breaks; None if it keeps it.
-
-    Args:
-        kind: What it should be. A kind that is not a number, a text, a truth value or
-            a choice of these has no rule here.
-        value: What it is, as TOML has it.
-    """
+def _is_one(value: object, kind: inspect.Type) -> bool:
+    """Return whether a single value, as TOML has it, is of a kind."""
     match kind:
-        case inspect.Metadata():
-            return rule_of(kind.type, value)
-        case inspect.BoolType() if isinstance(value, bool):
-            return None
-        # True is 1 to Python, and not to anybody who writes a file.
-        case inspect.IntType() if isinstance(value, int) and not isinstance(
-            value, bool
-        ):
-            return None if _within(kind, value) else f"must be {_bounds(kind)}"
-        case inspect.FloatType() if isinstance(value, int | float) and not isinstance(
-            value, bool
-        ):
-            # JSON, and so a recording, has no word for what is not finite.
-            good = _is_finite(value) and _within(kind, value)
-            return None if good else f"must be {_bounds(kind) or 'finite'}"
-        case inspect.StrType() if isinstance(value, str):
-            return _rule_of_text(kind, value)
-        case inspect.LiteralType():
-            known = any(
-                value == one and type(value) is type(one) for one in kind.values
+        case inspect.BoolType():
+            return isinstance(value, bool)
+        case inspect.IntType() | inspect.FloatType():
+            numbers = int if isinstance(kind, inspect.IntType) else int | float
+            # True is 1 to Python, and not to anybody who writes a file.
+            number = isinstance(value, numbers) and not isinstance(value, bool)
+            return number and _within(kind, value)
+        case inspect.StrType():
+            low, high = kind.min_length or 0, kind.max_length or math.inf
+            pattern = kind.pattern or ""
+            return (
+                isinstance(value, str)
+                and low <= len(value) <= high
+                and re.search(pattern, value) is not None
             )
-            return None if known else f"must be {name_of(kind)}"
-        case (
-            inspect.BoolType()
-            | inspect.IntType()
-            | inspect.FloatType()
-            | inspect.StrType()
-        ):
-            return f"must be {name_of(kind)}"
+        case inspect.LiteralType():
+            return any(value == one and type(value) is type(one) for one in kind.values)
         case _:
-            return None
+            return True
 
 
 def name_of(kind: inspect.Type) -> str:
@@ -252,11 +230,16 @@ def name_of(kind: inspect.Type) -> str:
         case inspect.BoolType():
             return "true or false"
         case inspect.IntType():
-            return "a whole number" + _also(_bounds(kind))
+            return f"a whole number{_bounds(kind)}"
         case inspect.FloatType():
-            return "a number" + _also(_bounds(kind))
+            bounds = _bounds(kind)
+            return f"{'a' if bounds.startswith(' in') else 'a finite'} number{bounds}"
+        case inspect.StrType(pattern=str(pattern)):
+            return f"text that matches {pattern}"
+        case inspect.StrType(max_length=int(most)):
+            return f"text of {kind.min_length or 0} to {most} characters"
         case inspect.StrType():
-            return "text"
+            return "text, and not empty" if kind.min_length else "text"
         case inspect.LiteralType():
             return either(map(repr, kind.values))
         case inspect.ListType() | inspect.VarTupleType():
@@ -276,47 +259,30 @@ def either(words: Iterable[str]) -> str:
     return f"{', '.join(most)} or {last}" if most else last
 
 
-def _rule_of_text(kind: inspect.StrType, value: str) -> str | None:
-    if len(value) < (kind.min_length or 0):
-        return f"must have {kind.min_length} or more characters"
-    if kind.max_length is not None and len(value) > kind.max_length:
-        return f"must have at most {kind.max_length} characters"
-    if kind.pattern is not None and not re.search(kind.pattern, value):
-        return f"must match {kind.pattern}"
-    return None
-
-
-def _within(kind: inspect.IntType | inspect.FloatType, value: float) -> bool:
+def _within(kind: inspect.IntType | inspect.FloatType, value: Any) -> bool:  # noqa: ANN401
+    try:
+        # JSON, and so a recording, has no word for what is not finite.
+        finite = isinstance(kind, inspect.IntType) or math.isfinite(value)
+    except OverflowError:  # a whole number beyond every float
+        return False
     return (
-        (kind.gt is None or value > kind.gt)
+        finite
+        and (kind.gt is None or value > kind.gt)
         and (kind.ge is None or value >= kind.ge)
         and (kind.lt is None or value < kind.lt)
         and (kind.le is None or value <= kind.le)
     )
 
 
-def _is_finite(value: float) -> bool:
-    try:
-        return math.isfinite(value)
-    except OverflowError:  # a whole number beyond every float
-        return False
-
-
 def _bounds(kind: inspect.IntType | inspect.FloatType) -> str:
-    """Return the range in words; empty: there is none."""
+    """Return the range in words, as it follows what has it; empty if it has none."""
     low = kind.ge if kind.gt is None else kind.gt
     high = kind.le if kind.lt is None else kind.lt
     if low is not None and high is not None:
         left, right = "[" if kind.gt is None else "(", "]" if kind.lt is None else ")"
-        return f"in {left}{low}, {high}{right}"
-    finite = " and finite" if isinstance(kind, inspect.FloatType) else ""
+        return f" in {left}{low}, {high}{right}"
     if low is not None:
-        return (f"{low} or more" if kind.gt is None else f"more than {low}") + finite
+        return f", {low} or more" if kind.gt is None else f", more than {low}"
     if high is not None:
-        return (f"at most {high}" if kind.lt is None else f"less than {high}") + finite
+        return f", at most {high}" if kind.lt is None else f", less than {high}"
     return ""
-
-
-def _also(bounds: str) -> str:
-    """Return a range as it follows what has it."""
-    return f" {bounds}" if bounds.startswith("in ") else bounds and f", {bounds}"

@@ -213,7 +213,7 @@ def test_another_broker_is_told_nothing_that_is_for_the_one_in_the_file(
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ("h:99999", "port: must be in [1, 655"),
+        ("h:99999", "port: must be a whole number in [1, 655"),
         *(
             (given, "must be embedded, HOST or HOST:PORT, got ")
             for given in ("::1", "[::1]:1883", ":1883", "h:", "h:x", "a:b:1")
@@ -230,7 +230,7 @@ def test_a_flag_is_called_what_it_is_on_the_command_line(file: Path) -> None:
     with pytest.raises(InvalidValueError) as caught:
         made(file, "--threshold", 0.7, "--ticks", 0)
     assert str(caught.value).splitlines() == [
-        "ticks: must be 1 or more, got 0",
+        "ticks: must be a whole number, 1 or more, got 0",
         "threshold: must be a number in (0, 0.25] or 'auto', got 0.7",
     ]
 

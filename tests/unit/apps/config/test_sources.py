@@ -84,47 +84,6 @@ def test_readings_have_names_and_a_pace(tmp_path: Path, kind: str) -> None:
     source.close()
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ('kind = "stdin"', "swarm.toml:1: source.sensors"),
-        ('kind = "zenoh"\nsensors = []', "swarm.toml:3: source.sensors"),
-        (
-            'kind = "zenoh"\nsensors = ["a"]\ninterval = 1\nmax_interval = 2',
-            "swarm.toml:4: source.interval: must not come with min_interval or max_",
-        ),
-        (
-            'kind = "stdin"\nsensors = ["a"]\nmin_interval = 3\nmax_interval = 2',
-            "swarm.toml:5: source.max_interval: must be above 0, and min_interval or",
-        ),
-        (
-            'kind = "mqtt"\nsensors = [{ name = "a", topic = "a" }]\n'
-            "[source.tick]\nmin_interval = 3\nmax_interval = 2",
-            "swarm.toml:6: source.tick.max_interval: must be above 0, and min_interval",
-        ),
-        (
-            'kind = "mqtt"\nsensors = [{ name = "a", topic = "a" }]\n'
-            "[source.tick]\ninterval = 1\nmax_interval = 2",
-            "swarm.toml:5: source.tick.interval: must not come with min_interval or",
-        ),
-        (
-            'kind = "mqtt"\nsensors = [{ name = "a", topic = "a/#/b" }]',
-            "must be a topic filter",
-        ),
-        ('kind = "mqtt"\nsensors = [{ name = "a", topics = "a" }]', "topic"),
-        (
-            'kind = "mqtt"\nsensors = [{ name = "a", topic = "a" }]\n'
-            '[source.broker]\npassword_env = "NO_SUCH"\nusername = "me"',
-            "password_env: must be set in the environment, got 'NO_SUCH'",
-        ),
-    ],
-)
-def test_a_wrong_one_is_refused(tmp_path: Path, text: str, says: str) -> None:
-    with pytest.raises(ConfigError) as refused:
-        options(tmp_path, f"[source]\n{text}")
-    assert says in str(refused.value)
-
-
 def test_packages_that_are_missing_are_missed_by_the_kind_of_the_source(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
