@@ -63,7 +63,7 @@ async def follow(run: Verb, page: Page, address: str) -> dict[int, list[str]]:
     return seen
 
 
-@pytest.mark.parametrize("way", ["run --view", "view --live"])
+@pytest.mark.parametrize("way", ["run --view", "view"])
 async def test_a_swarm_is_followed_to_its_end(tmp_path: Path, way: str) -> None:
     log = tmp_path / "run.mcap"
     names = ("--set", f"sensors={','.join(NAMES)}", "--threshold", "0.1")
@@ -82,7 +82,7 @@ async def test_a_swarm_is_followed_to_its_end(tmp_path: Path, way: str) -> None:
                 # The swarm is up, so it can be found.
                 while b"standard input:1" not in (said := await run.stderr.readline()):
                     assert said.startswith(b"learning: ")
-                async with verb(tmp_path, "view", "--live", "--no-browser") as viewing:
+                async with verb(tmp_path, "view", "--no-browser") as viewing:
                     address = await address_of(viewing)
                     async with looked_at(address) as page:
                         seen = await follow(run, page, address)

@@ -35,14 +35,14 @@ def refused(*arguments: str) -> tuple[int, str]:
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ((), "swarm: must run on this machine, got 'none'"),
+        ((), "swarm: must run here, or a recording be given, got ''"),
         (("00000000",), "no swarm runs here"),
     ],
 )
 def test_a_swarm_that_does_not_run_cannot_be_looked_at(
     given: tuple[str, ...], said: str
 ) -> None:
-    code, text = refused("--live", *given)
+    code, text = refused(*given)
     assert code == 2
     assert said in text
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import msgspec
 import typer
 
-from neurosnap.apps.cli.broker import host_and_port
 from neurosnap.apps.cli.options import FLAG, with_parameters
 from neurosnap.apps.cli.output import print_facts, say, table, warn
 from neurosnap.apps.cli.shared import (
@@ -115,7 +114,10 @@ def _broker(host: str, given: dict[str, Any]) -> MqttBroker:
     files = {name: given[name] for name in ("password_file", "ca_file")}
     found = {k: str(v.absolute()) for k, v in files.items() if v is not None}
     login = {"username": given["username"], "tls": given["encrypt"]}
-    where = host_and_port(host, "HOST or HOST:PORT")
+    name, colon, port = host.rpartition(":") if ":" in host else (host, "", "")
+    if not name or ":" in name or (colon and not port.isdecimal()):
+        raise InvalidValueError("broker", "must be HOST or HOST:PORT", host)
+    where = {"host": name} | ({"port": int(port)} if colon else {})
     broker = convert(MqttBroker, **where, **login, **found)
     if not is_filter(given["topic"]):
         rule = "must be a topic filter, + or # alone in a level and # in the last"

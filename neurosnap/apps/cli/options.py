@@ -271,7 +271,7 @@ def described(
     Args:
         context: The verb's; its parameters are `source`, `given` and some
             options of a run.
-        before: What `--broker` lets go before the file, by dotted keys.
+        before: What `--embedded-broker` sets, by dotted keys.
 
     Raises:
         InvalidValueError: Something is wrong with it; what a file says has its line.
@@ -286,7 +286,7 @@ def described(
     }
     given = _settings(context.params["given"] or [])
     given |= {key: context.params[flag] for key, flag in flags.items()} | dict(before)
-    names = flags | dict.fromkeys(before, "broker")
+    names = flags | dict.fromkeys(before, "embedded-broker")
     return prepare(described_run(str(context.params["source"]), given, names))
 
 
@@ -308,7 +308,9 @@ def _value(text: str) -> object:
     if text in ("nan", "inf", "-inf"):
         return float(text)
     try:
-        return msgspec.json.decode(text, type=bool | int | float | str | list[Any])
+        return msgspec.json.decode(
+            text, type=bool | int | float | str | list[Any] | dict[str, Any]
+        )
     except msgspec.DecodeError:
         return text
     except UnicodeEncodeError as error:

@@ -1,13 +1,14 @@
 """``neurosnap run`` and ``resume``: run a source through a swarm, and go on."""
 
 import asyncio
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from neurosnap.apps.cli.broker import brokered
 from neurosnap.apps.cli.options import (
     FLAG,
     NETWORK,
@@ -37,8 +38,9 @@ from neurosnap.apps.cli.shared import (
     new_log,
     run_async,
 )
-from neurosnap.errors import InvalidValueError
+from neurosnap.errors import InvalidValueError, MissingExtraError
 from neurosnap.runtime.systemd import ServiceManager
+from neurosnap.system.distribution import must_have
 
 if TYPE_CHECKING:
     from neurosnap.runtime.request import Outcome, RunRequest
@@ -64,15 +66,16 @@ def run(
             show_default="a random one",
         ),
     ] = "",
-    broker: Annotated[
-        str,
+    embedded: Annotated[
+        bool,
         typer.Option(
-            metavar="embedded|HOST[:PORT]",
+            "--embedded-broker",
+            metavar=FLAG,
             rich_help_panel=SOURCE,
-            help="Use this MQTT broker instead of the one in the TOML file. Embedded:"
-            " start a small one, to try things out.",
+            help="Start a small MQTT broker and use it instead of the one in the TOML"
+            " file, to try things out.",
         ),
-    ] = "",
+    ] = False,
     view: Annotated[
         bool,
         typer.Option(
@@ -87,7 +90,7 @@ def run(
     with errors():
         if view:
             check_page()
-        with brokered(broker, source) as before:
+        with _broker(wanted=embedded) as before:
             prepared = described(context, before)
             if view and prepared.log is None:
                 rule = "must go with a recording, which is what is looked at"
@@ -98,6 +101,26 @@ def run(
             outcome = _carry_out(request, form, view=view)
         print_facts(form, outcome_facts(request.options, outcome, request.log))
         _end_by(outcome)
+
+
+@contextmanager
+def _broker(*, wanted: bool) -> Iterator[dict[str, object]]:
+    """Start a broker if one is wanted; yield what makes a run use it.
+
+    Raises:
+        MissingExtraError: The package that it needs is not installed.
+    """
+    if not wanted:
+        yield {}
+        return
+    try:
+        from neurosnap.sources.mqtt.embedded_broker import HOST, EmbeddedBroker
+    except ImportError as error:  # an extra
+        rule = must_have(error.name or "amqtt", "mqtt")
+        raise MissingExtraError(f"embedded-broker: {rule}") from error
+    with EmbeddedBroker() as here:
+        warn(f"a broker listens on {HOST}:{here.port}")
+        yield {"source.broker": {"host": HOST, "port": here.port}}
 
 
 @app.command(rich_help_panel=LEARN)

@@ -87,7 +87,7 @@ def watch(
     Ctrl-C. What the run learned too little of to go by is left out: see --support.
     """
     with errors():
-        if what is not None and (what.endswith(".mcap") or Path(what).is_file()):
+        if what is not None and _is_recording(what):
             _watch_recording(Path(what), support, form)
         else:
             _watch_swarm(what, context.params, support, form)
@@ -154,17 +154,11 @@ def view(
         list[str] | None,
         typer.Argument(
             metavar="LOG|SWARM...",
-            help="Recordings (.mcap), one or more to compare; with --live the ids of"
-            " swarms that run here.",
-            show_default="all that run here, with --live",
+            help="Recordings (.mcap), one or more to compare; or the ids of swarms that"
+            " run here.",
+            show_default="all swarms that run here",
         ),
     ] = None,
-    live: Annotated[
-        bool,
-        typer.Option(
-            "--live", metavar=FLAG, help="Follow swarms that run on this machine."
-        ),
-    ] = False,
     port: Annotated[
         int,
         typer.Option(
@@ -185,43 +179,40 @@ def view(
 ) -> None:
     """Show recordings, or swarms while they run, in the browser."""
     with errors():
-        logs = _followed(what or []) if live else _named(what or [])
+        logs = _logs(what or [])
         as_json = form == "json"
         run_async(
             lambda stop: look(logs, stop, port=port, browser=browser, as_json=as_json)
         )
 
 
-def _named(given: list[str]) -> list[Path]:
-    """Return the recordings that were named.
-
-    Raises:
-        InvalidValueError: None was.
-    """
-    if not given:
-        raise InvalidValueError("log", "must be given, or --live", "nothing")
-    return [Path(each) for each in given]
-
-
-def _followed(given: list[str]) -> list[Path]:
-    """Return where swarms of this machine are recorded.
+def _logs(given: list[str]) -> list[Path]:
+    """Return recordings, and where swarms of this machine are recorded.
 
     Args:
-        given: Their ids; empty: all there are.
+        given: Recordings and the ids of swarms; empty for all swarms that run.
 
     Raises:
-        InvalidValueError: There is none, or one is not recorded.
+        InvalidValueError: No swarm runs, or one is not recorded.
     """
-    from neurosnap.runtime.registry import find, swarms
+    from neurosnap.runtime import registry
 
-    notes = [find(each) for each in given] if given else swarms()
-    if not notes:
-        raise InvalidValueError("swarm", "must run on this machine", "none")
-    for note in notes:
-        if not note.log:
-            rule = "must be recorded to be looked at"
-            raise InvalidValueError("swarm", rule, note.swarm)
-    return [Path(note.log) for note in notes]
+    if not given and not (given := [note.swarm for note in registry.swarms()]):
+        raise InvalidValueError("swarm", "must run here, or a recording be given", "")
+    found: list[Path] = []
+    for each in given:
+        if _is_recording(each):
+            found.append(Path(each))
+        elif log := registry.find(each).log:
+            found.append(Path(log))
+        else:
+            raise InvalidValueError("swarm", "must be recorded to be viewed", each)
+    return found
+
+
+def _is_recording(what: str) -> bool:
+    """Return whether an argument names a recording, and not a swarm."""
+    return what.lower().endswith(".mcap") or Path(what).is_file()
 
 
 @app.command(rich_help_panel=SWARMS)

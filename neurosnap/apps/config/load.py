@@ -182,16 +182,6 @@ def load(
     return Loaded(msgspec.convert(right, Config), origin, found)
 
 
-def source_kind(path: Path) -> object:
-    """Return what kind of source a file says it describes; None if it does not say.
-
-    Raises:
-        ConfigError: The file cannot be read, or is no TOML.
-    """
-    source = _parsed(path, _text(path)).get("source")
-    return source.get("kind") if isinstance(source, dict) else None
-
-
 def _text(path: Path) -> str:
     try:
         # As tomllib reads files: in UTF-8, whatever the system writes otherwise.

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 import typer
-from typer.core import TyperGroup, TyperOption
-from typer.testing import CliRunner
+from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from neurosnap.apps.cli import app
 from neurosnap.apps.cli.options import (
@@ -22,63 +21,53 @@ from neurosnap.apps.cli.options import (
 from tests.support.command_line import call, refused
 
 GROUPS = (SOURCE, AGENT, LEARNING, CELLS, RECORDING, NETWORK)
-LEAVING = {"figures", "model"}
-"""Verbs of the paper's experiments."""
 WORDS = {"--cells", "--workers", "--tls", "--listen", "--out", "--force"}
 """Options that mean one thing, wherever they are."""
+GROUP = typer.main.get_command(app)
 
 
-def commands() -> Iterator[tuple[str, typer.core.TyperCommand]]:
+def commands(group: object = GROUP, before: str = "") -> Iterator[tuple[str, object]]:
     """Yield all verbs, those of a family by both their names."""
-    group = typer.main.get_command(app)
     assert isinstance(group, TyperGroup)
     for name, command in group.commands.items():
         if isinstance(command, TyperGroup):
-            for inner, each in command.commands.items():
-                assert isinstance(each, typer.core.TyperCommand)
-                yield f"{name} {inner}", each
-        elif name not in LEAVING:
-            assert isinstance(command, typer.core.TyperCommand)
-            yield name, command
+            yield from commands(command, f"{name} ")
+        else:
+            yield f"{before}{name}", command
 
 
-VERBS = [name for name, _ in commands()]
+VERBS = dict(commands())
 
 
 def options(verb: str) -> list[TyperOption]:
-    return [p for p in dict(commands())[verb].params if isinstance(p, TyperOption)]
+    command = VERBS[verb]
+    assert isinstance(command, TyperCommand)
+    return [p for p in command.params if isinstance(p, TyperOption)]
 
 
 def test_verbs_are_few_and_stand_in_panels() -> None:
-    group = typer.main.get_command(app)
-    assert isinstance(group, TyperGroup)
-    assert len(group.commands.keys() - LEAVING) <= 18
-    for name, command in group.commands.items():
-        panel = getattr(command, "rich_help_panel", None)
-        assert name in LEAVING or isinstance(panel, str), name
+    assert isinstance(GROUP, TyperGroup)
+    assert len(GROUP.commands) <= 18
+    for name, command in GROUP.commands.items():
+        assert isinstance(getattr(command, "rich_help_panel", None), str), name
 
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_a_verb_explains_itself(verb: str) -> None:
     result = call(*verb.split(), "--help")
     assert (result.exit_code, result.stderr) == (0, "")
-    if verb != "init schema":
-        assert "--format" in result.stdout
+    assert ("--format" in result.stdout) == (verb != "init schema")
     for option in options(verb):
-        assert option.help, option.name
-        assert option.help.endswith((".", "...")), option.name
-        if option.is_flag:
-            assert option.metavar == "", option.name
-        if "--out" in option.opts:
-            assert "-o" in option.opts
+        assert (option.help or "").endswith((".", "...")), option.name
+        assert not option.is_flag or option.metavar == "", option.name
+        assert "--out" not in option.opts or "-o" in option.opts
 
 
 def test_an_option_is_of_one_kind_in_all_verbs() -> None:
     kinds: dict[str, set[bool]] = {}
-    for verb in VERBS:
-        for option in options(verb):
-            for name in WORDS & set(option.opts):
-                kinds.setdefault(name, set()).add(option.is_flag)
+    for option in (option for verb in VERBS for option in options(verb)):
+        for name in WORDS & set(option.opts):
+            kinds.setdefault(name, set()).add(option.is_flag)
     assert kinds == {name: {name == "--force"} for name in WORDS}
 
 
@@ -87,18 +76,19 @@ def test_the_options_of_a_run_are_few_and_stand_in_groups() -> None:
     assert len(named) <= 18
     alone = [each.name for each in named if each.rich_help_panel is None]
     assert alone == ["given", "view", "form"]
-    text = CliRunner().invoke(app, ["run", "--help"]).stdout
+    text = call("run", "--help").stdout
     places = [text.index(f"─ {group} ─") for group in GROUPS]
     assert places == sorted(places)
     assert "Example: neurosnap run " in text
     assert "(logs/SOURCE" in text  # its bracket was not taken for a style
+    defaults = {each.opts[0]: each.show_default for each in named}
+    assert defaults["--threshold"] == "auto; discounted, 0.000125"
 
 
 def test_names_of_options_are_whole_on_a_narrow_terminal() -> None:
-    columns = 40
     told = subprocess.run(
         [sys.executable, "-m", "neurosnap", "run", "--help"],
-        env={**os.environ, "COLUMNS": str(columns), "TERMINAL_WIDTH": str(columns)},
+        env={**os.environ, "COLUMNS": "40", "TERMINAL_WIDTH": "40"},
         capture_output=True,
         text=True,
         check=True,
@@ -107,18 +97,6 @@ def test_names_of_options_are_whole_on_a_narrow_terminal() -> None:
     words = told.stdout.replace(",", " ").replace("/", " ").split()
     names = [n for each in options("run") for n in (*each.opts, *each.secondary_opts)]
     assert [name for name in names if name not in words] == []
-
-
-@pytest.mark.parametrize(
-    ("flag", "default"),
-    [
-        ("--threshold", "auto; discounted, 0.000125"),
-        ("--ticks", "300; of a CSV file, all; from outside, until Ctrl-C"),
-    ],
-)
-def test_a_default_that_depends_is_shown(flag: str, default: str) -> None:
-    (option,) = (each for each in options("run") if flag in each.opts)
-    assert option.show_default == default
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,6 @@ PATH = f"run {WORLD} --cells inline --set places=5"
 UNRECORDED = f"run {WORLD} --set recording.record=false"
 NO_RECORDING = "must go with a recording, and nothing is recorded, got"
 NO_FOLDER = "out: must be another file, not a folder or what is read, got"
-NO_MQTT = 'broker: must go with a TOML file that says kind = "mqtt" under [source]'
 SHARE = "threshold: must be a number in (0, 0.25] or 'auto'"
 SPLIT = "run readings.csv --set recording.split"
 GOES_ON = "ticks: must be more than the 30 there are"
@@ -56,8 +55,9 @@ ROWS = {
     f"{FILE} --out .": f"{NO_FOLDER} '.'",
     f"{FILE} --out folder": f"{NO_FOLDER} 'folder'",
     f"{FILE} --out ''": "out: must be text, and not empty, got ''",
-    f"run {WORLD} --broker embedded": f"{NO_MQTT}, got 'embedded'",
-    "run world.toml --broker here.test": f"{NO_MQTT}, got 'here.test'",
+    f"run {WORLD} --embedded-broker": (
+        "embedded-broker: must be a known key: id or arguments"
+    ),
     # Agents, and workers.
     f"{FILE} --agent planner --target a": "agent: must have actions that are sensors",
     f"{PATH} --agent planner": "target: must name a sensation to achieve",
@@ -121,7 +121,6 @@ ROWS = {
     "resume log.mcap --ticks -4": "got -4",
     "info folder": "log: must be a file, got 'folder'",
     **{f"{verb} none.mcap": "log: must exist, got 'none.mcap'" for verb in READING},
-    "view": "log: must be given, or --live, got 'nothing'",
     "view log.mcap log.mcap": "log: must be named once, got 'log.mcap'",
     "view log.mcap --port 70000": "port: must be in [0, 65535], got 70000",
     "play none.mcap": "log: must exist, got 'none.mcap'",
