@@ -48,6 +48,13 @@ export function write(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
+/** Give an element these children, in any order; those it has already are not touched. */
+export function keep(parent, children) {
+  const wanted = new Set(children);
+  for (const child of [...parent.children]) if (!wanted.has(child)) child.remove();
+  parent.append(...children.filter((child) => child.parentNode !== parent));
+}
+
 /** So many of something: one, or several. */
 export const counted = (count, what) => `${count} ${what}${count === 1 ? "" : "s"}`;
 

@@ -1,11 +1,11 @@
 // The diagram: the learned order in layers, the state in its nodes, and a wave on its way
 // over them. Nothing is laid out again while the order is the same.
 
-import { make, shape } from "../base/dom.js";
+import { keep, make, shape } from "../base/dom.js";
 import { drawn } from "../base/literals.js";
 import { MOST, restricted } from "./focus.js";
 import { drawingOf, layOut } from "./layered_drawing.js";
-import { lineOf, pulsesOf, stripesOf, tiesOf } from "./lines.js";
+import { endsOf, lineOf, pulsesOf, stripesOf, tiesOf } from "./lines.js";
 import { dress, looks, nodeOf, widthOf } from "./nodes.js";
 
 const [SMALLEST, LARGEST] = [0.02, 4]; // scales
@@ -44,7 +44,7 @@ export class Diagram {
     hatch.append(shape("path", { class: "hatch", d: HATCH }));
     this._layers = ["stripes", "ties", "links", "nodes", "pulses"].map((name) => shape("g", { class: name }));
     this._view = shape("g");
-    this._view.append(hatch, ...this._layers);
+    this._view.append(hatch, ...endsOf(), ...this._layers);
     // Its own middle is that of the element: what is seen there stays there at every size.
     const middle = shape("svg", { x: "50%", y: "50%", overflow: "visible" });
     middle.append(this._view);
@@ -160,13 +160,15 @@ export class Diagram {
     const { items, links } = isLegible ? drawingOf(this._seen) : { items: [], links: [] };
     this._laid = layOut(items, links, widthOf);
     const { places, bands, box } = this._laid;
-    this._lines = links.map((link) => lineOf(link, places));
-    this._nodes = new Map([...places].map(([sensor, place]) => [sensor, nodeOf(place)]));
+    // What was there before moves: to make and style hundreds of elements takes a frame.
+    const before = new Map(this._lines.map((line) => [line.line.dataset.edge, line]));
+    this._lines = links.map((link) => lineOf(link, places, before));
+    this._nodes = new Map([...places].map(([sensor, place]) => [sensor, nodeOf(place, this._nodes.get(sensor))]));
     const [stripes, ties, lines, nodes] = this._layers;
     stripes.replaceChildren(...stripesOf(bands, box.left - NUMBERS));
     ties.replaceChildren(...tiesOf(places));
-    lines.replaceChildren(...this._lines.map(({ line }) => line));
-    nodes.replaceChildren(...this._nodes.values());
+    keep(lines, this._lines.map(({ line }) => line));
+    keep(nodes, [...this._nodes.values()]);
     if (this._whole) this.fit();
     this._dress();
   }
@@ -275,8 +277,8 @@ function thingAt(element) {
 
 // What the style sheet says of a drawing, as a file by itself has to say it.
 const INKS = [
-  "fill", "stroke", "stroke-width", "stroke-dasharray", "opacity", "font-family", "font-size",
-  "text-anchor", "dominant-baseline",
+  "fill", "stroke", "stroke-width", "stroke-dasharray", "fill-opacity", "stroke-opacity", "marker-end",
+  "font-family", "font-size", "text-anchor", "text-decoration", "dominant-baseline",
 ];
 
 /** Give a copy of a drawing the colours of the drawing itself; leave out what is not seen. */

@@ -37,23 +37,28 @@ function along(c, t) {
   };
 }
 
-/** The line of a link, and a wider one, which is not seen, to point at. */
-export function lineOf(link, places) {
+/** The line of a link, and a wider one, which is not seen, to point at; one from before moves. */
+export function lineOf(link, places, before) {
+  const edge = `${link.edge.source}-${link.edge.target}`;
   const c = curve(link, places);
-  const back = along(c, 0.93);
-  const angle = (180 * Math.atan2(c.y3 - back.y, c.x3 - back.x)) / Math.PI;
   const d = `M${c.x0} ${c.y0}C${c.x1} ${c.y1} ${c.x2} ${c.y2} ${c.x3} ${c.y3}`;
-  const line = shape("g", { "data-edge": `${link.edge.source}-${link.edge.target}` });
-  line.append(
-    shape("path", { class: "near", d }),
-    shape("path", { class: "line", d }),
-    shape("path", {
-      class: "end",
-      d: link.kind === "excite" ? "M0 0L-8 -3.6V3.6z" : "M-2 -5V5",
-      transform: `translate(${c.x3} ${c.y3}) rotate(${angle})`,
-    }),
-  );
-  return { link, curve: c, line };
+  let { line, d: old } = before.get(edge) ?? {};
+  if (line === undefined) {
+    line = shape("g", { "data-edge": edge });
+    line.append(shape("path", { class: "near" }), shape("path", { class: "line" }));
+  }
+  if (d !== old) for (const path of line.children) path.setAttribute("d", d);
+  return { link, curve: c, line, d };
+}
+
+/** What lines end in. */
+export function endsOf() {
+  const ends = { excite: "M0 0L-8 -3.6V3.6z", inhibit: "M-2 -5V5" };
+  return Object.entries(ends).map(([kind, d]) => {
+    const end = shape("marker", { id: kind, orient: "auto", markerUnits: "userSpaceOnUse", overflow: "visible" });
+    end.append(shape("path", { class: "end", d }));
+    return end;
+  });
 }
 
 // Pulses between one hop of a wave and the next, on their way along the lines: round ones

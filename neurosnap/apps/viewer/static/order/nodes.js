@@ -12,7 +12,6 @@ import { HEIGHT } from "./layered_drawing.js";
 export const CAP = 16;
 
 const LONGEST = 28; // characters of a name that are drawn
-const RIM = 2.5; // around what was read
 const ROUND = HEIGHT / 2;
 
 let measuring = null;
@@ -32,43 +31,42 @@ function shortened(name) {
   return `${letters.slice(0, half).join("")}…${letters.slice(-half).join("")}`;
 }
 
-/** The shape of the left (-1) or the right (1) half of a pill, some pixels within it. */
-function half(side, wide, inset) {
-  const round = ROUND - inset;
-  const [edge, end] = [side * inset, side * (wide - inset - round)];
-  return `M${edge} ${-round}H${end}a${round} ${round} 0 0 ${side > 0 ? 1 : 0} 0 ${2 * round}H${edge}z`;
+/** The shape of the left (-1) or the right (1) half of a pill, from where the halves meet. */
+function half(side, at, wide) {
+  return `M${at} ${-ROUND}H${at + side * (wide - ROUND)}a${ROUND} ${ROUND} 0 0 ${side > 0 ? 1 : 0} 0 ${2 * ROUND}H${at}z`;
 }
 
-/** Make the pill of an item where it stands; `look` gives it its colours. */
-export function nodeOf({ x, y, width, item }) {
+/** The pill of an item where it stands, if it can be that from before; `dress` gives it its colours. */
+export function nodeOf({ x, y, width, item }, before) {
+  const key = `${width} ${item.name}`;
+  const node = before?.dataset.key === key ? before : pillOf(width, item, key);
+  const at = `translate(${x} ${y})`;
+  if (node.getAttribute("transform") !== at) node.setAttribute("transform", at);
+  return node;
+}
+
+// Of few elements, and only the whole is moved: the browser paints whatever has a transform or
+// an opacity by itself, at each frame.
+function pillOf(width, item, key) {
   const left = -width / 2;
   const middle = width / 2 - CAP; // between the two halves
   const pill = (out, name) => {
     const [wide, high] = [width + 2 * out, HEIGHT + 2 * out];
     return shape("rect", { class: name, x: left - out, y: -high / 2, width: wide, height: high, rx: high / 2 });
   };
-  const part = (name, side, wide, inset) =>
-    shape("path", { class: name, d: half(side, wide, inset), transform: `translate(${middle} 0)` });
   const text = (name, at, words) => {
     const made = shape("text", { class: name, x: at, y: 0.5 });
     made.textContent = words;
     return made;
   };
-  const front = (name, from, wide) =>
-    shape("rect", { class: `front ${name}`, x: from + 5, y: ROUND - 4, width: wide - 10, height: 2 });
-  const node = shape("g", { transform: `translate(${x} ${y})`, "data-sensor": item.sensor });
+  const node = shape("g", { "data-sensor": item.sensor, "data-key": key });
   node.append(
-    pill(0, "paper"),
-    part("half own", -1, width - CAP, 0),
-    part("half cap", 1, CAP, 0),
-    pill(0, "border"),
-    part("rim own", -1, width - CAP, RIM / 2),
-    part("rim cap", 1, CAP, RIM / 2),
-    front("own", left, width - CAP),
-    front("cap", middle, CAP),
+    pill(0.6, "border"),
+    shape("path", { class: "half own", d: half(-1, middle, width - CAP) }),
+    shape("path", { class: "half cap", d: half(1, middle, CAP) }),
     pill(3.5, "ring"),
-    text("name", left / 2 + middle / 2 + 3, shortened(item.name)),
-    text("sign", middle + CAP / 2 - 2, ""),
+    text("name own", left / 2 + middle / 2 + 3, shortened(item.name)),
+    text("sign cap", middle + CAP / 2 - 2, ""),
   );
   return node;
 }

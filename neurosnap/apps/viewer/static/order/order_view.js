@@ -6,7 +6,7 @@ import { Diagram } from "./diagram.js";
 import { Focus, MOST, Search } from "./focus.js";
 import { Orders } from "./orders.js";
 
-const RARELY = 100; // milliseconds between two orders while it plays
+const RARELY = 200; // milliseconds between two orders while it plays
 
 /** The panel of the order. */
 export class OrderView {
