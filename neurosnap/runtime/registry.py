@@ -93,38 +93,24 @@ def swarms() -> list[Note]:
     return found
 
 
-def find(swarm: str) -> Note:
-    """Return the swarm with an id.
+def find(swarm: str = "") -> Note:
+    """Return the swarm with an id; without one, the only swarm that runs here.
 
     Raises:
         InvalidValueError: There is none, or its launcher has ended; or there are
             several.
     """
     there = swarms()
-    found = [note for note in there if note.swarm == swarm]
-    if not found:
-        known = ", ".join(note.swarm for note in there)
-        rule = f"must be one of {known or 'none: no swarm runs here'}"
-        raise InvalidValueError("swarm", rule, swarm)
-    if len(found) > 1:
+    found = [note for note in there if swarm in ("", note.swarm)]
+    if len(found) == 1:
+        return found[0]
+    if found and swarm:
         pids = ", ".join(str(note.pid) for note in found)
         rule = f"must be of one launcher, is of processes {pids}"
-        raise InvalidValueError("swarm", rule, swarm)
-    return found[0]
-
-
-def only() -> Note:
-    """Return the one swarm that runs here.
-
-    Raises:
-        InvalidValueError: There is none, or more than one.
-    """
-    there = swarms()
-    if len(there) != 1:
-        known = ", ".join(note.swarm for note in there) or "none"
-        rule = "must be named where there is not just one"
-        raise InvalidValueError("swarm", rule, known)
-    return there[0]
+    else:
+        known = ", ".join(note.swarm for note in there)
+        rule = f"must be one of {known or 'none: no swarm runs here'}"
+    raise InvalidValueError("swarm", rule, swarm)
 
 
 def parts(note: Note) -> list[Part]:
@@ -205,27 +191,16 @@ def _launcher(note: Note) -> psutil.Process | None:
 
 
 def own_folder() -> Path:
-    """Return where notes are, entered by this user alone.
+    """Return where notes are, made if it is not there, entered by this user alone.
 
-    Anybody may make the folder in the temporary one first; it is then theirs, and never
-    used. There is another in this user's home for that.
+    It is on this machine, as a home need not be: a note names a process of it.
 
     Raises:
-        SwarmError: It is this user's, but others may enter it.
+        SwarmError: It is another user's, or others may enter it.
     """
     base = os.environ.get("XDG_RUNTIME_DIR")
-    if base:
-        return _own(Path(base) / "neurosnap")
     shared = Path(tempfile.gettempdir()) / f"neurosnap-{os.getuid()}"
-    with suppress(FileExistsError):
-        shared.mkdir(mode=0o700, parents=True)
-    if shared.lstat().st_uid != os.getuid():
-        return _own(Path.home() / ".local" / "state" / "neurosnap" / "swarms")
-    return _own(shared)
-
-
-def _own(folder: Path) -> Path:
-    """Return a folder that is made if it is not there; refuse one that others enter."""
+    folder = Path(base) / "neurosnap" if base else shared
     folder.parent.mkdir(parents=True, exist_ok=True)
     with suppress(FileExistsError):
         folder.mkdir(mode=0o700)

@@ -26,64 +26,34 @@ from neurosnap.sources.open import open_source
 
 _RANGE = re.compile(r"(\d{1,6})(?:-(\d{1,6}))?", re.ASCII)
 """A number or a range. No swarm has a million cells, and a list of them takes room."""
-_OPEN_RANGE = re.compile(r"(\d{1,6})-", re.ASCII)
 
 
-class Numbers(NamedTuple):
-    """Some numbers, ascending, and perhaps all from another one on."""
-
-    some: Sequence[int]
-    """Those that were given one by one, or as a range."""
-    rest: int | None = None
-    """From where on all are meant; None if no others are."""
-
-    def among(self, name: str, count: int) -> list[int]:
-        """Return the numbers where there are so many, ascending.
-
-        Args:
-            name: What they are of: cells, workers.
-            count: How many there are.
-
-        Raises:
-            InvalidValueError: One is of none that there is, or `rest` is.
-
-        Example:
-            >>> Numbers((1,), 3).among("cells", 6)
-            [1, 3, 4, 5]
-        """
-        if not count:
-            rule = f"must go with a swarm that has {name}"
-            raise InvalidValueError(name, rule, self.some or self.rest)
-        last = [*self.some[-1:], *([] if self.rest is None else [self.rest])][-1]
-        if last >= count:
-            rule = f"must be {name} of the swarm, 0 to {count - 1}"
-            raise InvalidValueError(name, rule, last)
-        open_range = () if self.rest is None else range(self.rest, count)
-        return [*self.some, *open_range]
-
-
-def parse_numbers(name: str, text: str) -> Numbers:
-    """Return the numbers in ``0-3,20-``, whose last range may have no end.
+def among(numbers: Sequence[int], name: str, count: int) -> Sequence[int]:
+    """Return some numbers, ascending, which must be of what there is.
 
     Args:
-        name: What they are of, for the error.
-        text: What was given.
+        numbers: From `parse_ranges`.
+        name: What they are of: cells, workers.
+        count: How many there are.
 
     Raises:
-        InvalidValueError: It holds something else, or a number twice.
+        InvalidValueError: One is of none that there is.
     """
-    closed, comma, last = text.rpartition(",")
-    match = _OPEN_RANGE.fullmatch(last.strip())
-    if match is None:
-        return Numbers(parse_ranges(name, text))
-    some, rest = parse_ranges(name, closed) if comma else [], int(match[1])
-    if some[-1:] >= [rest]:
-        raise InvalidValueError(name, "must name each once", text)
-    return Numbers(some, rest)
+    if not count:
+        rule = f"must go with a swarm that has {name}"
+        raise InvalidValueError(name, rule, numbers)
+    if numbers[-1] >= count:
+        rule = f"must be {name} of the swarm, 0 to {count - 1}"
+        raise InvalidValueError(name, rule, numbers[-1])
+    return numbers
 
 
 def parse_ranges(name: str, text: str) -> list[int]:
     """Return the numbers in ``0-3,7``, ascending.
+
+    Args:
+        name: What they are of, for the error.
+        text: What was given.
 
     Raises:
         InvalidValueError: It holds something else, or a number twice.
@@ -116,7 +86,7 @@ ChooseParts: TypeAlias = Callable[[str, RunDescription], Sequence[RemotePart]]
 where the run is not one for it. May block."""
 
 
-def cells(numbers: Numbers) -> ChooseParts:
+def cells(numbers: Sequence[int]) -> ChooseParts:
     """Return what chooses some cells, a process each, or some of the run's workers.
 
     There is a cell for every sensor that may still be grown, too.
@@ -125,11 +95,11 @@ def cells(numbers: Numbers) -> ChooseParts:
     def choose(_: str, description: RunDescription) -> list[RemotePart]:
         options = description.options
         if not options.sharing:
-            chosen = numbers.among("cells", len(options.sensors))
+            chosen = among(numbers, "cells", len(options.sensors))
             return [RemotePart(f"cell/{n}", CellJob(n)) for n in chosen]
         learning = options if options.learning_shares else None
         common = len(options.sensors), options.sharing, learning
-        chosen = numbers.among("workers", options.sharing)
+        chosen = among(numbers, "workers", options.sharing)
         return [RemotePart(f"worker/{n}", WorkerJob(n, *common)) for n in chosen]
 
     return choose

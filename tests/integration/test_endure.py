@@ -11,7 +11,6 @@ from neurosnap.recording.read.recording import part_paths
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime import remote_parts
 from neurosnap.runtime.network import Network
-from neurosnap.runtime.remote_parts import Numbers
 from neurosnap.runtime.request import Outcome, Site
 from neurosnap.runtime.service import Served, serve
 from tests.support.disturbed_runs import ENDLESS, Disturbed, check_same, options_for
@@ -73,7 +72,7 @@ def test_a_run_with_cells_elsewhere_comes_to_the_same(tmp_path: Path) -> None:
         async with asyncio.TaskGroup() as group:
             group.create_task(
                 serve(
-                    remote_parts.cells(Numbers(elsewhere)),
+                    remote_parts.cells(elsewhere),
                     Network(connect=where),
                     swarm,
                     asyncio.Event(),

@@ -388,11 +388,6 @@ WRONG = {
         2,
         "cells: must be cells of the swarm, 0 to 5, got 9",
     ),
-    "an empty range": (
-        ("serve", "cells", SWARM, "6-"),
-        2,
-        "cells: must be cells of the swarm, 0 to 5, got 6",
-    ),
     "another world": (
         ("serve", "world", SWARM, "neurosnap/Cycle-v0"),
         2,

@@ -73,7 +73,7 @@ async def test_a_running_swarm_is_looked_on_until_its_end(
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        ((), "swarm: must be named where there is not just one, got 'none'"),
+        ((), "swarm: must be one of none: no swarm runs here, got ''"),
         (("nobody",), "swarm: must be one of none: no swarm runs here, got 'nobody'"),
         (("--connect", "tcp/127.0.0.1:9"), "swarm: must be named with --connect"),
         (("missing.mcap",), "missing.mcap"),

@@ -266,19 +266,18 @@ def cells(
         typer.Argument(
             metavar="RANGES",
             help="The numbers of the cells to run here, or of the workers where the run"
-            " has --cells worker: 0-499, or 3,7,9-12, or 20- for all from 20 on.",
+            " has --cells worker: 0-499, or 3,7,9-12.",
         ),
     ],
     form: Format = "text",
 ) -> None:
     """Run some of a swarm's cells, or its workers, on this machine."""
     from neurosnap.runtime import remote_parts
-    from neurosnap.runtime.remote_parts import parse_numbers
 
     with errors():
-        numbers = parse_numbers("cells", ranges)
+        numbers = remote_parts.parse_ranges("cells", ranges)
         served = _serve(context, f"cells {ranges}", swarm, remote_parts.cells(numbers))
-        facts = {"cells": numbers.some, "from": numbers.rest, "served": _names(served)}
+        facts = {"cells": numbers, "served": _names(served)}
         print_facts(form, {"swarm": swarm, **facts})
 
 

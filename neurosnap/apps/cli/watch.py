@@ -119,7 +119,7 @@ def _watch_swarm(
         raise InvalidValueError("swarm", "must be named with --connect", what)
     swarm, log = what or "", None
     if not connect:
-        note = registry.find(what) if what else registry.only()
+        note = registry.find(what or "")
         swarm, connect = note.swarm, note.endpoint
         log = Path(note.log) if note.log else None
     secured = {name: given[name] for name in ("tls", "insecure")}
@@ -274,7 +274,7 @@ def stop(
     from neurosnap.runtime import registry
 
     with errors():
-        note = registry.find(swarm) if swarm else registry.only()
+        note = registry.find(swarm or "")
         registry.stop(note, patience)
         say(form, f"stopped {note.swarm}")
         print_facts(form, {"stopped": note.swarm, "log": note.log})

@@ -38,7 +38,7 @@ from neurosnap.protocol.run_options import (
 from neurosnap.runtime.fit_agent import body_of, drawn_to
 from neurosnap.runtime.network import Network
 from neurosnap.runtime.preflight import check_cells, check_sensors
-from neurosnap.runtime.remote_parts import parse_numbers
+from neurosnap.runtime.remote_parts import among, parse_ranges
 from neurosnap.runtime.request import (
     HERE,
     Placement,
@@ -118,7 +118,7 @@ class Prepared(msgspec.Struct, frozen=True):
         hosts = options.host_names()
         kind = "workers" if options.sharing else "cells"
         try:
-            numbers = parse_numbers("elsewhere", text).among(kind, len(hosts))
+            numbers = among(parse_ranges("elsewhere", text), kind, len(hosts))
         except InvalidValueError as error:
             raise InvalidValueError("elsewhere", error.rule, text) from error
         return frozenset(hosts[number] for number in numbers)

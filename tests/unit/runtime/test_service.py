@@ -16,7 +16,6 @@ from neurosnap.runtime import remote_parts, service
 from neurosnap.runtime.parts import coordinator_process
 from neurosnap.runtime.parts.coordinator_process import RunDescription, read_description
 from neurosnap.runtime.parts.worker_process import WorkerJob
-from neurosnap.runtime.remote_parts import Numbers
 from neurosnap.runtime.service import _Ending
 from tests.support.patience import PATIENCE
 
@@ -60,17 +59,8 @@ def test_only_what_is_missing_may_be_filled() -> None:
 
 
 def test_workers_learn_how_many_there_are() -> None:
-    (duty,) = remote_parts.cells(Numbers((1,)))("demo", brief("worker"))
+    (duty,) = remote_parts.cells([1])("demo", brief("worker"))
     assert (duty.who, duty.job) == ("worker/1", WorkerJob(1, 3, 2))
-
-
-def test_an_open_range_takes_the_cells_of_what_is_still_to_be_grown() -> None:
-    growing = Body.full(["a", "b"], ["x"], room=2)
-    options = RunOptions(source="readings.csv", body=growing)
-    description = RunDescription(options=options)
-    parts = remote_parts.cells(Numbers((0,), 6))("demo", description)
-    assert growing.sensors[6:] == ("x&~b", "grown 1", "grown 2")
-    assert [part.who for part in parts] == ["cell/0", "cell/6", "cell/7", "cell/8"]
 
 
 def test_a_recorder_elsewhere_has_to_know_what_it_goes_on_from() -> None:
