@@ -79,7 +79,6 @@ def meaning(recording: Recording) -> dict[str, Any]:
     return {
         "metadata": recording.metadata,
         "totals": recording.totals,
-        "snapshot": recording.files[-1].snapshot,
         "completeness": recording.completeness(),
         "messages": [
             {

@@ -94,7 +94,6 @@ def test_what_was_learned_is_read_from_them(banded: Banded) -> None:
         _, without = snapshot_at(whole, tick)
         assert known_in(learned) == known_in(without)
         assert known_in(RunView(log).snapshot(tick)) == known_in(without)
-    assert Recording.open(log).files[-1].snapshot is None
     assert [start.frame.tick for start in starts(Recording.open(log))][-1] == 30
 
 

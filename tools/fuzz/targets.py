@@ -283,7 +283,7 @@ class RecordingTarget:
         recording.completeness()
         for topic in wire.TOPICS:  # what lacks it is skipped, by the indexes
             list(recording.messages((topic,)))
-        _ = recording.files[-1].snapshot, recording.files[0].share, recording.closing
+        _ = recording.files[0].share, recording.closing
 
     def _look(self) -> None:
         """Look at the file as a viewer does, which shows what it can."""

@@ -71,7 +71,7 @@ def describe(recording: Recording) -> Info:
         RecordingError: It is not what a writer of ours writes.
     """
     layout = recording.files[-1].layout
-    if layout.indexed and layout.channels and recording.totals is not None:
+    if layout.indexed and recording.totals is not None:
         counts = _noted_counts(recording)
         start = min((chunk.start for chunk in layout.chunks), default=0)
         end = max((chunk.end for chunk in layout.chunks), default=0)
@@ -145,13 +145,11 @@ def _files(recording: Recording) -> tuple[str, ...]:
 
 def _noted_counts(recording: Recording) -> Counter[str]:
     """Count the messages of each topic by the indexes behind the chunks."""
-    layout, counts = recording.files[-1].layout, Counter[str]()
-    topics = {
-        id_: each.topic.removeprefix("/") for id_, each in layout.channels.items()
-    }
-    for chunk in layout.chunks:
+    file, counts = recording.files[-1], Counter[str]()
+    topics = file.topics
+    for chunk in file.layout.chunks:
         for channel, count in chunk.counts.items():
-            if (topic := topics.get(channel)) not in wire.TOPICS:
+            if (topic := topics.get(channel)) is None:
                 rule, got = "an index must be of a topic", f"channel {channel}"
                 raise damaged_in(recording.path, chunk, rule, got)
             counts[topic] += count

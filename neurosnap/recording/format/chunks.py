@@ -29,10 +29,10 @@ from neurosnap.recording.format.records import (
     LIMIT,
     MALFORMED,
     Chunk,
-    channel_of,
     damaged,
     damaged_in,
     heads,
+    parse,
     read_facts,
 )
 from neurosnap.system.compiled import njit
@@ -167,7 +167,7 @@ def index_chunk(path: Path, file: BinaryIO, chunk: Chunk) -> ChunkIndex:
     registered: dict[int, Channel] = {}
     for row in np.flatnonzero(is_channel).tolist():
         try:
-            channel = channel_of(data[found[row, 2] : found[row, 3]])
+            channel = parse(Channel.read, data[found[row, 2] : found[row, 3]])
         except ValueError as error:
             raise damaged_in(path, chunk, "channel must be well-formed", error) from (
                 error

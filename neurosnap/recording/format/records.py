@@ -3,7 +3,6 @@
 The records in a chunk are walked in `neurosnap.recording.format.chunks`, compiled.
 """
 
-import functools
 import io
 import stat
 import struct
@@ -17,7 +16,7 @@ import msgspec
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Header, Metadata
+from mcap.records import Header, Metadata
 
 from neurosnap.errors import NoRecordingError, RecordingError
 
@@ -32,7 +31,6 @@ GAP = "neurosnap.gap"
 CLOSING = "decision"
 """Among the totals of a file that another follows: the decision of its last tick, as on
 the wire, where it opens the next file."""
-SNAPSHOT = "snapshot.npz"
 LIMIT = 256 * 2**20
 """The largest record, and the largest chunk once unpacked, that is read at all: a
 stranger's file may claim any size. The writer stays below it."""
@@ -46,20 +44,12 @@ HEAD = struct.Struct("<BQ")
 CHUNK_HEAD = struct.Struct("<QQQII")
 """Of a chunk: its first and last time, bytes unpacked, checksum, and how long the name
 of its compression is."""
-INDEX_HEAD = struct.Struct("<HI")
-"""Of a message index: its channel, and bytes of its entries."""
-INDEX_ENTRY = 16
-"""Bytes of a message index that stand for one message."""
 FOOTER = struct.Struct("<QQI")
 """Where the summary starts, and its offsets; its checksum, up to here."""
 CRC = struct.Struct("<I")
 """A checksum."""
-DATA_END = HEAD.size + CRC.size
-"""Bytes of the record that ends the data."""
 MALFORMED = (struct.error, UnicodeDecodeError, ValueError, IndexError)
 """What reading the body of a record raises."""
-
-_SHORT = 256  # bytes of a channel's record that are remembered
 
 _Record = TypeVar("_Record")
 
@@ -100,19 +90,6 @@ class Chunk(msgspec.Struct, frozen=True):
         return self.offset + self.packed
 
 
-class Attached(msgspec.Struct, frozen=True):
-    """Where an attachment lies."""
-
-    name: str
-    media_type: str
-    size: int
-    """Bytes of its content."""
-    offset: int
-    """Where its record's body starts."""
-    length: int
-    """Bytes of that body."""
-
-
 class Cut(msgspec.Struct, frozen=True):
     """Where a recording ends that was never finished."""
 
@@ -149,10 +126,10 @@ class Layout(msgspec.Struct):
     size: int = 0
     library: str = ""
     metadata: dict[str, dict[str, str]] = {}
-    attachments: dict[str, Attached] = {}
+    first: Chunk | None = None
+    """The first chunk, in which a writer of ours registers all channels."""
     chunks: list[Chunk] = []
-    channels: dict[int, Channel] = {}
-    """Those outside chunks: the summary of a finished file has them."""
+    """Those that can be read; all, until they are verified."""
     cut: Cut | None = None
     damage: list[Damage] = []
     """What cannot be read, ascending; whatever is behind a cut is not in here."""
@@ -255,24 +232,6 @@ def parse(read: Callable[[ReadDataStream], _Record], body: bytes) -> _Record:
     return record
 
 
-def channel_of(body: bytes) -> Channel:
-    """Return the channel in the body of a record; not to be changed.
-
-    Every recording of ours has the same ones, so they are remembered; not what a
-    stranger made large.
-
-    Raises:
-        ValueError: It is not one whole record of this kind.
-    """
-    return _channel(body) if len(body) < _SHORT else _channel.__wrapped__(body)
-
-
-@functools.lru_cache(maxsize=256)
-def _channel(body: bytes) -> Channel:
-    channel: Channel = parse(Channel.read, body)
-    return channel
-
-
 Head: TypeAlias = tuple[int, int, int]
 """Of a record: its kind, where its body starts, and where it ends."""
 
@@ -341,20 +300,3 @@ def read_facts(body: bytes) -> tuple[str, dict[str, str]]:
     if noted != (computed := checksum(name, facts)):
         raise ValueError(f"checksum {computed} for {noted}")
     return name, facts
-
-
-def file_metadata(layout: Layout, offset: int, body: bytes) -> None:
-    """File metadata.
-
-    Args:
-        layout: What it is of.
-        offset: Where the record starts.
-        body: Of the record.
-
-    Raises:
-        ValueError: It is not what was written.
-    """
-    name, facts = read_facts(body)
-    if name == GAP:
-        layout.gaps.append(Gap(offset, facts.get("why", "")))
-    layout.metadata[name] = facts

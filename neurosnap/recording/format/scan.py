@@ -1,10 +1,10 @@
 """Finds out what lies where in a recording, and verifies it.
 
-A finished recording says it in its summary, which has a checksum of its own. In one
-that was cut short, still grows, or whose summary is damaged, the heads of its records
-say it, and the walk from head to head goes on where it stopped once there is more. What
-is no record is damage: the walk goes on behind it, from the next record that is surely
-one. Where there is none the file was cut, be the rest missing, torn or zeros.
+The heads of its records say it, from one to the next. Where a file was cut short, or
+still grows, the walk goes on where it stopped once there is more. What is no record is
+damage: the walk goes on behind it, from the next record that is surely one. Where there
+is none the file was cut, be the rest missing, torn or zeros. The summary of a finished
+file says nothing that the walk does not find; other programs need it.
 
 `scan_index` does that, and touches no chunk: each has a checksum of its own, and is
 verified when it is unpacked. `scan` verifies all there is. In a finished file the data
@@ -15,6 +15,7 @@ does not match is damage. So nothing of what is handed out here can be wrong.
 
 import bisect
 import io
+import struct
 import zlib
 from contextlib import suppress
 from pathlib import Path
@@ -22,7 +23,6 @@ from typing import BinaryIO
 
 import msgspec
 from mcap.opcode import Opcode
-from mcap.records import Attachment
 
 from neurosnap.errors import RecordingError
 from neurosnap.recording.format.chunks import (
@@ -33,28 +33,29 @@ from neurosnap.recording.format.chunks import (
 )
 from neurosnap.recording.format.records import (
     CRC,
-    DATA_END,
     FOOTER,
+    GAP,
     HEAD,
-    INDEX_ENTRY,
-    INDEX_HEAD,
     MAGIC,
     MALFORMED,
-    Attached,
     Chunk,
     Cut,
     Damage,
+    Gap,
     Layout,
     check_magic,
-    damaged,
-    file_metadata,
     heads,
     library_of,
     opened,
-    parse,
+    read_facts,
 )
-from neurosnap.recording.format.summary import read_summary, summary_place
 
+_INDEX_HEAD = struct.Struct("<HI")
+"""Of a message index: its channel, and bytes of its entries."""
+_INDEX_ENTRY = 16
+"""Bytes of a message index that stand for one message."""
+_DATA_END = HEAD.size + CRC.size
+"""Bytes of the record that ends the data."""
 _BLOCK = 1 << 20
 _ZEROS = 8  # bytes that no packed chunk ends with, if all of them are 0
 _TORN = 0, b""  # no record has this kind
@@ -62,9 +63,9 @@ _FACTS = (Opcode.METADATA,)
 
 
 def scan_index(path: Path) -> Layout:
-    """Find out what lies where; chunks and attachments as they are noted, not verified.
+    """Find out what lies where; chunks as they are noted, not verified.
 
-    Time: as its summary is long, or its records are many.
+    Time: as its records are many.
 
     Raises:
         RecordingError: The file cannot be read, or is no recording of ours.
@@ -72,15 +73,6 @@ def scan_index(path: Path) -> Layout:
     with opened(path) as file:
         layout = Layout(size=file.seek(0, io.SEEK_END))
         layout.walked = _read_start(path, file, layout)
-        if (place := summary_place(file, layout.size)) is not None:
-            whole = _begun(layout)
-            try:
-                read_summary(path, file, whole, *place)
-            except RecordingError:
-                pass  # noted where the walk gets there
-            else:
-                whole.walked = whole.size
-                return whole
         _walk_on(path, file, layout)
         return layout
 
@@ -98,12 +90,6 @@ def scan_growth(path: Path, layout: Layout) -> bool:
         layout.size = size
         _walk_on(path, file, layout)
         return True
-
-
-def _begun(layout: Layout) -> Layout:
-    """Return what is known of a file before its first record behind the header."""
-    start = [one for one in layout.damage if one.start == 0]
-    return Layout(size=layout.size, library=layout.library, damage=start)
 
 
 def _read_start(path: Path, file: BinaryIO, layout: Layout) -> int:
@@ -156,11 +142,32 @@ def _leap(path: Path, file: BinaryIO, layout: Layout, why: str) -> bool:
     at = layout.walked
     found = find_record(path, file, at + 1, layout.size)
     if found is None:
+        found = _noted_end(file, at + 1, layout.size)
+    if found is None:
         layout.cut = Cut(len(layout.chunks), at, layout.size)
         return True
     layout.damage.append(Damage(at, found, why, "unknown"))
     layout.walked = found
     return False
+
+
+def _noted_end(file: BinaryIO, start: int, size: int) -> int | None:
+    """Return where the record starts that ends the data, by the end of the file.
+
+    None if no footer is there, or no such record behind `start`.
+    """
+    tail = FOOTER.size + len(MAGIC)
+    if size < start + tail:
+        return None
+    file.seek(size - tail)
+    summary, _, _ = FOOTER.unpack(file.read(FOOTER.size))
+    found = int(summary) - _DATA_END
+    if file.read() != MAGIC or not start <= found < size:
+        return None
+    file.seek(found)
+    return (
+        found if file.read(HEAD.size) == HEAD.pack(Opcode.DATA_END, CRC.size) else None
+    )
 
 
 def _file_records(path: Path, file: BinaryIO, layout: Layout) -> None:
@@ -172,7 +179,7 @@ def _file_records(path: Path, file: BinaryIO, layout: Layout) -> None:
     for opcode, body, after in heads(file, layout.walked, layout.size):
         if opcode == Opcode.DATA_END and after - body == CRC.size:
             # Not passed: where what is behind it is torn, more may come.
-            _file_end(path, file, layout, layout.walked)
+            _file_end(file, layout)
             return
         try:
             _file_record(file, layout, opcode, body, after - body)
@@ -189,87 +196,63 @@ def _file_record(
     at = body - HEAD.size
     match opcode:
         case Opcode.MESSAGE_INDEX:
-            _file_index(layout, length, file.read(min(length, INDEX_HEAD.size)))
+            _file_index(layout, length, file.read(min(length, _INDEX_HEAD.size)))
         case Opcode.CHUNK:
             start = file.read(min(length, HEAD_OF_CHUNK))
-            number = len(layout.chunks) + 1
-            layout.chunks.append(chunk_at(number, at, length, start))
+            chunk = chunk_at(len(layout.chunks) + 1, at, length, start)
+            layout.first = layout.first or chunk
+            layout.chunks.append(chunk)
         case Opcode.METADATA:
-            file_metadata(layout, at, file.read(length))
+            name, facts = read_facts(file.read(length))
+            if name == GAP:
+                layout.gaps.append(Gap(at, facts.get("why", "")))
+            layout.metadata[name] = facts
         case Opcode.ATTACHMENT:
-            _file_attachment(layout, at, file.read(length))
+            pass  # none is ours
         case _:
             raise ValueError(f"kind {opcode} of {length} bytes")
 
 
 def _file_index(layout: Layout, length: int, body: bytes) -> None:
-    channel, size = INDEX_HEAD.unpack(body)
-    if size != length - INDEX_HEAD.size or size % INDEX_ENTRY:
+    channel, size = _INDEX_HEAD.unpack(body)
+    if size != length - _INDEX_HEAD.size or size % _INDEX_ENTRY:
         raise ValueError(f"a message index of {length} bytes that notes {size}")
     counts = layout.chunks[-1].counts
-    counts[channel] = counts.get(channel, 0) + size // INDEX_ENTRY
+    counts[channel] = counts.get(channel, 0) + size // _INDEX_ENTRY
 
 
-def _file_attachment(layout: Layout, at: int, body: bytes) -> None:
-    """File an attachment, whose record has a checksum."""
-    attachment: Attachment = parse(Attachment.read, body)
-    (noted,) = CRC.unpack(body[-CRC.size :])
-    if zlib.crc32(memoryview(body)[: -CRC.size]) != noted:
-        raise ValueError("an attachment of another checksum")
-    layout.attachments[attachment.name] = Attached(
-        name=attachment.name,
-        media_type=attachment.media_type,
-        size=len(attachment.data),
-        offset=at + HEAD.size,
-        length=len(body),
-    )
-
-
-def _file_end(path: Path, file: BinaryIO, layout: Layout, at: int) -> None:
-    """Read what is behind the data: the summary, whole, torn or damaged.
-
-    Args:
-        path: The recording.
-        file: The same, open.
-        layout: What is known up to there.
-        at: Where the record starts that ends the data.
-    """
-    layout.data_end = at
-    start = at + DATA_END
-    footer = _footer(file, start, layout.size)
-    if footer is None:
+def _file_end(file: BinaryIO, layout: Layout) -> None:
+    """Verify what is behind the data: the summary, whole, torn or damaged."""
+    layout.data_end = layout.walked
+    start = layout.walked + _DATA_END
+    end = _end_of_footer(file, start, layout.size)
+    if end is None:
         file.seek(max(start, layout.size - len(MAGIC)))
         if file.read() != MAGIC:
             layout.cut = Cut(len(layout.chunks), start, layout.size)
             return
-    whole = _begun(layout)
-    try:
-        if footer is None:
-            rule = "the summary must end with its footer"
-            raise damaged(path, start, rule, "something else")
-        read_summary(path, file, whole, start, footer)
-    except RecordingError as error:
-        why = str(error).removeprefix(f"{path}: ")
+        why = "the summary must end with its footer, got something else"
         layout.damage.append(Damage(start, layout.size, why, "nothing"))
         return
-    # In place: others refer to this layout.
-    for name in ("metadata", "gaps", "damage", "chunks", "channels"):
-        setattr(layout, name, getattr(whole, name))
-    layout.attachments, layout.summarized = whole.attachments, True
-    end = footer + HEAD.size + FOOTER.size + len(MAGIC)
+    computed = _crc(file, start, end - CRC.size)
+    (noted,) = CRC.unpack(file.read(CRC.size))
+    layout.summarized = noted == computed
+    if not layout.summarized:
+        why = f"the summary must have checksum {noted:#010x}, got {computed:#010x}"
+        layout.damage.append(Damage(start, end, why, "nothing"))
+    end += len(MAGIC)
     if end < layout.size:
         why = f"the file must end behind its footer, got {layout.size - end} bytes more"
         layout.damage.append(Damage(end, layout.size, why, "nothing"))
 
 
-def _footer(file: BinaryIO, start: int, size: int) -> int | None:
-    """Return where the footer starts, going from record to record; None if nowhere."""
+def _end_of_footer(file: BinaryIO, start: int, size: int) -> int | None:
+    """Return where the footer ends, going from record to record; None if nowhere."""
     with suppress(ValueError):
         for opcode, body, after in heads(file, start, size):
             if opcode == Opcode.FOOTER and after - body == FOOTER.size:
                 file.seek(after)
-                at = body - HEAD.size
-                return at if file.read(len(MAGIC)) == MAGIC else None
+                return after if file.read(len(MAGIC)) == MAGIC else None
             if not opcode:
                 break
     return None
@@ -298,15 +281,21 @@ def scan(path: Path) -> Layout:
     return layout
 
 
+def _crc(file: BinaryIO, start: int, stop: int) -> int:
+    """Return the checksum of a range of a file; then the file stands behind it."""
+    file.seek(start)
+    computed = 0
+    while start < stop and (block := file.read(min(_BLOCK, stop - start))):
+        computed = zlib.crc32(block, computed)
+        start += len(block)
+    return computed
+
+
 def _sums(file: BinaryIO, layout: Layout) -> tuple[int | None, int]:
     """Return the checksum of the data as it is noted behind them, and as it is."""
     if layout.data_end is None:
         return None, 0
-    file.seek(0)
-    left, computed = layout.data_end, 0
-    while left > 0 and (block := file.read(min(_BLOCK, left))):
-        computed = zlib.crc32(block, computed)
-        left -= len(block)
+    computed = _crc(file, 0, layout.data_end)
     record = file.read(HEAD.size + CRC.size)
     if len(record) < HEAD.size + CRC.size:
         return None, computed
@@ -332,12 +321,6 @@ def _prove(path: Path, file: BinaryIO, layout: Layout) -> None:
         else:
             good.append(chunk)
     layout.chunks = good
-    for attached in list(layout.attachments.values()):
-        if not _is_attached(file, attached):
-            del layout.attachments[attached.name]
-            why = f"attachment {attached.name!r} must match its checksum, got another"
-            start, stop = attached.offset - HEAD.size, attached.offset + attached.length
-            _add_damage(layout, Damage(start, stop, why, "nothing"))
     if layout.data_end is None:
         _cut_behind(file, layout)
 
@@ -360,14 +343,6 @@ def _cut_behind(file: BinaryIO, layout: Layout) -> None:
     if layout.cut is not None:
         chunks = len(layout.chunks)
         layout.cut = msgspec.structs.replace(layout.cut, chunks=chunks)
-
-
-def _is_attached(file: BinaryIO, attached: Attached) -> bool:
-    """Tell whether an attachment is where it is said to be, and what was written."""
-    file.seek(attached.offset)
-    body = file.read(attached.length)
-    noted = int.from_bytes(body[-CRC.size :], "little")
-    return len(body) == attached.length and zlib.crc32(body[: -CRC.size]) == noted
 
 
 def _add_damage(layout: Layout, damage: Damage) -> None:

@@ -7,11 +7,12 @@ a place where messages are missing.
 
 import os
 from collections.abc import Collection, Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO, Self
 
 import msgspec
-from mcap.records import Attachment, Channel
+from mcap.records import Channel
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
@@ -21,15 +22,12 @@ from neurosnap.recording.format.records import (
     CLOSING,
     RUN,
     SHARE,
-    SNAPSHOT,
     TOTALS,
     Chunk,
     Cut,
     Layout,
-    damaged,
     damaged_in,
     opened,
-    parse,
 )
 from neurosnap.recording.format.scan import scan, scan_growth, scan_index
 from neurosnap.recording.read.chunk_messages import (
@@ -38,6 +36,9 @@ from neurosnap.recording.read.chunk_messages import (
     Recorded,
     decoded,
 )
+
+_AS_WRITTEN = dict(enumerate(wire.TOPICS, start=1))
+"""For each channel its topic, as our writer numbers them."""
 
 
 class Noted(msgspec.Struct, frozen=True):
@@ -95,10 +96,7 @@ class RecordingFile:
         Raises:
             RecordingError: The file cannot be read.
         """
-        if not scan_growth(self.path, self.layout):
-            return False
-        self._topics = None
-        return True
+        return scan_growth(self.path, self.layout)
 
     def _verify_run(self) -> None:
         """Refuse a recording that says nothing of its run, or is of another schema."""
@@ -227,26 +225,6 @@ class RecordingFile:
         )
 
     @property
-    def snapshot(self) -> bytes | None:
-        """The final snapshot; None if there was none, or it was not written.
-
-        Raises:
-            RecordingError: The file cannot be read any more.
-        """
-        attached = self.layout.attachments.get(SNAPSHOT)
-        if attached is None:
-            return None
-        with opened(self.path) as file:
-            file.seek(attached.offset)
-            body = file.read(attached.length)
-        try:
-            attachment: Attachment = parse(Attachment.read, body)
-        except ValueError as error:
-            rule = "must still be what was opened"
-            raise damaged(self.path, attached.offset, rule, error) from error
-        return attachment.data
-
-    @property
     def gaps(self) -> int:
         """At how many places its writer noted that messages are missing."""
         return len(self.layout.gaps)
@@ -298,13 +276,13 @@ class RecordingFile:
         self, topics: frozenset[str], start: int, end: int
     ) -> Iterator[Recorded]:
         layout, known = self.layout, self.topics
-        skips = layout.indexed and bool(layout.channels)
+        skips, asked = layout.indexed, {None, *topics}
         with opened(self.path) as file:
             for chunk in layout.chunks:
                 if not skips or (
                     chunk.start < end
                     and chunk.end >= start
-                    and any(known.get(channel) in topics for channel in chunk.counts)
+                    and any(known.get(channel) in asked for channel in chunk.counts)
                 ):
                     messages = self._messages_in(file, chunk)
                     yield from messages.recorded(topics, start, end)
@@ -331,18 +309,20 @@ class RecordingFile:
 
     @property
     def topics(self) -> dict[int, str]:
-        """For each channel its topic, by the summary.
+        """For each channel its topic, by the first chunk.
 
-        Where there is none, and the chunk that registers them may be damaged, channels
-        are numbered as the writer numbers them.
+        Where that is damaged, channels are numbered as the writer numbers them.
 
         Raises:
             RecordingError: One is not of ours.
         """
-        if self._topics is None:
-            said = self._named(self.layout.channels.values())
-            self._topics = said or dict(enumerate(wire.TOPICS, start=1))
-        return self._topics
+        if self._topics is None and self.layout.first is not None:
+            registered: Iterable[Channel] = ()
+            with suppress(RecordingError), opened(self.path) as file:
+                found = index_chunk(self.path, file, self.layout.first)
+                registered = found.registered.values()
+            self._topics = self._named(registered) or _AS_WRITTEN
+        return self._topics or _AS_WRITTEN
 
     def _named(self, channels: Iterable[Channel]) -> dict[int, str]:
         """Return for each channel its topic."""

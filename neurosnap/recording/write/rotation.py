@@ -212,7 +212,6 @@ class SplitWriter:
         self._close()
         self._older = self._newest
         self._warn_of_size(self._older)
-        self._older.remember_frame(frame, delivery.sent, log_time)
         self._number += 1
         self._begins = frame.tick
         self._newest = self._new_writer()

@@ -2,8 +2,7 @@
 
 What is in the file can be read back: a payload goes in only if it decodes, under its
 own key, and only once. Whatever happens after a chunk was flushed (a crash, a full
-disk), that chunk stays readable; `finish` adds the index, the totals and the final
-snapshot.
+disk), that chunk stays readable; `finish` adds the index and the totals.
 
 Every payload is decoded in full before it goes in. Reading just the sender out of it
 would save a third of a microsecond of five, and would let through what no reader could
@@ -33,7 +32,6 @@ from neurosnap.recording.format.records import (
     PROFILE,
     RUN,
     SHARE,
-    SNAPSHOT,
     TOTALS,
     sealed_facts,
 )
@@ -86,7 +84,6 @@ class Writer:
         self.sequences = RunningNumbers()
         self.foreign = 0
         self._gaps = 0  # that were noted
-        self._keyframe: tuple[wire.KeyFrame, int, int] | None = None
         self._started = False
         self._again: dict[str, str] = {}  # of the run, still to be written once more
         self._stream = os.fdopen(_create(self.path), "wb")
@@ -210,23 +207,11 @@ class Writer:
             raise InvalidValueError("log_time", "must be in [0, 2^64)", log_time)
         if not self.sequences.receive(message.sender, sequence):
             return
-        if type(message) is wire.KeyFrame:
-            self.remember_frame(message, sent, log_time)
         channel = self._channels[wire.topic(key)]
         try:
             self._mcap.add_message(channel, log_time, payload, sent, sequence)
         except OSError as error:
             raise self._failed(error) from error
-
-    def remember_frame(self, frame: wire.KeyFrame, sent: int, log_time: int) -> None:
-        """Remember the key-frame that may be the last.
-
-        Args:
-            frame: In this file, or the first of the next.
-            sent: The sender's clock, nanoseconds since the epoch.
-            log_time: When it arrived, likewise.
-        """
-        self._keyframe = (frame, sent, log_time)
 
     def write_share(self) -> None:
         """Write down what numbers the senders' shares of this file begin with.
@@ -286,9 +271,7 @@ class Writer:
     def finish(
         self, totals: Mapping[str, str], expected: Mapping[str, int]
     ) -> Completeness:
-        """Write the totals, the last key-frame's snapshot and the index; close.
-
-        A snapshot that is in bands is not written once more.
+        """Write the totals and the index; close.
 
         What was finished survives a power cut; that takes as long as the disk does.
 
@@ -336,11 +319,6 @@ class Writer:
         try:
             self._mcap.flush()
             self._write_again()
-            if self._keyframe is not None and not self._keyframe[0].bands:
-                frame, sent, log_time = self._keyframe
-                self._mcap.add_attachment(
-                    sent, log_time, SNAPSHOT, "application/octet-stream", frame.snapshot
-                )
             self._mcap.add_metadata(TOTALS, sealed_facts(TOTALS, facts))
             self._mcap.finish()
             self._stream.flush()

@@ -111,10 +111,9 @@ def test_an_index_of_a_channel_that_is_not_there_is_damage(
 ) -> None:
     record(path, traffic(50))
     records = altered_bytes.records(path.read_bytes()[len(MAGIC) : -len(MAGIC)])
-    at = [kind for kind, _ in records].index(Opcode.CHUNK_INDEX)
-    index, before = records[at][1], 36  # where the channels of a chunk start
-    forged = index[:before] + channel.to_bytes(2, "little") + index[before + 2 :]
-    records[at] = Opcode.CHUNK_INDEX, forged
+    at = [kind for kind, _ in records].index(Opcode.MESSAGE_INDEX)
+    forged = channel.to_bytes(2, "little") + records[at][1][2:]
+    records[at] = Opcode.MESSAGE_INDEX, forged
     path.write_bytes(altered_bytes.resealed(records))
     rule = rf"chunk 1: an index must be of a topic, got channel {channel}$"
     with pytest.raises(RecordingError, match=rule):

@@ -108,6 +108,7 @@ def test_chunks_without_the_topic_are_not_unpacked(
 ) -> None:
     record(path, traffic(100), every=10)
     recording = Recording.open(path)
+    assert recording.files[0].topics[2] == "wiring"  # of that it reads the first
     unpacked: list[int] = []
 
     def note(path: Path, file: BinaryIO, chunk: Chunk) -> bytes:
@@ -137,13 +138,9 @@ def test_a_file_that_changes_meanwhile_is_an_error(path: Path) -> None:
     path.write_bytes(path.read_bytes()[:100])
     with pytest.raises(RecordingError, match="chunk 1 must start at"):
         next(recording.messages())
-    with pytest.raises(RecordingError, match="must still be what was opened, got"):
-        assert recording.files[-1].snapshot is None
     path.unlink()
     with pytest.raises(RecordingError, match=r"^log: must exist, got"):
         next(recording.messages())
-    with pytest.raises(RecordingError, match=r"^log: must exist, got"):
-        assert recording.files[-1].snapshot is None
 
 
 @pytest.mark.parametrize(

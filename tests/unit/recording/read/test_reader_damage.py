@@ -6,6 +6,7 @@ import struct
 import tracemalloc
 import zlib
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,9 @@ from mcap.records import Chunk, Header, Message, Metadata
 from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.format.records import LIMIT, RUN, TOTALS, sealed_facts
+from neurosnap.recording.format.records import LIMIT, RUN, TOTALS, Cut, sealed_facts
+from neurosnap.recording.format.scan import scan, scan_growth, scan_index
+from neurosnap.recording.read.file import RecordingFile
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write import writer
 from tests.support.recordings import EACH, delivered, record, traffic
@@ -69,7 +72,6 @@ def test_cut_anywhere_it_gives_the_whole_chunks(
     # The last cut is behind the totals.
     recording = Recording.open(path)
     assert recording.totals is not None
-    assert recording.files[-1].snapshot == bytes(range(256))
     assert recording.completeness() == Completeness(151)
 
 
@@ -182,8 +184,9 @@ def test_facts_without_a_checksum_are_damage(
     recording = Recording.open(path)
     assert recording.metadata["seed"] == "7"
     assert recording.totals is None
+    assert recording.cut is None  # behind the last record there is the summary
     (said,) = recording.damage
-    assert "metadata must be what was written, got no checksum" in said
+    assert "a record must be well-formed, got no checksum" in said
 
 
 def test_bytes_behind_the_end_are_noticed(finished: bytes, tmp_path: Path) -> None:
@@ -194,6 +197,53 @@ def test_bytes_behind_the_end_are_noticed(finished: bytes, tmp_path: Path) -> No
         assert [one.delivery for one in recording.messages()] == DELIVERIES
         (said,) = recording.damage
         assert f"the file must end behind its footer, got {len(more)} bytes" in said
+
+
+def test_what_is_gained_is_found_from_where_the_walk_stopped(
+    finished: bytes, tmp_path: Path
+) -> None:
+    path = tmp_path / "log.mcap"
+    path.write_bytes(finished[:100])
+    seen = scan_index(path)
+    for size in [*range(150, len(finished), 131), len(finished)]:
+        path.write_bytes(finished[:size])
+        assert scan_growth(path, seen)
+        assert not scan_growth(path, seen)
+        assert seen == scan_index(path)
+        assert seen.damage == []
+    assert seen.cut is None
+
+
+def test_no_byte_can_be_wrong_unnoticed_in_what_is_not_verified_at_once(
+    finished: bytes, tmp_path: Path
+) -> None:
+    path = tmp_path / "log.mcap"
+    for place, damaged in flipped(finished, 2, 200):
+        path.write_bytes(damaged)
+        try:
+            layout = scan_index(path)
+        except RecordingError:
+            assert place < 100  # the start: it is no recording of ours then
+            continue
+        file = RecordingFile(path, layout)
+        for chunk in layout.chunks:
+            with suppress(RecordingError):
+                found = file.chunk(chunk).recorded(wire.TOPICS)
+                assert {one.delivery for one in found} <= {*DELIVERIES}
+
+
+@pytest.mark.parametrize("packed", [0, 1, 2**64 - 1])
+def test_a_chunk_that_is_as_long_as_it_does_not_say_ends_what_can_be_read(
+    finished: bytes, tmp_path: Path, packed: int
+) -> None:
+    path = tmp_path / "log.mcap"
+    path.write_bytes(finished)
+    (first, second, *_), data = scan_index(path).chunks, bytearray(finished)
+    struct.pack_into("<Q", data, second.offset - 8, packed)
+    path.write_bytes(data[: second.stop_offset + 100])
+    seen = scan_index(path)
+    assert seen.chunks == scan(path).chunks == [first]
+    assert seen.cut == Cut(1, second.start_offset, path.stat().st_size)
 
 
 def crafted(path: Path, chunk: Chunk | Message) -> Recording:
