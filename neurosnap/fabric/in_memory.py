@@ -169,11 +169,15 @@ class MemoryHub:
         self._subscriptions.append((who, expression, handler))
         self._changed()
 
+    def _hand_nothing_to(self, who: str) -> None:
+        """Forget the subscriptions of a part."""
+        self._subscriptions = [s for s in self._subscriptions if s[0] != who]
+        self._changed()
+
     def leave(self, who: str) -> None:
         """Take a part off the network: its subscriptions, its presence, its mail."""
-        self._subscriptions = [s for s in self._subscriptions if s[0] != who]
+        self._hand_nothing_to(who)
         self._watchers = [w for w in self._watchers if w[0] != who]
-        self._changed()
         for link in {link for link in self._queue if link[1] == who}:
             del self._links[link]
         self._queue = deque(link for link in self._queue if link[1] != who)
@@ -210,6 +214,7 @@ class MemoryHub:
             try:
                 self._hand_over(*taken)
             except BaseException as error:  # noqa: BLE001 - goes to the part it is of
+                self._hand_nothing_to(taken[0])
                 self._ends[taken[0]].fail(error)
         self._pump_soon()
 

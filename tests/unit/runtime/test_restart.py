@@ -115,18 +115,6 @@ def test_restarts_count_only_for_a_while() -> None:
     assert [restarts.allow(DIED) for _ in range(3)] == [True, True, False]
 
 
-def test_a_run_of_months_goes_on_after_any_number_of_faults() -> None:
-    clock = Clock()
-    restarts = Restarts(Supervision(), clock)
-    for _ in range(1000):
-        clock.now += 100.0
-        assert restarts.allow(DIED)
-
-
-def test_none_may_be_allowed() -> None:
-    assert not Restarts(Supervision(max_restarts=0)).allow(DIED)
-
-
 def test_which_errors_are_mended_is_the_policys_to_say() -> None:
     said = SwarmError("world: the source is gone")
     for kind, mended in (

@@ -1,4 +1,4 @@
-"""Nothing outlives a supervisor, not even what was being started."""
+"""Nothing outlives a supervisor, and what parts report is passed on."""
 
 import asyncio
 import os
@@ -10,8 +10,21 @@ from typing import Any
 import msgspec
 import pytest
 
+from neurosnap.agent.growth.changed import Changed
+from neurosnap.health.alarm import AlarmProgress
+from neurosnap.health.news import Standing
 from neurosnap.runtime.child_processes import ChildProcesses, without_main
-from neurosnap.runtime.parts.job import Job, PartConnection, PartContext, Ready, Report
+from neurosnap.runtime.parts.job import (
+    Advanced,
+    Grown,
+    Health,
+    Job,
+    PartConnection,
+    PartContext,
+    Ready,
+    Report,
+)
+from neurosnap.runtime.request import Watcher
 from neurosnap.runtime.supervisor import Supervisor
 
 
@@ -183,3 +196,50 @@ def test_two_that_hide_the_main_module_leave_it_as_it_was() -> None:
     other.join()
     assert inside.is_set()
     assert sys.modules["__main__"] is main
+
+
+# What parts report --------------------------------------------------------------------
+
+
+class NoHandle:
+    """A part that was never started."""
+
+    def ask(self) -> None:
+        raise NotImplementedError
+
+    def kill(self) -> None:
+        raise NotImplementedError
+
+
+def reported(supervisor: Supervisor, *reports: Report) -> None:
+    supervisor.began("coordinator", NoHandle())
+    for report in reports:
+        supervisor.receive(report)
+
+
+def test_what_parts_report_is_passed_on_in_order() -> None:
+    ticks, changes, standings = list[int](), list[Changed](), list[Standing]()
+    watcher = Watcher(ticks.append, changes.append, standings.append)
+    supervisor, who = Supervisor(watcher=watcher), "coordinator"
+    grown = Changed(4, 24, "press&a&b")
+    now = [Standing(step, AlarmProgress(9, 40, 0, 2)) for step in (7, 8)]
+    health = [Health(who, msgspec.Raw(msgspec.json.encode(each))) for each in now]
+    come = [Advanced(who, tick) for tick in (3, 4, 4)]
+    reported(supervisor, *come, Grown(who, [grown]), *health)
+    assert (ticks, changes, standings) == ([3, 4, 4], [grown], now)
+    assert supervisor.health == now[-1]
+
+
+async def test_an_error_of_the_watcher_ends_the_run_and_it_is_called_no_more() -> None:
+    called: list[int] = []
+
+    def refuse(tick: int) -> None:
+        called.append(tick)
+        raise LookupError("no such part")
+
+    supervisor = Supervisor(watcher=Watcher(refuse))
+    come = [Advanced("coordinator", tick) for tick in (1, 2)]
+    reported(supervisor, *come)
+    with pytest.raises(LookupError, match="no such part"):
+        await supervisor.wait(asyncio.Event())
+    assert called == [1]

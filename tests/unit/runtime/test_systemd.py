@@ -1,3 +1,5 @@
+"""A service manager is told that a run is up, goes on and ends."""
+
 import socket
 from collections.abc import Iterator
 from pathlib import Path
@@ -6,13 +8,21 @@ import pytest
 
 from neurosnap.runtime.systemd import ServiceManager
 
+UP = "READY=1\nWATCHDOG=1\nSTATUS=tick 0"
 
-@pytest.fixture
-def manager(tmp_path: Path) -> Iterator[socket.socket]:
+
+@pytest.fixture(params=["a file", "no file"])
+def manager(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[socket.socket]:
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listening:
-        listening.bind(str(tmp_path / "notify"))
+        is_file = request.param == "a file"
+        listening.bind(str(tmp_path / "notify") if is_file else "\0neurosnap-notify")
         listening.setblocking(False)
         yield listening
+
+
+def where(manager: socket.socket) -> str:
+    address = manager.getsockname()
+    return address if isinstance(address, str) else address.decode().replace("\0", "@")
 
 
 def heard(manager: socket.socket) -> list[str]:
@@ -25,37 +35,22 @@ def heard(manager: socket.socket) -> list[str]:
 
 
 def test_it_is_told_that_the_run_is_up_goes_on_and_ends(manager: socket.socket) -> None:
-    with ServiceManager({"NOTIFY_SOCKET": manager.getsockname()}) as service:
+    given = {"NOTIFY_SOCKET": where(manager)}
+    with ServiceManager(given) as service:
         assert heard(manager) == []
         service.progress(0)
         service.progress(1)  # not a second later
-        assert heard(manager) == ["READY=1\nWATCHDOG=1\nSTATUS=tick 0"]
+        assert heard(manager) == [UP]
     assert heard(manager) == ["STOPPING=1"]
+    with ServiceManager({**given, "WATCHDOG_USEC": "0"}) as service:
+        service.progress(0)
+        service.progress(2)  # as often as a watchdog asks for
+        assert heard(manager) == [UP, "WATCHDOG=1\nSTATUS=tick 2"]
+        manager.close()  # which is no reason to end
+        service.progress(3)
+        service.progress(4)
 
 
-def test_a_watchdog_is_told_as_often_as_it_asks_for(manager: socket.socket) -> None:
-    environment = {"NOTIFY_SOCKET": manager.getsockname(), "WATCHDOG_USEC": "0"}
-    with ServiceManager(environment) as service:
-        service.progress(1)
-        service.progress(2)
-        assert heard(manager)[1] == "WATCHDOG=1\nSTATUS=tick 2"
-
-
-def test_who_was_started_by_hand_tells_nobody() -> None:
+def test_a_run_that_was_started_by_hand_tells_no_manager() -> None:
     with ServiceManager({}) as service:
         service.progress(1)
-
-
-def test_a_manager_that_is_gone_is_no_reason_to_end(manager: socket.socket) -> None:
-    with ServiceManager({"NOTIFY_SOCKET": manager.getsockname()}) as service:
-        manager.close()
-        service.progress(1)
-        service.progress(2)
-
-
-def test_an_address_may_be_outside_the_file_system() -> None:
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listening:
-        listening.bind("\0neurosnap-test-notify")
-        with ServiceManager({"NOTIFY_SOCKET": "@neurosnap-test-notify"}) as service:
-            service.progress(3)
-        assert listening.recv(100) == b"READY=1\nWATCHDOG=1\nSTATUS=tick 3"

@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+from collections.abc import Callable, Sequence
 
 import pytest
 
@@ -77,13 +78,16 @@ class Clock:
         return self.now
 
 
-async def test_late_waves_are_repeated_one_after_the_other(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """A repeat wires all cells anew, which another's reports would fall into."""
-    clock, core = Clock(), Core(3)
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
     monkeypatch.setattr(coordinator_loop, "time", clock)
-    fabric = MemoryHub().fabric("coordinator")
+    return clock
+
+
+async def test_late_waves_are_repeated_one_after_the_other(clock: Clock) -> None:
+    """A repeat wires all cells anew, which another's reports would fall into."""
+    core, fabric = Core(3), MemoryHub().fabric("coordinator")
     shell_ = _CoordinatorLoop(
         core, fabric, (), Deadlines(1.0), lambda _: None, lambda _: None
     )
@@ -118,28 +122,38 @@ class Broken(MemoryFabric):
         super().publish(*messages)
 
 
+async def conduct(
+    core: Core,
+    fabric: MemoryFabric,
+    stop: asyncio.Event | None = None,
+    *,
+    parts: Sequence[str] = (),
+    deadline: float = 100.0,
+    on_progress: Callable[[int], None] = lambda _: None,
+) -> None:
+    async with asyncio.timeout(PATIENCE), fabric:
+        await run_coordinator(
+            core,
+            fabric,
+            stop or asyncio.Event(),
+            parts=parts,
+            deadlines=Deadlines(deadline),
+            on_progress=on_progress,
+        )
+
+
 async def test_whatever_goes_wrong_at_a_deadline_ends_the_run() -> None:
-    async with asyncio.timeout(PATIENCE), Broken(MemoryHub(), "coordinator") as fabric:
-        with pytest.raises(RuntimeError, match="the session is closed"):
-            await run_coordinator(
-                Core(1), fabric, asyncio.Event(), parts=(), deadlines=Deadlines(0.02)
-            )
+    with pytest.raises(RuntimeError, match="the session is closed"):
+        await conduct(Core(1), Broken(MemoryHub(), "coordinator"), deadline=0.02)
 
 
 async def test_a_run_that_failed_before_it_began_does_not_begin() -> None:
     hub, core = MemoryHub(), Core()
-    async with asyncio.timeout(PATIENCE), hub.fabric("coordinator") as fabric:
-        observation = wire.Observation(1, b"\x01")
-        publish = hub.fabric("world").publish
-        asyncio.get_running_loop().call_soon(publish, observation)
-        with pytest.raises(AssertionError, match="nothing else is expected"):
-            await run_coordinator(
-                core,
-                fabric,
-                asyncio.Event(),
-                parts=("cell/0",),
-                deadlines=Deadlines(10),
-            )
+    publish = hub.fabric("world").publish
+    loop = asyncio.get_running_loop()
+    loop.call_soon(loop.call_soon, publish, wire.Observation(1, b"\x01"))
+    with pytest.raises(AssertionError, match="nothing else is expected"):
+        await conduct(core, hub.fabric("coordinator"), parts=["cell/0"])
     assert core.asked == []
 
 
@@ -154,15 +168,8 @@ async def test_it_says_that_it_goes_on_even_if_nothing_happens(
         if len(said) == 4:
             stop.set()
 
-    async with asyncio.timeout(PATIENCE), MemoryHub().fabric("coordinator") as fabric:
-        await run_coordinator(
-            core,
-            fabric,
-            stop,
-            parts=(),
-            deadlines=Deadlines(100),
-            on_progress=on_progress,
-        )
+    fabric = MemoryHub().fabric("coordinator")
+    await conduct(core, fabric, stop, on_progress=on_progress)
     assert said[:4] == [7] * 4
     assert core.asked == ["begin", "stop"]
 
@@ -172,13 +179,6 @@ async def test_it_says_that_it_goes_on_even_if_nothing_happens(
 DECISION = wire.Decision(6, -1, "why")
 WAVE = wire.WaveStart(1, 7, "state", 0, 1)
 STATE = wire.State(7, 1, b"", False, 0, 0, 0, 0, 0)
-
-
-@pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
-    clock = Clock()
-    monkeypatch.setattr(coordinator_loop, "time", clock)
-    return clock
 
 
 def test_a_world_that_does_not_answer_is_named(clock: Clock) -> None:

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import msgspec
@@ -47,18 +48,29 @@ def options() -> RunOptions:
     )
 
 
-async def run_with(
-    broker: Broker,
+LOST = FabricError("the link is lost")
+REFUSAL = InvalidValueError("username", "must be one the broker knows", "me")
+
+
+@pytest.mark.parametrize(
+    ("refusal", "failure", "error"),
+    [
+        (None, None, nullcontext()),
+        (None, LOST, pytest.raises(FabricError, match=r"^the link is lost$")),
+        (REFUSAL, None, pytest.raises(InvalidValueError, match=r"^username: must be")),
+    ],
+    ids=["as asked", "nothing can be heard any more", "the broker refuses it"],
+)
+async def test_it_ends_and_says_so(
+    refusal: Exception | None,
+    failure: Exception | None,
+    error: AbstractContextManager[Any],
     monkeypatch: pytest.MonkeyPatch,
-    *,
-    stopped: bool = False,
-    failure: Exception | None = None,
 ) -> None:
-    """Be an outlet, and end it in some way once it is ready."""
+    broker, stop = Broker(refusal), asyncio.Event()
     monkeypatch.setattr(
         "neurosnap.sources.mqtt.publisher.MqttPublisher", lambda *_, **__: broker
     )
-    stop = asyncio.Event()
     async with (
         MemoryHub().fabric(STATUS_PUBLISHER) as fabric,
         asyncio.timeout(PATIENCE),
@@ -67,33 +79,12 @@ async def run_with(
         def on_ready() -> None:
             if failure is not None:
                 fabric.fail(failure)
-            if stopped:
+            elif refusal is None:
                 stop.set()
 
-        await publish_status(options(), fabric, stop, on_ready)
-
-
-async def test_it_ends_when_told_to(monkeypatch: pytest.MonkeyPatch) -> None:
-    broker = Broker()
-    await run_with(broker, monkeypatch, stopped=True)
-    assert broker.said_goodbye
-
-
-async def test_it_ends_once_nothing_can_be_heard_any_more(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    broker = Broker()
-    with pytest.raises(FabricError, match=r"^the link is lost$"):
-        await run_with(broker, monkeypatch, failure=FabricError("the link is lost"))
-    assert broker.said_goodbye
-
-
-async def test_it_ends_when_the_broker_refuses_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    refusal = InvalidValueError("username", "must be one the broker knows", "me")
-    with pytest.raises(InvalidValueError, match=r"^username: must be one"):
-        await run_with(Broker(refusal), monkeypatch)
+        with error:
+            await publish_status(options(), fabric, stop, on_ready)
+    assert broker.said_goodbye == (refusal is None)
 
 
 class Anomalies:

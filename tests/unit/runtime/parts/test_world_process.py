@@ -20,7 +20,6 @@ from neurosnap.runtime.parts.world_process import run_world
 from neurosnap.runtime.request import RunRequest, Watcher
 from neurosnap.runtime.run import run
 from neurosnap.sensorium import pack
-from tests.support.inline_runs import InlineSite
 from tests.support.patience import PATIENCE
 from tests.support.scripted_sources import Live, Scripted
 
@@ -123,23 +122,17 @@ def test_a_decision_that_cannot_be_right_is_refused(tick: int, action: int) -> N
     assert told(world, 1, 0) is not None
 
 
-def test_a_decision_without_its_state_is_refused_where_that_is_looked_at() -> None:
+def test_a_decision_needs_its_state_and_a_right_one_where_that_is_looked_at() -> None:
     world = World(Scripted(ROWS, ACTING.actions), ACTING)
     told(world, 0)
+    rule = r"^state: packed bits: must be 3 bytes long"
+    with pytest.raises(MessageError, match=rule):
+        world.receive(wire.State(1, 1, b"\x00", False, 0, 0, 0, 0, 0))
     rule = r"^decision: must come after the state of tick 1, got that of 0$"
     with pytest.raises(MessageError, match=rule):
         world.receive(wire.Decision(1, 0, "too early"))
     believe(world, 1)
     assert told(world, 1, 0) is not None
-
-
-def test_a_state_that_cannot_be_right_is_refused() -> None:
-    world = World(Scripted(ROWS, ACTING.actions), ACTING)
-    told(world, 0)
-    with pytest.raises(
-        MessageError, match=r"^state: packed bits: must be 3 bytes long"
-    ):
-        world.receive(wire.State(1, 1, b"\x00", False, 0, 0, 0, 0, 0))
 
 
 def test_a_source_is_brought_to_where_it_was() -> None:
@@ -229,34 +222,6 @@ async def test_others_go_on_while_a_live_source_is_waited_for() -> None:
         world.stop.set()
 
 
-async def test_a_decision_told_twice_is_answered_once() -> None:
-    source = Live(ROWS)
-    async with running(source) as (world, _):
-        world.decide(0)
-        await until_it_waits(source)
-        world.decide(0)
-        source.let_go(2)
-        assert await world.hear() == wire.Observation(1, b"\x01", True)
-        world.decide(0)
-        world.decide(1)
-        assert await world.hear() == wire.Observation(2, b"\x02", known=b"\x02")
-        world.stop.set()
-    assert source.taken == [-1]
-    assert world.said.empty()
-
-
-async def test_stop_ends_it_while_a_live_source_is_waited_for() -> None:
-    source = Live(ROWS)
-    async with running(source) as (world, task):
-        world.decide(0)
-        await until_it_waits(source)
-        world.stop.set()
-        async with asyncio.timeout(PATIENCE):
-            await asyncio.wait([task])
-    assert source.closed
-    assert world.said.empty()
-
-
 async def test_a_live_source_that_is_over_ends_it() -> None:
     source = Live(ROWS[:1])
     source.let_go(2)
@@ -297,21 +262,15 @@ async def test_a_source_that_is_not_live_is_closed_by_whoever_opened_it() -> Non
 # In one process with all the others ---------------------------------------------------
 
 
-@pytest.mark.parametrize("workers", [0, 2])
 async def test_a_swarm_in_one_process_ends_while_a_live_source_is_waited_for(
-    workers: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     source, log = Live(ROWS), tmp_path / "log.mcap"
     source.let_go(3)
     monkeypatch.setattr(
         "neurosnap.runtime.parts.world_process.open_source", lambda *_: source
     )
-    options = RunOptions(
-        source="scripted",
-        body=PLAIN,
-        cells="worker" if workers else "inline",
-        workers=max(workers, 1),
-    )
+    options = RunOptions(source="scripted", body=PLAIN, cells="inline")
     stop = asyncio.Event()
 
     def on_progress(tick: int) -> None:
@@ -319,9 +278,7 @@ async def test_a_swarm_in_one_process_ends_while_a_live_source_is_waited_for(
             stop.set()
 
     async with asyncio.timeout(PATIENCE):
-        ending = await run(
-            RunRequest(options, log, site=InlineSite()), stop, Watcher(on_progress)
-        )
+        ending = await run(RunRequest(options, log), stop, Watcher(on_progress))
     assert ending.stopped
     assert ending.totals.ticks == 3
     assert source.closed

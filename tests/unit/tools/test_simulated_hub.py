@@ -1,8 +1,10 @@
 """The hub in memory: order, reordering, and each fault it can make."""
 
 import asyncio
+from itertools import product
 
 import pytest
+import zenoh
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -39,42 +41,15 @@ def numbers(log: Log, who: str) -> list[int]:
     return [number for sender, number in log if sender == who]
 
 
-@pytest.mark.parametrize(
-    ("expression", "key", "expected"),
-    [
-        ("observation", "observation", True),
-        ("observation", "observation/1", False),
-        ("wavestart", "wavestart/3", False),
-        ("pulse/3", "pulse/3", True),
-        ("pulse/3", "pulse/33", False),
-        ("pulse/*", "pulse/3", True),
-        ("pulse/*", "pulse", False),
-        ("*/3", "leave/3", True),
-        ("**", "observation", True),
-        ("**", "pulse/3", True),
-        ("pulse/**", "pulse/3", True),
-        ("pulse/**", "pulse", True),
-        ("pulse/**", "leave/3", False),
-        ("*", "pulse/3", False),
-    ],
-)
-def test_an_expression_stands_for_its_keys(
-    expression: str, key: str, expected: bool
-) -> None:
-    assert matches(expression, key) is expected
+def test_an_expression_stands_for_the_keys_that_zenoh_takes_it_for() -> None:
+    keys = "observation", "observation/1", "pulse", "pulse/3", "pulse/33", "leave/3"
+    more = "*", "**", "pulse/*", "*/3", "pulse/**", "pulse/3/**", "*/*"
+    for expression, key in product((*keys, *more), keys):
+        stands = zenoh.KeyExpr(expression).intersects(zenoh.KeyExpr(key))
+        assert matches(expression, key) == stands, (expression, key)
 
 
 # Order --------------------------------------------------------------------------------
-
-
-def test_without_a_seed_everything_comes_as_it_was_sent() -> None:
-    hub = SimulatedHub()
-    log = listener(hub)
-    chatter(hub, senders=3, each=10)
-    assert hub.pending == 30
-    assert hub.run() == 30
-    assert log == [(f"s{s}", number) for number in range(10) for s in range(3)]
-    assert hub.pending == 0
 
 
 @given(st.integers(0, 2**32))
@@ -88,14 +63,16 @@ def test_with_a_seed_senders_overtake_each_other_and_each_keeps_its_order(
     assert all(numbers(log, f"s{s}") == list(range(20)) for s in range(3))
 
 
-def test_with_a_seed_the_order_is_another_one() -> None:
+def test_a_seed_gives_an_order_and_faults_and_none_gives_neither() -> None:
     def heard(seed: int | None) -> Log:
-        hub = SimulatedHub(seed, Faults(duplicate=0.2, drop=0.1) if seed else None)
+        hub = SimulatedHub(seed, Faults(duplicate=0.2, drop=0.1))
         log = listener(hub)
         chatter(hub, senders=3, each=20)
+        assert hub.pending == 60 or seed
         hub.run()
         return log
 
+    assert heard(None) == [(f"s{s}", number) for number in range(20) for s in range(3)]
     assert len({tuple(heard(seed)) for seed in (None, 1, 2, 3)}) == 4
     assert heard(1) == heard(1)
 
@@ -149,14 +126,6 @@ def test_what_is_dropped_leaves_a_gap_in_the_numbers() -> None:
     assert heard == sorted(set(heard))
 
 
-def test_without_a_seed_there_are_no_faults() -> None:
-    hub = SimulatedHub(None, Faults(duplicate=1.0, drop=1.0))
-    log = listener(hub)
-    chatter(hub, senders=1, each=10)
-    hub.run()
-    assert numbers(log, "s0") == list(range(10))
-
-
 @pytest.mark.parametrize("seed", [None, 3])
 def test_a_cut_link_loses_what_was_under_way_and_what_comes(seed: int | None) -> None:
     hub = SimulatedHub(seed)
@@ -183,25 +152,6 @@ def test_a_cut_link_loses_what_was_under_way_and_what_comes(seed: int | None) ->
 # Parts --------------------------------------------------------------------------------
 
 
-async def test_where_a_loop_runs_the_hub_delivers_by_itself() -> None:
-    hub = SimulatedHub()
-    heard = asyncio.Event()
-    log: list[int] = []
-
-    def note(deliveries: list[wire.Delivery]) -> None:
-        log.extend(delivery.sequence for delivery in deliveries)
-        if len(log) == 1000:
-            heard.set()
-
-    async with hub.fabric("listener") as end:
-        await end.subscribe(("leave/**",), note)
-        chatter(hub, senders=1, each=1000)
-        assert log == []  # never within `publish`
-        async with asyncio.timeout(PATIENCE):
-            await heard.wait()
-    assert log == list(range(1000))
-
-
 async def test_other_tasks_get_their_turn_in_a_flood() -> None:
     hub = SimulatedHub()
     stop = asyncio.Event()
@@ -213,9 +163,3 @@ async def test_other_tasks_get_their_turn_in_a_flood() -> None:
         async with asyncio.timeout(PATIENCE):
             await end.serve(stop)
     assert end.sent > 1
-
-
-async def test_serving_needs_the_context() -> None:
-    end = SimulatedHub().fabric("part")
-    with pytest.raises(RuntimeError, match=r"^serve: must be called inside"):
-        await end.serve(asyncio.Event())
