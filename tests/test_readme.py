@@ -110,13 +110,6 @@ def test_make_targets_exist() -> None:
         assert b"neurosnap run" in dry.stdout or b"pytest" in dry.stdout
 
 
-@pytest.mark.parametrize("page", LINKED, ids=name_of)
-def test_make_targets_in_the_text_exist(page: Path) -> None:
-    targets = re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
-    named = re.findall(r"`make ([a-z]+)`", page.read_text())
-    assert set(named) <= set(targets)
-
-
 def steps(page: Path) -> Iterator[tuple[str, list[str]]]:
     """Yield what a page runs, in its order, with the output that it shows right below.
 
@@ -137,7 +130,7 @@ def steps(page: Path) -> Iterator[tuple[str, list[str]]]:
 
 
 def stands(line: str, said: list[str]) -> bool:
-    """Tell whether a line that is shown was said; dots stand for its rest."""
+    """Report whether a line that is shown was said; dots stand for its rest."""
     if line.endswith(" ..."):
         return any(one.startswith(line.removesuffix("...")) for one in said)
     return line in said
@@ -256,37 +249,42 @@ def test_commands_and_their_options_exist(page: Path) -> None:
         words = line[line.index("neurosnap ") :].split()[1:]
         strange = {word for word in words if OPTION.fullmatch(word)} - options(words)
         assert not strange, line
-
-
-@pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_options_in_the_text_exist(page: Path) -> None:
     # The tools have options of their own.
-    known = {*all_options(), "--help"}
-    text = FENCED.sub("", page.read_text())
-    for code in INLINE.findall(text):
+    for code in INLINE.findall(FENCED.sub("", page.read_text())):
         if not code.startswith("tools/"):
-            assert set(OPTION.findall(code)) <= known, code
+            assert set(OPTION.findall(code)) <= {*all_options(), "--help"}, code
 
 
-@pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_files_and_worlds_that_are_named_exist(page: Path) -> None:
+@pytest.mark.parametrize("page", LINKED, ids=name_of)
+def test_what_a_page_names_exists(page: Path) -> None:
     text = page.read_text()
     for name in re.findall(r"(?<![/\w])((?:tools|examples|tests)/\w+\.\w+)", text):
         assert (ROOT / name).is_file(), name
     for name in re.findall(r"\bneurosnap/\w+-v0", text):
         assert name in gymnasium.registry, name
-
-
-@pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_tests_that_are_named_exist(page: Path) -> None:
-    for name, tests in re.findall(
-        r"`(tests/[\w/]+\.py)((?:::\w+)+)`", page.read_text()
-    ):
-        text = (ROOT / name).read_text()
+    targets = re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    assert set(re.findall(r"`make ([a-z]+)`", text)) <= set(targets)
+    for name, tests in re.findall(r"`(tests/[\w/]+\.py)((?:::\w+)+)`", text):
         for test in tests.split("::")[1:]:
-            assert re.search(
-                rf"^ *(?:async )?(?:def|class) {test}\b", text, re.MULTILINE
-            ), test
+            definition = rf"^ *(?:async )?(?:def|class) {test}\b"
+            found = re.search(definition, (ROOT / name).read_text(), re.MULTILINE)
+            assert found, test
+    for link in re.findall(r"\]\(([^)\s]+)\)", FENCED.sub("", text)):
+        if "://" in link:
+            continue
+        name, _, anchor = link.partition("#")
+        target = page.parent / name if name else page
+        assert target.is_file(), link
+        assert not anchor or anchor in anchors(target), link
+
+
+def anchors(page: Path) -> set[str]:
+    """Return what can be linked to in a page: its headings, as web sites write them."""
+    headings = re.findall(r"^#+ (.*)$", FENCED.sub("", page.read_text()), re.MULTILINE)
+    return {
+        re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-")
+        for heading in headings
+    }
 
 
 def test_the_pages_name_every_world() -> None:
@@ -315,27 +313,7 @@ def test_the_tree_is_the_tree() -> None:
     assert all((ROOT / name).is_dir() for name in beside)
 
 
-def anchors(page: Path) -> set[str]:
-    """Return what can be linked to in a page: its headings, as web sites write them."""
-    headings = re.findall(r"^#+ (.*)$", FENCED.sub("", page.read_text()), re.MULTILINE)
-    return {
-        re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-")
-        for heading in headings
-    }
-
-
-@pytest.mark.parametrize("page", LINKED, ids=name_of)
-def test_links_lead_somewhere(page: Path) -> None:
-    for link in re.findall(r"\]\(([^)\s]+)\)", FENCED.sub("", page.read_text())):
-        if "://" in link:
-            continue
-        name, _, anchor = link.partition("#")
-        target = page.parent / name if name else page
-        assert target.is_file(), link
-        assert not anchor or anchor in anchors(target), link
-
-
-def test_the_readme_leads_to_every_page() -> None:
+def test_the_readme_is_short_and_leads_to_every_page() -> None:
     index = ROOT / "docs" / "index.md"
     assert "(docs/index.md)" in README.read_text()
     text = index.read_text()
@@ -343,7 +321,4 @@ def test_the_readme_leads_to_every_page() -> None:
     assert [
         name for page in others if f"({(name := name_of(page))}.md)" not in text
     ] == []
-
-
-def test_the_readme_is_short() -> None:
     assert len(README.read_text().splitlines()) <= 150

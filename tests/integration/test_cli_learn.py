@@ -9,7 +9,6 @@ import pytest
 
 from tests.support.command_line import call, happy, refused
 from tests.support.command_line_files import record_path
-from tests.support.planted import planted
 from tests.support.sources import written
 
 ROOT = Path(__file__).parents[2]
@@ -81,18 +80,6 @@ def test_the_page_loads_nothing_and_shows_strange_names_as_they_are(
     assert page.tags.count("svg") == 1
     assert page.tags.count("rect") == 2  # an element and its complement
     assert "url(" not in out.read_text()
-
-
-def test_what_is_planted_is_found_from_the_command_line(tmp_path: Path) -> None:
-    wanted = planted(0, 0.01)
-    names = ",".join(f"s{k}" for k in range(200))
-    lines = ("".join(map(str, row)) for row in wanted.table.astype(int).tolist())
-    text = "\n".join(",".join(line) for line in lines)
-    facts = happy("learn", written(tmp_path, f"{names}\n{text}\n"))
-    found = [(row["relation"], row["a"], row["b"]) for row in facts["relations"]]
-    covers = {(f"s{a}", f"s{b}") for a, b in wanted.covers}
-    assert len(found) == 50
-    assert {(a, b) for name, a, b in found if name == "implies"} == covers
 
 
 def test_a_home_says_when() -> None:

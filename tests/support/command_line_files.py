@@ -8,13 +8,12 @@ from tests.support.command_line import happy
 from tests.support.rewritten_recordings import changing, rewritten, write_again
 
 
-def readings(rows: int, *, time: bool = False) -> str:
+def readings(rows: int) -> str:
     """Return a CSV in which `a` implies `b`, and `c` goes its own way."""
-    lines = ["time,a,b,c" if time else "a,b,c"]
+    lines = ["a,b,c"]
     for row in range(rows):
         a, b, c = row % 3 == 0, row % 3 != 1, row % 5 < 2
-        stamp = f"{row / 10:.1f}," if time else ""
-        lines.append(f"{stamp}{a:d},{b:d},{c:d}")
+        lines.append(f"{a:d},{b:d},{c:d}")
     return "\n".join(lines) + "\n"
 
 

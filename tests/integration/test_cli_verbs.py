@@ -1,0 +1,243 @@
+"""The verbs of a run and of its recording, from one end to the other."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from neurosnap.recording.read.recording import Recording, part_paths
+from neurosnap.system.picture import KINDS
+from tests.support.command_line import (
+    RUN_KEYS,
+    call,
+    failed,
+    flat,
+    happy,
+    last_json,
+    refused,
+)
+from tests.support.command_line_files import changed, cut, readings, record_path
+from tests.support.disturbed_commands import finish, sound, started
+from tools.soak.memory import write_readings
+
+pytestmark = pytest.mark.slow
+
+PATH = "neurosnap/Path-v0"
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return record_path(tmp_path_factory.mktemp("log") / "path.mcap")
+
+
+@pytest.fixture
+def csv(tmp_path: Path) -> Path:
+    path = tmp_path / "readings.csv"
+    path.write_text(readings(40), encoding="utf-8")
+    return path
+
+
+# In this process ----------------------------------------------------------------------
+
+
+def test_a_run_says_what_it_came_to(tmp_path: Path, csv: Path) -> None:
+    given = ("run", csv, "--cells", "inline", "--threshold", 0.1, "--seed", 7, "--out")
+    one, other = tmp_path / "one.mcap", tmp_path / "other.mcap"
+    result = call(*given, one)
+    assert result.exit_code == 0
+    for said in ("3 (inline, hasse wiring)", "a → b", f"recording: {one}"):
+        assert said in flat(result.stdout)
+    facts = happy(*given, other)
+    assert facts.keys() >= RUN_KEYS
+    assert (facts["log"], facts["ticks"], facts["cells"]) == (str(other), 40, 3)
+    assert (facts["complete"], facts["stopped"], facts["height"]) == (True, False, 1)
+    assert ["a", "b"] in facts["implications"]
+    metadata = Recording.open(one).metadata
+    assert (metadata["seed"], metadata["source"]) == ("7", str(csv))
+
+
+def test_a_run_that_is_not_recorded_leaves_no_file(
+    tmp_path: Path, csv: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    nothing = ("--set", "recording.record=false")
+    facts = happy("run", csv, "--cells", "inline", *nothing)
+    assert (facts["log"], facts["ticks"]) == (None, 40)
+    assert list(tmp_path.iterdir()) == [csv]
+
+
+@pytest.mark.parametrize(
+    ("options", "cells"),
+    [
+        (("--agent", "walker"), 4),
+        (("--agent", "excited", "--target", 2), 4 + 2 + 3 + 24),
+        (("--agent", "planner", "--target", "below_3, below_2*"), 4 + 2 + 16),
+        (("--agent", "planner", "--target", "below_3", "--set", "wait=true"), 31),
+    ],
+)
+def test_every_agent_runs_and_its_recording_verifies(
+    options: tuple[object, ...], cells: int, tmp_path: Path
+) -> None:
+    log = tmp_path / "log.mcap"
+    inline = ("--cells", "inline", "--ticks", 40, "--set", "places=5", "--out", log)
+    facts = happy("run", PATH, *options, *inline)
+    assert (facts["ticks"], facts["cells"]) == (40, cells)
+    verdict = happy("verify", log)
+    assert (verdict["same"], verdict["complete"]) == (True, True)
+
+
+def test_what_a_recording_lacks_is_said_by_info_and_verify(
+    log: Path, tmp_path: Path
+) -> None:
+    facts = happy("info", log)
+    assert facts["path"] == str(log)
+    assert facts["messages"] == sum(1 for _ in Recording.open(log).messages())
+    assert "  observation " in call("info", log).stdout
+    verdict = happy("verify", log)
+    assert (verdict["same"], verdict["complete"], verdict["ticks"]) == (True, True, 30)
+    said = "every state and decision of 30 ticks came out the same"
+    assert said in call("verify", log).stdout
+
+    half = cut(log, tmp_path / "cut")
+    lacking = call("info", half, "--format", "json")
+    assert lacking.exit_code == 3
+    assert last_json(lacking.stdout)["messages"] < facts["messages"]
+    result = call("verify", half, "--format", "json")
+    assert result.exit_code == 3
+    verdict = last_json(result.stdout)
+    assert (verdict["same"], verdict["complete"]) == (True, False)
+    assert 0 < verdict["ticks"] < 30
+    assert "the recording is incomplete" in result.stderr
+
+    result = call("verify", changed(log, tmp_path / "lie"), "--format", "json")
+    assert result.exit_code == 1
+    assert last_json(result.stdout)["same"] is False
+    assert "different: tick 9: /decision coordinator " in result.stderr
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_a_run_goes_on(log: Path, tmp_path: Path, whole: bool) -> None:
+    source, out = log if whole else cut(log, tmp_path / "cut"), tmp_path / "more.mcap"
+    facts = happy("resume", source, "--ticks", 42, "--out", out)
+    assert facts.keys() >= RUN_KEYS
+    assert (facts["resumed"], facts["resumed_at"] == 30) == (str(source), whole)
+    assert (facts["log"], facts["ticks"]) == (str(out), 42)
+    assert happy("verify", out)["ticks"] == 42
+
+
+def test_a_run_that_cannot_go_on_says_why(log: Path, tmp_path: Path, csv: Path) -> None:
+    first, out, again = (tmp_path / name for name in ("log", "out", "again"))
+    happy("run", csv, "--cells", "inline", "--ticks", 10, "--out", first)
+    assert happy("resume", first, "--out", out)["ticks"] == 40  # all that the file has
+    text = refused("resume", out, "--out", again)
+    assert "ticks: must be more than the 40 there are" in text
+    csv.unlink()
+    assert "No such file" in refused("resume", first, "--out", again)
+    lie = changed(log, tmp_path / "lie")
+    said = f"{lie}: must be a true run: tick 9: /decision"
+    assert said in failed("resume", lie, "--out", again)
+    assert not again.exists()
+
+
+def test_a_run_in_several_files(tmp_path: Path) -> None:
+    rows, log, new = (tmp_path / name for name in ("rows.csv", "log.mcap", "new.mcap"))
+    write_readings(rows, 1500, 6, 2)
+    split = ("--cells", "inline", "--set", "recording.split=64KiB", "--ticks", 1400)
+    happy("run", rows, *split, "--out", log)
+    files = part_paths(log)
+    whole = happy("verify", log)
+    assert (whole["same"], whole["complete"]) == (True, True)
+    assert (whole["files"], whole["ticks"]) == (len(files), 1400)
+    assert len(files) > 1
+    said = "400 ticks after tick 1000 came out the same"
+    assert said in call("verify", files[1]).stdout
+    found = happy("verify", log, "--from", 1234)
+    assert (found["start"], found["ticks"], found["same"]) == (1000, 400, True)
+    assert happy("info", log)["files"] == [path.name for path in files.values()]
+
+    happy("resume", log, "--ticks", 1450, "--out", new)
+    # How much goes into a file depends on when it is flushed: there may be another.
+    assert min(part_paths(new)) == len(files) - 1
+    found = happy("verify", new)
+    assert (found["same"], found["start"] + found["ticks"]) == (True, 1450)
+
+
+def test_depth_of_a_recording(log: Path, tmp_path: Path) -> None:
+    out = tmp_path / "new" / "folder"
+    facts = happy("depth", log, "--out", out)
+    assert facts["waves"] == len(facts["rows"]) == 60
+    lines = (out / "depth.csv").read_text().splitlines()
+    assert lines[0] == "sensors,wiring,height,depth,longest,pulses,seconds"
+    assert len(lines) == 1 + 60
+    for kind, begins in (("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")):
+        assert Path(facts[kind]).read_bytes().startswith(begins)
+    assert len(list(out.iterdir())) == 4
+    assert "must not exist yet, or come" in refused("depth", log, "--out", out)
+
+
+def test_check_exits_by_what_it_finds(tmp_path: Path) -> None:
+    result = call("check", "--format", "json", "--tls", tmp_path)
+    assert result.exit_code == 1
+    assert [f["what"] for f in last_json(result.stdout)["findings"] if not f["ok"]] == [
+        "keys"
+    ]
+
+
+# In processes -------------------------------------------------------------------------
+
+
+def facts_of(folder: Path, *arguments: object) -> dict[str, Any]:
+    """Run a command in a process of its own; return the object it prints last."""
+    with started(*arguments, "--format", "json", folder=folder) as process:
+        code, stdout, stderr = finish(process)
+    assert code == 0, stderr
+    assert "Traceback" not in stderr
+    return last_json(stdout)
+
+
+@pytest.mark.zenoh
+@pytest.mark.parametrize("cells", ["process", "worker"])
+def test_a_run_of_processes_goes_on(tmp_path: Path, csv: Path, cells: str) -> None:
+    one, other = tmp_path / "one.mcap", tmp_path / "other.mcap"
+    run = ("run", csv, "--cells", cells, "--ticks", 25)
+    for arguments, log, ticks in ((run, one, 25), (("resume", one), other, 40)):
+        facts = facts_of(tmp_path, *arguments, "--out", log)
+        assert facts["log"] == str(log)
+        assert (facts["ticks"], facts["cells"], facts["complete"]) == (ticks, 3, True)
+        assert facts.get("resumed_at") == (25 if log == other else None)
+        verdict = sound(log)
+        assert (verdict.complete, verdict.ticks) == (True, ticks)
+
+
+@pytest.mark.zenoh
+def test_two_runs_at_once_do_not_meet(tmp_path: Path, csv: Path) -> None:
+    arguments = ("run", csv, "--format", "json")
+    with (
+        started(*arguments, "--seed", 1, folder=tmp_path) as one,
+        started(*arguments, "--seed", 2, folder=tmp_path) as other,
+    ):
+        ends = [finish(process) for process in (one, other)]
+    assert [code for code, _, _ in ends] == [0, 0], ends
+    logs = [tmp_path / last_json(stdout)["log"] for _, stdout, _ in ends]
+    assert {log.parent for log in logs} == {tmp_path / "logs"}
+    recordings = [Recording.open(log) for log in logs]
+    assert recordings[0].swarm != recordings[1].swarm
+    assert [each.metadata["seed"] for each in recordings] == ["1", "2"]
+    for log in logs:
+        verdict = sound(log)
+        assert (verdict.complete, verdict.ticks) == (True, 40)
+
+
+@pytest.mark.zenoh
+def test_depth_is_measured_in_swarms(tmp_path: Path) -> None:
+    small = ("depth", "--waves", 2, "--heights", "1,3", "--sensors", 4)
+    facts = facts_of(tmp_path, *small)
+    assert [row["depth"] for row in facts["rows"]] == [1, 1, 3, 3]
+    assert facts["line"] is not None
+    names = {f"depth.{kind}" for kind in ("csv", *KINDS)}
+    assert {path.name for path in tmp_path.iterdir()} == names
+    order = ("--edges", 4000, "--seed", 4, "--workers", 3, "--heights", "5,20")
+    shared = ("--cells", "worker", "--waves", 2, "--sensors", 600, "--force")
+    random = facts_of(tmp_path, "depth", *shared, *order)
+    assert [row["depth"] for row in random["rows"]] == [5, 5, 20, 20]
+    assert {row["pulses"] for row in random["rows"]} == {2000}
