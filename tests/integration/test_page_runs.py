@@ -64,10 +64,7 @@ async def test_each_recording_of_a_server_is_asked_by_its_number(
     async with serving(*map(ViewSession, logs)) as address:
         _, body = await get(address, "/api/runs")
         runs = msgspec.json.decode(body, type=Runs).runs
-        assert [each.name for each in runs] == [
-            f"{logs[0].parent.name}/run.mcap",
-            "other/run.mcap",
-        ]
+        assert [each.name for each in runs] == list(map(str, logs))
         for number, log in enumerate(logs):
             _, body = await get(address, f"/api/graph?tick=30&run={number}")
             own = msgspec.json.decode(body)["id"]
@@ -91,10 +88,8 @@ async def test_another_recording_is_chosen_and_a_link_leads_to_it(
     logs: tuple[Path, Path],
 ) -> None:
     async with opened(logs[0], "#t=12", "light", logs[1]) as page:
-        assert await page.locator("#run option").all_inner_texts() == [
-            f"{logs[0].parent.name}/run.mcap",
-            "other/run.mcap",
-        ]
+        names = await page.locator("#run option").all_inner_texts()
+        assert names == list(map(str, logs))
         await expect(page.locator("#what")).to_contain_text(
             RunView(logs[0]).recording.swarm
         )
@@ -119,7 +114,7 @@ async def test_it_says_how_two_recordings_differ_at_a_tick(
         await page.click("#tab-compare")
         found = difference(views[0], 30, views[1], 30)
         assert found.here.count > 0
-        heading = page.get_by_text("Implied here, not in other/run.mcap")
+        heading = page.get_by_text(f"Implied here, not in {logs[1]}")
         await expect(heading).to_contain_text(str(found.here.count))
         await go_to(page, parted)
         felt = difference(views[0], parted, views[1], parted).felt
@@ -317,22 +312,6 @@ async def test_a_server_that_is_gone_is_said_to_be_until_it_is_back(
         await page.unroute("**/api/*")
         await expect(notice).to_be_hidden()
         await is_old(page, False)
-
-
-@pytest.mark.slow
-async def test_the_next_start_lets_in_who_was_let_in_before(long_log: Path) -> None:
-    async with serving(ViewSession(long_log)) as address:
-        pass
-    async with serving(ViewSession(long_log), last=address) as again:
-        assert again == address
-        async with serving(ViewSession(long_log), last=address) as beside:
-            assert beside.port != address.port
-        async with looked_at(again.url) as page:
-            await page.goto(again.url + "#t=5")
-            await wait_shown(page, 5)
-            assert await page.evaluate("location.href") == (
-                f"http://127.0.0.1:{again.port}/#t=5"
-            )
 
 
 @pytest.mark.slow
@@ -562,11 +541,11 @@ async def test_what_the_server_says_without_a_page(
     shutil.copy(long_log, log)
     async with serving(ViewSession(log)) as address:
         for site, words in {
-            "none": "This browser has not been let in yet.",
-            "cross-site": "Copy the link, and paste it into the address bar.",
+            "none": "that of the address neurosnap view printed: open that first",
+            "cross-site": "paste it into the address bar",
         }.items():
-            told = [f"Sec-Fetch-Site: {site}", "Sec-Fetch-Dest: document"]
-            status, body = await get(address, "/", *told, token=False)
+            told = f"Sec-Fetch-Site: {site}"
+            status, body = await get(address, "/", told, token=False)
             assert status in (401, 403)
             assert words in body.decode()
             assert address.token not in body.decode()

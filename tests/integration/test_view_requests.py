@@ -3,17 +3,18 @@
 import asyncio
 import os
 import socket
-from collections.abc import AsyncIterator, Sequence
-from contextlib import AsyncExitStack, asynccontextmanager
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
 
 import msgspec
 import pytest
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from neurosnap.apps.viewer import api, server
+from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.auth import Address
 from neurosnap.apps.viewer.run_view import RunView
-from neurosnap.apps.viewer.server import Connection, serving
+from neurosnap.apps.viewer.server import serving
 from neurosnap.apps.viewer.session import ViewSession
 from tests.support.page_requests import events, get, say, status_of
 from tests.support.patience import PATIENCE
@@ -32,14 +33,14 @@ async def test_an_answer_does_not_wait_for_its_head_to_be_acknowledged(
     path_log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[int] = []
-    made = Connection.connection_made
+    made = H11Protocol.connection_made
 
-    def watched(self: Connection, transport: asyncio.Transport) -> None:
+    def watched(self: H11Protocol, transport: asyncio.Transport) -> None:
         made(self, transport)
         own = transport.get_extra_info("socket")
         seen.append(own.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY))
 
-    monkeypatch.setattr(Connection, "connection_made", watched)
+    monkeypatch.setattr(H11Protocol, "connection_made", watched)
     async with served(path_log) as address:
         await get(address, "/api/run")
     assert seen
@@ -180,83 +181,6 @@ async def test_who_fails_while_serving_leaves_nothing_listening(path_log: Path) 
                 assert status == 200
                 raise RuntimeError("failed on purpose")
         assert failed.group_contains(RuntimeError, match="on purpose")
-
-
-@asynccontextmanager
-async def held(
-    address: Address, count: int
-) -> AsyncIterator[list[asyncio.StreamReader]]:
-    """Hold so many connections."""
-    async with AsyncExitStack() as stack:
-        readers: list[asyncio.StreamReader] = []
-        for _ in range(count):
-            reader, writer = await asyncio.open_connection("127.0.0.1", address.port)
-            stack.callback(writer.close)
-            readers.append(reader)
-        yield readers
-
-
-async def test_silent_connections_keep_nobody_out(path_log: Path) -> None:
-    """More than there are places for, all of them from somebody without the token."""
-    async with (
-        asyncio.timeout(PATIENCE),
-        serving(ViewSession(path_log)) as address,
-        held(address, 2 * server.MOST),
-    ):
-        for _ in range(3):
-            status, body = await get(address, "/")
-            assert (status, body[:9].lower()) == (200, b"<!doctype"), body
-
-
-@pytest.mark.parametrize(
-    "said",
-    [
-        [],
-        [b"GET / HTTP/1.1\r\n"],
-        # A whole request, which is refused, and then the half of another.
-        [b"GET / HTTP/1.1\r\nHost: no\r\n\r\n", b"GET / HTTP/1.1\r\nX: "],
-    ],
-    ids=["nothing", "half a request", "half a second one"],
-)
-async def test_what_does_not_become_a_request_is_closed(
-    path_log: Path, monkeypatch: pytest.MonkeyPatch, said: Sequence[bytes]
-) -> None:
-    monkeypatch.setattr(server, "SILENCE", 0.05)
-    async with asyncio.timeout(PATIENCE), serving(ViewSession(path_log)) as address:
-        reader, writer = await asyncio.open_connection("127.0.0.1", address.port)
-        try:
-            for part in said:
-                writer.write(part)
-            answer = await reader.read()
-        finally:
-            writer.close()
-    if len(said) > 1:
-        assert status_of(answer) == 421
-        assert answer.count(b"HTTP/1.1") == 1
-    else:
-        assert answer == b""
-
-
-async def test_an_answer_that_takes_longer_is_not_cut_off(
-    path_log: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(server, "SILENCE", 0.05)
-    async with asyncio.timeout(PATIENCE), serving(ViewSession(path_log)) as address:
-        reader, writer = await asyncio.open_connection("127.0.0.1", address.port)
-        target = f"/api/events?token={address.token}"
-        head = f"GET {target} HTTP/1.1\r\nHost: localhost:{address.port}\r\n\r\n"
-        writer.write(head.encode())
-        try:
-            assert b"200" in await reader.readline()
-            # Others come and go silent meanwhile.
-            _, silent = await asyncio.open_connection("127.0.0.1", address.port)
-            other, late = await asyncio.open_connection("127.0.0.1", address.port)
-            assert await other.read() == b""
-            silent.close()
-            late.close()
-            assert not reader.at_eof()
-        finally:
-            writer.close()
 
 
 async def test_a_growing_recording_is_told_frame_by_frame(

@@ -48,7 +48,7 @@ async def look(
     Args:
         logs: The recordings, one or more; the page opens with the first.
         stop: Ends it.
-        port: 0: that of the last page, or any that is free.
+        port: 0: any that is free.
         browser: Whether to open it.
         grows: Says whether they are still being written; None for each by the notes of
             this machine's swarms. As long as one is, its beginning is waited for.
@@ -60,7 +60,6 @@ async def look(
             serves the page is not installed.
     """
     check_page()
-    from neurosnap.apps.viewer.auth import keep_address, kept_address
     from neurosnap.apps.viewer.server import serving
     from neurosnap.apps.viewer.session import ViewSession
     from neurosnap.runtime.registry import recorded_in
@@ -74,10 +73,7 @@ async def look(
         writes = grows or writer_of(log)
         opened = partial(ViewSession, log, writes)
         sessions.append(await _begun(opened, writes, stop))
-    last = kept_address()
-    async with serving(*sessions, port=port, last=last) as address:
-        if last is None or port:
-            keep_address(address)
+    async with serving(*sessions, port=port) as address:
         # Not through what folds lines: it is to be copied whole.
         if as_json:
             named = {"log": str(logs[0]), "logs": [str(log) for log in logs]}

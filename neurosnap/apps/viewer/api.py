@@ -95,7 +95,7 @@ class Listed(msgspec.Struct, frozen=True, kw_only=True):
     """One recording of the server; its place in the list is its number."""
 
     name: str
-    """As much of its path as tells it from the others."""
+    """The file's name; its path where another has the same name."""
     live: bool
 
 
@@ -157,9 +157,7 @@ class PlanView(msgspec.Struct, frozen=True, kw_only=True):
     """The plan that a decision follows."""
 
     steps: list[int]
-    """Actions by number: those that were taken, this one, and those to come."""
-    at: int
-    """The place of this one."""
+    """Actions by number: this one, and those to come."""
     more: int
     """Steps to come that are not named."""
     why: str
@@ -302,7 +300,7 @@ class Edge(WeighedView, frozen=True, kw_only=True):
     source: int
     target: int
     over: list[WeighedView]
-    """By tick: at key-frames, and closer together near the tick."""
+    """Before and after the tick, evenly apart."""
 
 
 class Points(msgspec.Struct, frozen=True):

@@ -12,15 +12,14 @@ from hashlib import blake2b
 import msgspec
 import numpy as np
 
-from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.apps.viewer.api import Arrow, Edge, Graph, NodeView, WeighedView
-from neurosnap.errors import InvalidValueError, RecordingError
+from neurosnap.errors import RecordingError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.tick_index import TickIndex
-from neurosnap.recording.replay.learning import Learning, snapshot_in
+from neurosnap.recording.replay.learning import Learning
 
 _STRIDE = 100
 """Ticks between two snapshots that are kept on the way."""
@@ -32,8 +31,7 @@ _A_PAIR = 12
 _AROUND = 500
 """Ticks before and after the one asked for that are learned through again."""
 _NEAR = 100
-_FAR = 100
-"""Points of these ticks, and of the key-frames."""
+"""Those of them that are told, at most."""
 
 
 class SnapshotCache:
@@ -91,15 +89,6 @@ class SnapshotCache:
                 self._keep(learning)
             if tick >= first:
                 yield learning
-
-    def weigh(self, frame: wire.KeyFrame) -> Snapshot:
-        """Return the snapshot of a key-frame.
-
-        Raises:
-            RecordingError: It holds none, or one of other sensors.
-        """
-        path = self.tick_index.recording.path
-        return snapshot_in(frame, self.tick_index.bands(frame), self._options, path)
 
     def _leads(self, known: int, tick: int) -> bool:
         """Return whether every observation is there from one tick to another."""
@@ -182,7 +171,7 @@ def weighed(
 ) -> Edge:
     """Return what is known of ``source -> target`` at a tick and around it.
 
-    Cost: the learning of a thousand ticks, and the reading of a hundred key-frames.
+    Cost: the learning of a thousand ticks.
 
     Args:
         cache: What was learned.
@@ -196,10 +185,7 @@ def weighed(
         RecordingError: An observation or a key-frame that is needed is not there.
     """
     now = _weigh(tick, cache.at(tick).snapshot, source, target)
-    around = {each.tick: each for each in _far(cache, source, target)}
-    around |= {each.tick: each for each in _near(cache, source, target, tick, ends)}
-    around[tick] = now
-    over = [around[each] for each in sorted(around)]
+    over = list(_near(cache, source, target, tick, ends))
     return Edge(source=source, target=target, over=over, **msgspec.structs.asdict(now))
 
 
@@ -228,13 +214,3 @@ def _near(
                 yield _weigh(learned.tick, learned.snapshot, source, target)
     except RecordingError:
         return  # what is known by then is shown
-
-
-def _far(cache: SnapshotCache, source: int, target: int) -> Iterator[WeighedView]:
-    """Yield key-frames, evenly apart."""
-    for frame in cache.tick_index.keyframes(_FAR):
-        try:
-            snapshot = cache.weigh(frame)
-        except (RecordingError, InvalidValueError):
-            continue
-        yield _weigh(frame.tick, snapshot, source, target)

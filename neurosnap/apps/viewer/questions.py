@@ -7,7 +7,6 @@ name. No path is ever made of what a request says.
 import asyncio
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import AsyncExitStack
-from pathlib import Path
 
 import msgspec
 from starlette.datastructures import QueryParams
@@ -77,7 +76,10 @@ class Questions:
         """Answer which recordings there are, by number."""
         for session in self._sessions:
             await session.look()
-        names = told_apart([session.run_view.path for session in self._sessions])
+        paths = [session.run_view.path for session in self._sessions]
+        names = [path.name for path in paths]
+        if len(set(names)) < len(names):  # only their folders tell them apart
+            names = list(map(str, paths))
         return _answer(
             api.Runs(
                 [
@@ -242,24 +244,3 @@ def within(query: QueryParams, name: str, default: int, least: int, most: int) -
     if not least <= number <= most:
         raise InvalidValueError(name, f"must be in [{least}, {most}]", number)
     return number
-
-
-def told_apart(paths: Sequence[Path]) -> list[str]:
-    """Return for each path as much of its end as no other path has.
-
-    Example:
-        >>> told_apart([Path("/a/run.mcap"), Path("/b/run.mcap"), Path("/b/x.mcap")])
-        ['a/run.mcap', 'b/run.mcap', 'x.mcap']
-    """
-    parts = [path.absolute().parts for path in paths]
-    return [
-        next(
-            (
-                "/".join(own[-count:])
-                for count in range(1, len(own))
-                if sum(one[-count:] == own[-count:] for one in parts) == 1
-            ),
-            str(path),
-        )
-        for path, own in zip(paths, parts, strict=True)
-    ]

@@ -5,7 +5,6 @@ has, which is the one that `neurosnap verify` derives. Only the learned order is
 out, by learning what was observed from the nearest key-frame on.
 """
 
-from collections import OrderedDict
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from neurosnap.agent.growth.sensor_changes import changes_in
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.learned import SnapshotCache, drawn, graph_id, weighed
 from neurosnap.apps.viewer.tick_messages import Ticks
-from neurosnap.apps.viewer.waves import BEFORE, Imagined, first_shown, plan_at
+from neurosnap.apps.viewer.waves import Imagined, first_shown, plan_of
 from neurosnap.apps.viewer.world_scene import Scene
 from neurosnap.errors import (
     InvalidValueError,
@@ -40,8 +39,6 @@ _BACK = 8
 """Images that are looked for, at most: one may be lost, and so many not in a row."""
 _READINGS = 15_000
 """Readings of sensors in the ticks that are read at once, about."""
-_GRAPHS = 32
-"""Drawn orders that are kept."""
 _BITS: tuple[api.Bit, ...] = (None, 0, 1, None)
 _UNKNOWN = ""
 """The id of an order that cannot be known: an observation is missing."""
@@ -73,7 +70,6 @@ class RunView:
         self._names = self.options.body.actions
         self._choices = self.options.body.choices
         self._imagined = Imagined(self.options.body)
-        self._graphs: OrderedDict[str, api.Graph] = OrderedDict()
         self._identified: tuple[PocGraph, Body, str] | None = None
 
     def grow(self) -> bool:
@@ -149,15 +145,11 @@ class RunView:
         ticks = Ticks(self.tick_index, self.options, first, last)
         learned = dict(self._learned(first, last))
         unknown = (_UNKNOWN, self.options.body)
-        decisions, asked = self._decided_before(first)
-        decisions |= ticks.decisions
-        asked |= ticks.asked
         return [
             self._frame(
                 ticks,
                 ticks.states[tick],
                 *learned.get(tick, unknown),
-                plan_at(tick, decisions, asked, self._names),
             )
             for tick in range(first, last + 1)
             if tick in ticks.states
@@ -172,18 +164,12 @@ class RunView:
         """
         learned = self.learned(tick)
         graph = learned.snapshot.poc_graph()
-        name = graph_id(graph, learned.body)
-        if name not in self._graphs:
-            self._graphs[name] = drawn(name, tick, graph, learned.body)
-            if len(self._graphs) > _GRAPHS:
-                self._graphs.popitem(last=False)
-        self._graphs.move_to_end(name)
-        return msgspec.structs.replace(self._graphs[name], tick=tick)
+        return drawn(graph_id(graph, learned.body), tick, graph, learned.body)
 
     def edge(self, source: int, target: int, tick: int) -> api.Edge:
         """Return what is known of ``source -> target`` at a tick and around it.
 
-        Cost: the learning of a thousand ticks, and the reading of a hundred key-frames.
+        Cost: the learning of a thousand ticks.
 
         Raises:
             InvalidValueError: There is no such tick, no such literal, or both are of
@@ -252,20 +238,6 @@ class RunView:
                 return min(observation.tick for observation in observed)
         return 1
 
-    def _decided_before(self, first: int) -> tuple[dict[int, wire.Decision], set[int]]:
-        """Return decisions some plan may have begun with, and ticks that planned."""
-        if not self.options.imagine or first <= self.first:
-            return {}, set()
-        since = max(self.first, first - BEFORE)
-        chunks = self.tick_index.chunk_of(since), self.tick_index.chunk_of(first) + 1
-        asked = {
-            start.tick
-            for _, chunk in self.tick_index.readable(*chunks)
-            for start in chunk.all("wavestart", wire.WaveStart)
-            if start.kind == "signal"
-        }
-        return self.tick_index.decisions(since, first - 1), asked
-
     def _learned(self, first: int, last: int) -> Iterator[tuple[int, tuple[str, Body]]]:
         """Yield the order's id and the body after each tick, as far as known."""
         tick = first
@@ -292,7 +264,6 @@ class RunView:
         state: wire.State,
         graph: str,
         body: Body,
-        plan: api.PlanView | None,
     ) -> api.Frame:
         tick = state.tick
         image = self.image(tick)
@@ -326,7 +297,7 @@ class RunView:
             sensors=body.size,
             retired=[body.first_grown + place for place in body.retired],
             changed=[] if decision is None else list(changes_in(decision, body)),
-            plan=plan,
+            plan=plan_of(decision, self._names),
             anomaly=self._anomaly(ticks.anomalies.get(tick)),
         )
 

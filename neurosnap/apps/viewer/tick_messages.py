@@ -56,8 +56,6 @@ class Ticks:
         self.states: dict[int, wire.State] = {}
         self.decisions: dict[int, wire.Decision] = {}
         self.anomalies: dict[int, wire.Anomaly] = {}
-        self.asked: set[int] = set()
-        """The ticks of planning waves, where waves are read."""
         self._literals: dict[int, NDArray[np.bool_]] = {}
         self._range = range(first, last + 1)
         self._sensors = len(options.sensors)
@@ -149,8 +147,6 @@ class Ticks:
             for start in chunk.all("wavestart", wire.WaveStart):
                 if start.tick in self._range:
                     self._waves.begin(start)
-                    if start.kind == "signal":
-                        self.asked.add(start.tick)
             self._waves.report(chunk.all("cellreport", wire.CellReport))
             self._waves.report(chunk.all("workerreport", wire.WorkerReport))
 

@@ -10,7 +10,7 @@ and its contexts that held. Where these are not those of the present state, a pl
 imagined the state (`neurosnap.agent.imagining_planner`).
 """
 
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 
 import msgspec
@@ -19,14 +19,10 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.agent.imagining_planner import PlanTold, plan_told
+from neurosnap.agent.imagining_planner import plan_told
 from neurosnap.apps.viewer.api import MOST_IMAGINED, PlanView, WaveView
 from neurosnap.errors import MessageError
 from neurosnap.protocol.wave import DEEPEST
-
-BEFORE = 64
-"""Ticks before some others whose decisions are needed: steps of a plan that were taken
-longer ago are not shown."""
 
 
 class _FoundWave:
@@ -172,49 +168,15 @@ def first_shown(waves: Sequence[WaveView]) -> list[WaveView]:
     return [wave for wave in waves if wave.wave not in left_out]
 
 
-def plan_at(
-    tick: int,
-    decisions: Mapping[int, wire.Decision],
-    asked: Container[int],
-    actions: Sequence[str],
-) -> PlanView | None:
-    """Return the plan that a tick's decision follows; None if it follows none.
+def plan_of(decision: wire.Decision | None, actions: Sequence[str]) -> PlanView | None:
+    """Return the plan that a decision follows; None if it follows none.
 
     Args:
-        tick: The tick.
-        decisions: Those of the ticks around, by tick.
-        asked: The ticks of planning waves: a plan that is followed asks none.
+        decision: A tick's, if there is one.
         actions: What the actions are called.
     """
-    told = _told(decisions.get(tick), actions)
-    if told is None:
-        return None
-    done: list[int] = []
-    now = told
-    while len(done) < BEFORE and tick not in asked:
-        tick -= 1
-        before = _told(decisions.get(tick), actions)
-        if before is None or not _goes_on(before, now):
-            break
-        done.insert(0, before.actions[0])
-        now = before
-    return PlanView(
-        steps=[*done, *told.actions],
-        at=len(done),
-        more=told.left - len(told.actions),
-        why=told.why,
-    )
-
-
-def _told(decision: wire.Decision | None, actions: Sequence[str]) -> PlanTold | None:
     told = None if decision is None else plan_told(decision.why, actions)
     if told is None or decision is None or decision.action != told.actions[0]:
         return None
-    return told
-
-
-def _goes_on(before: PlanTold, now: PlanTold) -> bool:
-    """Return whether one decision follows the same plan as the next."""
-    rest = before.actions[1:]
-    same = (before.left, before.why) == (now.left + 1, now.why)
-    return same and rest == now.actions[: len(rest)]
+    more = told.left - len(told.actions)
+    return PlanView(steps=list(told.actions), more=more, why=told.why)

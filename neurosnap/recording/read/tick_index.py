@@ -181,12 +181,6 @@ class TickIndex:
                 return min(after)
         return 1 << 62
 
-    def keyframes(self, most: int) -> Iterator[wire.KeyFrame]:
-        """Yield key-frames, by tick; where there are more than `most`, some of them."""
-        chunks = [k for k in range(len(self)) if self._has_keyframe(k)]
-        for number in chunks[:: -(-len(chunks) // most) if chunks else 1]:
-            yield from self._keyframes(number)[:1]
-
     def _keyframes(self, number: int) -> list[wire.KeyFrame]:
         if not self._has_keyframe(number):
             return []

@@ -2,29 +2,18 @@
 
 import asyncio
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Scope
 
-from neurosnap.apps.viewer.auth import (
-    LARGEST_HEAD,
-    LONGEST_ADDRESS,
-    Address,
-    Guard,
-    keep_address,
-    kept_address,
-)
+from neurosnap.apps.viewer.auth import Guard
 
 PORT = 4711
 TOKEN = "a-token-of-this-test"
 COOKIE = (b"cookie", f"neurosnap-{PORT}={TOKEN}".encode())
 HOST = (b"host", f"127.0.0.1:{PORT}".encode())
-
-FITS = LARGEST_HEAD - sum(map(len, HOST + COOKIE)) - 1
-"""Bytes that one header more may have."""
 
 Headers = Sequence[tuple[bytes, bytes]]
 
@@ -156,19 +145,6 @@ STATUS: dict[str, list[tuple[int, dict[str, Any]]]] = {
         (405, {"method": method})
         for method in ("POST", "PUT", "DELETE", "OPTIONS", "TRACE", "x")
     ],
-    "a body": [
-        (413, {"headers": [HOST, COOKIE, header]})
-        for header in ((b"content-length", b"5"), (b"transfer-encoding", b"chunked"))
-    ],
-    "an address": [
-        (200, {"path": "/" + "a" * (LONGEST_ADDRESS - 1)}),
-        (414, {"path": "/" + "a" * LONGEST_ADDRESS}),
-        (414, {"path": "/", "query": "a" * LONGEST_ADDRESS}),
-    ],
-    "headers": [
-        (status, {"headers": [HOST, COOKIE, (b"x", b"a" * (FITS + more))]})
-        for status, more in ((200, 0), (431, 1))
-    ],
 }  # fmt: skip
 
 
@@ -199,38 +175,3 @@ def test_only_requests_are_taken() -> None:
 
     with pytest.raises(ValueError, match=r"^scope: must be http, got 'websocket'"):
         asyncio.run(connect())
-
-
-# Where the page is --------------------------------------------------------------------
-
-ADDRESS = Address(8123, "t" * 32)
-
-
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    return tmp_path / "neurosnap"
-
-
-def test_an_address_is_kept_where_nobody_else_may_look(folder: Path) -> None:
-    assert kept_address() is None
-    keep_address(ADDRESS)
-    assert kept_address() == ADDRESS
-    assert folder.stat().st_mode & 0o077 == 0
-
-
-@pytest.mark.parametrize(
-    "text", ["", "{}", '{"port": 0, "token": "x"}', '{"port": 70000, "token": "%s"}']
-)
-def test_what_is_no_address_is_not_used(folder: Path, text: str) -> None:
-    keep_address(ADDRESS)
-    (folder / "page.json").write_text(text.replace("%s", "t" * 32), encoding="utf-8")
-    assert kept_address() is None
-
-
-def test_a_folder_that_others_may_enter_keeps_nothing(folder: Path) -> None:
-    folder.mkdir(mode=0o755)
-    folder.chmod(0o755)
-    keep_address(ADDRESS)
-    assert list(folder.iterdir()) == []
-    assert kept_address() is None

@@ -1,11 +1,10 @@
-"""Every file of the page is given as it is, and nothing else; runs have short names."""
+"""Every file of the page is given as it is, and nothing else."""
 
 from pathlib import Path
 
 import pytest
 
 from neurosnap.apps import viewer
-from neurosnap.apps.viewer.questions import told_apart
 from neurosnap.apps.viewer.server import NAMES, asset
 
 STATIC = Path(viewer.__file__).parent / "static"
@@ -46,17 +45,3 @@ def test_no_name_is_the_page() -> None:
     assert page is not None
     assert named is not None
     assert page.body == named.body
-
-
-@pytest.mark.parametrize(
-    ("paths", "names"),
-    [
-        (["/a/run.mcap"], ["run.mcap"]),
-        (["/a/run.mcap", "/a/other.mcap"], ["run.mcap", "other.mcap"]),
-        (["/a/run.mcap", "/b/run.mcap"], ["a/run.mcap", "b/run.mcap"]),
-        (["/x/a/run.mcap", "/y/a/run.mcap"], ["x/a/run.mcap", "y/a/run.mcap"]),
-        (["/run.mcap", "/a/run.mcap"], ["/run.mcap", "a/run.mcap"]),
-    ],
-)
-def test_names_are_as_short_as_they_can_be(paths: list[str], names: list[str]) -> None:
-    assert told_apart([Path(path) for path in paths]) == names

@@ -1,7 +1,6 @@
 """What the page is told of births, imagined waves and plans."""
 
 import asyncio
-import itertools
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from neurosnap.agent.imagining_planner import plan_reason, plan_told
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.history import RunHistory
 from neurosnap.apps.viewer.run_view import RunView
-from neurosnap.apps.viewer.waves import first_shown, plan_at
+from neurosnap.apps.viewer.waves import first_shown, plan_of
 from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from tests.support.lamp import BIRTH, GROWN, lamp_options
@@ -96,25 +95,16 @@ def test_a_frame_has_the_oldest_of_the_imagined_waves() -> None:
     assert first_shown(waves[:3]) == waves[:3]
 
 
-def test_a_plan_keeps_the_steps_that_were_taken(view: RunView) -> None:
-    frames = view.frames(1, TICKS)
-    for before, now in itertools.pairwise(frames):
-        plan = now.plan
-        if plan is None:
-            assert ", in " not in now.why
+def test_a_plan_begins_with_the_decision_and_says_how_far_it_is(view: RunView) -> None:
+    longest = 0
+    for frame in view.frames(1, TICKS):
+        if frame.plan is None:
+            assert ", in " not in frame.why
             continue
-        assert plan.steps[plan.at] == now.choice
-        assert plan.more == 0
-        left = len(plan.steps) - plan.at
-        assert f"in {left}: " in now.why
-        if plan.at:
-            assert before.plan is not None
-            assert before.plan.steps == plan.steps
-            assert before.plan.at == plan.at - 1
-    assert max(frame.plan.at for frame in frames if frame.plan) >= 2
-    # A block of frames that begins within a plan knows how the plan began.
-    late = next(frame for frame in frames if frame.plan and frame.plan.at == 2)
-    assert view.frames(late.tick, late.tick) == [late]
+        assert (frame.plan.steps[0], frame.plan.more) == (frame.choice, 0)
+        assert f"in {len(frame.plan.steps)}: " in frame.why
+        longest = max(longest, len(frame.plan.steps))
+    assert longest >= 3
 
 
 @given(
@@ -138,25 +128,10 @@ def test_what_tells_of_no_plan_is_none(why: str) -> None:
     assert plan_told(why, ACTIONS) is None
 
 
-def test_a_plan_of_many_steps_counts_those_it_does_not_name() -> None:
+def test_a_plan_counts_the_steps_it_does_not_name() -> None:
     steps = (0, 1, 1, 0, 3, 0, 1, 3)
-    decisions = {}
-    for taken in range(3):
-        plan = Plan(steps[taken:], np.zeros((8 - taken, 2), np.bool_), "")
-        decisions[taken + 4] = wire.Decision(
-            taken + 4, steps[taken], plan_reason(plan, ACTIONS)
-        )
-    assert plan_at(6, decisions, (), ACTIONS) == api.PlanView(
-        steps=list(steps), at=2, more=0, why=""
-    )
-    assert plan_at(4, decisions, (), ACTIONS) == api.PlanView(
-        steps=list(steps[:6]), at=0, more=2, why=""
-    )
-    assert plan_at(7, decisions, (), ACTIONS) is None
-    anew = plan_at(6, decisions, {6}, ACTIONS)
-    assert anew is not None
-    assert (anew.steps, anew.at) == (list(steps[2:]), 0)
-    decisions[5] = wire.Decision(5, 3, decisions[5].why)  # another action was taken
-    found = plan_at(6, decisions, (), ACTIONS)
-    assert found is not None
-    assert found.at == 0
+    why = plan_reason(Plan(steps, np.zeros((8, 2), np.bool_), ""), ACTIONS)
+    plan = plan_of(wire.Decision(4, steps[0], why), ACTIONS)
+    assert plan == api.PlanView(steps=list(steps[:6]), more=2, why="")
+    assert plan_of(None, ACTIONS) is None
+    assert plan_of(wire.Decision(4, 3, why), ACTIONS) is None  # another was taken

@@ -1,6 +1,6 @@
 // The facts of a tick, in a few lines.
 
-import { find, make, write } from "../base/dom.js";
+import { counted, find, make, write } from "../base/dom.js";
 import { few } from "../base/literals.js";
 import { term } from "../base/terms.js";
 import { changedWords, unread } from "../run/growth.js";
@@ -78,16 +78,13 @@ export class FactsView {
   }
 }
 
-// A plan: its steps in a row, those that were taken, this one, and those to come.
+// A plan: its steps in a row, this one and those to come.
 
 /** Return a list of the steps of a plan. */
-function stepsOf({ steps, at, more }, actions) {
-  const items = steps.map((action, place) => {
-    const item = make("li", { className: place < at ? "done" : "" }, actions[action]);
-    if (place === at) item.setAttribute("aria-current", "step");
-    return item;
-  });
+function stepsOf({ steps, more }, actions) {
+  const items = steps.map((action) => make("li", {}, actions[action]));
+  items[0].setAttribute("aria-current", "step");
   if (more > 0) items.push(make("li", { className: "more" }, `${more} more`));
-  const label = `Plan: step ${at + 1} of ${steps.length + more}`;
+  const label = `Plan: ${counted(steps.length + more, "step")} to go`;
   return make("ol", { className: "plan", ariaLabel: label }, ...items);
 }
