@@ -44,7 +44,7 @@ class Agent:
     Raises:
         ShapeError: The snapshot has another number of sensors.
         InvalidValueError: The body has room for sensors to be grown, and its actions
-            are not sensed in context, or do not exclude each other.
+            are not sensed in context.
 
     Example:
         >>> body = Body.full(["warm", "better", "worse"], ["stay", "go"], [0, 1, 1])
@@ -77,7 +77,6 @@ class Agent:
         self._senses = Senses(body)
         self._known: NDArray[np.bool_] | None = None  # of the last own readings
         self._seed, self._states = 0, STATES
-        self._taken: tuple[int, ...] | None = None  # the environment's actions
 
     @classmethod
     def of(
@@ -90,7 +89,6 @@ class Agent:
         grow: bool | int = False,
         imagine: bool | int = False,
         births: Iterable[Birth] = (),
-        without: Iterable[str] = (),
         **aims: Unpack[Aims],
     ) -> Self:
         """Return an agent for an environment, with every action in every context.
@@ -105,26 +103,15 @@ class Agent:
             imagine: Whether a planner looks ahead by imagined waves, or how many states
                 it may imagine for a decision.
             births: Sensors that are grown at given ticks, whatever surprises it.
-            without: Actions that it does not take.
             aims: `target` and `explore`, see `neurosnap.agent.policies.Aims`.
 
         Raises:
-            InvalidValueError: The environment is not fit for it, or it has no such
-                actions, or none is left, or what is to be grown cannot be.
+            InvalidValueError: The environment is not fit for it, or what is to be
+                grown cannot be.
         """
         said = describe(type(env.unwrapped).__name__, env)
-        left_out = set(without)
-        if left_out.difference(said.actions) or left_out.issuperset(said.actions):
-            rule = f"must be some of {', '.join(said.actions)}, and not all"
-            raise InvalidValueError("without", rule, sorted(left_out))
-        if left_out and not said.exclusive:
-            rule = "must go with actions that exclude each other"
-            raise InvalidValueError("without", rule, sorted(left_out))
-        actions = tuple(name for name in said.actions if name not in left_out)
         room = ROOM if grow is True else int(grow)
-        body = Body.full(
-            said.sensors, actions, said.orders, exclusive=said.exclusive, room=room
-        )
+        body = Body.full(said.sensors, said.actions, said.orders, room)
         body = with_births(body, tuple(births))
         if snapshot is None:
             threshold = default_threshold(body, said.discrete)
@@ -132,16 +119,10 @@ class Agent:
         memory = AgentMemory(body, imagines=bool(imagine or room))
         states = STATES if imagine is True else int(imagine)
         policy = new_policy(
-            kind,
-            body,
-            seed,
-            imagine=states,
-            experience=memory.experience,
-            **aims,
+            kind, body, seed, imagine=states, experience=memory.experience, **aims
         )
         agent = cls(body, policy, snapshot, memory)
         agent._seed, agent._states = seed, states or STATES
-        agent._taken = tuple(said.actions.index(name) for name in actions)
         return agent
 
     def run(
@@ -157,7 +138,7 @@ class Agent:
         Raises:
             InvalidValueError: The environment is not fit for it.
         """
-        return walk(self, env, steps, seed=seed, choices=self._taken)
+        return walk(self, env, steps, seed=seed)
 
     def learn(
         self, env: gymnasium.Env[Any, Any], steps: int, *, seed: int | None = None
@@ -172,8 +153,7 @@ class Agent:
             seed: For the reset.
 
         Raises:
-            InvalidValueError: The environment is not fit for it, or its actions do not
-                exclude each other.
+            InvalidValueError: The environment is not fit for it.
         """
         return self._sent(env, (), steps, seed, explore=TRIES)
 
@@ -196,8 +176,7 @@ class Agent:
             seed: For the reset.
 
         Raises:
-            InvalidValueError: The environment or the target is not fit for it, or its
-                actions do not exclude each other.
+            InvalidValueError: The environment or the target is not fit for it.
         """
         return self._sent(env, tuple(target), steps, seed, explore=0.0)
 
@@ -235,7 +214,7 @@ class Agent:
             return bool(wanted) and bool(complete(bits)[wanted].all())
 
         try:
-            return walk(self, env, steps, seed=seed, choices=self._taken, until=there)
+            return walk(self, env, steps, seed=seed, until=there)
         finally:
             before.grow(self.body)
             self._mind.policy = before
@@ -301,7 +280,7 @@ class Agent:
             known: ``(n,)`` bool, which readings are known, one at least; if None, all.
 
         Returns:
-            The decision: the choice of the body's that is made, and why. O(N²) time.
+            The decision: the action that is taken, and why. O(N²) time.
 
         Raises:
             ShapeError: Another number of bits, or of known ones.
@@ -327,17 +306,18 @@ class Agent:
         """Return what an action taken here guarantees: ``(2N,)``.
 
         Args:
-            action: Its name, or the number of a choice.
+            action: Its name or number.
 
         Raises:
             InvalidValueError: There is no such action, or actions are not sensed.
         """
-        actions = Actions(self.body)
-        number = _choice(self.body, action) if isinstance(action, str) else action
-        if not 0 <= number < len(self.body.choices):
-            rule = f"must be one of {', '.join(self.body.actions)}"
+        names = self.body.actions
+        if action not in (*names, *range(len(names))):
+            rule = f"must be one of {', '.join(names)}"
             raise InvalidValueError("action", rule, action)
-        closure = self.snapshot.poc_graph().up(actions.signal(number, self.state))
+        number = names.index(action) if isinstance(action, str) else action
+        signal = Actions(self.body).signal(number, self.state)
+        closure = self.snapshot.poc_graph().up(signal)
         bound: NDArray[np.bool_] = guaranteed([closure])[0]
         return bound
 
@@ -349,11 +329,3 @@ class Agent:
         if not own.any():
             raise InvalidValueError("known", "must hold one at least", own.tolist())
         return own.copy()  # the next tick looks back at it
-
-
-def _choice(body: Body, action: str) -> int:
-    """Return the choice that takes one action and no other; -1: there is none."""
-    if action not in body.actions:
-        return -1
-    number = body.actions.index(action)
-    return number if body.exclusive else 1 << number

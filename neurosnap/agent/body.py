@@ -30,8 +30,6 @@ from numpy.typing import NDArray
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import Sensorium
 
-_MOST_FREE = 10  # 2^10 generalised actions
-
 Context: TypeAlias = tuple[int, tuple[int, ...]]
 """A contextual sensor: an action, and literals, ascending: of the world's own sensors,
 or that an action or a single contextual sensor was on."""
@@ -60,9 +58,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     """For each, how many steps it looks back: 0 for a state sensor, 1 for a transition
     sensor; none at all if all are state sensors."""
     actions: tuple[str, ...] = ()
-    """The names of the world's atomic actions."""
-    exclusive: bool = True
-    """Whether exactly one of them is taken at each step, or any choice of them."""
+    """The names of the world's actions; exactly one is taken at each step."""
     senses_actions: bool = False
     """Whether each action is a sensor, on after the step it was taken in."""
     context: tuple[tuple[int, int], ...] = ()
@@ -107,9 +103,6 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             raise InvalidValueError(
                 "actions", "must have different names", self.actions
             )
-        if not self.exclusive and len(self.actions) > _MOST_FREE:
-            rule = f"must be at most {_MOST_FREE} where they do not exclude each other"
-            raise InvalidValueError("actions", rule, len(self.actions))
         Sensorium(self.sensors)
 
     def _check(self, name: str, contexts: Sequence[Context]) -> None:
@@ -139,8 +132,6 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         own: Sequence[str],
         actions: Sequence[str],
         orders: Sequence[int] = (),
-        *,
-        exclusive: bool = True,
         room: int = 0,
     ) -> "Body":
         """Return the body with every action in the context of every position literal.
@@ -163,7 +154,6 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             own=tuple(own),
             orders=orders,
             actions=tuple(actions),
-            exclusive=exclusive,
             senses_actions=bool(actions),
             room=room,
             context=tuple(
@@ -313,21 +303,6 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             return felt[place]
         action, literal = self.context[place - len(felt)]
         return self._name((action, (literal,)))
-
-    @property
-    def choices(self) -> NDArray[np.bool_]:
-        """``(choices, actions)``: what can be done, as which atomic actions are on.
-
-        The pure actions where they exclude each other, in order; all ``2^actions``
-        choices otherwise, the atomic actions of choice ``k`` being the bits of ``k``
-        ([GK] synchronous actions).
-        """
-        count = len(self.actions)
-        if self.exclusive:
-            return np.eye(count, dtype=np.bool_)
-        return (np.arange(2**count)[:, np.newaxis] >> np.arange(count) & 1).astype(
-            np.bool_
-        )
 
     @property
     def looked_at(self) -> NDArray[np.bool_]:

@@ -1,9 +1,8 @@
 """A Gymnasium environment: its sensors and actions, and an agent acting in it.
 
-The observation space must be a flat ``MultiBinary``. The action space is ``Discrete``,
-one action at each step, or a flat ``MultiBinary``, any choice of atomic actions. Names
-are the attributes `sensors` and `actions`, of the environment or of a wrapper around
-it; `orders` says how many steps a sensor looks back.
+The observation space must be a flat ``MultiBinary``, the action space ``Discrete``.
+Names are the attributes `sensors` and `actions`, of the environment or of a wrapper
+around it; `orders` says how many steps a sensor looks back.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,27 +29,22 @@ class Description:
     orders: tuple[int, ...]
     """For each, how many steps it looks back; 0 where it does not say."""
     actions: tuple[str, ...]
-    """The atomic actions' names; ``action_0`` and so on where it has none."""
-    exclusive: bool
-    """Exactly one action is taken at a step."""
+    """The actions' names; ``action_0`` and so on where it has none."""
     start: int
     """The number the environment has for its first action."""
     discrete: bool
     """Whether what it shows is discrete before any wrapper changes it."""
 
-    def step(self, choice: int) -> Any:  # noqa: ANN401 - whatever its space holds
-        """Return what to step the environment with for a choice counted from 0.
+    def step(self, action: int) -> int:
+        """Return what to step the environment with for an action counted from 0.
 
         Raises:
-            InvalidValueError: There is no such choice.
+            InvalidValueError: There is no such action.
         """
-        count = len(self.actions) if self.exclusive else 2 ** len(self.actions)
-        if not 0 <= choice < count:
-            rule = f"must be a whole number in 0..{count - 1}"
-            raise InvalidValueError("action", rule, choice)
-        if self.exclusive:
-            return self.start + choice
-        return (choice >> np.arange(len(self.actions)) & 1).astype(np.int8)
+        if not 0 <= action < len(self.actions):
+            rule = f"must be a whole number in 0..{len(self.actions) - 1}"
+            raise InvalidValueError("action", rule, action)
+        return self.start + action
 
 
 def describe(name: str, env: gymnasium.Env[Any, Any]) -> Description:
@@ -65,20 +59,13 @@ def describe(name: str, env: gymnasium.Env[Any, Any]) -> Description:
     """
     sensors = _sensors(name, env)
     space = env.action_space
-    match space:
-        case Discrete():
-            count, exclusive, start = int(space.n), True, int(space.start)
-        case MultiBinary() if len(space.shape) == 1:
-            count, exclusive, start = int(space.shape[0]), False, 0
-        case _:
-            rule = "must be Discrete, or MultiBinary with one axis"
-            raise InvalidValueError(f"{name}: action space", rule, space)
+    if not isinstance(space, Discrete):
+        raise InvalidValueError(f"{name}: action space", "must be Discrete", space)
     return Description(
         sensors=sensors,
         orders=_orders(name, env, len(sensors)),
-        actions=_actions(name, env, count),
-        exclusive=exclusive,
-        start=start,
+        actions=_actions(name, env, int(space.n)),
+        start=int(space.start),
         discrete=_is_discrete(env.unwrapped.observation_space),
     )
 
@@ -237,7 +224,6 @@ def walk(
     steps: int,
     *,
     seed: int | None = None,
-    choices: Sequence[int] | None = None,
     until: Callable[[NDArray[np.bool_]], bool] | None = None,
 ) -> Outing:
     """Let an agent act until a number of steps is done, or what is wanted is sensed.
@@ -250,8 +236,6 @@ def walk(
         env: Its observations are ``MultiBinary``; it is not closed.
         steps: How many actions to take at most.
         seed: For the first reset.
-        choices: Which of the environment's actions the agent's stand for; if None,
-            all.
         until: Is told what the environment's sensors read, ``(n,)``.
 
     Raises:
@@ -270,8 +254,7 @@ def walk(
         decision = agent.act(bits, info["begins"])
         if reached or taken == steps:
             return Outing(taken, episodes, total, reached)
-        action = decision.action if choices is None else choices[decision.action]
-        bits, reward, _, _, info = going_on.step(said.step(action))
+        bits, reward, _, _, info = going_on.step(said.step(decision.action))
         taken, total = taken + 1, total + float(reward)
         episodes += info["begins"]
         if info["cut"]:

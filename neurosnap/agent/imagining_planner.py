@@ -49,7 +49,7 @@ class ImaginingPlanner:
     """Plans by imagined waves; where that leads nowhere, greedily, as `Reflex` does.
 
     Args:
-        body: What is sensed and done; its actions exclude each other.
+        body: What is sensed and done.
         target: Literals to be achieved jointly; none: to explore is all there is to do.
         seed: Draws among equals, and when to act at random.
         explore: The share of random actions, in [0, 1].
@@ -59,8 +59,8 @@ class ImaginingPlanner:
             plan leads to the target, unless what it does there is left to chance.
 
     Raises:
-        InvalidValueError: As for `Planner`; or the actions do not exclude each other,
-            or there is neither a target nor curiosity.
+        InvalidValueError: As for `Planner`; or there is neither a target nor
+            curiosity.
     """
 
     def __init__(
@@ -73,9 +73,6 @@ class ImaginingPlanner:
         states: int = STATES,
         curious: bool = False,
     ) -> None:
-        if not body.exclusive:
-            rule = "must come with actions that exclude each other"
-            raise InvalidValueError("imagine", rule, body.actions)
         if states < 1:
             raise InvalidValueError("imagine", "must be 1 or more", states)
         wanted = tuple(target)

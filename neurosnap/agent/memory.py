@@ -38,8 +38,7 @@ class AgentMemory:
         decision: The last one that was followed.
 
     Raises:
-        InvalidValueError: The body has room, and its actions are not sensed in context,
-            or do not exclude each other.
+        InvalidValueError: The body has room, and its actions are not sensed in context.
     """
 
     def __init__(self, body: Body, imagines: bool = False) -> None:

@@ -79,14 +79,13 @@ class Planner:
         """
         *closures, above = yield [*self._actions.signals(state), self._target]
         draws = self._random.at(tick)
-        possible = self._actions.admissible(closures)
         if draws[1] < self._explore:
-            return pick(possible.nonzero()[0], draws[0]), "at random, to explore"
+            return pick(np.arange(len(closures)), draws[0]), "at random, to explore"
         wanted = subgoals(state & self._position, above) & self._goals
         bound = guaranteed(closures)
         met = bound & wanted
         score = self._score(met.sum(axis=1), bound, int((state & wanted).sum()), state)
-        best = (possible & (score == score[possible].max())).nonzero()[0]
+        best = (score == score.max()).nonzero()[0]
         action = pick(best, draws[0])
         return action, self._why(met[action], wanted, len(best))
 

@@ -13,7 +13,7 @@ References:
 """
 
 from collections.abc import Iterable
-from typing import Final, TypedDict, Unpack
+from typing import TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,19 +34,18 @@ from neurosnap.agent.policy import (
 )
 from neurosnap.agent.random_numbers import RandomNumbers, pick
 from neurosnap.errors import InvalidValueError
-from neurosnap.system.compiled import njit
 
 
 class Walker:
     """Decides at random.
 
     Args:
-        choices: How many choices there are; 0 for a source that takes no actions.
+        actions: How many there are; 0 for a source that takes none.
         seed: Draws the actions.
     """
 
-    def __init__(self, choices: int, seed: int) -> None:
-        self._choices = np.arange(choices)
+    def __init__(self, actions: int, seed: int) -> None:
+        self._actions = np.arange(actions)
         self._random = RandomNumbers(seed)
 
     def decide(self, tick: int, state: NDArray[np.bool_]) -> Deliberation:
@@ -63,25 +62,12 @@ class Walker:
         if len(on):
             # A number of its own: what is asked must not change what is done.
             yield [(pick(on, draws[1]),)]
-        if not self._choices.size:
+        if not self._actions.size:
             return -1, "the source takes no actions"
-        return pick(self._choices, draws[0]), "random walk"
+        return pick(self._actions, draws[0]), "random walk"
 
     def grow(self, body: Body) -> None:
         """Go on as before: what it does does not depend on its sensors."""
-
-
-SEEKS: Final = 0
-KEEPS: Final = 1
-EXPLORES: Final = 2
-LOST: Final = 3
-
-_WHY = {
-    SEEKS: "guarantees better",
-    KEEPS: "guarantees worse*; nothing guarantees better",
-    EXPLORES: "at random, to explore; nothing guarantees better",
-    LOST: "at random: nothing guarantees better or worse*",
-}
 
 
 class Excited:
@@ -111,16 +97,20 @@ class Excited:
             tick: The tick whose state is known.
             state: ``(2N,)``, the coherent state.
         """
-        closures = yield self._actions.signals(state)
-        bound = guaranteed(closures)
-        action, why = choose(
-            self._actions.admissible(closures),
-            bound[:, self._better],
-            bound[:, self._not_worse],
-            self._explore,
-            self._random.at(tick),
-        )
-        return int(action), _WHY[int(why)]
+        bound = guaranteed((yield self._actions.signals(state)))
+        draws = self._random.at(tick)
+        options = np.flatnonzero(bound[:, self._better])
+        why = "guarantees better"
+        if not options.size:
+            options = np.flatnonzero(bound[:, self._not_worse])
+            why = "guarantees worse*; nothing guarantees better"
+            if not options.size:
+                options = np.arange(len(bound))
+                why = "at random: nothing guarantees better or worse*"
+            elif draws[1] < self._explore:
+                options = np.arange(len(bound))
+                why = "at random, to explore; nothing guarantees better"
+        return pick(options, draws[0]), why
 
     def grow(self, body: Body) -> None:
         """Go on with a body that has grown, or retired, a sensor."""
@@ -137,41 +127,6 @@ def drives(body: Body) -> tuple[int, int]:
         rule = "must have a world with the sensors better and worse"
         raise InvalidValueError("agent excited", rule, list(body.own))
     return 2 * body.own.index("better"), 2 * body.own.index("worse") + 1
-
-
-@njit()
-def choose(
-    possible: NDArray[np.bool_],
-    better: NDArray[np.bool_],
-    not_worse: NDArray[np.bool_],
-    explore: float,
-    draws: NDArray[np.float64],
-) -> tuple[int, int]:
-    """Return an action and why: `SEEKS`, `KEEPS`, `EXPLORES` or `LOST`.
-
-    Compiled, since experiments run the whole agent in one loop.
-
-    Args:
-        possible: ``(actions,)``: it can be taken.
-        better: ``(actions,)``: it guarantees `better`.
-        not_worse: ``(actions,)``: it guarantees `worse*`.
-        explore: The share of random actions.
-        draws: ``(WIDTH,)``, the tick's numbers.
-    """
-    options, why = possible & better, SEEKS
-    if not options.any():
-        options, why = possible & not_worse, KEEPS
-        if not options.any():
-            options, why = possible, LOST
-        elif draws[1] < explore:
-            options, why = possible, EXPLORES
-    chosen = int(draws[0] * options.sum())
-    for action in range(options.shape[0]):
-        if options[action]:
-            if chosen == 0:
-                return action, why
-            chosen -= 1
-    return 0, LOST  # never: somewhere an option is left
 
 
 class Aims(TypedDict, total=False):
@@ -223,7 +178,7 @@ def new_policy(
     share = (0.0 if target else TRIES) if explore == "planned" else explore
     match kind:
         case "walker":
-            return Walker(len(body.choices), seed)
+            return Walker(len(body.actions), seed)
         case "excited":
             return Excited(body, seed, share)
         case "planner" if imagine and experience is not None:

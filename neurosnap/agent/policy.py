@@ -6,7 +6,7 @@ pure functions of the seed, the tick, the state and the answers; what another on
 from tick to tick is in its `Experience`, so that it can be recorded.
 """
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Generator, Sequence
 from typing import Final, Literal, Protocol, TypeAlias
 
 import numpy as np
@@ -57,24 +57,6 @@ class Policy(Protocol):
     def grow(self, body: Body) -> None:
         """Go on with a body that has grown, or retired, a sensor."""
         ...
-
-
-def decided(
-    deliberation: Deliberation, closure: Callable[[Signal], NDArray[np.bool_]]
-) -> tuple[int, str]:
-    """Return the action and the reason of a policy that is answered at once.
-
-    Args:
-        deliberation: By `Policy.decide`.
-        closure: Answers a signal.
-    """
-    try:
-        signals = next(deliberation)
-        while True:
-            signals = deliberation.send([closure(signal) for signal in signals])
-    except StopIteration as end:
-        action, why = end.value
-        return action, why
 
 
 EXACT: Final = 1 / 100_000

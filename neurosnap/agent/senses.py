@@ -20,7 +20,6 @@ class Senses:
         self._felt = slice(own, own + felt)
         self._contexts = Contexts(body)
         self._contextual = slice(own + felt, own + felt + len(self._contexts.action))
-        self._choices = body.choices
         self._count = self._contextual.stop
         self.looks_back = bool(felt or body.context)
         """Whether an observation depends on the step before it."""
@@ -35,18 +34,17 @@ class Senses:
 
         Args:
             bits: What the world's own sensors read.
-            action: The choice made in the step that has just ended; -1 at the
-                beginning, when none was and no action or contextual sensor is on.
+            action: The one taken in the step that has just ended; -1 at the beginning,
+                when none was and no action or contextual sensor is on.
             state: ``(2N,)``, recorded before that step; None at the beginning.
         """
         observation = np.zeros(self._count, np.bool_)
         observation[self._own] = bits
         if action >= 0 and state is not None:
-            taken = self._choices[action]
             if self._felt.start < self._felt.stop:
-                observation[self._felt] = taken
+                observation[self._felt.start + action] = True
             np.logical_and(
-                taken[self._contexts.action],
+                self._contexts.action == action,
                 self._contexts.hold(state),
                 out=observation[self._contextual],
             )
@@ -80,8 +78,7 @@ class Senses:
             known[self._own] = own
         if action >= 0 and state is not None and before is not None:
             told = self._contexts.told(state, before)
-            taken = self._choices[action][self._contexts.action]
-            known[self._contextual] = told | ~taken
+            known[self._contextual] = told | (self._contexts.action != action)
         if not self._contexts.in_use.all():
             known[self._contextual] &= self._contexts.in_use
         return None if known.all() else known

@@ -43,7 +43,7 @@ class World:
         if past is not None:
             body = past.body(body)
         self._body, self._senses = body, Senses(body)
-        self._choices = len(body.choices)
+        self._actions = len(body.actions)
         self._literals = 2 * len(body.sensors)
         self._tick = 0  # of the last observation
         self._answered = -1  # the tick of the last decision taken up
@@ -85,10 +85,10 @@ class World:
                     raise MessageError(f"state: {error}") from error
                 self._recorded = message.tick
             case wire.Decision() if message.tick > self._answered:
-                free = self._tick == 0 or not self._choices
-                fits = free or 0 <= message.action < self._choices
+                free = self._tick == 0 or not self._actions
+                fits = free or 0 <= message.action < self._actions
                 if message.tick > self._tick or not fits:
-                    rule = f"must be for tick {self._tick}, of {self._choices} choices"
+                    rule = f"must be for tick {self._tick}, of {self._actions} actions"
                     raise MessageError(f"decision: {f'{rule}, got {message}':.200}")
                 if self._senses.looks_back and self._recorded < self._tick:
                     # What would be sensed in context would be wrong.

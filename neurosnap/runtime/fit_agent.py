@@ -25,27 +25,18 @@ def body_of(
         births: Sensors that are grown besides, at given ticks.
 
     Raises:
-        InvalidValueError: It is to grow sensors and is a walker, or has no actions, or
-            some that do not exclude each other; or a birth is of unknown sensors.
+        InvalidValueError: It is to grow sensors and is a walker, or has no actions; or
+            a birth is of unknown sensors.
     """
-    if room and (agent == "walker" or not source.actions or not source.exclusive):
-        rule = "must go with an agent that senses actions that exclude each other"
-        raise InvalidValueError("grow", rule, room)
+    if room and (agent == "walker" or not source.actions):
+        raise InvalidValueError(
+            "grow", "must go with an agent that senses actions", room
+        )
+    own, orders, actions = source.sensors, source.orders, source.actions
     if agent == "walker":
-        body = Body(
-            own=source.sensors,
-            orders=source.orders,
-            actions=source.actions,
-            exclusive=source.exclusive,
-        )
+        body = Body(own=own, orders=orders, actions=actions)
     else:
-        body = Body.full(
-            source.sensors,
-            source.actions,
-            source.orders,
-            exclusive=source.exclusive,
-            room=room,
-        )
+        body = Body.full(own, actions, orders, room)
     return with_births(body, births)
 
 

@@ -31,7 +31,6 @@ class CsvSource:
         self.sensors = rows.sensors
         self.orders: tuple[int, ...] = (0,) * len(self.sensors)
         self.actions: tuple[str, ...] = ()
-        self.exclusive: bool = True
         self.discrete: bool = False
         self.length: int | None = sum(1 for _ in _known_rows(rows))
         if self.length == 0:

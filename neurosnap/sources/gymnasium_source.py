@@ -70,7 +70,6 @@ class GymnasiumSource:
         self.sensors: tuple[str, ...] = self._said.sensors
         self.orders: tuple[int, ...] = self._said.orders
         self.actions: tuple[str, ...] = self._said.actions
-        self.exclusive: bool = self._said.exclusive
         self.discrete: bool = self._said.discrete
         self.length: int | None = None
 

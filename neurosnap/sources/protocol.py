@@ -43,9 +43,8 @@ class Source(Protocol):
     orders: tuple[int, ...]
     """For each, how many steps it looks back; 0: a state sensor."""
     actions: tuple[str, ...]
-    """The names of the atomic actions; none: it takes none."""
-    exclusive: bool
-    """Exactly one of them is taken at each step."""
+    """The names of the actions, of which one is taken at each step; none: it takes
+    none."""
     discrete: bool
     """It shows the states of a world in which these are discrete."""
     length: int | None

@@ -96,7 +96,6 @@ async def test_an_action_is_published_and_doing_nothing_is_not(
         await other.publish("house/door", "ON", qos=1, retain=True)
         with source_of(options(broker.options, actions=actions)) as source:
             assert source.actions == ("none", "light", "bell")
-            assert source.exclusive
             assert await asyncio.to_thread(source.first) is not None
             for choice, word in ((2, "OFF"), (0, "ON"), (1, "OFF")):
                 await other.publish("house/door", word)

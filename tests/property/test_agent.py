@@ -11,7 +11,6 @@ from neurosnap.agent.policies import Excited
 from neurosnap.agent.policy import AgentKind, Policy
 from neurosnap.poc.order.graph import PocGraph
 from tests.support import agent_oracles as agents
-from tests.support import oracles
 from tests.support.agent_oracles import Fields, Moves, as_array, known
 from tests.support.deliberations import decided_by
 from tests.support.edges import edges_of
@@ -32,7 +31,6 @@ def bodies(draw: st.DrawFn, *drives: str) -> Body:
         own=(*(f"s{k}" for k in range(own)), *drives),
         orders=(0,) * own + (1,) * len(drives),
         actions=tuple(f"a{k}" for k in range(actions)),
-        exclusive=draw(st.booleans()),
         senses_actions=True,
         context=tuple(context),
     )
@@ -62,45 +60,18 @@ def decided(policy: Policy, graph: PocGraph, state: set[int]) -> set[tuple[int, 
 class TestAnyBelief:
     @pytest.mark.slow
     @given(st.data())
-    def test_signals_consequences_and_what_can_be_done(
-        self, data: st.DataObject
-    ) -> None:
+    def test_signals_and_consequences(self, data: st.DataObject) -> None:
         body = data.draw(bodies())
         graph, state = data.draw(beliefs(body))
         edges = edges_of(graph.edges)
-        repertoire = Actions(body)
-        signals = repertoire.signals(as_array(state, graph.sensors))
-        expected = [agents.signal(body, taken, state) for taken in agents.choices(body)]
+        signals = Actions(body).signals(as_array(state, graph.sensors))
+        actions = range(len(body.actions))
+        expected = [agents.signal(body, action, state) for action in actions]
         assert [set(one) for one in signals] == expected
         closures = [graph.up(one) for one in signals]
         assert [as_set(one) for one in guaranteed(closures)] == [
             agents.bound(edges, one) for one in expected
         ]
-        able = as_set(repertoire.admissible(closures))
-        assert able == agents.possible(body, edges, state)
-
-    @given(st.data())
-    def test_without_context_what_can_be_done_are_vertices_of_the_actions_dual(
-        self, data: st.DataObject
-    ) -> None:
-        body = data.draw(bodies())
-        body = Body(
-            own=body.own,
-            actions=body.actions,
-            exclusive=False,
-            senses_actions=True,
-        )
-        graph, state = data.draw(beliefs(body))
-        order = oracles.below_or_equal(len(graph), edges_of(graph.edges))
-        vertices = {
-            number
-            for number, taken in enumerate(agents.choices(body))
-            if oracles.coherent(order, agents.selection(body, taken))
-        }
-        repertoire = Actions(body)
-        signals = repertoire.signals(as_array(state, graph.sensors))
-        able = as_set(repertoire.admissible([graph.up(one) for one in signals]))
-        assert able == (vertices or set(range(2 ** len(body.actions))))
 
     @given(st.data())
     def test_the_plan_is_the_reduced_target_propagated(
@@ -170,7 +141,7 @@ def worlds(draw: st.DrawFn) -> tuple[Body, Moves, Fields]:
     place = st.integers(0, places - 1)
     row = st.lists(place, min_size=places, max_size=places)
     field = bit_rows(places)
-    count, own = len(body.choices), len(body.own)
+    count, own = len(body.actions), len(body.own)
     moves = draw(st.lists(row, min_size=count, max_size=count))
     fields = draw(st.lists(field, min_size=own, max_size=own))
     return body, moves, fields
@@ -188,5 +159,5 @@ def test_what_is_guaranteed_by_the_truth_happens(
         now = agents.complete(agents.view(fields, place))
         signals = Actions(body).signals(as_array(now, graph.sensors))
         promises = guaranteed([graph.up(one) for one in signals])
-        for choice, promise in enumerate(promises):
-            assert as_set(promise) <= agents.happens(body, moves, fields, place, choice)
+        for action, promise in enumerate(promises):
+            assert as_set(promise) <= agents.happens(body, moves, fields, place, action)

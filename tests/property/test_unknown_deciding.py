@@ -30,22 +30,17 @@ Row = list[bool | None]
 OWN = ["low", "better", "worse"]
 SEED, EXPLORE, THRESHOLD = 5, 0.2, 0.25
 KINDS = pytest.mark.parametrize("kind", ["walker", "excited", "planner"])
-EXCLUSIVE = pytest.mark.parametrize("exclusive", [True, False])
+BODY = Body.full(OWN, ["x", "y"], [0, 1, 1])
 
 
-def body_of(exclusive: bool) -> Body:
-    return Body.full(OWN, ["x", "y"], [0, 1, 1], exclusive=exclusive)
-
-
-def agent_of(kind: AgentKind, exclusive: bool, discounted: bool = False) -> Agent:
-    body = body_of(exclusive)
+def agent_of(kind: AgentKind, discounted: bool = False) -> Agent:
     target = ["low*"] if kind == "planner" else []
-    policy = new_policy(kind, body, SEED, target=target, explore=EXPLORE)
-    sensors = Sensorium(body.sensors)
+    policy = new_policy(kind, BODY, SEED, target=target, explore=EXPLORE)
+    sensors = Sensorium(BODY.sensors)
     snapshot: Snapshot = EmpiricalSnapshot(sensors, THRESHOLD)
     if discounted:
         snapshot = DiscountedSnapshot(sensors, THRESHOLD / 4, 0.75)
-    return Agent(body, policy, snapshot)
+    return Agent(BODY, policy, snapshot)
 
 
 def act(agent: Agent, row: Row, fill: Sequence[bool], begins: bool) -> Decision:
@@ -70,15 +65,13 @@ walks = st.lists(
 
 @pytest.mark.slow
 @KINDS
-@EXCLUSIVE
 @given(walk=walks, discounted=st.booleans())
 def test_no_decision_depends_on_what_is_unknown(
     kind: AgentKind,
-    exclusive: bool,
     walk: list[tuple[Row, list[bool], list[bool], bool]],
     discounted: bool,
 ) -> None:
-    one, other = (agent_of(kind, exclusive, discounted) for _ in range(2))
+    one, other = (agent_of(kind, discounted) for _ in range(2))
     for row, fill, another, begins in walk:
         assert act(one, row, fill, begins) == act(other, row, another, begins)
         assert (one.state == other.state).all()
@@ -88,12 +81,11 @@ def test_no_decision_depends_on_what_is_unknown(
 class Loop:
     """An agent by hand, which has None for what it does not know."""
 
-    def __init__(self, body: Body) -> None:
-        self.body = body
+    def __init__(self) -> None:
         self.clock = 0
         self.count: Counter[tuple[int, int]] = Counter()
-        self.before: Row = [False] * len(body.own)
-        self.taken: set[int] | None = None
+        self.before: Row = [False] * len(BODY.own)
+        self.taken: int | None = None
         self.state: set[int] = set()
         self.edges: oracles.Edges = set()
 
@@ -127,25 +119,21 @@ class Loop:
     def sensed(self, row: Row) -> Row:
         """The whole observation; an action in context that cannot be told is None."""
         on = [bool(each) for each in row]
-        full: Row = list(agents.sensed(self.body, on, self.taken, self.state))
+        full: Row = list(agents.sensed(BODY, on, self.taken, self.state))
         full[: len(row)] = row
-        first = len(full) - len(self.body.context)
-        for k, (action, literal) in enumerate(self.body.context):
+        first = len(full) - len(BODY.context)
+        for k, (action, literal) in enumerate(BODY.context):
             about = {literal, literal ^ 1} & self.state
             blind = self.before[literal // 2] is None and not about
-            if blind and action in (self.taken or ()):
+            if blind and action == self.taken:
                 full[first + k] = None
         return full
 
 
 @pytest.mark.parametrize("share", [0.0, 0.25], ids=["none missing", "some missing"])
 @KINDS
-@EXCLUSIVE
-def test_an_agent_is_the_loop_by_hand(
-    kind: AgentKind, exclusive: bool, share: float
-) -> None:
-    body, agent = body_of(exclusive), agent_of(kind, exclusive)
-    loop, draws = Loop(body), RandomNumbers(SEED)
+def test_an_agent_is_the_loop_by_hand(kind: AgentKind, share: float) -> None:
+    agent, loop, draws = agent_of(kind), Loop(), RandomNumbers(SEED)
     chance = np.random.default_rng(3)
     place, change = 1, 0
     reasons, predicted, missing = set(), 0, 0
@@ -161,25 +149,24 @@ def test_an_agent_is_the_loop_by_hand(
         loop.observe(row)
         assert as_set(agent.state) == loop.state
         predicted += any(row[a // 2] is None for a in loop.state if a < 2 * len(row))
-        missing += len(loop.state) < len(body.sensors)
+        missing += len(loop.state) < len(BODY.sensors)
         pick, often, *_ = draws.at(tick)
-        able = agents.possible(body, loop.edges, loop.state)
+        able = {0, 1}
         if kind == "walker":
-            options = set(range(len(body.choices)))
+            options = able
         elif kind == "excited":
-            why, options = agents.driven(body, loop.edges, loop.state)
+            why, options = agents.driven(BODY, loop.edges, loop.state)
             options = able if why == "worse*" and often < EXPLORE else options
         else:
-            options = agents.planned(body, loop.edges, loop.state, {1})
+            options = agents.planned(BODY, loop.edges, loop.state, {1})
             options = able if often < EXPLORE else options
-        for number, taken in enumerate(agents.choices(body)):
-            expected = agents.bound(loop.edges, agents.signal(body, taken, loop.state))
-            assert as_set(agent.consequences(number)) == expected
-        choice = sorted(options)[int(pick * len(options))]
-        assert (decision.tick, decision.action) == (tick, choice)
+        for action in able:
+            expected = agents.bound(loop.edges, agents.signal(BODY, action, loop.state))
+            assert as_set(agent.consequences(action)) == expected
+        loop.taken = sorted(options)[int(pick * len(options))]
+        assert (decision.tick, decision.action) == (tick, loop.taken)
         reasons.add(decision.why)
-        loop.taken = agents.choices(body)[choice]
-        after = min(2, max(0, place + sum(1 - 2 * action for action in loop.taken)))
+        after = min(2, max(0, place + 1 - 2 * loop.taken))
         place, change = after, after - place
     assert len(reasons) > (1 if kind != "walker" else 0)
     # Or it would say little: some of what was not read is believed, and some is not.

@@ -2,7 +2,7 @@
 
 Nothing here uses the code under test but `Body`, as a record of who has which sensors,
 and `PocGraph`, to hand relations over. Literals are ints, a relation is the set of its
-edges, a choice the set of the atomic actions that it takes.
+edges.
 """
 
 from collections.abc import Iterable, Sequence
@@ -18,26 +18,15 @@ Moves = Sequence[Sequence[int]]
 Fields = Sequence[Sequence[bool]]
 
 
-def choices(body: Body) -> list[set[int]]:
-    """What can be done, as the atomic actions that are on."""
-    count = len(body.actions)
-    if body.exclusive:
-        return [{action} for action in range(count)]
-    return [
-        {k for k in range(count) if number // 2**k % 2} for number in range(2**count)
-    ]
-
-
 def sensed(
-    body: Body, bits: Sequence[bool], taken: set[int] | None, state: set[int]
+    body: Body, bits: Sequence[bool], taken: int | None, state: set[int]
 ) -> list[bool]:
     """The observation after `taken` in `state`, or None if nothing went before."""
-    on = set() if taken is None else taken
-    felt = [action in on for action in range(len(body.actions))]
+    felt = [action == taken for action in range(len(body.actions))]
     return [
         *bits,
         *(felt if body.senses_actions else []),
-        *(action in on and literal in state for action, literal in body.context),
+        *(action == taken and literal in state for action, literal in body.context),
     ]
 
 
@@ -52,12 +41,12 @@ def view(fields: Fields, place: int) -> list[bool]:
 
 
 def happens(
-    body: Body, moves: Moves, fields: Fields, place: int, choice: int
+    body: Body, moves: Moves, fields: Fields, place: int, action: int
 ) -> set[int]:
-    """All that is sensed after a choice made at a place."""
-    after = view(fields, moves[choice][place])
+    """All that is sensed after an action taken at a place."""
+    after = view(fields, moves[action][place])
     before = complete(view(fields, place))
-    return complete(sensed(body, after, choices(body)[choice], before))
+    return complete(sensed(body, after, action, before))
 
 
 def truth(body: Body, seen: Iterable[set[int]]) -> Edges:
@@ -76,31 +65,20 @@ def everywhere(body: Body, moves: Moves, fields: Fields) -> Edges:
     return truth(
         body,
         (
-            happens(body, moves, fields, place, choice)
-            for choice in range(len(moves))
-            for place in range(len(moves[choice]))
+            happens(body, moves, fields, place, action)
+            for action in range(len(moves))
+            for place in range(len(moves[action]))
         ),
     )
 
 
-def selection(body: Body, taken: set[int]) -> set[int]:
-    """What a choice says of the action sensors: all, unless they exclude each other."""
-    first = len(body.own)
-    if body.exclusive:
-        return {2 * (first + action) for action in taken}
-    return {
-        2 * (first + action) + (action not in taken)
-        for action in range(len(body.actions))
-    }
-
-
-def signal(body: Body, taken: set[int], state: set[int]) -> set[int]:
-    """What a choice made in a state switches on."""
+def signal(body: Body, taken: int, state: set[int]) -> set[int]:
+    """What an action taken in a state switches on."""
     first = len(body.own) + len(body.actions)
-    return selection(body, taken) | {
+    return {2 * (len(body.own) + taken)} | {
         2 * (first + place)
         for place, (action, literal) in enumerate(body.context)
-        if action in taken and literal in state
+        if action == taken and literal in state
     }
 
 
@@ -108,21 +86,6 @@ def bound(edges: Edges, switched_on: set[int]) -> set[int]:
     """What follows and is not contradicted."""
     above = reach(edges, switched_on)
     return above - stars(above)
-
-
-def possible(body: Body, edges: Edges, state: set[int]) -> set[int]:
-    """The choices from which no path leads against an action of theirs; every pure one.
-
-    A pure action can always be taken, whatever is believed of it.
-    """
-    if body.exclusive:
-        return set(range(len(choices(body))))
-    found = {
-        number
-        for number, taken in enumerate(choices(body))
-        if not reach(edges, signal(body, taken, state)) & stars(selection(body, taken))
-    }
-    return found or set(range(len(choices(body))))
 
 
 def position(body: Body) -> set[int]:
@@ -139,27 +102,27 @@ def plan(edges: Edges, state: set[int], target: set[int]) -> set[int]:
 
 
 def planned(body: Body, edges: Edges, state: set[int], target: set[int]) -> set[int]:
-    """The choices that guarantee most of the plan, in the place and of the target."""
+    """The actions that guarantee most of the plan, in the place and of the target."""
     above = reach(edges, target)
     sought = target - stars(above)
     wanted = plan(edges, state, target) & (position(body) | sought)
     score = {
-        number: len(bound(edges, signal(body, choices(body)[number], state)) & wanted)
-        for number in possible(body, edges, state)
+        action: len(bound(edges, signal(body, action, state)) & wanted)
+        for action in range(len(body.actions))
     }
     return {number for number in score if score[number] == max(score.values())}
 
 
 def driven(body: Body, edges: Edges, state: set[int]) -> tuple[str, set[int]]:
-    """What an excitation-driven agent goes by, and the choices it then has."""
+    """What an excitation-driven agent goes by, and the actions it then has."""
     better = 2 * body.own.index("better")
     not_worse = 2 * body.own.index("worse") + 1
-    able = possible(body, edges, state)
+    able = set(range(len(body.actions)))
     for why, wanted in (("better", better), ("worse*", not_worse)):
         found = {
-            number
-            for number in able
-            if wanted in bound(edges, signal(body, choices(body)[number], state))
+            action
+            for action in able
+            if wanted in bound(edges, signal(body, action, state))
         }
         if found:
             return why, found

@@ -35,7 +35,6 @@ class Partial:
         self.sensors = source.sensors
         self.orders = source.orders
         self.actions = source.actions
-        self.exclusive = source.exclusive
         self.discrete = source.discrete
         self.length = source.length
         self.live = source.live

@@ -17,7 +17,7 @@ References:
     where that tells outcomes apart is McCallum's (1996) utile suffix memory, one deep.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -122,13 +122,12 @@ class Grower:
         confirmations: How often a cover must hold before its sensor is born.
 
     Raises:
-        InvalidValueError: The body's actions do not exclude each other, or are not
-            sensed in context.
+        InvalidValueError: The body's actions are not sensed in context.
     """
 
     def __init__(self, body: Body, confirmations: int = CONFIRMATIONS) -> None:
-        if not body.context or not body.exclusive:
-            rule = "must come with actions that exclude each other, sensed in context"
+        if not body.context:
+            rule = "must come with actions sensed in context"
             raise InvalidValueError("grow", rule, body.actions)
         self._own = len(body.own)
         self._room = body.finds
@@ -310,11 +309,6 @@ class Grower:
     def retire(self, context: Context) -> None:
         """Let a sensor that is read no more be grown again."""
         self._grown.discard(context)
-
-    def trials(self) -> Iterator[Context]:
-        """Return the covers under trial."""
-        for trials in self._trials.values():
-            yield from (trial.context for trial in trials)
 
     def arrays(self) -> Arrays:
         """Return its whole state as arrays, by name."""

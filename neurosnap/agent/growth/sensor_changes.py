@@ -6,7 +6,6 @@ the run did, without its history.
 
 from collections.abc import Iterator
 
-import msgspec
 import numpy as np
 
 from neurosnap.agent.body import Body
@@ -51,17 +50,6 @@ def body_after(body: Body, decision: Decision) -> Body:
     except InvalidValueError as error:
         raise MessageError(f"decision: {error}") from error
     return body
-
-
-def body_before(body: Body, decision: Decision | None) -> Body:
-    """Return the body that was read up to a decision, given that which follows it."""
-    if decision is None:
-        return body
-    grown, gone = body.grown, decision.retires - body.first_grown
-    if decision.born >= 0 and decision.born == body.size - 1:
-        grown = grown[:-1]
-    retired = tuple(place for place in body.retired if place != gone)
-    return msgspec.structs.replace(body, grown=grown, retired=retired)
 
 
 def apply_change(body: Body, decision: Decision, snapshot: Snapshot) -> None:

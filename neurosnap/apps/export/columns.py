@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
 from neurosnap.errors import RecordingError
@@ -45,7 +44,7 @@ class Table:
         self._count, self._size = len(body.sensors), body.size
         self._names = body.sensors[: body.size]
         self._grows = body.room > 0
-        self._decisions = tuple(_called(body.actions, each) for each in body.choices)
+        self._decisions = body.actions
         self._only_readings = only_readings
         time = Column("time", "time")
         before = (Column("tick", "number"), Column("begins", "bit"))
@@ -146,12 +145,6 @@ class Table:
             self._names[sensor] if 0 <= sensor < self._size else None
             for sensor in named
         ]
-
-
-def _called(actions: Sequence[str], choice: NDArray[np.bool_]) -> str:
-    """Return what names a choice: its actions, none at all as ``-``."""
-    taken = zip(actions, choice.tolist(), strict=True)
-    return "+".join(action for action, on in taken if on) or "-"
 
 
 def _apart(names: Sequence[str], taken: Sequence[str]) -> list[str]:

@@ -68,7 +68,6 @@ class RunView:
         self.grown = 0
         """How often there was more."""
         self._names = self.options.body.actions
-        self._choices = self.options.body.choices
         self._imagined = Imagined(self.options.body)
         self._identified: tuple[PocGraph, Body, str] | None = None
 
@@ -334,12 +333,9 @@ class RunView:
             place = f"{self.path}: tick {state.tick}"
             raise RecordingError(f"{place}: /state: {error}") from error
 
-    def named(self, choice: int) -> str | None:
-        """Return what a choice is called; None if nothing is done."""
-        if not 0 <= choice < len(self._choices):
-            return None
-        taken = np.flatnonzero(self._choices[choice]).tolist()
-        return " + ".join(self._names[action] for action in taken) or None
+    def named(self, action: int) -> str | None:
+        """Return what an action is called; None if nothing is done."""
+        return self._names[action] if 0 <= action < len(self._names) else None
 
 
 def _bits(literals: NDArray[np.bool_]) -> list[api.Bit]:

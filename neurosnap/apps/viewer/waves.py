@@ -132,7 +132,6 @@ class Imagined:
     def __init__(self, body: Body) -> None:
         own, felt = len(body.own), len(body.actions) * body.senses_actions
         self._own = 2 * own
-        self._acts = body.exclusive and felt > 0
         # For each literal of an action: which; of a single context: the literal in it.
         self._action = {2 * (own + k): k for k in range(felt)}
         self._held = {2 * (own + felt + k): a for k, (_, a) in enumerate(body.context)}
@@ -152,7 +151,7 @@ class Imagined:
 
     def _marked(self, wave: WaveView, state: NDArray[np.bool_]) -> WaveView:
         taken = [self._action[a] for a in wave.signal if a in self._action]
-        if not self._acts or wave.kind == "state" or len(taken) != 1:
+        if wave.kind == "state" or len(taken) != 1:
             return wave
         place = np.zeros(self._own, np.bool_)
         place[[self._held[a] for a in wave.signal if a in self._held]] = True

@@ -87,7 +87,6 @@ class LiveSource:
     """
 
     live: bool = True
-    exclusive: bool = True
     discrete: bool = False
     length: int | None = None
 

@@ -72,7 +72,6 @@ class RemoteSource:
     """
 
     live: bool = True
-    exclusive: bool = True
     discrete: bool = False
     length: int | None = None
 

@@ -26,23 +26,6 @@ def test_a_body_must_sense_what_it_does(body: Body) -> None:
         Actions(body)
 
 
-def test_where_no_choice_is_left_the_belief_is_dropped() -> None:
-    body = Body.full(["a"], ["x", "y"], exclusive=False)
-    literal = Sensorium(body.sensors).literal
-    # At `a`, x and y do what they cannot; elsewhere one of the two is done.
-    beliefs = [("x", "y*"), ("x*", "y"), ("x&a", "x*"), ("y&a", "y*")]
-    relation = PocGraph.from_implications(
-        len(body.sensors), [(literal(a), literal(b)) for a, b in beliefs]
-    )
-    repertoire = Actions(body)
-    for name, able in (("a*", [0b01, 0b10]), ("a", [0b00, 0b01, 0b10, 0b11])):
-        state = np.zeros(2 * len(body.sensors), np.bool_)
-        state[literal(name)] = True
-        signals = repertoire.signals(state)
-        possible = repertoire.admissible([relation.up(signal) for signal in signals])
-        assert possible.nonzero()[0].tolist() == able
-
-
 class TestGuaranteed:
     def test_last_steps_sensations_are_not_among_it(self) -> None:
         # The paper's text propagates over the loaded graph, which would keep `better`.

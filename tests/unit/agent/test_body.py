@@ -13,7 +13,6 @@ from neurosnap.agent.actions import Actions
 from neurosnap.agent.body import Body, Context
 from neurosnap.agent.senses import Senses
 from neurosnap.errors import InvalidValueError
-from tests.support import agent_oracles as oracles
 
 
 class TestBody:
@@ -59,17 +58,6 @@ class TestBody:
         assert body.position.tolist() == position + [False] * rest
         assert msgspec.json.decode(msgspec.json.encode(body), type=Body) == body
 
-    def test_exclusive_choices_are_the_pure_actions_in_order(self) -> None:
-        body = Body(own=("a",), actions=("x", "y", "z"))
-        assert body.choices.tolist() == np.eye(3, dtype=bool).tolist()
-        assert Body.full(["a"], []).choices.shape == (0, 0)
-
-    def test_free_choices_count_in_binary_the_first_action_lowest(self) -> None:
-        body = Body(own=("a",), actions=tuple("abcdefghij"), exclusive=False)
-        assert body.choices.shape == (1024, 10)
-        assert body.choices[513].nonzero()[0].tolist() == [0, 9]
-        assert body.choices[6].nonzero()[0].tolist() == [1, 2]
-
     @pytest.mark.parametrize(
         ("given", "says"),
         [
@@ -105,15 +93,6 @@ class TestBody:
                 {"own": ("a", "x"), "actions": ("x",), "senses_actions": True},
                 "names: must be unique, got 'x'",
             ),
-            (
-                {
-                    "own": ("a",),
-                    "actions": tuple("abcdefghijk"),
-                    "exclusive": False,
-                },
-                "actions: must be at most 10 where they do not exclude each other, "
-                "got 11",
-            ),
             ({"own": ("a*",)}, "sensor name: must not end with *, got 'a*'"),
         ],
     )
@@ -134,7 +113,6 @@ def bodies(draw: st.DrawFn) -> Body:
         own=tuple(f"s{k}" for k in range(own)),
         orders=tuple(draw(st.integers(0, 1)) for _ in range(own)),
         actions=tuple(f"a{k}" for k in range(actions)),
-        exclusive=draw(st.booleans()),
         senses_actions=draw(st.booleans()),
         context=tuple(chosen),
     )
@@ -164,18 +142,17 @@ class TestSenses:
 
         senses, own = Senses(body), np.array(now, np.bool_)
         # At the beginning no action and no context is on, and all of that is known.
-        for number, taken in enumerate([set[int](), *oracles.choices(body)], -1):
+        for taken in range(-1, len(body.actions)):
             expected: list[bool | None] = [True if known else None for known in now]
-            felt = [action in taken for action in range(len(body.actions))]
+            felt = [action == taken for action in range(len(body.actions))]
             expected += felt if body.senses_actions else []
             for action, literal in body.context:  # of a conjunction, one off decides
-                expected.append(was(literal) if action in taken else False)
-            known = senses.known(own, number, state, np.array(before, np.bool_))
+                expected.append(was(literal) if action == taken else False)
+            known = senses.known(own, taken, state, np.array(before, np.bool_))
             told = np.ones(len(expected), np.bool_) if known is None else known
             assert told.tolist() == [value is not None for value in expected]
-            seen = senses.observe(own, number, state)
+            seen = senses.observe(own, taken, state)
             assert seen.tolist() == [value is True for value in expected]
-        assert number + 1 == len(body.choices)
 
     def test_all_is_known_where_nothing_is_said(self) -> None:
         senses = Senses(Body.full(["a"], ["go"]))

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from neurosnap.agent.body import Body
 from neurosnap.agent.experience import Experience
 from neurosnap.agent.imagining_planner import ImaginingPlanner
-from neurosnap.agent.policy import Signal, decided
+from neurosnap.agent.policy import Signal
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.order.graph import PocGraph
 from tests.support.agent_oracles import complete, known, view
+from tests.support.deliberations import answered
 
 Bits = NDArray[np.bool_]
 PLACES = 8
@@ -68,11 +69,11 @@ class Walk:
             self.experience.met[2 * BODY.sensors.index(name)] = False
 
     def decide(self, place: int, tick: int = 1) -> tuple[str, str]:
-        def closure(signal: Signal) -> Bits:
-            self.asked += 1
-            return self.graph.up(signal)
+        def answer(signals: list[Signal]) -> list[Bits]:
+            self.asked += len(signals)
+            return [self.graph.up(signal) for signal in signals]
 
-        action, why = decided(self.planner.decide(tick, sensed(place)), closure)
+        action, why = answered(self.planner.decide(tick, sensed(place)), answer)
         return BODY.actions[action], why
 
     def go(self, place: int, steps: int) -> list[int]:
@@ -185,17 +186,14 @@ def test_a_share_of_actions_is_random() -> None:
 
 
 @pytest.mark.parametrize(
-    ("exclusive", "states", "target", "rule"),
+    ("states", "target", "rule"),
     [
-        (True, 0, ["a1"], "imagine: must be 1 or more, got 0"),
-        (True, 9, [], "target: must name a sensation to achieve, or come with explor"),
-        (True, 9, ["b"], "literal: must name a sensor that exists, got 'b'"),
-        (False, 9, ["a1"], "imagine: must come with actions"),
+        (0, ["a1"], "imagine: must be 1 or more, got 0"),
+        (9, [], "target: must name a sensation to achieve, or come with explor"),
+        (9, ["b"], "literal: must name a sensor that exists, got 'b'"),
     ],
 )
-def test_what_cannot_be_is_refused(
-    exclusive: bool, states: int, target: list[str], rule: str
-) -> None:
-    body = Body.full(["a1"], ["go", "turn"], exclusive=exclusive)
+def test_what_cannot_be_is_refused(states: int, target: list[str], rule: str) -> None:
+    body = Body.full(["a1"], ["go", "turn"])
     with pytest.raises(InvalidValueError, match=re.escape(rule)):
         ImaginingPlanner(body, target, 0, 0.0, Experience(body), states)

@@ -1,7 +1,6 @@
 """The policies by name: the walker, the excited agent, and what goes with which."""
 
 from collections import Counter
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -10,17 +9,7 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
 from neurosnap.agent.planner import Planner
-from neurosnap.agent.policies import (
-    EXPLORES,
-    KEEPS,
-    LOST,
-    SEEKS,
-    Excited,
-    Walker,
-    choose,
-    drives,
-    new_policy,
-)
+from neurosnap.agent.policies import Excited, Walker, drives, new_policy
 from neurosnap.agent.policy import AgentKind
 from neurosnap.errors import InvalidValueError
 from tests.support.deliberations import asked, decided
@@ -136,49 +125,6 @@ def test_a_source_without_actions_gets_none(seed: int) -> None:
     here = state(0)
     no_action = (-1, "the source takes no actions")
     assert decided(Walker(0, seed), 1, here, []) == no_action
-
-
-def test_a_walker_chooses_among_all_choices() -> None:
-    body = Body.full(["a"], ["x", "y"], exclusive=False)
-    policy = new_policy("walker", body, 1)
-    taken = {decided(policy, tick, state(0), [])[0] for tick in range(60)}
-    assert taken == {0, 1, 2, 3}
-
-
-# The excited agent --------------------------------------------------------------------
-
-# Midpoints: twelve to pick by, so that 1, 2 or 3 options come up equally often, and ten
-# to explore by, so that a share in tenths is met exactly.
-PICKS = [(k + 0.5) / 12 for k in range(12)]
-EXPLORE = [(k + 0.5) / 10 for k in range(10)]
-GRID = [np.array([p, e, 0.9, 0.1]) for p, e in product(PICKS, EXPLORE)]
-FLAGS = [np.array(one) for one in product([False, True], repeat=3)]
-
-
-@pytest.mark.parametrize("explore", [0.0, 0.3, 1.0])
-def test_each_choice_comes_up_exactly_as_often_as_it_should(explore: float) -> None:
-    for possible, better, calm in product(FLAGS, repeat=3):
-        able = set(possible.nonzero()[0].tolist())
-        if not able:
-            continue  # of the choices, one can always be made
-        seeking = able & set(better.nonzero()[0].tolist())
-        keeping = able & set(calm.nonzero()[0].tolist())
-        random = round(explore * len(GRID))
-        expected: Counter[tuple[int, int]] = Counter()
-        parts = (
-            [(SEEKS, seeking, len(GRID))]
-            if seeking
-            else [(EXPLORES, able, random), (KEEPS, keeping, len(GRID) - random)]
-            if keeping
-            else [(LOST, able, len(GRID))]
-        )
-        for why, options, cases in parts:
-            for action in options:
-                expected[action, why] += cases // len(options)
-        found = Counter(
-            choose(possible, better, calm, explore, draws) for draws in GRID
-        )
-        assert found == +expected, (possible, better, calm)
 
 
 def test_the_drives_are_found_wherever_they_stand() -> None:

@@ -115,7 +115,7 @@ def test_a_decision_that_cannot_be_right_is_refused(tick: int, action: int) -> N
     world = World(Scripted(ROWS, ACTING.actions), ACTING)
     told(world, 0)
     with pytest.raises(
-        MessageError, match=r"^decision: must be for tick 1, of 2 choices"
+        MessageError, match=r"^decision: must be for tick 1, of 2 actions"
     ):
         world.receive(wire.Decision(tick, action, "?"))
     believe(world, 1)
