@@ -4,7 +4,7 @@ import fnmatch
 import math
 import re
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -28,7 +28,7 @@ RULE = "must be 0 or 1, false or true, off or on, or nothing for unknown"
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _UNIT = r"(?:[^\s\d,<>.+-][^\s,<>]*)?"
 _WHEN = re.compile(
-    rf"(?P<name>.+?)\s*(?P<sign>[<>])\s*(?P<limit>{_NUMBER})\s*(?P<unit>{_UNIT})"
+    rf"(?P<name>.*?)\s*(?P<sign>[<>])\s*(?P<limit>{_NUMBER})\s*(?P<unit>{_UNIT})"
     rf"(?:\s*,\s*off\s*(?P<back>[<>])\s*(?P<release>{_NUMBER})\s*(?P<same>{_UNIT}))?",
     re.ASCII,
 )
@@ -73,8 +73,12 @@ def plain_unit(unit: str) -> str:
     return unicodedata.normalize("NFC", unit).replace("\N{MICRO SIGN}", "\u03bc")
 
 
-def parse_comparison(text: str) -> Comparison:
+def parse_comparison(text: str, name: str = "") -> Comparison:
     """Return what a text such as ``hall > 21 °C, off < 20`` says.
+
+    Args:
+        text: The comparison.
+        name: What the sensor is called in the data; if empty, the text says it.
 
     Raises:
         InvalidValueError: It says nothing of the kind.
@@ -84,8 +88,13 @@ def parse_comparison(text: str) -> Comparison:
         'hall>21°C'
     """
     match = _WHEN.fullmatch(text.strip())
-    rule = 'must be like "hall > 21" or "hall > 21 °C, off < 20"'
-    if match is None or match["back"] == match["sign"]:
+    like = "" if name else "hall "
+    rule = f'must be like "{like}> 21" or "{like}> 21 °C, off < 20"'
+    if (
+        match is None
+        or match["back"] == match["sign"]
+        or bool(match["name"]) == bool(name)
+    ):
         raise InvalidValueError("when", rule, text)
     above, limit = match["sign"] == ">", float(match["limit"])
     release = None if match["release"] is None else float(match["release"])
@@ -98,7 +107,7 @@ def parse_comparison(text: str) -> Comparison:
     unit = plain_unit(match["unit"])
     if match["same"] and plain_unit(match["same"]) != unit:
         raise InvalidValueError("when", "must have one unit", text)
-    return Comparison(match["name"].strip(), above, limit, release, unit)
+    return Comparison(name or match["name"].strip(), above, limit, release, unit)
 
 
 @dataclass(frozen=True)
@@ -154,11 +163,18 @@ class Reader:
     Args:
         name: Of the sensor.
         comparison: None if values are words.
+        words: What words mean, in small letters.
     """
 
-    def __init__(self, name: str, comparison: Comparison | None = None) -> None:
+    def __init__(
+        self,
+        name: str,
+        comparison: Comparison | None = None,
+        words: Mapping[str, bool | None] = WORDS,
+    ) -> None:
         self.name = name
         self.comparison = comparison
+        self._words = words
         self._before: bool | None = None
 
     def read(self, text: str) -> bool | None:
@@ -170,10 +186,10 @@ class Reader:
         word = text.strip().casefold()
         if self.comparison is None:
             try:
-                return WORDS[word]
+                return self._words[word]
             except KeyError:
-                raise ValueError(RULE) from None
-        if word in WORDS and WORDS[word] is None:
+                raise ValueError(self._rule()) from None
+        if WORDS.get(word, False) is None:
             self._before = None
             return None
         unit = self.comparison.unit
@@ -188,3 +204,10 @@ class Reader:
             raise ValueError(f"must be {what}, or nothing for unknown")
         self._before = self.comparison.is_on(value, self._before)
         return self._before
+
+    def _rule(self) -> str:
+        """Return what a word must be."""
+        if self._words is WORDS:
+            return RULE
+        known = [word for word, on in self._words.items() if on is not None]
+        return f"must be one of {', '.join(known)}"

@@ -46,7 +46,7 @@ kind = "mqtt"
 sensors = [
   {{ name = "door", topic = "house/room", field = "door" }},
   {{ name = "light", topic = "house/room", field = "light" }},
-  {{ name = "cold", topic = "house/room", field = "t", on_below = 19, off_above = 20 }},
+  {{ name = "cold", topic = "house/room", field = "t", when = "< 19, off > 20" }},
 ]
 actions = [{{ name = "ring", topic = "house/bell", payload = "now" }}]
 [source.broker]
@@ -139,7 +139,7 @@ async def test_a_house_is_learned_and_looked_after(tmp_path: Path, cells: str) -
 
             await other.publish(ROOM, "no reading at all", qos=1)
             await publish(other, door=True, light=None, t=15)
-            await until(other, "memory/predictions", light="ON")
+            await see(other, seen, {"memory/sensor/light": b"ON"})
             await publish(other, door=True, light=False, t=15)
             found = await until(other, "memory/anomaly", now="ON")
             assert isinstance(found, dict)

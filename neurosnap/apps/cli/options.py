@@ -6,9 +6,9 @@ stand in panels, which are named here.
 
 import inspect
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import cache, wraps
-from types import MappingProxyType, NoneType, UnionType
+from types import NoneType, UnionType
 from typing import (
     TYPE_CHECKING,
     Annotated,
@@ -260,9 +260,7 @@ def was_given(context: typer.Context, flag: str) -> bool:
     return source is not None and source.name == "COMMANDLINE"
 
 
-def described(
-    context: typer.Context, before: Mapping[str, object] = MappingProxyType({})
-) -> "Prepared":
+def described(context: typer.Context) -> "Prepared":
     """Return what a run is started with, by the arguments of a verb.
 
     Its `source` may be a file that describes a run, with the ending ``.toml``; flags go
@@ -271,7 +269,6 @@ def described(
     Args:
         context: The verb's; its parameters are `source`, `given` and some
             options of a run.
-        before: What `--embedded-broker` sets, by dotted keys.
 
     Raises:
         InvalidValueError: Something is wrong with it; what a file says has its line.
@@ -285,9 +282,8 @@ def described(
         if flag in context.params and was_given(context, flag)
     }
     given = _settings(context.params["given"] or [])
-    given |= {key: context.params[flag] for key, flag in flags.items()} | dict(before)
-    names = flags | dict.fromkeys(before, "embedded-broker")
-    return prepare(described_run(str(context.params["source"]), given, names))
+    given |= {key: context.params[flag] for key, flag in flags.items()}
+    return prepare(described_run(str(context.params["source"]), given, flags))
 
 
 def _settings(given: list[str]) -> dict[str, object]:

@@ -1,8 +1,6 @@
 """``neurosnap run`` and ``resume``: run a source through a swarm, and go on."""
 
 import asyncio
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,7 +10,6 @@ import typer
 from neurosnap.apps.cli.options import (
     FLAG,
     NETWORK,
-    SOURCE,
     Described,
     Given,
     described,
@@ -38,9 +35,8 @@ from neurosnap.apps.cli.shared import (
     new_log,
     run_async,
 )
-from neurosnap.errors import InvalidValueError, MissingExtraError
+from neurosnap.errors import InvalidValueError
 from neurosnap.runtime.systemd import ServiceManager
-from neurosnap.system.distribution import must_have
 
 if TYPE_CHECKING:
     from neurosnap.runtime.request import Outcome, RunRequest
@@ -66,16 +62,6 @@ def run(
             show_default="a random one",
         ),
     ] = "",
-    embedded: Annotated[
-        bool,
-        typer.Option(
-            "--embedded-broker",
-            metavar=FLAG,
-            rich_help_panel=SOURCE,
-            help="Start a small MQTT broker and use it instead of the one in the TOML"
-            " file, to try things out.",
-        ),
-    ] = False,
     view: Annotated[
         bool,
         typer.Option(
@@ -90,37 +76,16 @@ def run(
     with errors():
         if view:
             check_page()
-        with _broker(wanted=embedded) as before:
-            prepared = described(context, before)
-            if view and prepared.log is None:
-                rule = "must go with a recording, which is what is looked at"
-                raise InvalidValueError("view", rule, "no recording")
-            request = prepared.request(swarm)
-            if prepared.chosen:
-                warn(prepared.chosen)
-            outcome = _carry_out(request, form, view=view)
+        prepared = described(context)
+        if view and prepared.log is None:
+            rule = "must go with a recording, which is what is looked at"
+            raise InvalidValueError("view", rule, "no recording")
+        request = prepared.request(swarm)
+        if prepared.chosen:
+            warn(prepared.chosen)
+        outcome = _carry_out(request, form, view=view)
         print_facts(form, outcome_facts(request.options, outcome, request.log))
         _end_by(outcome)
-
-
-@contextmanager
-def _broker(*, wanted: bool) -> Iterator[dict[str, object]]:
-    """Start a broker if one is wanted; yield what makes a run use it.
-
-    Raises:
-        MissingExtraError: The package that it needs is not installed.
-    """
-    if not wanted:
-        yield {}
-        return
-    try:
-        from neurosnap.sources.mqtt.embedded_broker import HOST, EmbeddedBroker
-    except ImportError as error:  # an extra
-        rule = must_have(error.name or "amqtt", "mqtt")
-        raise MissingExtraError(f"embedded-broker: {rule}") from error
-    with EmbeddedBroker() as here:
-        warn(f"a broker listens on {HOST}:{here.port}")
-        yield {"source.broker": {"host": HOST, "port": here.port}}
 
 
 @app.command(rich_help_panel=LEARN)

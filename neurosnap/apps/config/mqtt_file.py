@@ -21,7 +21,7 @@ kind = "mqtt"
 min_interval = 0.5           # seconds
 max_interval = 60.0
 {sensors}
-[source.publish]             # beliefs, predictions, anomalies; Home Assistant sees them
+[source.publish]             # beliefs, anomalies; Home Assistant sees them
 prefix = "neurosnap"
 
 [supervision]

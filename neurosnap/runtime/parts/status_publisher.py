@@ -23,19 +23,14 @@ from neurosnap.protocol.anomaly_messages import anomaly_line, told, with_support
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.parts.job import PartContext
-from neurosnap.sensorium import unpack_readings
 from neurosnap.sources.open import MQTT, mqtt_options
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from neurosnap.sources.mqtt.publisher import MqttPublisher
 
 STATUS_PUBLISHER = "watcher/outlet"
 """Its name: it has no last word, and no part waits for it."""
 _PUBLISHED = ("state", "anomaly", "decision")
-_AHEAD = 16  # observations that may wait for their state
 
 
 def has_status(options: RunOptions) -> bool:
@@ -73,27 +68,16 @@ class StatusListener:
         self._publisher = publisher
         self._support = support
         self._body = body
-        # Nothing orders what the world says and what the coordinator makes of it.
-        self._known: dict[int, NDArray[np.bool_] | None] = {}
-        self._state: wire.State | None = None
         self._wrong = -1  # the last tick that was an anomaly's
         self._calm = True
 
     def receive(self, message: wire.Message) -> None:
         """Receive one message; of other kinds it passes over."""
         match message:
-            case wire.Observation(tick=tick, paused=paused):
+            case wire.Observation(paused=paused):
                 self._publisher.learning(paused)
-                _, known = unpack_readings(
-                    message.bits, message.known, self._body.count
-                )
-                self._known[tick] = known
-                if len(self._known) > _AHEAD:
-                    del self._known[min(self._known)]
-                self._publish_state()
             case wire.State():
-                self._state = message
-                self._publish_state()
+                self._publisher.state(message)
                 if message.tick > self._wrong and not self._calm:
                     self._calm = True
                     self._publisher.anomaly(None)
@@ -109,12 +93,6 @@ class StatusListener:
                 self._body = body_after(self._body, message)
             case _:
                 pass
-
-    def _publish_state(self) -> None:
-        state = self._state
-        if state is not None and state.tick in self._known:
-            self._publisher.state(state, self._known.pop(state.tick))
-            self._state = None
 
 
 async def publish_status(
@@ -209,11 +187,6 @@ def _publisher(options: RunOptions) -> "MqttPublisher":
         actions=body.actions,
         pauses=not body.room,
         judges=options.alarms != NEVER,
-        classes={
-            sensor.name: sensor.device_class
-            for sensor in given.sensors
-            if sensor.device_class is not None
-        },
     )
 
 

@@ -18,12 +18,13 @@ What is known at a time `now`:
 - A sensor with `seen_within` does not say what it reads, only that it is there: it is
   on until that many seconds after any message, and off otherwise. Silence means that it
   is off only once it was listened to for that long; until then it is unknown.
-- Where a sensor combines topics, all this holds for each topic; those count that are
-  known. Lateness is the sensor's.
+- Where a sensor combines topics, all this holds for each topic: of those that are
+  known, one is on, or all are off. Lateness is the sensor's.
 """
 
-from collections.abc import Sequence
-from typing import Literal, TypeAlias
+import math
+from collections.abc import Iterable, Sequence
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,15 +40,8 @@ Spans: TypeAlias = float | Sequence[float | None] | None
 """Seconds, one for all sensors or one a sensor; None if there is no such bound."""
 
 
-Combine: TypeAlias = Literal["any", "all", "last"]
-"""How several topics are one sensor. Of those that are known, `any`: on where one is
-on, off where all are off; `all`: off where one is off, on where all are on; `last`:
-the latest message of them all counts."""
-
 REMEMBERED = 4096
 """Topics of a sensor whose readings are remembered."""
-
-_NEVER = float("-inf")
 
 
 class LatestReadings:
@@ -58,11 +52,11 @@ class LatestReadings:
         stale_after: Seconds after which a reading is believed no more, above 0.
         seen_within: For sensors that are on while messages come: for how many seconds
             after one, above 0. Staleness means nothing for these.
-        combine: How the topics of each sensor combine; if None, ``last`` for all.
+        combines: The numbers of the sensors that combine topics.
 
     Raises:
         InvalidValueError: There is no sensor, a name is none, or a span is not above 0.
-        ShapeError: There are spans, or ways to combine, but not one a sensor.
+        ShapeError: There are spans, but not one a sensor.
     """
 
     def __init__(
@@ -71,7 +65,7 @@ class LatestReadings:
         *,
         stale_after: Spans = None,
         seen_within: Spans = None,
-        combine: Sequence[Combine] | None = None,
+        combines: Iterable[int] = (),
     ) -> None:
         self.sensors: tuple[str, ...] = Sensorium(sensors).names
         if not self.sensors:
@@ -81,12 +75,9 @@ class LatestReadings:
         seen = _spans("seen_within", seen_within, count)
         self._seen: Bits = np.isfinite(seen)
         self._span = np.where(self._seen, seen, stale)
-        ways = ["last"] * count if combine is None else combine
-        if len(ways) != count:
-            rule = f"must be {count}, one a sensor"
-            raise ShapeError("combine", rule, len(ways))
-        self._all: Bits = np.array([way == "all" for way in ways])
-        self._topics = {k: CombinedTopics() for k in range(count) if ways[k] != "last"}
+        # While it is seen, which topic says so does not matter.
+        several = [sensor for sensor in combines if not self._seen[sensor]]
+        self._topics = {sensor: CombinedTopics() for sensor in several}
         self._at = np.full(count, -np.inf)
         # Both are ahead only where topics that are known contradict each other.
         self._on_until = np.full(count, -np.inf)
@@ -105,9 +96,6 @@ class LatestReadings:
         """Let silence mean nothing until `start_listening`: nothing is received."""
         self._silent_from[:] = np.inf
         self._on_until[self._seen] = -np.inf
-        for sensor, topics in self._topics.items():
-            if self._seen[sensor]:
-                topics.clear()
 
     def update(
         self, sensor: int, on: bool | None, at: float, now: float, topic: str = ""
@@ -136,22 +124,14 @@ class LatestReadings:
         if self._seen[sensor]:
             on = True
         if sensor in self._topics:
-            self._combine(sensor, topic, on, until)
+            topics = self._topics[sensor]
+            topics.update(topic, on, until)
+            self._on_until[sensor] = topics.last_until(True)
+            self._off_until[sensor] = topics.last_until(False)
         else:
             self._on_until[sensor] = until if on is True else -np.inf
             self._off_until[sensor] = until if on is False else -np.inf
         return True
-
-    def _combine(self, sensor: int, topic: str, on: bool | None, until: float) -> None:
-        """Update a sensor by what one of its topics says. O(1)."""
-        topics = self._topics[sensor]
-        topics.update(topic, on, until)
-        # A topic that is no longer seen is off, which ends `all`; one that is stale is
-        # unknown, and does not.
-        ends = self._seen[sensor] and self._all[sensor]
-        last = topics.first_until if ends else topics.last_until
-        self._on_until[sensor] = last(True)
-        self._off_until[sensor] = topics.last_until(False)
 
     def update_all(self, on: Bits, some: Bits, at: float, now: float) -> Bits:
         """Update every sensor, as `update` would one after the other. O(N).
@@ -190,7 +170,7 @@ class LatestReadings:
             is not known is 0.
         """
         on, off = now < self._on_until, now < self._off_until
-        return on & ~(off & self._all), on | off | (now >= self._silent_from)
+        return on, on | off | (now >= self._silent_from)
 
     def next_change(self, now: float) -> float | None:
         """Return when `observation` changes next if nothing comes; None if never."""
@@ -238,24 +218,16 @@ class CombinedTopics:
             return
         self._until[on][topic] = until
         if sum(map(len, self._until.values())) > REMEMBERED:
-            oldest = min(filter(None, self._until.values()), key=_first)
+            tables = filter(None, self._until.values())
+            oldest = min(tables, key=lambda said: next(iter(said.values())))
             del oldest[next(iter(oldest))]
 
     def last_until(self, on: bool) -> float:
         """Return until when one of the topics says `on`, if nothing more comes."""
         said = self._until[on]
-        return said[next(reversed(said))] if said else _NEVER
-
-    def first_until(self, on: bool) -> float:
-        """Return until when all topics that say `on` still do."""
-        said = self._until[on]
-        return _first(said) if said else _NEVER
+        return said[next(reversed(said))] if said else -math.inf
 
     def clear(self) -> None:
         """Forget all topics."""
         for said in self._until.values():
             said.clear()
-
-
-def _first(said: dict[str, float]) -> float:
-    return said[next(iter(said))]

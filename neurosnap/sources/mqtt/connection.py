@@ -11,8 +11,7 @@ The receiver must be quick and must not raise.
 What is wrong at the start is an error: a refused name or password and a certificate
 that is not trusted at once, anything else when the patience is over. Once connected, a
 link never gives up. It says so once an outage, and when the reason changes. Where a run
-has two links to one broker the second leaves that to the first, but for a long outage,
-which may be its own.
+has two links to one broker the second leaves that to the first.
 """
 
 import asyncio
@@ -41,7 +40,7 @@ SHORTEST, LONGEST = 0.5, 30.0
 _REFUSED = {134, 135}  # name or password; paho says so for 4 and 5 of MQTT 3.1.1, too
 _ANSWER = 5.0  # seconds a broker may take for any answer
 _DRAIN = 2.0  # seconds an orderly end may take to send what waits
-_LONG = 60.0  # seconds after which a second link says that it is away, too
+_SILENCE = 30  # seconds after which each side asks whether the other is there
 
 _logger = logging.getLogger(__name__)
 
@@ -54,16 +53,16 @@ class MqttLink:
 
     Args:
         broker: Where it is.
-        role: What its client ids say after the common beginning.
+        role: What its client ids say. The rest is drawn: of two clients with the same
+            id a broker drops one.
         status: A topic that says ``online`` while it is connected and ``offline``
             otherwise, retained, by a last will if need be; None if there is none.
-        forget: At the end, let the broker forget the status and all that was held.
         filters: What to subscribe to, with QoS 1.
         receive: Takes what comes; is called in the loop of `serve`, must be quick and
             must not raise.
         connected: Is told that it is subscribed, and that it no longer is; likewise.
         second: The same process or another one of the run has a link to this broker,
-            which says at once what is wrong with it.
+            which says what is wrong with it.
 
     Raises:
         InvalidValueError: The certificates to trust cannot be read, or the password.
@@ -75,7 +74,6 @@ class MqttLink:
         role: str,
         *,
         status: str | None = None,
-        forget: bool = False,
         filters: Sequence[str] = (),
         receive: Receive | None = None,
         connected: Callable[[bool], None] = lambda _: None,
@@ -84,7 +82,6 @@ class MqttLink:
         self._broker = broker
         self._role = role
         self._status = status
-        self._forget = forget
         self._filters = tuple(dict.fromkeys(filters))
         self._receive = receive
         self._connected = connected
@@ -95,9 +92,8 @@ class MqttLink:
         self._outbox = Outbox()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._waiting = asyncio.Event()
-        self._second = second
-        self._said: tuple[str, int] | None = None  # what, and at which level
-        self._away_since: float | None = None
+        self._level = logging.INFO if second else logging.WARNING
+        self._said = ""  # what is wrong, while the connection is away
         self._told = 0
         self._was_connected = False
 
@@ -138,10 +134,10 @@ class MqttLink:
                     if not self._was_connected and not stop.is_set():
                         late = now - began >= self._broker.patience
                         give_up(self._broker, error, late=late)
-                    self._backoff.failed(error, now - since)
-                    self._log_trouble(error, now)
+                    self._log_trouble(error)
+                    delay = self._backoff.delay(error, now - since)
                     with contextlib.suppress(TimeoutError):
-                        await asyncio.wait_for(stop.wait(), self._backoff.delay())
+                        await asyncio.wait_for(stop.wait(), delay)
         finally:
             with self._lock:
                 self._loop = None
@@ -175,10 +171,9 @@ class MqttLink:
         with self._lock:
             self._outbox.renew()
         self._was_connected = True
-        if self._said is not None:
-            _logger.log(self._said[1], "%s: connected", self._broker.address)
-            self._said = None
-        self._away_since = None
+        if self._said:
+            _logger.log(self._level, "%s: connected", self._broker.address)
+            self._said = ""
 
     def _client(self) -> aiomqtt.Client:
         """Return a client for one connection."""
@@ -191,11 +186,11 @@ class MqttLink:
             broker.resolved_port,
             username=broker.username,
             password=broker.password(),
-            identifier=f"{broker.client_id}-{self._role}-{secrets.token_hex(4)}",
+            identifier=f"neurosnap-{self._role}-{secrets.token_hex(4)}",
             queue_type=_handing_to(self._receive),
             will=will,
             timeout=_ANSWER,
-            keepalive=broker.keepalive,
+            keepalive=_SILENCE,
             tls_context=self._trust,
         )
 
@@ -236,19 +231,9 @@ class MqttLink:
                 )
 
     async def _publish_one(self, client: aiomqtt.Client, message: Outgoing) -> None:
-        """Publish `message`; it counts as sent once the broker has it.
-
-        With QoS 0 it does so from the start: whether it arrived is not known, and it
-        must not come twice.
-        """
-        topic, payload, qos, retain = message
-        if qos == 0:
-            self._sent(message)
-        await client.publish(topic, payload, qos=qos, retain=retain)
-        if qos > 0:
-            self._sent(message)
-
-    def _sent(self, message: Outgoing) -> None:
+        """Publish `message`; it counts as sent once the broker has it."""
+        topic, payload, retain = message
+        await client.publish(topic, payload, qos=1, retain=retain)
         with self._lock:
             self._outbox.sent(message)
 
@@ -265,14 +250,10 @@ class MqttLink:
         try:
             async with asyncio.timeout(_DRAIN):
                 await sending
-                if self._forget:
-                    with self._lock:
-                        self._outbox.clear()
                 while batch := self._batch():
                     await self._publish(client, batch)
                 if self._status is not None:
-                    last = b"" if self._forget else OFFLINE
-                    await client.publish(self._status, last, qos=1, retain=True)
+                    await client.publish(self._status, OFFLINE, qos=1, retain=True)
         except (TimeoutError, ExceptionGroup, aiomqtt.MqttError):
             left = len(self._outbox)
             _logger.warning("%s: left with %d unsent", self._broker.address, left)
@@ -282,22 +263,19 @@ class MqttLink:
         if self._loop is not None:
             self._loop.call_soon_threadsafe(self._waiting.set)
 
-    def _log_trouble(self, error: Exception, now: float) -> None:
+    def _log_trouble(self, error: Exception) -> None:
         """Say once an outage what is wrong, and again when that changes."""
-        self._away_since = now if self._away_since is None else self._away_since
-        left_out = self._second and now - self._away_since < _LONG
-        level = logging.INFO if left_out else logging.WARNING
         text = str(explained(self._broker, error))
-        if self._said == (text, level):
+        if self._said == text:
             return
-        self._said = text, level
+        self._said = text
         tries = (
             f"until the run ends, every {LONGEST:g} s at the latest"
             if self._was_connected
             else f"for {self._broker.patience:g} s in all"
         )
         told = "%s: not connected, got %s; trying again %s"
-        _logger.log(level, told, self._broker.address, text, tries)
+        _logger.log(self._level, told, self._broker.address, text, tries)
 
 
 def _trust(broker: MqttBroker) -> ssl.SSLContext | None:
@@ -367,17 +345,11 @@ class Backoff:
         self._rng = rng
         self._next = SHORTEST
 
-    def delay(self) -> float:
-        """Return the seconds to wait before the next attempt."""
-        delay = self._next
-        self._next = min(2 * delay, LONGEST)
-        return delay * self._rng.uniform(0.5, 1.0)
-
-    def failed(self, error: Exception, lasted: float) -> None:
-        """Note how a connection ended.
+    def delay(self, error: Exception, lasted: float) -> float:
+        """Return the seconds to wait before the next attempt.
 
         Args:
-            error: Of what.
+            error: What the last one failed of.
             lasted: Seconds since it was tried. Only a connection that lasted starts
                 over with the shortest delay: a broker may let in and drop at once.
         """
@@ -385,6 +357,9 @@ class Backoff:
             self._next = SHORTEST
         if is_refusal(error):
             self._next = LONGEST  # asking often does not help, and may lock an account
+        delay = self._next
+        self._next = min(2 * delay, LONGEST)
+        return delay * self._rng.uniform(0.5, 1.0)
 
 
 def is_refusal(error: Exception) -> bool:

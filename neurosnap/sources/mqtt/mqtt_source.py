@@ -1,17 +1,20 @@
 """MQTT topics as sensors, and published messages as actions.
 
-What a sensor reads is the latest message of its topic, or where several topics match
-its filter, of them all, as `MqttSensor.combine` says; one message may feed several
-sensors. A topic that appears under way feeds the sensors whose
-filters it matches, like any other. Readings carry no time of their own: they count from
-their arrival, and what the broker had kept counts from when it was delivered.
+What a sensor reads is the latest message of its topic; where several topics match its
+filter, it is on where one of them is on. One message may feed several sensors. A topic
+that appears under way feeds the sensors whose filters it matches, like any other.
+Readings carry no time: they count from their arrival, and what the broker had kept
+counts from when it was delivered.
 
 When the broker is away, nothing comes and the source goes on: readings go stale by the
 same rule as ever, and a sensor with `seen_within` is unknown until it can be heard
 again, since silence says nothing then.
 """
 
+import asyncio
+import threading
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import lru_cache
 
 import aiomqtt
@@ -21,7 +24,6 @@ from neurosnap.sources.live.journal import Journal
 from neurosnap.sources.live.latest_readings import LatestReadings
 from neurosnap.sources.live.live_source import LiveSource
 from neurosnap.sources.mqtt.connection import MqttLink
-from neurosnap.sources.mqtt.loop_thread import LoopThread
 from neurosnap.sources.mqtt.options import MqttOptions
 from neurosnap.sources.mqtt.outbox import Outgoing
 from neurosnap.sources.mqtt.payload import Payload, PayloadReader
@@ -56,7 +58,7 @@ def mqtt_source(
                 for sensor in options.sensors
             ],
             seen_within=[sensor.seen_within for sensor in options.sensors],
-            combine=[sensor.combines for sensor in options.sensors],
+            combines=[k for k, each in enumerate(options.sensors) if each.combines],
         ),
         options.tick.schedule(),
         feeder=feeder,
@@ -91,17 +93,22 @@ class MqttFeeder:
             options.broker,
             "world",
             status=None if publish is None else Topics(publish.prefix, ()).world,
-            forget=publish is not None and publish.forget,
             filters=[self._command, *filters] if self._command else filters,
             receive=self._receive,
             connected=self._connected,
         )
-        self._thread = LoopThread("mqtt", self._link.serve, self._fail)
+        self._thread: threading.Thread | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._over = asyncio.Event()
 
     def start(self, source: LiveSource) -> None:
         """Begin to connect; what the link fails of, see there, the source fails of."""
         self._source = source
         source.listens(False)
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(
+            target=self._run, args=(self._loop, source), name="mqtt", daemon=True
+        )
         self._thread.start()
 
     def stop(self) -> None:
@@ -111,7 +118,18 @@ class MqttFeeder:
         then says nothing holds it up for five seconds, and one whose machine does not
         answer for as long again.
         """
-        self._thread.stop()
+        if self._loop is None or self._thread is None:
+            return
+        with suppress(RuntimeError):  # the loop is closed: it has ended by itself
+            self._loop.call_soon_threadsafe(self._over.set)
+        self._thread.join()
+
+    def _run(self, loop: asyncio.AbstractEventLoop, source: LiveSource) -> None:
+        try:
+            with asyncio.Runner(loop_factory=lambda: loop) as runner:
+                runner.run(self._link.serve(self._over))
+        except Exception as error:  # noqa: BLE001 - it is passed on, whatever it is
+            source.fail(error)
 
     def actuate(self, choice: int) -> None:
         """Publish what belongs to a choice, counted from 0, which is to do nothing.
@@ -126,9 +144,7 @@ class MqttFeeder:
         if choice:
             action = actions[choice - 1]
             self._link.send(
-                Outgoing(
-                    action.topic, action.payload.encode(), action.qos, action.retain
-                )
+                Outgoing(action.topic, action.payload.encode(), action.retain)
             )
 
     def _receive(self, topic: str, data: bytes, retained: bool) -> None:
@@ -162,10 +178,6 @@ class MqttFeeder:
     def _connected(self, on: bool) -> None:
         if self._source is not None:
             self._source.listens(on)
-
-    def _fail(self, error: Exception) -> None:
-        if self._source is not None:
-            self._source.fail(error)
 
 
 REMEMBERED = 4096

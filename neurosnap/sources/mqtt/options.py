@@ -7,52 +7,17 @@ does: a recording is read without it.
 
 import os
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
-from urllib.parse import urlsplit
+from typing import Annotated
 
 import msgspec
 
-from neurosnap.errors import InvalidValueError
+from neurosnap.errors import InvalidValueError, within
 from neurosnap.sensorium import Sensorium
-from neurosnap.sources.live.latest_readings import Combine
 from neurosnap.sources.live.tick_schedule import TickSchedule, new_schedule
-from neurosnap.sources.meaning import OFF, ON, Comparison
+from neurosnap.sources.meaning import OFF, ON, Comparison, parse_comparison
 
 Text = Annotated[str, msgspec.Meta(min_length=1, max_length=1024)]
 Seconds = Annotated[float, msgspec.Meta(gt=0, le=31_536_000)]
-Number = Annotated[float, msgspec.Meta(ge=-1e300, le=1e300)]
-
-DeviceClass: TypeAlias = Literal[
-    "battery",
-    "battery_charging",
-    "carbon_monoxide",
-    "cold",
-    "connectivity",
-    "door",
-    "garage_door",
-    "gas",
-    "heat",
-    "light",
-    "lock",
-    "moisture",
-    "motion",
-    "moving",
-    "occupancy",
-    "opening",
-    "plug",
-    "power",
-    "presence",
-    "problem",
-    "running",
-    "safety",
-    "smoke",
-    "sound",
-    "tamper",
-    "update",
-    "vibration",
-    "window",
-]
-"""The classes that Home Assistant has for binary sensors."""
 
 _LEAST = 0.1  # seconds between ticks on change
 
@@ -75,14 +40,6 @@ class MqttBroker(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """A file whose first line is the password."""
     password_env: Text | None = None
     """A variable of the environment that holds it."""
-    client_id: Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_-]{1,32}$")] = (
-        "neurosnap"
-    )
-    """What client ids start with. The rest is drawn: of two clients with the same id, a
-    broker drops one."""
-    keepalive: Annotated[int, msgspec.Meta(ge=5, le=3600)] = 30
-    """Seconds of silence after which each side asks whether the other is there; the
-    broker publishes the last will after one and a half times as many."""
     patience: Seconds = 10.0
     """Seconds a start may take until it is connected; afterwards there is no limit."""
 
@@ -145,18 +102,14 @@ class MqttSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """A sensor, and how it reads what is published.
 
     It reads words, or compares numbers, or notices that anything is published at all.
-    Topics that match its filter all feed it, and combine.
+    Topics that match its filter all feed it: it is on where one of them is on, off
+    where all are off. A topic that is stale, or has said nothing yet, is left out.
     """
 
     name: Text
     """The sensor's name."""
     topic: Text
     """A topic filter; ``+`` stands for one level, ``#`` for all that follow."""
-    combine: Combine | None = None
-    """How the topics that match a filter with ``+`` or ``#`` are one sensor. "any": on
-    where one is on, off where all are off; "all": on where all are on, off where one is
-    off; topics that are stale or said nothing yet are left out. "last": as the latest
-    message of them all says. If None, "any" with ``+`` or ``#``, or else "last"."""
     field: Text | None = None
     """The way to a field of a JSON payload, levels apart by dots, places in a list by
     number (``climate.0.value``); None if the whole payload is meant."""
@@ -164,41 +117,28 @@ class MqttSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """Words that mean on, whatever their case."""
     off: tuple[Text, ...] = OFF
     """Words that mean off."""
-    on_above: Number | None = None
-    """On where a number is greater than this."""
-    off_below: Number | None = None
-    """With `on_above`: off only where it is smaller than this, and between the two, as
-    it was before, both included; if None, off where it is not greater than
-    `on_above`."""
-    on_below: Number | None = None
-    """On where a number is smaller than this."""
-    off_above: Number | None = None
-    """With `on_below`: off only where it is greater than this; as `off_below`."""
+    when: Text | None = None
+    """When a number means on: ``> 22``, or ``> 22 °C, off < 21``: off only below 21,
+    and between the two, both included, as it was before. If None, it reads words."""
     seen_within: Seconds | None = None
     """On where some message came in the last so many seconds, whatever it says, and off
     otherwise. What the broker kept does not count: it may be old."""
     stale_after: Seconds | None = None
     """Seconds after which a reading no longer counts; if None, the source's own."""
-    device_class: DeviceClass | None = None
-    """What it senses, in Home Assistant's words, which show it with icons and words of
-    their own ("open", "detected"); if None, plain on and off."""
 
     def __post_init__(self) -> None:
         if not is_filter(self.topic):
             rule = "must be a topic filter, + or # alone in a level and # in the last"
             raise InvalidValueError(f"{self.name}: topic", rule, self.topic)
-        if self.combine not in {None, "last"} and not _wild(self.topic):
-            rule = 'must be "last" or left out where the topic has no + and no #'
-            raise InvalidValueError(f"{self.name}: combine", rule, self.combine)
-        self._check_kind()
-        self._check_hysteresis("off_below", self.off_below, "on_above", self.on_above)
-        self._check_hysteresis("on_below", self.on_below, "off_above", self.off_above)
-        if self.off_above is not None and self.on_below is None:
-            rule = "must go with on_below"
-            raise InvalidValueError(f"{self.name}: off_above", rule, self.off_above)
-        if self.off_below is not None and self.on_above is None:
-            rule = "must go with on_above"
-            raise InvalidValueError(f"{self.name}: off_below", rule, self.off_below)
+        for name in ("field", "when"):
+            given = getattr(self, name)
+            if self.seen_within is not None and given is not None:
+                rule = "must not go with seen_within, which does not look inside"
+                raise InvalidValueError(f"{self.name}: {name}", rule, given)
+        try:
+            self.comparison  # noqa: B018 - it is read once, to be checked
+        except InvalidValueError as error:
+            raise within(self.name, error) from None
         both = {word.casefold() for word in self.on} & {
             word.casefold() for word in self.off
         }
@@ -207,44 +147,21 @@ class MqttSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
             raise InvalidValueError(f"{self.name}: off", rule, sorted(both))
 
     @property
-    def combines(self) -> Combine:
-        """How its topics combine, whether said or not."""
-        if self.combine is not None:
-            return self.combine
-        return "any" if _wild(self.topic) else "last"
+    def combines(self) -> bool:
+        """Whether several topics may be this sensor."""
+        return _wild(self.topic)
 
     @property
     def comparison(self) -> Comparison | None:
         """How it compares numbers; None if it does not."""
-        if self.on_above is not None:
-            return Comparison(self.name, True, self.on_above, self.off_below)
-        if self.on_below is not None:
-            return Comparison(self.name, False, self.on_below, self.off_above)
-        return None
-
-    def _check_kind(self) -> None:
-        kinds = [
-            name
-            for name in ("on_above", "on_below", "seen_within")
-            if getattr(self, name) is not None
-        ]
-        if len(kinds) > 1:
-            rule = "must be one of on_above, on_below and seen_within"
-            raise InvalidValueError(f"{self.name}: kind", rule, kinds)
-        if self.seen_within is not None and self.field is not None:
-            rule = "must not go with seen_within, which does not look inside"
-            raise InvalidValueError(f"{self.name}: field", rule, self.field)
-
-    def _check_hysteresis(
-        self, lower_name: str, lower: float | None, upper_name: str, upper: float | None
-    ) -> None:
-        if lower is not None and upper is not None and lower > upper:
-            rule = f"must not be greater than {upper_name}, {upper}"
-            raise InvalidValueError(f"{self.name}: {lower_name}", rule, lower)
+        return None if self.when is None else parse_comparison(self.when, self.name)
 
 
 class MqttAction(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """An action, and what is published when it is taken."""
+    """An action, and what is published when it is taken.
+
+    That is sent until the broker has it, so it may come twice.
+    """
 
     name: Text
     """The action's name."""
@@ -254,8 +171,6 @@ class MqttAction(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """What."""
     retain: bool = False
     """Whether the broker keeps it for those who come later."""
-    qos: Literal[0, 1] = 1
-    """1: sent until the broker has it, so it may come twice."""
 
     def __post_init__(self) -> None:
         if not is_topic(self.topic):
@@ -298,18 +213,8 @@ class MqttPublish(
     """Where Home Assistant listens."""
     device: Text = "neurosnap"
     """What the run is called there."""
-    forget: bool = False
-    """Whether an orderly end takes the device out of Home Assistant; otherwise it stays
-    there with its history, as unavailable, until the next run."""
-    page: Text | None = None
-    """Where Home Assistant's link "visit" leads, ``http://...`` or ``https://...``: a
-    dashboard, or a page of your own. None for no link. The page of ``--view`` is for
-    this machine only, and its address is a secret, so it is never published."""
 
     def __post_init__(self) -> None:
-        if self.page is not None and not _is_address(self.page):
-            rule = "must be an address that starts with http:// or https://"
-            raise InvalidValueError("page", rule, self.page)
         for name in ("prefix", "discovery_prefix"):
             given = getattr(self, name)
             if not is_topic(given):
@@ -367,15 +272,6 @@ def is_filter(topic: str) -> bool:
 def is_topic(topic: str) -> bool:
     """Whether `topic` may be published to."""
     return _is_name(topic) and not _wild(topic)
-
-
-def _is_address(page: str) -> bool:
-    """Tell whether `page` is an absolute web address."""
-    try:
-        parts = urlsplit(page)
-    except ValueError:
-        return False
-    return parts.scheme in {"http", "https"} and bool(parts.hostname)
 
 
 def _is_name(topic: str) -> bool:

@@ -29,8 +29,6 @@ class Outgoing(NamedTuple):
     """Where to."""
     payload: bytes
     """What."""
-    qos: int = 1
-    """0 or 1."""
     retain: bool = False
     """Whether the broker keeps it."""
 
@@ -59,11 +57,6 @@ class Outbox:
             self._passing.popleft()
             self.dropped += 1
         self._passing.append((now + LASTS, message))
-
-    def clear(self) -> None:
-        """Let every held topic say nothing: the broker forgets it."""
-        for topic in self._held:
-            self.hold(topic, b"")
 
     def renew(self) -> None:
         """Let all that is held be sent again: the broker may have forgotten it."""

@@ -4,7 +4,6 @@ A reading that breaks a rule changes nothing: an error says what was wrong, and 
 sensor keeps what it had until that is stale.
 """
 
-import math
 from functools import cached_property
 from typing import Any
 
@@ -12,7 +11,7 @@ import msgspec
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.sources.live.latest_readings import REMEMBERED
-from neurosnap.sources.meaning import UNKNOWN
+from neurosnap.sources.meaning import UNKNOWN, Reader
 from neurosnap.sources.mqtt.options import MqttSensor
 
 LARGEST = 64 * 1024
@@ -85,9 +84,9 @@ class Payload:
 
 
 class PayloadReader:
-    """One sensor's reading of payloads; remembers its last comparisons, if any.
+    """One sensor's reading of payloads.
 
-    Where topics combine, each has a last comparison of its own.
+    Each topic has a hysteresis of its own.
 
     Args:
         sensor: Which, and how it reads.
@@ -95,11 +94,10 @@ class PayloadReader:
 
     def __init__(self, sensor: MqttSensor) -> None:
         self._sensor = sensor
-        self._comparison = sensor.comparison
         self._words: dict[str, bool | None] = dict.fromkeys(UNKNOWN)
         self._words |= {word.casefold(): True for word in sensor.on}
         self._words |= {word.casefold(): False for word in sensor.off}
-        self._compared: dict[str, bool] = {}
+        self._readers: dict[str, Reader] = {}  # by topic, the latest one last
 
     def read(self, payload: Payload) -> bool | None:
         """Return whether `payload` says on or off; None if it says unknown.
@@ -108,68 +106,41 @@ class PayloadReader:
             InvalidValueError: It says neither; the text has the topic and the first 40
                 characters.
         """
-        if self._sensor.seen_within is not None:
+        sensor = self._sensor
+        if sensor.seen_within is not None:
             return True
-        if self._sensor.field is None:
-            value: Any = payload.text
-        else:
-            value = payload.field(self._sensor.field)
-        if self._comparison is None:
-            return self._word(payload, value)
-        topic = "" if self._sensor.combines == "last" else payload.topic
-        compared = None  # nothing to hold on to
-        if not _is_unknown(value):
-            number = _number(payload, value)
-            compared = self._comparison.is_on(number, self._compared.get(topic))
-        self._compared.pop(topic, None)
-        if compared is not None:
-            self._compared[topic] = compared
-        if len(self._compared) > REMEMBERED:
-            del self._compared[next(iter(self._compared))]
-        return compared
-
-    def _word(self, payload: Payload, value: object) -> bool | None:
+        value: Any = payload.text
+        if sensor.field is not None:
+            value = payload.field(sensor.field)
         try:
-            return self._words[_as_word(value)]
-        except KeyError:
-            words = ", ".join((*self._sensor.on, *self._sensor.off))
-            place = self._sensor.field or "payload"
-            raise payload.wrong(f"{place} must be one of {words}") from None
+            return self._reader(payload.topic).read(_as_text(value))
+        except ValueError as error:
+            place = sensor.field or "payload"
+            raise payload.wrong(f"{place} {error}") from None
+
+    def _reader(self, topic: str) -> Reader:
+        reader = self._readers.pop(topic, None)
+        if reader is None:
+            sensor = self._sensor
+            reader = Reader(sensor.name, sensor.comparison, self._words)
+        self._readers[topic] = reader
+        if len(self._readers) > REMEMBERED:
+            del self._readers[next(iter(self._readers))]
+        return reader
 
 
-def _is_unknown(value: object) -> bool:
-    """Tell whether a value says that nothing is known."""
-    return value is None or (isinstance(value, str) and value.casefold() in UNKNOWN)
-
-
-def _as_word(value: object) -> str:
-    """Return the JSON value `value` as the word it would be in a plain payload."""
+def _as_text(value: object) -> str:
+    """Return the JSON value `value` as the text it would be in a plain payload."""
     match value:
         case str():
-            return value.strip().casefold()
+            return value
         case None:
             return "null"
         case bool():
             return "true" if value else "false"
-        case int():
-            return str(value)
         case float() if value.is_integer():
             return str(int(value))
+        case int():
+            return str(value)
         case _:
             return msgspec.json.encode(value).decode()
-
-
-def _number(payload: Payload, value: object) -> float:
-    """Return a JSON number, or text that is one.
-
-    Raises:
-        InvalidValueError: It is none, or not finite.
-    """
-    if isinstance(value, int | float | str) and not isinstance(value, bool):
-        try:
-            number = float(value)
-        except (ValueError, OverflowError):
-            number = math.nan
-        if math.isfinite(number):
-            return number
-    raise payload.wrong("must be a finite number")

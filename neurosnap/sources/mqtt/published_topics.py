@@ -6,13 +6,10 @@ Below the prefix, everything retained:
 ``status``                ``online`` or ``offline``
 ``world/status``          the same, of who reads the sensors
 ``sensor/<slug>``         what is believed of the sensor: ``ON``, ``OFF``, ``unknown``
-``predictions``           ``{"door": "ON"}``: what is believed of sensors unread
 ``decision``              ``{"action": "push", "why": "..."}``
 ``anomaly``               ``{"now": "ON", "last": {...}}``: whether there is one, and
                           the latest
-``progress``              ``{"ticks": 89, "implications": 12, "read": 9, "of": 14}``:
-                          how far learning is; of the sensors, how many were read at
-                          the last tick
+``progress``              ``{"ticks": 89, "implications": 12}``: how far learning is
 ``learning``              ``ON``, or ``OFF`` while it is paused
 ``learning/set``          to be published to: ``ON`` or ``OFF``
 ``health/<slug>``         ``{"now": "ON", "last": "hall: silent since ..."}``:
@@ -37,16 +34,14 @@ References:
 """
 
 import re
-from collections.abc import Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.errors import ShapeError
-from neurosnap.sources.mqtt.options import DeviceClass, MqttPublish
+from neurosnap.sources.mqtt.options import MqttPublish
 from neurosnap.system.distribution import HOME, version
 
 _OTHER = re.compile(r"[^A-Za-z0-9_-]+")
@@ -66,7 +61,6 @@ class Topics:
     def __init__(self, prefix: str, sensors: Sequence[str]) -> None:
         self.status = f"{prefix}/status"
         self.world = f"{prefix}/world/status"
-        self.predictions = f"{prefix}/predictions"
         self.decision = f"{prefix}/decision"
         self.anomaly = f"{prefix}/anomaly"
         self.progress = f"{prefix}/progress"
@@ -117,33 +111,6 @@ def beliefs(literals: NDArray[np.bool_]) -> list[bytes]:
     return [WORDS[each] for each in which.tolist()]
 
 
-def predictions(
-    names: Sequence[str], literals: NDArray[np.bool_], known: NDArray[np.bool_] | None
-) -> bytes:
-    """Return what a state says of the sensors that were not read.
-
-    Args:
-        names: The sensors' names: N of them.
-        literals: ``(2N,)``, coherent.
-        known: ``(N,)``: which were read; None if all were.
-
-    Returns:
-        A JSON object of names and ``ON`` or ``OFF``; of what neither was read nor is
-        believed, nothing.
-
-    Raises:
-        ShapeError: `known` is not one a sensor.
-    """
-    if known is None:
-        return b"{}"
-    if known.shape != (len(names),):
-        rule = f"must be ({len(names)},), one a sensor"
-        raise ShapeError("known", rule, known.shape)
-    unread = np.flatnonzero(~known & (literals[0::2] | literals[1::2]))
-    said = {names[k]: "ON" if literals[2 * k] else "OFF" for k in unread.tolist()}
-    return msgspec.json.encode(said)
-
-
 Components: TypeAlias = dict[str, dict[str, Any]]
 """By id, what each is."""
 
@@ -154,7 +121,6 @@ _DIAGNOSIS = "diagnostic"
 _PROGRESS = (
     ("ticks", "Ticks", "counter"),
     ("implications", "Implications", "graph-outline"),
-    ("read", "Sensors read", "access-point"),
 )
 """How far learning is: id and key, name and icon of each entity."""
 _SWITCH: dict[str, Any] = {
@@ -187,12 +153,10 @@ def discovery(
     acts: bool,
     pauses: bool = False,
     judges: bool = False,
-    classes: Mapping[str, DeviceClass] = MappingProxyType({}),
 ) -> bytes:
     """Return the announcement.
 
-    A sensor that a later run does not have must be taken away by hand there, or by a
-    run with `MqttPublish.forget`.
+    A sensor that a later run does not have must be taken away by hand there.
 
     Args:
         publish: The device's name and id.
@@ -201,10 +165,9 @@ def discovery(
         acts: Whether it decides anything.
         pauses: Whether learning can be paused.
         judges: Whether the health of its sensors is followed.
-        classes: What sensors sense, by their names, where that was said.
     """
     unique = node(publish)
-    components = _beliefs(topics, names, classes) | _learning(topics)
+    components = _beliefs(topics, names) | _learning(topics)
     if judges:
         components |= _health(topics, names)
     if pauses:
@@ -228,8 +191,6 @@ def discovery(
         "model": "Universal Memory Architecture",
         "sw_version": version(),
     }
-    if publish.page is not None:
-        device["configuration_url"] = publish.page
     announced = {
         "device": device,
         "origin": {"name": "neurosnap", "sw_version": version(), "support_url": HOME},
@@ -240,9 +201,7 @@ def discovery(
     return msgspec.json.encode(announced)
 
 
-def _beliefs(
-    topics: Topics, names: Sequence[str], classes: Mapping[str, DeviceClass]
-) -> Components:
+def _beliefs(topics: Topics, names: Sequence[str]) -> Components:
     """Return the components that say what is believed, and the anomaly."""
     components: Components = {}
     for slug, name, topic in zip(topics.slugs, names, topics.sensors, strict=True):
@@ -252,13 +211,9 @@ def _beliefs(
             "entity_category": _DIAGNOSIS,
             "state_topic": topic,
             "value_template": _BELIEF,
-            **({"device_class": classes[name]} if name in classes else {}),
         }
     last = "{{ value_json.last | tojson }}"
     components["anomaly"] = _problem("Anomaly", topics.anomaly, last)
-    components["predictions"] = _diagnosis(
-        "Predictions", "crystal-ball", topics.predictions, "{{ value_json | count }}"
-    ) | {"json_attributes_topic": topics.predictions}
     return components
 
 

@@ -1,25 +1,21 @@
-"""Publishes a run's beliefs, predictions, decisions and anomalies.
+"""Publishes a run's beliefs, decisions, anomalies and the health of its sensors.
 
 Only changes are published, each retained: a program that comes later gets the latest,
 and a broker that was restarted is told again. An orderly end says ``offline`` and
-leaves the rest, so that Home Assistant keeps the device with its history; with
-`MqttPublish.forget` all of it is taken back.
+leaves the rest, so that Home Assistant keeps the device with its history.
 """
 
 import asyncio
 from collections.abc import Mapping, Sequence
-from types import MappingProxyType
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError
 from neurosnap.health.news import Standing
 from neurosnap.sensorium import unpack
 from neurosnap.sources.mqtt.connection import MqttLink
-from neurosnap.sources.mqtt.options import DeviceClass, MqttBroker, MqttPublish
+from neurosnap.sources.mqtt.options import MqttBroker, MqttPublish
 from neurosnap.sources.mqtt.published_topics import (
     OFF,
     ON,
@@ -27,7 +23,6 @@ from neurosnap.sources.mqtt.published_topics import (
     beliefs,
     discovery,
     discovery_topic,
-    predictions,
 )
 
 _ON = {True: ON.decode(), False: OFF.decode()}
@@ -49,7 +44,6 @@ class MqttPublisher:
         own: How many of them, from the first on, are published; None if all are.
         actions: The names of the actions, one of which is taken at each step; none:
             nothing is decided.
-        classes: What sensors sense, by their names, where that was said.
         pauses: Whether learning can be paused.
         judges: Whether the health of its sensors is followed.
 
@@ -65,7 +59,6 @@ class MqttPublisher:
         *,
         own: int | None = None,
         actions: Sequence[str] = (),
-        classes: Mapping[str, DeviceClass] = MappingProxyType({}),
         pauses: bool = False,
         judges: bool = False,
     ) -> None:
@@ -77,13 +70,11 @@ class MqttPublisher:
         self._beliefs: list[bytes | None] = [None] * len(self._names)
         self._paused: bool | None = None
         self._due = 0  # the tick from which on progress is published again
-        self._read = -1
         self._alarms: list[str | None] = [None] * len(self._names)
         self._link = MqttLink(
             broker,
             "outlet",
             status=self._topics.status,
-            forget=publish.forget,
             second=True,  # the source's own is the first
         )
         if publish.discovery:
@@ -93,7 +84,6 @@ class MqttPublisher:
                 self._names,
                 acts=bool(actions),
                 pauses=pauses,
-                classes=classes,
                 judges=judges,
             )
             self._link.hold(discovery_topic(publish), found)
@@ -102,20 +92,16 @@ class MqttPublisher:
                 self._hold_json(topic, now=_ON[False], last="")
         self.anomaly(None)
 
-    def state(self, state: wire.State, known: NDArray[np.bool_] | None = None) -> None:
+    def state(self, state: wire.State) -> None:
         """Publish what is believed by a tick's state. O(N).
 
         Args:
             state: What the coordinator published.
-            known: ``(N,)``: which sensors were read at that tick; None if all were.
 
         Raises:
-            ShapeError: It is the state of another number of sensors, or `known` is.
+            ShapeError: It is the state of another number of sensors.
         """
         literals = unpack(state.literals, 2 * self._count)[: 2 * len(self._names)]
-        if known is not None:
-            known = known[: len(self._names)]
-        said = predictions(self._names, literals, known)
         believed = beliefs(literals)
         for topic, belief, last in zip(
             self._topics.sensors, believed, self._beliefs, strict=True
@@ -123,14 +109,10 @@ class MqttPublisher:
             if belief != last:  # few are, and each is a lock to take
                 self._link.hold(topic, belief)
         self._beliefs = [*believed]
-        self._link.hold(self._topics.predictions, said)
-        count = len(self._names)
-        read = count if known is None else int(np.count_nonzero(known))
-        if state.tick >= self._due or read != self._read:
-            self._due, self._read = state.tick + state.tick // _STEPS + 1, read
-            # What is believed, and of the sensors how many were read at this tick.
-            said_ = {"ticks": state.tick, "implications": state.edges, "read": read}
-            self._hold_json(self._topics.progress, **said_, of=count)
+        if state.tick >= self._due:
+            self._due = state.tick + state.tick // _STEPS + 1
+            said = {"ticks": state.tick, "implications": state.edges}
+            self._hold_json(self._topics.progress, **said)
 
     def learning(self, paused: bool) -> None:
         """Publish whether what came last is learned from."""

@@ -13,13 +13,13 @@ publishes, and attributes beside a state of Home Assistant's statestream.
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from typing import Any, get_args
+from typing import Any
 
 import msgspec
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.sources.meaning import OFF, ON, UNKNOWN
-from neurosnap.sources.mqtt.options import DeviceClass, MqttSensor
+from neurosnap.sources.mqtt.options import MqttSensor
 from neurosnap.sources.mqtt.payload import Payload
 
 PAIRS = (
@@ -50,14 +50,8 @@ _DOMAINS = {
 }
 _LAST_LEVELS = {"set", "get", "config", "cmd", "command", "last_changed"}
 _UPDATES = {"update", "update_available"}
-_INVERTED = {"contact": "door"}
-"""zigbee2mqtt: `contact` is true where something is closed."""
-_CLASSES: dict[str, DeviceClass] = {
-    **{name: name for name in get_args(DeviceClass) if name != "update"},
-    "availability": "connectivity",
-    "battery_low": "battery",
-    "water_leak": "moisture",
-}
+_INVERTED = {"contact"}
+"""zigbee2mqtt: it is true where something is closed."""
 _NO_NAME = re.compile(r"\W+")
 
 
@@ -118,9 +112,6 @@ class Survey:
             for field, values in sorted(heard.values.items()):
                 sensor = _sensor(heard.topic, field, list(values))
                 if sensor is not None:
-                    kind = self._said_class(levels)
-                    if kind is not None:
-                        sensor = msgspec.structs.replace(sensor, device_class=kind)
                     found.append((_name_parts(levels, field), sensor))
         names = _names([parts for parts, _ in found])
         return [
@@ -137,17 +128,6 @@ class Survey:
         # Beside the state of an entity statestream publishes its attributes.
         state = "/".join([*levels[:-1], "state"])
         return last != "state" and _is_entity(levels) and state in self._heard
-
-    def _said_class(self, levels: list[str]) -> DeviceClass | None:
-        """Return the device class that statestream publishes beside a state."""
-        beside = self._heard.get("/".join([*levels[:-1], "device_class"]))
-        if beside is None or not _is_entity(levels):
-            return None
-        for value in beside.values.get("", ()):
-            word = str(msgspec.json.decode(value)).strip('"')  # it is published as JSON
-            if word in _CLASSES:
-                return _CLASSES[word]
-        return None
 
 
 def _values(payload: Payload) -> tuple[str, list[tuple[str, str]]]:
@@ -199,19 +179,13 @@ def _sensor(topic: str, field: str, values: list[str]) -> MqttSensor | None:
     counts = any(type(value) in {int, float} for value in said)
     if not words or (counts and words != {"0", "1"}):
         return None
-    kind = field.rpartition(".")[2]
-    kind = topic.rpartition("/")[2] if kind in {"", "state"} else kind
-    device_class = _CLASSES.get(kind)
-    place = {"name": "?", "topic": topic, "field": field or None}
-    if kind in _INVERTED and field and words <= {"true", "false"}:
-        opened = {"on": ("false",), "off": ("true",), "device_class": _INVERTED[kind]}
-        return msgspec.convert(place | opened, MqttSensor)
-    if words <= {*ON, *OFF}:
-        return msgspec.convert(place | {"device_class": device_class}, MqttSensor)
-    for on, off in PAIRS:
+    sensor = MqttSensor(name="?", topic=topic, field=field or None)
+    inverted = field.rpartition(".")[2] in _INVERTED and words <= {"true", "false"}
+    if words <= {*ON, *OFF} and not inverted:
+        return sensor
+    for on, off in (*PAIRS, ("false", "true")):
         if words <= {on, off}:
-            pair = {"on": (on,), "off": (off,), "device_class": device_class}
-            return msgspec.convert(place | pair, MqttSensor)
+            return msgspec.structs.replace(sensor, on=(on,), off=(off,))
     return None
 
 

@@ -55,9 +55,6 @@ ROWS = {
     f"{FILE} --out .": f"{NO_FOLDER} '.'",
     f"{FILE} --out folder": f"{NO_FOLDER} 'folder'",
     f"{FILE} --out ''": "out: must be text, and not empty, got ''",
-    f"run {WORLD} --embedded-broker": (
-        "embedded-broker: must be a known key: id or arguments"
-    ),
     # Agents, and workers.
     f"{FILE} --agent planner --target a": "agent: must have actions that are sensors",
     f"{PATH} --agent planner": "target: must name a sensation to achieve",

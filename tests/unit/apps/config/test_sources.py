@@ -17,7 +17,7 @@ kind = "mqtt"
 stale_after = 60
 sensors = [
   { name = "door", topic = "home/+/door" },
-  { name = "warm", topic = "home/t", field = "c", on_above = 21, off_below = 20 },
+  { name = "warm", topic = "home/t", field = "c", when = "> 21, off < 20" },
 ]
 actions = [{ name = "light", topic = "home/light/set", payload = "1" }]
 [source.broker]
@@ -49,7 +49,7 @@ def test_topics_are_sensors_and_files_are_beside_the_description(
     assert given.broker.password_file == str(tmp_path / "secret")
     assert given.broker.password() == "hush"
     assert "hush" not in repr(made)
-    assert given.sensors[1].off_below == 20
+    assert given.sensors[1].when == "> 21, off < 20"
     source = open_live(made.source, made.arguments)
     assert (source.sensors, source.live) == (("door", "warm"), True)
     source.close()

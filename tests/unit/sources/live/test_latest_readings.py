@@ -12,7 +12,6 @@ from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.sources.live.latest_readings import (
     REMEMBERED,
     TOLERANCE,
-    Combine,
     CombinedTopics,
     LatestReadings,
 )
@@ -173,7 +172,6 @@ def test_before_anybody_listens_silence_says_nothing() -> None:
         (NAMES, {"stale_after": float("nan")}, "stale_after: must be above 0, got nan"),
         (NAMES, {"seen_within": [1, 0, 2]}, "seen_within: must be above 0, got 0"),
         (NAMES, {"stale_after": [1, 2]}, "stale_after: must be 3, one a sensor, got 2"),
-        (["a", "b"], {"combine": ["any"]}, "combine: must be 2, one a sensor, got 1"),
         ([], {}, "sensors: must be one at least, got"),
     ],
 )
@@ -195,7 +193,6 @@ SAID = st.lists(
     max_size=20,
 )
 SPAN = st.none() | st.integers(1, 5).map(float)
-WAYS = st.sampled_from(["any", "all", "last"])
 
 
 @dataclass
@@ -205,91 +202,60 @@ class Said:
     at: float
 
 
-def combined(way: Combine, values: list[bool]) -> bool | None:
-    if not values:
-        return None
-    return any(values) if way == "any" else all(values)
-
-
-def expected_of_topics(
-    way: Combine, said: list[Said], now: float, stale: float | None
-) -> bool | None:
-    """Return what the sensor reads, by the rules and nothing else."""
-    latest = {"" if way == "last" else one.topic: one for one in said}
-    fresh = [one for one in latest.values() if stale is None or now < one.at + stale]
-    return combined(way, [one.on for one in fresh if one.on is not None])
-
-
-def expected_seen(
-    way: Combine, said: list[Said], now: float, seen: float, heard_since: float
-) -> bool | None:
-    latest = {"" if way == "last" else one.topic: one.at for one in said}
-    there = [now < at + seen for at in latest.values()]
-    if there:
-        return combined(way, there)
-    return False if now >= heard_since + seen else None
-
-
 def shown(latest: LatestReadings, now: float) -> bool | None:
     bits, known = latest.observation(now)
     return bool(bits[0]) if known[0] else None
 
 
-@given(way=WAYS, said=SAID, stale=SPAN, wait=st.integers(0, 8))
-def test_a_sensor_reads_what_the_list_of_all_that_was_said_does(
-    way: Combine, said: list[tuple[str, bool | None, float]], stale: float, wait: int
+@given(said=SAID, stale=SPAN, seen=SPAN, wait=st.integers(0, 8))
+def test_a_sensor_reads_what_the_list_of_all_that_its_topics_said_does(
+    said: list[tuple[str, bool | None, float]],
+    stale: float | None,
+    seen: float | None,
+    wait: int,
 ) -> None:
-    latest = LatestReadings(["motion"], stale_after=stale, combine=[way])
-    past: list[Said] = []
+    latest = LatestReadings(
+        ["motion"], stale_after=stale, seen_within=seen, combines=[0]
+    )
+    latest.start_listening(0.0)
+    past: dict[str, tuple[bool | None, float]] = {}
+
+    def expected_now() -> bool | None:
+        """Return what the sensor reads, by the rules and nothing else."""
+        if seen is not None:
+            if any(now < at + seen for _, at in past.values()):
+                return True
+            return False if now >= seen else None
+        fresh = [on for on, at in past.values() if stale is None or now < at + stale]
+        known = [on for on in fresh if on is not None]
+        return any(known) if known else None
+
     now = 0.0
     assert shown(latest, now) is None
     for topic, on, step in said:
         now += step
-        past.append(Said(topic, on, now))
+        past[topic] = on, now
         latest.update(0, on, now, now, topic)
-        assert shown(latest, now) == expected_of_topics(way, past, now, stale)
+        assert shown(latest, now) == expected_now()
     now += wait
-    assert shown(latest, now) == expected_of_topics(way, past, now, stale)
+    assert shown(latest, now) == expected_now()
     turn = latest.next_change(now)
     for moment in np.arange(now, now + 8 if turn is None else turn, 0.5):
         assert shown(latest, float(moment)) == shown(latest, now)
 
 
-@given(
-    way=WAYS,
-    said=SAID,
-    seen=st.integers(1, 5),
-    away=st.none() | st.integers(0, 20),
-    wait=st.integers(0, 8),
-)
-def test_topics_that_are_seen_combine_as_their_presence_does(
-    way: Combine,
-    said: list[tuple[str, bool | None, float]],
-    seen: int,
-    away: int | None,
-    wait: int,
-) -> None:
-    """What was heard before the connection was lost says nothing any more."""
-    latest = LatestReadings(["phone"], seen_within=seen, combine=[way])
+def test_what_was_heard_before_the_connection_was_lost_says_nothing_any_more() -> None:
+    latest = LatestReadings(["phone"], seen_within=3)
     latest.start_listening(0.0)
-    past: list[Said] = []
-    now = since = 0.0
-    for number, (topic, on, step) in enumerate(said):
-        now += step
-        if number == away:
-            latest.stop_listening()
-            assert shown(latest, now) is None
-            latest.start_listening(now)
-            past, since = [], now
-        past.append(Said(topic, on, now))
-        latest.update(0, on, now, now, topic)
-        assert shown(latest, now) == expected_seen(way, past, now, seen, since)
-    now += wait
-    assert shown(latest, now) == expected_seen(way, past, now, seen, since)
+    latest.update(0, True, 1.0, 1.0)
+    latest.stop_listening()
+    assert shown(latest, 2.0) is None
+    latest.start_listening(2.0)
+    assert [shown(latest, now) for now in (4.9, 5.0)] == [None, False]
 
 
 def test_a_whole_reading_says_all_there_is_to_say() -> None:
-    latest = LatestReadings(["motion"], combine=["any"])
+    latest = LatestReadings(["motion"], combines=[0])
     latest.update(0, True, 0.0, 0.0, "kitchen")
     latest.update_all(np.array([False]), np.array([True]), 1.0, 1.0)
     latest.update(0, False, 2.0, 2.0, "bath")
@@ -300,8 +266,10 @@ def test_of_topics_without_end_the_oldest_are_forgotten() -> None:
     topics = CombinedTopics()
     for number in range(REMEMBERED + 2):
         topics.update(str(number), number % 2 == 0, float(number))
-    assert topics.first_until(True) == 2.0
-    assert topics.first_until(False) == 3.0
+    assert [[*said] for said in map(list, topics._until.values())] == [
+        [str(number) for number in range(3 - on, REMEMBERED + 2, 2)]
+        for on in (False, True)
+    ]
     assert topics.last_until(True) == REMEMBERED
     topics.update(str(REMEMBERED), None, 9e9)
     assert topics.last_until(True) == REMEMBERED - 2

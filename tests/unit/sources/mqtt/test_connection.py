@@ -83,7 +83,7 @@ async def test_what_is_on_its_way_at_the_end_is_not_sent_twice(
 ) -> None:
     connection = Connection(silent=("toggle",))
     link, stop = link_over(monkeypatch, connection), asyncio.Event()
-    link.send(Outgoing("toggle", b"1", qos=1))
+    link.send(Outgoing("toggle", b"1"))
     async with asyncio.TaskGroup() as group:
         group.create_task(link.serve(stop))
         await connection.wait_for(1)
@@ -98,17 +98,16 @@ async def test_what_is_on_its_way_at_the_end_is_not_sent_twice(
 async def test_of_a_broken_batch_what_arrived_is_not_sent_again(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    first = Connection(silent=("once", "again"), fails="bad")
+    first = Connection(silent=("again",), fails="bad")
     second, stop = Connection(), asyncio.Event()
     link = link_over(monkeypatch, first, second)
-    # Whether a message of QoS 0 arrived nobody knows: it must not come twice.
-    for topic, qos in (("done", 1), ("once", 0), ("again", 1), ("bad", 1)):
-        link.send(Outgoing(topic, b"1", qos=qos))
+    for topic in ("done", "again", "bad"):
+        link.send(Outgoing(topic, b"1"))
     async with asyncio.TaskGroup() as group:
         group.create_task(link.serve(stop))
         await second.wait_for(2)
         stop.set()
-    assert first.got == ["done", "once", "again", "bad"]
+    assert first.got == ["done", "again", "bad"]
     assert second.got == ["again", "bad"]
 
 
@@ -120,7 +119,7 @@ async def said_by(
 ) -> list[str]:
     """Return what is warned of while a connection breaks and another one is made."""
     caplog.set_level(logging.INFO)
-    link.send(Outgoing("bad", b"1", qos=1))
+    link.send(Outgoing("bad", b"1"))
     stop = asyncio.Event()
     async with asyncio.TaskGroup() as group:
         group.create_task(link.serve(stop))
@@ -146,17 +145,12 @@ async def test_a_lost_broker_is_said_with_how_long_it_will_be_tried(
     ]
 
 
-@pytest.mark.parametrize(("long", "warned"), [(60.0, 0), (0.0, 2)])
-async def test_a_second_link_leaves_it_to_the_first_unless_it_takes_long(
-    monkeypatch: pytest.MonkeyPatch,
-    caplog: pytest.LogCaptureFixture,
-    long: float,
-    warned: int,
+async def test_a_second_link_leaves_it_to_the_first(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr("neurosnap.sources.mqtt.connection._LONG", long)
     second = Connection()
     link = link_over(monkeypatch, Connection(fails="bad"), second, second=True)
-    assert len(await said_by(link, second, caplog)) == warned
+    assert await said_by(link, second, caplog) == []
 
 
 # When to try again --------------------------------------------------------------------
@@ -176,25 +170,21 @@ def test_delays_double_up_to_the_longest_and_are_cut_by_half_at_most(
     backoff = Backoff(random.Random(seed))
     for attempt in range(count):
         full = min(SHORTEST * 2**attempt, LONGEST)
-        assert full / 2 <= backoff.delay() <= full
-        backoff.failed(GONE, lasted=1.0)
+        assert full / 2 <= backoff.delay(GONE, lasted=1.0) <= full
 
 
 def test_only_a_connection_that_lasted_starts_over() -> None:
     backoff = Backoff(random.Random(0))
     for _ in range(10):
-        backoff.delay()
-    backoff.failed(GONE, lasted=LONGEST)
-    assert backoff.delay() >= LONGEST / 2
-    backoff.failed(GONE, lasted=LONGEST + 1)
-    assert backoff.delay() <= SHORTEST
+        backoff.delay(GONE, lasted=0.1)
+    assert backoff.delay(GONE, lasted=LONGEST) >= LONGEST / 2
+    assert backoff.delay(GONE, lasted=LONGEST + 1) <= SHORTEST
 
 
 @pytest.mark.parametrize("text", ["Bad user name or password", "Not authorized"])
 def test_a_refusal_is_not_asked_again_in_haste(text: str) -> None:
     backoff = Backoff(random.Random(0))
-    backoff.failed(refusal(text), lasted=0.1)
-    assert backoff.delay() >= LONGEST / 2
+    assert backoff.delay(refusal(text), lasted=0.1) >= LONGEST / 2
 
 
 def test_a_number_of_the_client_library_is_no_refusal() -> None:

@@ -21,14 +21,6 @@ def drained(outbox: Outbox, now: float) -> list[Outgoing]:
     return everything
 
 
-def test_what_is_cleared_says_nothing_any_more() -> None:
-    outbox = Outbox()
-    outbox.hold("a", b"1")
-    drained(outbox, 0.0)
-    outbox.clear()
-    assert drained(outbox, 0.0) == [Outgoing("a", b"", retain=True)]
-
-
 def test_what_to_do_is_not_done_too_late() -> None:
     outbox = Outbox()
     outbox.send(passing(1), 0.0)

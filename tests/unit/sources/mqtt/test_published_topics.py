@@ -5,19 +5,14 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from neurosnap.errors import ShapeError
 from neurosnap.sources.mqtt.options import MqttPublish
 from neurosnap.sources.mqtt.published_topics import (
     Topics,
-    beliefs,
     discovery,
     discovery_topic,
-    predictions,
     slugs,
 )
 
@@ -38,36 +33,6 @@ def test_a_plain_name_is_its_own_slug(names: list[str]) -> None:
     assert slugs(names) == tuple(names)
 
 
-READINGS = st.lists(
-    st.tuples(st.sampled_from([None, True, False]), st.booleans()),
-    min_size=3,
-    max_size=3,
-)
-
-
-@given(readings=READINGS)
-def test_beliefs_and_predictions_follow_from_the_state(
-    readings: list[tuple[bool | None, bool]],
-) -> None:
-    literals = np.array([[on is True, on is False] for on, _ in readings]).reshape(-1)
-    known = np.array([read for _, read in readings])
-    word = {None: "unknown", True: "ON", False: "OFF"}
-    said = [word[on] for on, _ in readings]
-    assert [each.decode() for each in beliefs(literals)] == said
-    expected = {
-        name: word[on]
-        for name, (on, read) in zip(NAMES, readings, strict=True)
-        if on is not None and not read
-    }
-    assert json.loads(predictions(NAMES, literals, known)) == expected
-    assert predictions(NAMES, literals, None) == b"{}"
-
-
-def test_what_is_known_must_be_one_a_sensor() -> None:
-    with pytest.raises(ShapeError, match=r"^known: must be \(3,\), one a sensor"):
-        predictions(NAMES, np.zeros(6, np.bool_), np.ones(2, np.bool_))
-
-
 def told(
     publish: MqttPublish, names: Sequence[str] = NAMES, **more: Any
 ) -> dict[str, Any]:
@@ -82,10 +47,9 @@ def told(
 def test_home_assistant_is_told_of_a_device_with_its_components() -> None:
     publish = MqttPublish(prefix="neurosnap/house", device="House")
     assert discovery_topic(publish) == "homeassistant/device/neurosnap_house/config"
-    found = told(publish, acts=True, classes={"hall/motion": "motion"})
+    found = told(publish, acts=True)
     assert found["device"]["identifiers"] == ["neurosnap_house"]
     assert found["device"]["name"] == "House"
-    assert "configuration_url" not in found["device"]
     assert found["origin"]["name"] == "neurosnap"
     assert found["origin"]["support_url"].startswith("https://")
     assert found["availability"] == [{"topic": "neurosnap/house/status"}]
@@ -96,32 +60,26 @@ def test_home_assistant_is_told_of_a_device_with_its_components() -> None:
         "sensor_hall_motion": "neurosnap/house/sensor/hall_motion",
         "sensor_hall_motion_2": "neurosnap/house/sensor/hall_motion_2",
         "anomaly": "neurosnap/house/anomaly",
-        "predictions": "neurosnap/house/predictions",
         "decision": "neurosnap/house/decision",
         "ticks": "neurosnap/house/progress",
         "implications": "neurosnap/house/progress",
-        "read": "neurosnap/house/progress",
     }
     assert components["sensor_hall_motion"] == {
         "platform": "binary_sensor",
         "name": "hall/motion (believed)",
-        "device_class": "motion",
         "entity_category": "diagnostic",
         "unique_id": "neurosnap_house_sensor_hall_motion",
         "default_entity_id": "binary_sensor.neurosnap_house_sensor_hall_motion",
         "state_topic": "neurosnap/house/sensor/hall_motion",
         "value_template": "{{ 'None' if value == 'unknown' else value }}",
     }
-    assert "device_class" not in components["sensor_door"]
     assert "entity_category" not in components["anomaly"]
     assert len({one["unique_id"] for one in components.values()}) == len(components)
 
 
 def test_a_device_has_more_where_a_run_does_more() -> None:
-    publish = MqttPublish(prefix="n", page="http://house.lan:8080/neurosnap")
-    found = told(publish, pauses=True, judges=True)
-    assert found["device"]["configuration_url"] == "http://house.lan:8080/neurosnap"
-    components = found["components"]
+    publish = MqttPublish(prefix="n")
+    components = told(publish, pauses=True, judges=True)["components"]
     assert "decision" not in components
     switch = {"platform": "switch", "entity_category": "config", "retain": True}
     switch |= {"state_topic": "n/learning", "command_topic": "n/learning/set"}
@@ -137,7 +95,7 @@ ENTITY = re.compile(r"(?!.*__)(binary_sensor|sensor|switch)\.(?!_)[a-z0-9_]+(?<!
 
 
 @given(names=st.lists(st.text(st.sampled_from("aB_-/ é02"), min_size=1), unique=True))
-@example(names=["Ticks", "Learning", "Implications", "Sensors read", "Anomaly"])
+@example(names=["Ticks", "Learning", "Implications", "Anomaly"])
 def test_every_entity_has_an_id_that_home_assistant_takes_and_a_name_of_its_own(
     names: list[str],
 ) -> None:

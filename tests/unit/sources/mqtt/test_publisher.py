@@ -4,7 +4,6 @@ from itertools import pairwise
 from typing import Any
 
 import msgspec
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -59,7 +58,7 @@ def test_only_what_changed_is_handed_on(monkeypatch: pytest.MonkeyPatch) -> None
     handed: list[str] = []
     monkeypatch.setattr(outlet._link, "hold", lambda topic, _: handed.append(topic))
     outlet.state(state([b"ON", b"ON", b"unknown"]))
-    assert handed == ["p/sensor/hall", "p/predictions"]
+    assert handed == ["p/sensor/hall"]
 
 
 def test_a_decision_has_the_name_of_its_action() -> None:
@@ -80,17 +79,9 @@ def test_progress_is_told_once_there_is_some(monkeypatch: pytest.MonkeyPatch) ->
     for tick in range(1, 1001):
         outlet.state(state(WORDS, tick, 7))
     said = [msgspec.json.decode(data) for topic, data in told if topic == "p/progress"]
-    assert said[0] == {"ticks": 1, "implications": 7, "read": 3, "of": 3}
+    assert said[0] == {"ticks": 1, "implications": 7}
     assert all(b["ticks"] <= 1.01 * a["ticks"] + 1 for a, b in pairwise(said))
     assert len(said) < 400
-
-
-def test_who_is_read_is_told_at_once() -> None:
-    outlet = publisher()
-    for tick, known in (1000, [True, True, True]), (1001, [True, False, True]):
-        outlet.state(state(WORDS, tick), np.array(known))
-    progress = {"ticks": 1001, "implications": 0, "read": 2, "of": 3}
-    assert held(outlet, "p/progress") == progress
 
 
 def test_whether_it_learns_is_told() -> None:
