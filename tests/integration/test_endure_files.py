@@ -76,10 +76,18 @@ def recorded(path: Path, ticks: int) -> Path:
 
 @pytest.mark.parametrize(
     ("after", "before", "kept"),
-    [(9, 5, 9), (5, 9, 9), (6, 6, 6), (None, 4, 4), (-1, 4, 4), (3, -1, 3)],
+    [
+        (9, 5, 9),
+        (5, 9, 9),
+        (6, 6, 6),
+        (None, 4, 4),
+        (3, None, 3),
+        (-1, 4, 4),
+        (3, -1, 3),
+    ],
 )
 def test_of_two_recordings_the_further_stays(
-    after: int | None, before: int, kept: int, tmp_path: Path
+    after: int | None, before: int | None, kept: int, tmp_path: Path
 ) -> None:
     log, broken = tmp_path / "log", tmp_path / "log.broken"
     for path, ticks in ((log, after), (broken, before)):
@@ -107,13 +115,6 @@ def test_a_run_that_dies_past_its_last_tick_does_that_again_and_ends(
     assert outcome.totals.ticks == ticks
     verdict = verify(again)
     assert (verdict.same, verdict.ticks) == (True, ticks)
-
-
-def test_a_recording_alone_is_left_alone(tmp_path: Path) -> None:
-    log = recorded(tmp_path / "log", 3)
-    content = log.read_bytes()
-    RestartFiles(log).keep_furthest()
-    assert log.read_bytes() == content
 
 
 def test_what_an_earlier_run_left_is_not_overwritten(tmp_path: Path) -> None:

@@ -69,7 +69,7 @@ def play(
     """Run a swarm of six cells, four of them on the host ``cells``."""
     network = ("--connect", endpoint, "--tls", keys)
     small = ("neurosnap/Path-v0", "--set", "places=7", "--ticks", 40, "--out", log)
-    share = [*hosts["cells"], *command("serve", "cells", "demo", "1,3-", *network)]
+    share = [*hosts["cells"], *command("serve", "cells", "demo", "1,3-5", *network)]
     with subprocess.Popen(share, stderr=subprocess.PIPE, text=True) as joined:
         whole = [
             *hosts["rest"],
@@ -188,9 +188,7 @@ async def told(process: Verb, line: str) -> None:
 
 async def test_the_page_runs(tmp_path: Path) -> None:
     port = str(free_port())
-    keys, hub, join, run, verify, info = [
-        line.replace("7447", port) for line in COMMANDS
-    ]
+    keys, hub, join, run, verify = [line.replace("7447", port) for line in COMMANDS]
     listening, joined = [
         SHOWN[line].strip().replace("7447", port) for line in COMMANDS[1:3]
     ]
@@ -208,7 +206,6 @@ async def test_the_page_runs(tmp_path: Path) -> None:
         hubs.send_signal(signal.SIGINT)
         assert await hubs.wait() == 0
     assert any(line.startswith("same:") for line in await done(tmp_path, verify))
-    assert "cell/4:" in " ".join(await done(tmp_path, info))
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,12 @@ from neurosnap.fabric.security.hub_address import Credentials
 from neurosnap.fabric.security.make_keys import make_keys
 from neurosnap.fabric.zenoh.session import configuration
 from tests.support.fabrics import Seen, are_one_network
+from tests.support.intrusions import (
+    FORBIDDEN,
+    PULSE,
+    conduct_others,
+    spy_on_others,
+)
 from tests.support.patience import PATIENCE
 from tests.support.ports import free_port
 from tests.support.secured_hub import Hub, hub_with
@@ -21,15 +27,6 @@ from tests.support.services import going
 from tests.support.witnesses import Heard
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
-
-WIRING = wire.Wiring(cell=1, epoch=1, after=0, add=(4,))
-FORBIDDEN: tuple[wire.Message, ...] = (
-    WIRING,
-    wire.Decision(1, 0, "mine"),
-    wire.WaveStart(1, 1, "state", 0, 1),
-    wire.State(1, 1, b"", False, 0, 0, 0, 0, 0),
-)
-PULSE = wire.Pulse(wave=1, source=0, target=2, hops=1, credit=1)
 
 
 @contextmanager
@@ -44,69 +41,12 @@ def line(role_keys: Path) -> Iterator[tuple[Hub, Hub]]:
         yield here, there
 
 
-async def intrude(here: Hub, there: Hub) -> None:
-    everything, neighbour = Heard(), Heard()
-    seen = Seen()
-    async with (
-        here.end("recorder") as ears,
-        here.end("cell/1") as cell,
-        there.end("watcher") as usher,
-        there.end("cell/0") as intruder,
-    ):
-        await usher.watch(seen)
-        await ears.subscribe(("**",), everything)
-        await cell.subscribe(wire.cell_keys(1), neighbour)
-        for end in (ears, cell):
-            await end.announce()
-            await seen.wait((end.who, True))
-        intruder.publish(*FORBIDDEN, PULSE)
-        assert await everything.wait(PULSE) == [PULSE]
-        assert everything.sequences == [len(FORBIDDEN)]
-        assert await neighbour.wait(PULSE) == [PULSE]
-        # The same wiring, from there, by whom it may come.
-        async with there.end("coordinator") as coordinator:
-            coordinator.publish(WIRING)
-            await neighbour.wait(WIRING)
-
-
-async def spy_on(here: Hub, there: Hub) -> None:
-    everything, overheard, allowed, seen = Heard(), Heard(), Heard(), Seen()
-    spied = Seen()
-    last = wire.Leave("world")
-    async with (
-        here.end("recorder") as ears,
-        here.end("cell/0") as spy,
-        here.end("cell/1") as cell,
-        there.end("watcher") as usher,
-        there.end("world") as world,
-    ):
-        await usher.watch(seen)
-        await ears.subscribe(("**",), everything)
-        await cell.subscribe(wire.cell_keys(1), allowed)
-        await spy.subscribe(("**",), overheard)
-        await spy.subscribe(("leave/**", "cellreport/**"), overheard)
-        await spy.watch(spied)
-        for end in (cell, ears):
-            await end.confirm()
-        spy.publish(PULSE)
-        await everything.wait(PULSE)  # behind all that it asked for
-        for end in (cell, ears):
-            await end.announce()
-            await seen.wait((end.who, True))
-        observation = wire.Observation(1, b"\1")
-        world.publish(observation, last)
-        assert await everything.wait(last) == [PULSE, observation, last]
-        assert await allowed.wait(observation) == [PULSE, observation]
-        assert set(overheard.messages) <= {PULSE}  # its own
-        assert spied.changes == []
-
-
 def test_a_cell_neither_conducts_nor_hears_those_on_another_hub(
     role_keys: Path,
 ) -> None:
     with line(role_keys) as (here, there):
-        asyncio.run(intrude(here, there))
-        asyncio.run(spy_on(here, there))
+        asyncio.run(conduct_others(here, there))
+        asyncio.run(spy_on_others(here, there))
 
 
 def test_a_router_that_is_no_hub_is_named(role_keys: Path) -> None:

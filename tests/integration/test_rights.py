@@ -26,6 +26,12 @@ from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from tests.support.exhaustive import rows
 from tests.support.fabrics import Seen
+from tests.support.intrusions import (
+    PULSE,
+    WIRING,
+    conduct_others,
+    spy_on_others,
+)
 from tests.support.secured_hub import SWARM, Hub, hub_with
 from tests.support.secured_swarm import options, run_swarm
 from tests.support.witnesses import Heard
@@ -33,81 +39,18 @@ from tests.support.witnesses import Heard
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
 
-WIRING = wire.Wiring(cell=1, epoch=1, after=0, add=(4,))
-FORBIDDEN: tuple[wire.Message, ...] = (
-    WIRING,
-    wire.Decision(1, 0, "mine"),
-    wire.WaveStart(1, 1, "state", 0, 1),
-    wire.Observation(1, b"\x01"),
-    wire.State(1, 1, b"", False, 0, 0, 0, 0, 0),
-    wire.KeyFrame(1, b""),
-)
-PULSE = wire.Pulse(wave=1, source=0, target=2, hops=1, credit=1)
-
-
 async def test_a_cell_cannot_conduct_others_and_a_watcher_says_nothing(
     role_keys: Path,
 ) -> None:
-    everything, watched, neighbour, world = Heard(), Heard(), Heard(), Heard()
-    seen = Seen()
     with hub_with(role_keys) as hub:
-        async with (
-            hub.end("recorder") as ears,
-            hub.end("watcher") as watcher,
-            hub.end("watcher") as sly,
-            hub.end("cell/1") as cell,
-            hub.end("world") as place,
-            hub.end("cell/0") as intruder,
-        ):
-            await ears.subscribe(("**",), everything)
-            await watcher.subscribe(("**",), watched)
-            await watcher.confirm()
-            await cell.subscribe(wire.cell_keys(1), neighbour)
-            await place.subscribe(("state", "decision"), world)
-            await ears.watch(seen)
-            for end in (cell, place, intruder):
-                await end.announce()
-                await seen.wait((end.who, True))
-            sly.publish(wire.Leave("cell/0"), wire.Fault("watcher", ""))
-            # In order on one session: once its pulse is there, the rest would be too.
-            intruder.publish(*FORBIDDEN, PULSE)
-            assert await everything.wait(PULSE) == [PULSE]
-            # What was dropped shows as a gap.
-            assert everything.sequences == [len(FORBIDDEN)]
-            assert await watched.wait(PULSE) == [PULSE]
-            assert await neighbour.wait(PULSE) == [PULSE]
-            assert world.messages == []
-            # The same wiring from whom it may come.
-            async with hub.end("coordinator") as coordinator:
-                coordinator.publish(WIRING)
-                await neighbour.wait(WIRING)
+        await conduct_others(hub, hub)
 
 
 async def test_a_cell_can_neither_listen_to_others_nor_pass_for_them(
     role_keys: Path,
 ) -> None:
-    overheard, everything, seen, spied = Heard(), Heard(), Seen(), Seen()
     with hub_with(role_keys) as hub:
-        async with (
-            hub.end("recorder") as ears,
-            hub.end("world") as world,
-            hub.end("coordinator", "cell") as intruder,
-            # What a session says it hears itself: to spy takes another one.
-            hub.end("cell/0") as spy,
-        ):
-            await ears.subscribe(("**",), everything)
-            await ears.watch(seen)
-            await spy.subscribe(("**",), overheard)
-            await spy.subscribe(("cellreport/**", "decision"), overheard)
-            await spy.watch(spied)
-            await intruder.announce()
-            await world.announce()
-            await seen.wait(("world", True))
-            world.publish(wire.Leave("world"))
-            await everything.wait(wire.Leave("world"))
-    assert seen.changes.count(("coordinator", True)) == 0
-    assert overheard.messages == []
-    assert spied.changes == []
+        await spy_on_others(hub, hub)
 
 
 @pytest.mark.parametrize("mode", rows(["router"], ["peer"]))

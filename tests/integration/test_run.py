@@ -1,6 +1,5 @@
 """Swarms compute the same in processes, in workers and inline, and what is right."""
 
-import asyncio
 import random
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -11,14 +10,10 @@ import pytest
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.agent.policy import AgentKind
-from neurosnap.apps.cli.recording_info import describe as describe_recording
-from neurosnap.depth.measure import from_recording
 from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.run_options import RunOptions, SnapshotKind
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.learning import snapshot_at
-from neurosnap.recording.replay.playback import Playing
-from neurosnap.recording.replay.playback import play as play_back
 from neurosnap.recording.replay.replay import Replay
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
@@ -169,26 +164,6 @@ def test_the_same_seed_gives_the_same_recording(
         assert any(b'"type":"pulsebatch"' in payload for payload in first)
 
 
-@pytest.mark.zenoh
-async def test_two_runs_at_once_do_not_notice_each_other(
-    readings: str, tmp_path: Path
-) -> None:
-    sources = {"a": readings, "b": PATH}
-    tasks: dict[str, asyncio.Task[Played]] = {}
-    async with asyncio.TaskGroup() as group:
-        for name, source in sources.items():
-            options = options_for(source, cells="process", ticks=20)
-            log = tmp_path / f"{name}.mcap"
-            tasks[name] = group.create_task(play(options, log))
-    for name, source in sources.items():
-        together = tasks[name].result()
-        alone = await play(options_for(source, ticks=20), tmp_path / f"{name}0.mcap")
-        assert together.states == alone.states
-        assert together.decisions == alone.decisions
-        assert together.recording.completeness().whole
-        assert together.of(wire.Fault) == []
-
-
 def depths(log: Path) -> Iterator[tuple[int, int]]:
     """Yield the depth of each planning wave, and of the shortest ways it could take."""
     results: dict[int, list[wire.Reached]] = {}
@@ -221,20 +196,6 @@ def log(readings: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("workers") / "log.mcap"
     recorded_run(options_for(readings, cells="worker", workers=3), path)
     return path
-
-
-def test_what_workers_report_is_counted_and_measured(log: Path) -> None:
-    info = describe_recording(Recording.open(log))
-    counts = info.channels
-    assert counts["state"] == TICKS
-    assert min(counts["workerwiring"], counts["pulsebatch"], counts["workerreport"]) > 0
-    assert not counts.keys() & {"wiring", "pulse", "cellreport"}
-    assert info.completeness.whole
-    measured = from_recording(Recording.open(log))
-    assert len(measured) >= TICKS
-    assert {row.sensors for row in measured} == {8}
-    assert any(row.depth > 0 for row in measured)
-    assert all(row.depth <= row.height + 2 for row in measured)
 
 
 @pytest.mark.parametrize(
@@ -273,25 +234,6 @@ def test_a_run_of_workers_goes_on_where_it_ended(tmp_path: Path) -> None:
     verdict = verify(rest)
     assert (verdict.same, verdict.complete) == (True, True), verdict.difference
     assert course(rest) == course(whole)
-
-
-class Listener:
-    """An end of a network that keeps what is sent through it."""
-
-    def __init__(self) -> None:
-        self.heard: list[wire.Delivery] = []
-
-    def forward(self, delivery: wire.Delivery) -> None:
-        self.heard.append(delivery)
-
-    def publish(self, *messages: wire.Message) -> None:
-        raise AssertionError(messages)
-
-
-async def test_a_recording_of_workers_plays_back(log: Path) -> None:
-    recording, listener = Recording.open(log), Listener()
-    await play_back(recording, listener, asyncio.Event(), Playing(rate=1e6))  # type: ignore[arg-type]
-    assert listener.heard == [recorded.delivery for recorded in recording.messages()]
 
 
 # Workers that share the learning ------------------------------------------------------
