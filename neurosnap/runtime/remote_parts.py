@@ -12,8 +12,6 @@ from typing import NamedTuple, TypeAlias
 import msgspec
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.protocol.resume_point import ResumePoint
-from neurosnap.recording.replay.resume import past_at
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.parts.coordinator_process import RunDescription
 from neurosnap.runtime.parts.hub_and_cell import CellJob
@@ -136,32 +134,17 @@ def world(source: str) -> ChooseParts:
     return choose
 
 
-def recorder(new_log: Callable[[], Path], resumed: Path | None = None) -> ChooseParts:
+def recorder(new_log: Callable[[], Path]) -> ChooseParts:
     """Return what chooses a recorder.
 
     Args:
         new_log: Returns where to record a swarm; asked once for each.
-        resumed: What has been recorded of a run that is resumed, on this host; the new
-            recording takes it over.
     """
 
     def choose(swarm: str, description: RunDescription) -> list[RemotePart]:
-        past = _taken_over(resumed, description.past)
-        heard = ("coordinator", "world", *description.options.host_names())
         options = description.options
-        job = recorder_job(options, new_log(), past, swarm, heard)
+        heard = ("coordinator", "world", *options.host_names())
+        job = recorder_job(options, new_log(), None, swarm, heard)
         return [RemotePart("recorder", job, lingers=True)]
 
     return choose
-
-
-def _taken_over(resumed: Path | None, past: ResumePoint | None) -> ResumePoint | None:
-    """Return what a recorder here takes over, of a run with such a past."""
-    if resumed is None and past is None:
-        return None
-    if resumed is None:
-        rule = "must name the recording that the run goes on from"
-        raise InvalidValueError("resume", rule, None)
-    if past is None:
-        raise InvalidValueError("resume", "must go with a resumed run", str(resumed))
-    return past_at(resumed, past)

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from neurosnap.fabric.security.roles import Role
-from neurosnap.recording.read.recording import Recording, part_paths
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from tests.support.command_line import failed, refused
 from tests.support.commands import Command
@@ -30,7 +30,6 @@ from tests.support.services import (
     going,
     hub_at,
     in_one_piece,
-    stopped_at,
     up,
 )
 
@@ -182,120 +181,6 @@ def test_services_serve_one_swarm_after_the_other(
         verdict = verify(each)
         assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, 10)
         assert Recording.open(each).metadata["seed"] == str(3 + number)
-
-
-# Going on -----------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def stopped(
-    endpoint: str, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[Path, int]:
-    """A run of services that was stopped, and its last whole tick."""
-    log = tmp_path_factory.mktemp("stopped") / "log.mcap"
-    return log, stopped_at(endpoint, log)
-
-
-def test_services_go_on_with_a_run_that_was_stopped(
-    endpoint: str, stopped: tuple[Path, int], tmp_path: Path
-) -> None:
-    (log, tick), new = stopped, tmp_path / "new.mcap"
-    content, at = log.read_bytes(), ("--connect", endpoint)
-    lines: tuple[tuple[object, ...], ...] = (
-        ("serve", "recorder", SWARM, "--out", new, "--resume", log, "--format", "json"),
-        ("serve", "cells", SWARM, "0-5"),
-        ("serve", "world", SWARM, PATH),
-    )
-    again = (
-        "serve",
-        "coordinator",
-        PATH,
-        "--swarm",
-        SWARM,
-        *SMALL,
-        "--ticks",
-        tick + 20,
-    )
-    with ExitStack() as stack:
-        others = [stack.enter_context(going(*line, *at)) for line in lines]
-        with going(*again, "--resume", log, "--format", "json", *at) as coordinator:
-            came = facts(ended(coordinator))
-        recorder, *_ = [ended(one) for one in others]
-    assert (came["ticks"], came["resumed_at"]) == (tick + 20, tick)
-    assert facts(recorder)["complete"]
-    assert log.read_bytes() == content
-    verdict = verify(new)
-    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, tick + 20)
-    assert course(new) == course(in_one_piece(tick + 20, tmp_path / "inline"))
-
-
-SPLIT = """
-[source]
-kind = "world"
-id = "neurosnap/Path-v0"
-arguments = { places = 7 }
-
-[recording]
-keyframe_every = 50
-split = 65536
-"""
-
-
-def test_a_recorder_names_the_file_in_which_a_split_run_goes_on(
-    endpoint: str, tmp_path: Path
-) -> None:
-    described, log, new = (tmp_path / name for name in ("s.toml", "a.mcap", "b.mcap"))
-    described.write_text(SPLIT)
-    # The second file begins with tick 250 at the latest.
-    tick = stopped_at(endpoint, log, (described, "--ticks", 1_000_000), 350)
-    at, again = ("--connect", endpoint), ("--resume", log)
-    lines: tuple[tuple[object, ...], ...] = (
-        ("serve", "recorder", SWARM, "--out", new, *again, "--format", "json"),
-        ("serve", "cells", SWARM, "0-5"),
-        ("serve", "world", SWARM, PATH),
-        (
-            "serve",
-            "coordinator",
-            described,
-            "--swarm",
-            SWARM,
-            "--ticks",
-            tick + 5,
-            *again,
-        ),
-    )
-    with ExitStack() as stack:
-        going_on = [stack.enter_context(going(*line, *at)) for line in lines]
-        recorder, *_ = [ended(one) for one in going_on]
-    written = log.with_name(f"b_{len(part_paths(log)) - 1:04d}.mcap")
-    assert len(part_paths(log)) > 1
-    assert facts(recorder)["logs"] == [str(written)]
-    verdict = verify(written)
-    assert (verdict.same, verdict.complete) == (True, True)
-
-
-def test_only_what_fits_goes_on(
-    endpoint: str, stopped: tuple[Path, int], tmp_path: Path
-) -> None:
-    (log, tick), at = stopped, ("--connect", endpoint)
-    whole = ("serve", "coordinator", PATH, "--swarm", SWARM, *at)
-    other = ("--set", "places=7", "--seed", 4, "--resume", log)
-    assert "resume: must be a recording of the run" in refused(*whole, *other)
-    no_more = (*SMALL, "--ticks", tick, "--resume", log)
-    assert f"ticks: must be more than the {tick} there are" in refused(*whole, *no_more)
-    other_log = in_one_piece(40, tmp_path / "other.mcap")
-    new = tmp_path / "new"
-    recorder = ("serve", "recorder", SWARM, "--out", new, "--resume", other_log, *at)
-    for more, rule in (
-        ((), "go with a resumed run"),
-        (("--resume", log), "be the recording that the"),
-    ):
-        with going(*whole, *ENDLESS, *more) as coordinator:
-            up(endpoint, "coordinator")
-            assert f"resume: must {rule}" in refused(*recorder)
-            coordinator.send_signal(signal.SIGINT)
-            coordinator.communicate(timeout=PATIENCE)
-    assert not new.exists()
 
 
 # Stopping and waiting -----------------------------------------------------------------

@@ -5,7 +5,7 @@ import json
 import re
 import signal
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,6 @@ from neurosnap import wire
 from neurosnap.fabric.security.hub_address import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
@@ -110,23 +109,3 @@ def in_one_piece(ticks: int, log: Path) -> Path:
     )
     asyncio.run(run(RunRequest(options, log), asyncio.Event()))
     return log
-
-
-def stopped_at(
-    endpoint: str, log: Path, what: tuple[object, ...] = (PATH, *ENDLESS), tick: int = 5
-) -> int:
-    """Make a run of services, stop it after `tick`; return its last whole one."""
-    at = ("--connect", endpoint)
-    lines: tuple[tuple[object, ...], ...] = (
-        ("serve", "recorder", SWARM, "--out", log),
-        ("serve", "cells", SWARM, "0-5"),
-        ("serve", "world", SWARM, PATH),
-        ("serve", "coordinator", *what, "--swarm", SWARM),
-    )
-    with ExitStack() as stack:
-        services = [stack.enter_context(going(*line, *at)) for line in lines]
-        begun(endpoint, tick)
-        services[-1].send_signal(signal.SIGINT)
-        for service in services:
-            ended(service)
-    return verify(log).ticks

@@ -76,15 +76,6 @@ Patience = Annotated[
         help="How long to wait until the other parts have connected.",
     ),
 ]
-Resume = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="LOG",
-        rich_help_panel=RECORDING,
-        help="Go on with the run of this recording, after its last whole tick; the same"
-        " for the coordinator and the recorder.",
-    ),
-]
 _RESTART = (
     "When the swarm has ended: leave (never); wait for the one that goes on in its place,"
     " if a part had died (on-failure); wait for the next of this name, until Ctrl-C"
@@ -227,7 +218,6 @@ def recorder(
             show_default="logs/SWARM-DATE.mcap",
         ),
     ] = None,
-    resume: Resume = None,
     form: Format = "text",
 ) -> None:
     """Record a swarm on this machine."""
@@ -243,11 +233,7 @@ def recorder(
     with errors():
         if out is not None:
             new_log(swarm, out)  # refused now, and not once the swarm is there
-        served = _serve(
-            context, "recorder", swarm, remote_parts.recorder(next_log, resume)
-        )
-        if resume is not None:
-            logs = [_written(log) for log in logs]
+        served = _serve(context, "recorder", swarm, remote_parts.recorder(next_log))
         say(form, *(f"recording: {log}" for log in logs))
         whole = all(balance.whole for balance in _balances(served))
         facts = {"logs": [str(log) for log in logs], "complete": whole}
@@ -285,7 +271,6 @@ def cells(
 @with_run_options(
     *("ticks", "seed", "agent", "target", "snapshot", "threshold", "workers", "tls"),
 )
-@with_parameters(resume=(Resume, None))
 def coordinator(
     context: typer.Context,
     source: Described,
@@ -308,7 +293,6 @@ def coordinator(
     Start `neurosnap serve hub` first; then this, and `serve world`, `recorder` and
     `cells`, in any order, on any machine. SOURCE and options are those of `run`.
     """
-    from neurosnap.recording.replay.resume import past_of
     from neurosnap.runtime.request import RunRequest, Site
     from neurosnap.runtime.run import run as run_swarm
 
@@ -321,12 +305,10 @@ def coordinator(
             raise InvalidValueError("cells", rule, options.cells)
         if prepared.chosen:
             warn(prepared.chosen)
-        log = context.params["resume"]
-        past = None if log is None else past_of(log, options)
         recorder = [] if prepared.log is None else ["recorder"]
         parts = frozenset(["world", *options.host_names(), *recorder])
         site = Site(prepared.network, swarm=swarm, elsewhere=parts, patience=patience)
-        request = RunRequest(options, None, past, site)
+        request = RunRequest(options, site=site)
         with progress("ticks", options.ticks) as on_tick:
             watching = watcher(on_tick)
             outcome = run_async(lambda stop: run_swarm(request, stop, watching))
@@ -335,8 +317,7 @@ def coordinator(
         # The recording, and whether it is whole, is the recorder's to say.
         its = ("log", "complete", "kept", "journal", "waiting")
         kept = {k: v for k, v in facts.items() if k not in its}
-        resumed = {} if past is None else {"resumed_at": past.tick}
-        print_facts(form, {"swarm": swarm, **kept, **resumed})
+        print_facts(form, {"swarm": swarm, **kept})
 
 
 def _serve(
@@ -387,13 +368,6 @@ def _numbered(out: Path | None, before: int) -> Path | None:
     if out is None or not before:
         return out
     return out.with_name(f"{out.stem}-{before}{out.suffix}")
-
-
-def _written(log: Path) -> Path:
-    """Return the file that a resumed run was recorded in: one of several, maybe."""
-    from neurosnap.recording.read.recording import part_paths
-
-    return next(iter(part_paths(log).values()), log)
 
 
 def _names(served: "list[Served]") -> list[str]:

@@ -16,12 +16,10 @@ from itertools import islice
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
-import msgspec
-
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.agent.growth.sensor_changes import body_after
-from neurosnap.errors import InvalidValueError, RecordingError
+from neurosnap.errors import RecordingError
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
@@ -146,46 +144,6 @@ def _resume_point_in(
         grown=body.grown,
         retired=body.retired,
     )
-
-
-def past_of(log: Path, options: RunOptions) -> ResumePoint:
-    """Return where a run that is described again goes on with its recording.
-
-    Args:
-        log: As in `find_resume_point`.
-        options: The run's; it may have more ticks by now, and other deadlines or syncs.
-
-    Raises:
-        InvalidValueError: It is another run, or has no more ticks than there are.
-        RecordingError: As from `find_resume_point`.
-    """
-    recorded, past = find_resume_point(log)
-    same = {name: getattr(options, name) for name in ("ticks", "deadline", "sync")}
-    if msgspec.structs.replace(recorded, **same) != options:
-        rule = "must be a recording of the run that is described"
-        raise InvalidValueError("resume", rule, str(log))
-    if options.ticks <= past.tick:
-        rule = f"must be more than the {past.tick} there are"
-        raise InvalidValueError("ticks", rule, options.ticks)
-    return past
-
-
-def past_at(log: Path, there: ResumePoint) -> ResumePoint:
-    """Return where a run goes on by another copy of its recording.
-
-    Args:
-        log: The copy.
-        there: By the original.
-
-    Raises:
-        InvalidValueError: It is no such copy.
-        RecordingError: As from `find_resume_point`.
-    """
-    _, here = find_resume_point(log, there.tick)
-    if msgspec.structs.replace(here, log=there.log) != there:
-        rule = f"must be the recording that the run goes on from at tick {there.tick}"
-        raise InvalidValueError("resume", rule, str(log))
-    return here
 
 
 def whole_ticks(log: Path) -> int:

@@ -1,7 +1,6 @@
 """What a coordinator tells of a run, and how a service knows the way a run ended."""
 
 import asyncio
-from pathlib import Path
 
 import msgspec
 import pytest
@@ -61,17 +60,6 @@ def test_only_what_is_missing_may_be_filled() -> None:
 def test_workers_learn_how_many_there_are() -> None:
     (duty,) = remote_parts.cells([1])("demo", brief("worker"))
     assert (duty.who, duty.job) == ("worker/1", WorkerJob(1, 3, 2))
-
-
-def test_a_recorder_elsewhere_has_to_know_what_it_goes_on_from() -> None:
-    share = remote_parts.recorder(lambda: pytest.fail("no name is needed"))
-    with pytest.raises(InvalidValueError, match=r"^resume: must name the recording"):
-        share("demo", brief(past=PAST))
-    share = remote_parts.recorder(
-        lambda: pytest.fail("no name is needed"), Path("log.mcap")
-    )
-    with pytest.raises(InvalidValueError, match=r"^resume: must go with a resumed run"):
-        share("demo", brief())
 
 
 class Meeting(ZenohFabric):

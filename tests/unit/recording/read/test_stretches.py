@@ -19,7 +19,7 @@ from neurosnap.recording.read.recording import Recording, part_path, part_paths
 from neurosnap.recording.read.stretches import stretches
 from neurosnap.recording.read.ticks import ticks
 from neurosnap.recording.replay.learning import snapshot_at
-from neurosnap.recording.replay.resume import find_resume_point, past_of, whole_ticks
+from neurosnap.recording.replay.resume import find_resume_point, whole_ticks
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.copying import salvage
 from neurosnap.recording.write.rotation import Split, SplitWriter
@@ -207,7 +207,7 @@ def test_a_run_that_needs_no_actions_goes_on_from_behind_the_damage(
     log = in_chunks(long, tmp_path / "run.mcap", 1500)
     spoil(log, 10)
     assert whole_ticks(log) == 36
-    past = past_of(log, options)
+    _, past = find_resume_point(log, TICKS)
     assert past.tick == 36
     new = tmp_path / "new.mcap"
     outcome = asyncio.run(run(RunRequest(options, new, past), asyncio.Event()))
