@@ -133,13 +133,11 @@ class RunMarks:
         """
         said: list[tuple[int, int, int]] = []  # number, tick or 0, edges
         for topic in ("wiring", "workerwiring"):
-            wirings = chunk.all(topic, wire.TOPICS[topic])
-            for wiring, number in zip(wirings, chunk.sequences(topic), strict=True):
+            for wiring, _, number, _, _ in chunk.of_topic(topic):
                 if isinstance(wiring, wire.Wiring | wire.WorkerWiring) and wiring.after:
                     said.append((number, 0, _edges(wiring)))
-        starts = chunk.all("wavestart", wire.WaveStart)
-        for start, number in zip(starts, chunk.sequences("wavestart"), strict=True):
-            if start.kind == "state":
+        for start, _, number, _, _ in chunk.of_topic("wavestart"):
+            if isinstance(start, wire.WaveStart) and start.kind == "state":
                 said.append((number, start.tick, 0))
         for number, tick, edges in sorted(said):
             if number <= self._number:

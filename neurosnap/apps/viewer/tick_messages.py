@@ -130,10 +130,10 @@ class Ticks:
 
     def _take(self, chunk: ChunkMessages) -> None:
         """Take over what a chunk has of these ticks."""
-        for observation, sent in chunk.observed():
-            if observation.tick in self._range:
-                self.observations.setdefault(observation.tick, observation)
-                self.sent.setdefault(observation.tick, sent)
+        for seen, _, _, sent, _ in chunk.of_topic("observation"):
+            if isinstance(seen, wire.Observation) and seen.tick in self._range:
+                self.observations.setdefault(seen.tick, seen)
+                self.sent.setdefault(seen.tick, sent)
         for state in chunk.all("state", wire.State):
             if state.tick in self._range:
                 self.states.setdefault(state.tick, state)

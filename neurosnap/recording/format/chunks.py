@@ -116,24 +116,6 @@ class ChunkIndex(NamedTuple):
     registered: dict[int, Channel]
     """The channels that are registered in the chunk."""
 
-    def payload(self, message: int) -> bytes:
-        """Return the payload of a message."""
-        return self.data[self.starts[message] : self.stops[message]]
-
-    def sequence(self, message: int) -> int:
-        """Return the running number of a message."""
-        number: int = FACTS.unpack_from(
-            self.data, int(self.starts[message]) - FACTS.size
-        )[0]
-        return number
-
-    def sent(self, message: int) -> int:
-        """Return when a message was sent, nanoseconds since 1970."""
-        when: int = FACTS.unpack_from(
-            self.data, int(self.starts[message]) - FACTS.size
-        )[2]
-        return when
-
     def present(self) -> list[int]:
         """Return the channels that have messages here, ascending."""
         numbers: list[int] = np.flatnonzero(np.bincount(self.channels)).tolist()

@@ -71,7 +71,7 @@ class ChunkMessages:
         self._chunk = chunk
         self._found = found
         self._topics = topics
-        self._kept: dict[str, list[wire.Message]] = {}
+        self._kept: dict[str, list[Recorded]] = {}
 
     def recorded(
         self, topics: Collection[str], start: int = 0, end: int = EVER
@@ -115,40 +115,20 @@ class ChunkMessages:
                 raise self._wrong(topic, f"one for {message.key}")
             yield Recorded(message, payload, sequence, sent, log_time)
 
-    def all(self, topic: str, kind: type[M]) -> list[M]:
-        """Return the messages of a topic, which are all of one kind; they are kept.
+    def of_topic(self, topic: str) -> list[Recorded]:
+        """Return the messages of a topic; they are kept.
 
         Raises:
-            RecordingError: One of them is not of this kind.
+            RecordingError: As from `recorded`.
         """
         if topic not in self._kept:
-            decode = msgspec.json.Decoder(wire.TOPICS[topic]).decode
-            try:
-                self._kept[topic] = [
-                    decode(self._found.payload(k)) for k in self._places_of(topic)
-                ]
-            except UNREADABLE as error:
-                raise self._wrong(topic, error) from error
-        return [message for message in self._kept[topic] if isinstance(message, kind)]
+            self._kept[topic] = [*self.recorded((topic,))]
+        return self._kept[topic]
 
-    def sequences(self, topic: str) -> list[int]:
-        """Return the running numbers of the messages of a topic."""
-        return [self._found.sequence(k) for k in self._places_of(topic)]
-
-    def observed(self) -> list[tuple[wire.Observation, int]]:
-        """Return the observations, each with when it was sent, ns since 1970.
-
-        Raises:
-            RecordingError: Something else is among them.
-        """
-        times = map(self._found.sent, self._places_of("observation"))
-        return list(zip(self.all("observation", wire.Observation), times, strict=True))
-
-    def _places_of(self, topic: str) -> list[int]:
-        """Return which messages are of a topic."""
-        of = [channel for channel, name in self._topics.items() if name == topic]
-        places: list[int] = np.flatnonzero(np.isin(self._found.channels, of)).tolist()
-        return places
+    def all(self, topic: str, kind: type[M]) -> list[M]:
+        """Return the messages of a topic that are of one kind; see `of_topic`."""
+        several = (one.message for one in self.of_topic(topic))
+        return [message for message in several if isinstance(message, kind)]
 
     def _wrong(self, topic: str, got: object) -> RecordingError:
         rule = f"/{topic} must hold its own messages"

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from neurosnap import wire
-from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 
 EARLY = 2 * 10**9
@@ -33,48 +32,31 @@ class Start(NamedTuple):
         return max(0, self.log_time - EARLY)
 
 
-class Gathering:
-    """Puts key-frames together with their bands.
-
-    Of one that lacks a band nothing can be made. Only the last one is in hand.
-    """
-
-    def __init__(self) -> None:
-        self._start: Start | None = None
-        self._bands: dict[tuple[str, int], wire.Band] = {}
-
-    def add(self, recorded: Recorded) -> Start | None:
-        """Add a message; return the key-frame that is whole with it, if one is."""
-        match recorded.message:
-            case wire.KeyFrame() as frame:
-                self._start = Start(frame, recorded.sequence, recorded.log_time)
-                self._bands = {}
-            case wire.Band() as band if self._start is not None:
-                if band.tick != self._start.frame.tick:
-                    return None
-                self._bands[band.array, band.offset] = band
-            case _:
-                return None
-        start = self._start
-        if len(self._bands) < start.frame.bands:
-            return None
-        self._start = None
-        return start._replace(bands=(*self._bands.values(),))
-
-
 def starts(recording: Recording) -> Iterator[Start]:
     """Yield the key-frames of a recording that are whole, in order.
 
-    Of a finished recording only chunks that hold one are unpacked.
+    Of one that lacks a band nothing can be made. Only the last one is in hand. Of a
+    finished recording only chunks that hold one are unpacked.
 
     Raises:
         RecordingError: While iterating: it is damaged.
     """
-    gathering = Gathering()
+    start: Start | None = None
+    bands: dict[tuple[str, int], wire.Band] = {}
     for recorded in recording.messages(("keyframe", "band")):
-        start = gathering.add(recorded)
-        if start is not None:
-            yield start
+        match recorded.message:
+            case wire.KeyFrame() as frame:
+                start = Start(frame, recorded.sequence, recorded.log_time)
+                bands = {}
+            case wire.Band() as band if (
+                start is not None and band.tick == start.frame.tick
+            ):
+                bands[band.array, band.offset] = band
+            case _:
+                continue
+        if len(bands) >= start.frame.bands:
+            yield start._replace(bands=(*bands.values(),))
+            start = None
 
 
 def last_start(recording: Recording, tick: int) -> Start | None:

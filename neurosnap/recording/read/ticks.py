@@ -11,10 +11,9 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
-from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 
-TOPICS = ("observation", "state", "decision")
+_TOPICS = ("observation", "state", "decision")
 WINDOW = 1024
 """Ticks that may be under way; one that is still incomplete then has lost something."""
 
@@ -42,35 +41,25 @@ class Tick(msgspec.Struct):
         return self.known and self.decision is not None
 
 
-class InOrder:
-    """Puts messages together to ticks.
+def ticks(recording: Recording) -> Iterator[Tick]:
+    """Yield the ticks of a recording in order, those that lack something included.
 
-    Args:
-        recording: Where they come from.
+    Raises:
+        RecordingError: While iterating: the recording is damaged, or what belongs to a
+            tick comes after it was given out.
     """
-
-    def __init__(self, recording: Recording) -> None:
-        self._path = recording.path
-        self._before = recording.begins
-        self._last = self._before
-        self._under_way: dict[int, Tick] = {}
-        self._closing = recording.closing
-
-    def add(self, recorded: Recorded) -> list[Tick]:
-        """Add a message of one of `TOPICS`; return the ticks whose turn has come.
-
-        Raises:
-            RecordingError: Its tick was given out already.
-        """
+    before = last = recording.begins
+    under_way: dict[int, Tick] = {}
+    for recorded in recording.messages(_TOPICS):
         message = recorded.message
         if not isinstance(message, wire.Observation | wire.State | wire.Decision):
-            return []
-        if message.tick <= self._before:  # what opens the run, or of an earlier file
-            return []
-        if message.tick <= self._last:
+            continue
+        if message.tick <= before:  # what opens the run, or of an earlier file
+            continue
+        if message.tick <= last:
             rule = f"must come once, within {WINDOW} ticks of its turn"
-            raise RecordingError(f"{self._path}: tick: {rule}, got {message.tick}")
-        tick = self._under_way.setdefault(message.tick, Tick(message.tick))
+            raise RecordingError(f"{recording.path}: tick: {rule}, got {message.tick}")
+        tick = under_way.setdefault(message.tick, Tick(message.tick))
         match message:
             case wire.Observation():
                 tick.observation, tick.sent = message, recorded.sent
@@ -78,39 +67,18 @@ class InOrder:
                 tick.state, tick.settled = message, recorded.log_time
             case wire.Decision():
                 tick.decision = message
-        return self._due()
-
-    def rest(self) -> list[Tick]:
-        """Return the ticks still under way, where nothing more will come."""
-        rest = [self._release(number) for number in sorted(self._under_way)]
-        # Where another file follows, the last decision is said again in that one.
-        closing = self._closing
-        if rest and closing is not None and closing.tick == rest[-1].number:
-            rest[-1].decision = closing
-        return rest
-
-    def _due(self) -> list[Tick]:
-        due: list[Tick] = []
-        while (
-            following := self._under_way.get(self._last + 1)
-        ) is not None and following.whole:
-            due.append(self._release(following.number))
-        while len(self._under_way) > WINDOW:
-            due.append(self._release(min(self._under_way)))
-        return due
-
-    def _release(self, number: int) -> Tick:
-        self._last = number
-        return self._under_way.pop(number)
-
-
-def ticks(recording: Recording) -> Iterator[Tick]:
-    """Yield the ticks of a recording in order, those that lack something included.
-
-    Raises:
-        RecordingError: While iterating: the recording is damaged.
-    """
-    order = InOrder(recording)
-    for recorded in recording.messages(TOPICS):
-        yield from order.add(recorded)
-    yield from order.rest()
+        while under_way:
+            following = under_way.get(last + 1)
+            if following is not None and following.whole:
+                last += 1
+            elif len(under_way) > WINDOW:
+                last = min(under_way)
+            else:
+                break
+            yield under_way.pop(last)
+    # Where another file follows, the last decision is said again in that one.
+    closing = recording.closing
+    for number in sorted(under_way):
+        if closing is not None and closing.tick == number == max(under_way):
+            under_way[number].decision = closing
+        yield under_way[number]

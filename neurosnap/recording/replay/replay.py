@@ -24,8 +24,6 @@ from numpy.typing import NDArray
 from neurosnap import wire
 from neurosnap.agent.senses import Senses
 from neurosnap.errors import NeurosnapError, RecordingError, ShapeError
-from neurosnap.poc.learning.archive import Arrays
-from neurosnap.poc.learning.snapshot import OF_PAIRS
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.part_history import answer_of
 from neurosnap.protocol.run_options import RunOptions
@@ -228,18 +226,16 @@ class Replay:
 
         One that is lost shows in its sender's numbers.
         """
-        # What the core says of them is what it has learned, which is at hand.
-        while self._said and isinstance(self._said[0], wire.Band):
+        derived = {(one.array, one.offset): one.data for one in self.bands()}
+        while self._said and isinstance(band := self._said[0], wire.Band):
+            derived[band.array, band.offset] = band.data
             self._said.popleft()
         if not frame.bands:
             return
         found = self._bands.setdefault(frame.tick, [])
         self._read_until(lambda: len(found) >= frame.bands or self._is_read_beyond)
-        arrays = {} if self.workers else self.core.snapshot.arrays()
-        derived = {(one.array, one.offset): one.data for one in self.bands()}
         for band in self._bands.pop(frame.tick):
-            data = derived.get((band.array, band.offset))
-            if data != band.data and not is_stretch(band, arrays):
+            if derived.get((band.array, band.offset)) != band.data:
                 raise DifferenceError(
                     f"tick {frame.tick}: /band {band.who}, {band.array:.40} from"
                     f" {band.offset}: recorded what was not learned"
@@ -510,17 +506,6 @@ def _workers(
         if worker is not None:
             found.append(worker)
     return found
-
-
-def is_stretch(band: wire.Band, arrays: Arrays) -> bool:
-    """Tell whether a band is a stretch of an array of pairs, bit for bit."""
-    if band.array not in OF_PAIRS or band.array not in arrays:
-        return False
-    flat = arrays[band.array].reshape(-1)
-    count, rest = divmod(len(band.data), flat.itemsize)
-    there = flat[band.offset : band.offset + count]
-    little = there.astype(there.dtype.newbyteorder("<"), copy=False)
-    return not rest and little.data.cast("B") == band.data
 
 
 def known_in(frame: wire.KeyFrame, options: RunOptions) -> NDArray[np.bool_] | None:

@@ -9,12 +9,11 @@ What has to be derived again begins at a key-frame behind which every part was h
 as a rule it takes the same time however long the run was.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
-from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
@@ -38,8 +37,6 @@ from neurosnap.recording.replay.replay import (
     start_of,
 )
 from neurosnap.sensorium import pack
-
-T = TypeVar("T")
 
 _DATED = (
     wire.Pulse
@@ -84,33 +81,18 @@ def find_resume_point(
         RecordingError: There is no whole tick in it, it lacks messages before the last
             one, or it is not the run it says it is.
     """
-    return _furthest(log, most, partial(_resume_point_in, most=most))
-
-
-def _furthest(
-    log: Path, most: int | None, look: Callable[[Recording, Recording, bool], T]
-) -> T:
-    """Return what is found where a run may go on, the furthest first.
-
-    What lies behind damage may lack a key-frame to begin with, or the actions on the
-    way there; then it is what lies before.
-
-    Args:
-        log: As in `find_resume_point`.
-        most: Likewise.
-        look: Looks at a file, and a stretch of it, of which the end may be missing or
-            not; raises a `RecordingError`.
-    """
     files = _files(log, most)
     damaged = any(file.damage for file in files)
     why: RecordingError | None = None
     lacks = False  # the file looked at, at its end
     try:
+        # What lies behind damage may lack a key-frame to begin with, or the actions on
+        # the way there; then it is what lies before.
         for last in reversed(files):
             unproved = False
             for stretch in reversed(stretches(last)):
                 try:
-                    return look(last, stretch, lacks)
+                    return _resume_point_in(last, stretch, lacks, most)
                 except RecordingError as error:
                     why = why or error
                     unproved = unproved or isinstance(error, _UnprovedError)
@@ -129,7 +111,14 @@ def _furthest(
 def _resume_point_in(
     recording: Recording, stretch: Recording, lacks: bool, most: int | None
 ) -> tuple[RunOptions, ResumePoint]:
-    """Find out where a run can go on in one stretch of its last file."""
+    """Find out where a run can go on in one stretch of its last file.
+
+    Args:
+        recording: The file.
+        stretch: Of it.
+        lacks: Its end may be missing, whatever it says.
+        most: As in `find_resume_point`.
+    """
     tick, waves, state = _derive(stretch, most, lacks)
     actions, body = _taken(recording, tick)
     return recording.options, ResumePoint(
@@ -152,14 +141,8 @@ def whole_ticks(log: Path) -> int:
     Args:
         log: As in `find_resume_point`.
     """
-
-    def look(recording: Recording, stretch: Recording, lacks: bool) -> int:
-        tick, waves, _ = _derive(stretch, None, lacks)
-        _counts(recording, stretch, tick, waves)
-        return tick
-
     with suppress(RecordingError):
-        return _furthest(log, None, look)
+        return find_resume_point(log)[1].tick
     return 0
 
 

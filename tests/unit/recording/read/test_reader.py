@@ -1,6 +1,7 @@
 """A recording gives back what was written, and refuses what is none of ours."""
 
 import os
+import random
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -20,7 +21,9 @@ from neurosnap.recording.format.records import (
     Chunk,
     sealed_facts,
 )
+from neurosnap.recording.read import ticks as module
 from neurosnap.recording.read.recording import Recording
+from neurosnap.recording.read.ticks import ticks
 from neurosnap.recording.write.writer import Writer
 from tests.support.recordings import EACH, NOW, delivered, record, traffic
 
@@ -255,3 +258,59 @@ def test_totals_without_a_balance_are_an_error(path: Path) -> None:
     rule = "must hold completeness and expected, got"
     with pytest.raises(RecordingError, match=rule):
         Recording.open(path).completeness()
+
+
+# Ticks --------------------------------------------------------------------------------
+
+
+def messages(tick: int) -> list[wire.Message]:
+    return [
+        wire.Observation(tick, b"\x01"),
+        wire.State(tick, tick, b"\x02", False, 1, 1, 1, 1, 1),
+        wire.Decision(tick, 0, "why"),
+    ]
+
+
+def test_ticks_come_in_order_whatever_order_their_messages_came_in(path: Path) -> None:
+    sent = [message for tick in range(1, 30) for message in messages(tick)]
+    chance = random.Random(1)
+    # A sort by tick and a little noise: what is near each other gets mixed.
+    sent = [
+        sent[k]
+        for k in sorted(range(len(sent)), key=lambda k: k + chance.random() * 12)
+    ]
+    record(path, delivered([wire.Decision(0, -1, "the run begins"), *sent]))
+    found = list(ticks(Recording.open(path)))
+    assert [tick.number for tick in found] == list(range(1, 30))
+    for tick in found:
+        assert [tick.observation, tick.state, tick.decision] == messages(tick.number)
+
+
+def test_a_tick_that_lost_something_comes_in_its_place(path: Path) -> None:
+    sent = [*messages(1), messages(2)[1], *messages(3), messages(4)[0]]
+    record(path, delivered(sent))
+    found = {tick.number: tick.known for tick in ticks(Recording.open(path))}
+    assert list(found.items()) == [(1, True), (2, False), (3, True), (4, False)]
+
+
+@pytest.mark.parametrize("late", [1, 2])
+def test_what_comes_after_its_tick_is_an_error(
+    path: Path, monkeypatch: pytest.MonkeyPatch, late: int
+) -> None:
+    """Tick 1 is given out once it is whole, tick 2 once four more are under way."""
+    monkeypatch.setattr(module, "WINDOW", 4)
+    sent = [*messages(1), *(messages(tick)[0] for tick in range(2, 7))]
+    record(path, delivered([*sent, messages(late)[1]]))
+    with pytest.raises(
+        RecordingError, match=rf"log\.mcap: tick: must come once, .* got {late}$"
+    ):
+        list(ticks(Recording.open(path)))
+
+
+def test_a_later_file_begins_with_its_own_first_tick(path: Path) -> None:
+    with Writer(path) as writer:
+        writer.start({"part": "1", "begins": "6"})
+        for delivery in delivered([messages(6)[2], *messages(7)]):
+            writer.add(delivery, delivery.sent)
+        writer.finish({}, {})
+    assert [tick.number for tick in ticks(Recording.open(path))] == [7]
