@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
-from neurosnap.agent.contexts import Contexts
+from neurosnap.agent.senses import Contexts
 from neurosnap.errors import InvalidValueError
 
 

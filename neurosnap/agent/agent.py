@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
-from neurosnap.agent.environment import Outing, describe, walk
+from neurosnap.agent.environment import Continuing, Outing, describe
 from neurosnap.agent.growth.birth import Birth, with_births
 from neurosnap.agent.growth.grower import ROOM
 from neurosnap.agent.imagining_planner import STATES, ImaginingPlanner
@@ -136,9 +136,10 @@ class Agent:
             seed: For the reset.
 
         Raises:
-            InvalidValueError: The environment is not fit for it.
+            InvalidValueError: The environment is not fit for it, or `steps` is
+                negative.
         """
-        return walk(self, env, steps, seed=seed)
+        return self._walk(env, steps, seed, [])
 
     def learn(
         self, env: gymnasium.Env[Any, Any], steps: int, *, seed: int | None = None
@@ -209,17 +210,44 @@ class Agent:
         before = self._mind.policy
         self.aim(target, explore)
         wanted = list(target_literals(self.body, target)) if target else []
-
-        def there(bits: NDArray[np.bool_]) -> bool:
-            return bool(wanted) and bool(complete(bits)[wanted].all())
-
         try:
-            return walk(self, env, steps, seed=seed, until=there)
+            return self._walk(env, steps, seed, wanted)
         finally:
             before.grow(self.body)
             self._mind.policy = before
             if self._mind.memory.experience is not None:
                 self._mind.memory.experience.aim()  # what there was is not that policy's
+
+    def _walk(
+        self,
+        env: gymnasium.Env[Any, Any],
+        steps: int,
+        seed: int | None,
+        wanted: list[int],
+    ) -> Outing:
+        """Act until so many steps are done, or all that is wanted is sensed.
+
+        The environment is reset first, and whenever an episode is over. What the last
+        step led to is observed, too.
+        """
+        if steps < 0:
+            raise InvalidValueError("steps", "must be 0 or more", steps)
+        said = describe(type(env.unwrapped).__name__, env)
+        going_on = env if isinstance(env, Continuing) else Continuing(env)
+        bits, info = going_on.reset(seed=seed)
+        self.set_down()
+        taken, episodes, total = 0, 1, 0.0
+        while True:
+            sensed = complete(np.asarray(bits, np.bool_))
+            reached = bool(wanted) and bool(sensed[wanted].all())
+            decision = self.act(bits, info["begins"])
+            if reached or taken == steps:
+                return Outing(taken, episodes, total, reached)
+            bits, reward, _, _, info = going_on.step(said.step(decision.action))
+            taken, total = taken + 1, total + float(reward)
+            episodes += info["begins"]
+            if info["cut"]:
+                self.set_down()
 
     @property
     def snapshot(self) -> Snapshot:

@@ -5,19 +5,17 @@ Names are the attributes `sensors` and `actions`, of the environment or of a wra
 around it; `orders` says how many steps a sensor looks back.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, SupportsFloat
+from typing import Any, SupportsFloat
 
 import gymnasium
 import numpy as np
 from gymnasium.spaces import Box, Dict, Discrete, MultiBinary, Tuple
 from gymnasium.wrappers import Autoreset
-from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.errors import InvalidValueError, within
 from neurosnap.sensorium import Sensorium
-from neurosnap.wire import Decision
 
 
 @dataclass(frozen=True)
@@ -204,58 +202,3 @@ class Outing:
     """The rewards of all steps, added up."""
     reached: bool
     """Whether the target was sensed, where there is one."""
-
-
-class Acting(Protocol):
-    """Observes and decides."""
-
-    def act(self, bits: ArrayLike, begins: bool = False) -> Decision:
-        """Observe, learn, and decide."""
-        ...
-
-    def set_down(self) -> None:
-        """Let what is observed next follow no action."""
-        ...
-
-
-def walk(
-    agent: Acting,
-    env: gymnasium.Env[Any, Any],
-    steps: int,
-    *,
-    seed: int | None = None,
-    until: Callable[[NDArray[np.bool_]], bool] | None = None,
-) -> Outing:
-    """Let an agent act until a number of steps is done, or what is wanted is sensed.
-
-    The environment is reset first, and whenever an episode is over. What the last step
-    led to is observed, too.
-
-    Args:
-        agent: Acts.
-        env: Its observations are ``MultiBinary``; it is not closed.
-        steps: How many actions to take at most.
-        seed: For the first reset.
-        until: Is told what the environment's sensors read, ``(n,)``.
-
-    Raises:
-        InvalidValueError: `steps` is negative, or the environment is not fit for an
-            agent.
-    """
-    if steps < 0:
-        raise InvalidValueError("steps", "must be 0 or more", steps)
-    said = describe(type(env.unwrapped).__name__, env)
-    going_on = env if isinstance(env, Continuing) else Continuing(env)
-    bits, info = going_on.reset(seed=seed)
-    agent.set_down()
-    taken, episodes, total, reached = 0, 1, 0.0, False
-    while True:
-        reached = until is not None and until(np.asarray(bits, np.bool_))
-        decision = agent.act(bits, info["begins"])
-        if reached or taken == steps:
-            return Outing(taken, episodes, total, reached)
-        bits, reward, _, _, info = going_on.step(said.step(decision.action))
-        taken, total = taken + 1, total + float(reward)
-        episodes += info["begins"]
-        if info["cut"]:
-            agent.set_down()

@@ -25,36 +25,23 @@ class Surprises:
     trial, and a surprise where nothing was ever done.
 
     Args:
-        actions: How many there are.
+        counts: ``(actions + 1, 2)``: trials and surprises so far, changed in place.
     """
 
-    def __init__(self, actions: int) -> None:
-        self._counts = np.zeros((actions + 1, 2), np.int64)  # trials, surprises
+    def __init__(self, counts: NDArray[np.int64]) -> None:
+        self.counts = counts
 
     def count(self, action: int, surprise: bool) -> None:
         """Count a trial of an action, or of `BEGINNING`."""
-        self._counts[action] += (1, surprise)
+        self.counts[action] += (1, surprise)
 
     def share(self, action: int) -> float:
         """Return the share of trials to expect a surprise of, in (0, 1).
 
         It is Laplace's rule of succession: 1/2 before there was any trial.
         """
-        trials, surprises = self._counts[action]
+        trials, surprises = self.counts[action]
         return float((surprises + 1) / (trials + 2))
-
-    def arrays(self) -> Arrays:
-        """Return its whole state as arrays, by name."""
-        return {"surprises": self._counts}
-
-    def restore(self, arrays: Arrays) -> None:
-        """Be as the arrays say.
-
-        Raises:
-            ValueError: They make no sense.
-        """
-        shape = self._counts.shape
-        self._counts = entry(arrays, "surprises", shape, np.int64).copy()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,7 +97,7 @@ class Experience:
         self._foreseen = np.ones(2 * len(body.sensors), np.bool_)
         self._unread = ~body.position[: 2 * len(body.own)]  # no part of a place
         self.raised: dict[bytes, int] = {}
-        self.surprises = Surprises(len(body.actions))
+        self.surprises = Surprises(np.zeros((len(body.actions) + 1, 2), np.int64))
         self.plan: Plan | None = None
 
     def aim(self) -> None:
@@ -258,7 +245,7 @@ class Experience:
             "taken": np.array([action for _, action in self.tried], np.int64),
             "raised": raised.reshape(len(self.raised), octets),
             "heights": np.array(list(self.raised.values()), np.int64),
-            **self.surprises.arrays(),
+            "surprises": self.surprises.counts,
             "plan": np.array(plan.actions, np.int64),
             "places": plan.places,
             "why": np.array(plan.why, np.str_),
@@ -290,7 +277,8 @@ class Experience:
             place.tobytes(): height
             for place, height in zip(raised, heights, strict=True)
         }
-        self.surprises.restore(arrays)
+        shape = self.surprises.counts.shape
+        self.surprises = Surprises(entry(arrays, "surprises", shape, np.int64).copy())
         steps = rows_in(arrays, "plan")
         actions = entry(arrays, "plan", (steps,), np.int64).tolist()
         places = entry(arrays, "places", (steps, size), np.bool_)

@@ -26,17 +26,18 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
-from neurosnap.agent.contexts import Contexts
 from neurosnap.agent.curiosity import Curiosity, ImaginedState
 from neurosnap.agent.experience import Experience, Plan
-from neurosnap.agent.planner import Reflex, target_literals
+from neurosnap.agent.planner import Planner, target_literals
 from neurosnap.agent.policy import (
     Closures,
     Deliberation,
+    RandomNumbers,
     Signal,
     checked_share,
+    pick,
 )
-from neurosnap.agent.random_numbers import RandomNumbers, pick
+from neurosnap.agent.senses import Contexts
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import complement
 
@@ -46,7 +47,7 @@ _Search = Generator[list[Signal], Closures, "Plan | None"]
 
 
 class ImaginingPlanner:
-    """Plans by imagined waves; where that leads nowhere, greedily, as `Reflex` does.
+    """Plans by imagined waves; where that leads nowhere, greedily, as `Planner` does.
 
     Args:
         body: What is sensed and done.
@@ -79,7 +80,8 @@ class ImaginingPlanner:
         if not wanted and not curious:
             rule = "must name a sensation to achieve, or come with exploration"
             raise InvalidValueError("target", rule, "nothing")
-        self._reflex = Reflex(body, wanted, seed, experience) if wanted else None
+        given = body, wanted, seed, 0.0, experience
+        self._greedy = Planner(*given) if wanted else None
         self._target = list(target_literals(body, wanted)) if wanted else []
         self._explore = checked_share(explore)
         self._random = RandomNumbers(seed)
@@ -100,8 +102,8 @@ class ImaginingPlanner:
     def grow(self, body: Body) -> None:
         """Go on with a body that has grown, or retired, a sensor; the plan is kept."""
         self._fit(body)
-        if self._reflex is not None:
-            self._reflex.grow(body)
+        if self._greedy is not None:
+            self._greedy.grow(body)
 
     def decide(self, tick: int, state: NDArray[np.bool_]) -> Deliberation:
         """Follow the plan, or ask for the consequences of actions until there is one.
@@ -121,8 +123,8 @@ class ImaginingPlanner:
             why = plan_reason(known.plan, self._names)
             action, known.plan = known.plan.step()
             return action, why
-        if self._reflex is not None:
-            return (yield from self._reflex.decide(tick, state))
+        if self._greedy is not None:
+            return (yield from self._greedy.decide(tick, state))
         return pick(np.arange(len(self._names)), draws[0]), "at random"
 
     def _search(self, here: NDArray[np.bool_], draw: float) -> _Search:

@@ -11,11 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.actions import Actions, guaranteed
-from neurosnap.agent.body import Body
+from neurosnap.agent.body import Body, Context
 from neurosnap.agent.experience import Experience
 from neurosnap.agent.growth.growth import Growth
 from neurosnap.agent.growth.sensor_changes import apply_change, body_after
-from neurosnap.poc.learning.archive import Archived, Arrays, entry, rows_in
+from neurosnap.poc.learning.archive import (
+    Arrays,
+    entry,
+    pack_arrays,
+    rows_in,
+    unpack_arrays,
+)
 from neurosnap.poc.learning.history import History
 from neurosnap.poc.learning.search import Search, nothing
 from neurosnap.poc.learning.snapshot import Snapshot
@@ -154,17 +160,12 @@ class AgentMemory:
 
     def to_bytes(self) -> bytes:
         """Return all of it, for a key-frame; nothing where there is nothing to know."""
-        return b"" if self.is_empty else _Archive(self._arrays()).to_bytes()
+        return b"" if self.is_empty else pack_arrays(self._arrays())
 
     def _arrays(self) -> Arrays:
-        grown, retired = self.body.grown, self.body.retired
-        arrays: Arrays = {
-            "actions": np.array([action for action, _ in grown], np.int64),
-            "sizes": np.array([len(many) for _, many in grown], np.int64),
-            "literals": np.array([a for _, many in grown for a in many], np.int64),
-            "retired": np.array(retired, np.int64),
-            "decision": np.frombuffer(msgspec.json.encode(self.decision), np.uint8),
-        }
+        followed = _Followed(self.decision, self.body.grown, self.body.retired)
+        text = np.frombuffer(msgspec.json.encode(followed), np.uint8)
+        arrays: Arrays = {"followed": text}
         if self.experience is not None:
             arrays |= self.experience.arrays()
         return arrays if self._growth is None else arrays | self._growth.arrays()
@@ -177,9 +178,9 @@ class AgentMemory:
         """
         if not data and self.is_empty:
             return
-        arrays = _Archive.from_bytes(data).arrays()
-        self.decision = _decision_in(arrays)
-        self.body = grown_in(self.body, arrays)
+        arrays = unpack_arrays(data)
+        followed = _followed_in(arrays)
+        self.decision, self.body = followed.decision, followed.body(self.body)
         self._actions = Actions(self.body)
         if self.experience is not None:
             self.experience.restore(arrays)
@@ -201,56 +202,30 @@ def body_in(body: Body, data: bytes) -> Body:
     Raises:
         ValueError: It is damaged, or of another agent.
     """
-    return grown_in(body, _Archive.from_bytes(data).arrays()) if data else body
+    return _followed_in(unpack_arrays(data)).body(body) if data else body
 
 
-def grown_in(body: Body, arrays: Arrays) -> Body:
-    """Return a body with what was grown by now, and nothing else.
+class _Followed(msgspec.Struct, frozen=True):
+    """The decisions that were followed, as far as they are not followed again."""
 
-    Raises:
-        ValueError: The arrays make no sense.
-    """
-    count = rows_in(arrays, "sizes")
-    sizes = entry(arrays, "sizes", (count,), np.int64)
-    if (sizes < 0).any():
-        raise ValueError("sizes: must be 0 or more")
-    actions = entry(arrays, "actions", (count,), np.int64).tolist()
-    literals = entry(arrays, "literals", (int(sizes.sum()),), np.int64)
-    parts = np.split(literals, np.cumsum(sizes)[:-1]) if count else []
-    body = msgspec.structs.replace(body, grown=(), retired=())
-    for action, part in zip(actions, parts, strict=True):
-        body = body.grow((action, tuple(part.tolist())))
-    retired = entry(arrays, "retired", (rows_in(arrays, "retired"),), np.int64)
-    for place in retired.tolist():
-        body = body.retire(place)
-    return body
+    decision: Decision
+    """The last one, whole: what it said of growth may be said again."""
+    grown: tuple[Context, ...]
+    retired: tuple[int, ...]
+
+    def body(self, body: Body) -> Body:
+        """Return a body with what was grown by now, and nothing else."""
+        return msgspec.structs.replace(body, grown=self.grown, retired=self.retired)
 
 
-def _decision_in(arrays: Arrays) -> Decision:
-    """Return the last decision, whole: what it said of growth may be said again.
+def _followed_in(arrays: Arrays) -> _Followed:
+    """Return what was followed.
 
     Raises:
         ValueError: The arrays make no sense.
     """
-    text = entry(arrays, "decision", (rows_in(arrays, "decision"),), np.uint8)
+    text = entry(arrays, "followed", (rows_in(arrays, "followed"),), np.uint8)
     try:
-        return msgspec.json.decode(text.tobytes(), type=Decision)
+        return msgspec.json.decode(text.tobytes(), type=_Followed)
     except msgspec.DecodeError as error:
-        raise ValueError(f"decision: {error}") from error
-
-
-class _Archive(Archived):
-    """The arrays of an agent, as bytes."""
-
-    def __init__(self, arrays: Arrays) -> None:
-        self._arrays = arrays
-
-    def arrays(self) -> Arrays:
-        """Return its whole state as arrays, by name."""
-        return self._arrays
-
-    @classmethod
-    def from_arrays(cls, arrays: Arrays) -> "_Archive":
-        """Return the archive of these arrays."""
-        own = {k: v for k, v in arrays.items() if k not in ("schema", "kind")}
-        return cls(own)
+        raise ValueError(f"followed: {error}") from error

@@ -3,16 +3,16 @@
 The subgoals are the projection of the state onto the target in the model space: what
 would be sensed at the closest point of the target.
 
-`Reflex` remembers as well where nothing led nearer to the target. Such a place seems
-farther away from then on, by as much as the best step from there makes it, so that it
-is not stuck there for ever. That costs no wave more, and is what an agent does that
-imagines no way to its target.
+With an `Experience` it remembers as well where nothing led nearer to the target. Such a
+place is *raised*: it seems farther away from then on, by as much as the best step from
+there makes it, so that the agent is not stuck there for ever. That costs no wave more,
+and is what an agent does that imagines no way to its target.
 
 References:
     [GK] "Algorithm: Greedy Reactive Planning (GRP)"; lemma "Reasoning in Snapshots",
     which holds for a coherent target only: an incoherent one is reduced first. To get
-    stuck is what it calls a failure of greedy planning to be overcome; the rule of
-    `Reflex` is LRTA* (Korf 1990), with open subgoals as the distance to begin with.
+    stuck is what it calls a failure of greedy planning to be overcome; to raise places
+    is LRTA* (Korf 1990), with open subgoals as the distance to begin with.
 """
 
 from collections.abc import Iterable
@@ -23,8 +23,13 @@ from numpy.typing import NDArray
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
 from neurosnap.agent.experience import Experience
-from neurosnap.agent.policy import EXPLORE, Deliberation, checked_share
-from neurosnap.agent.random_numbers import RandomNumbers, pick
+from neurosnap.agent.policy import (
+    EXPLORE,
+    Deliberation,
+    RandomNumbers,
+    checked_share,
+    pick,
+)
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import Sensorium, complement
 
@@ -43,6 +48,7 @@ class Planner:
         target: Literals by name or number, to be achieved jointly.
         seed: Draws among equals, and when to explore.
         explore: The share of random actions, in [0, 1].
+        experience: Remembers which places were raised; if None, none is.
 
     Raises:
         InvalidValueError: There is no target, it names no literal of the world's own or
@@ -56,10 +62,12 @@ class Planner:
         target: Iterable[str | int],
         seed: int,
         explore: float = EXPLORE,
+        experience: Experience | None = None,
     ) -> None:
         self._target = target_literals(body, target)
         self._explore = checked_share(explore)
         self._random = RandomNumbers(seed)
+        self._experience = experience
         self.grow(body)
 
     def grow(self, body: Body) -> None:
@@ -84,27 +92,37 @@ class Planner:
         wanted = subgoals(state & self._position, above) & self._goals
         bound = guaranteed(closures)
         met = bound & wanted
-        score = self._score(met.sum(axis=1), bound, int((state & wanted).sum()), state)
+        score = met.sum(axis=1)
+        if self._experience is not None:
+            held = int((state & wanted).sum())
+            score = self._raise(self._experience, score, bound, state, held)
         best = (score == score.max()).nonzero()[0]
         action = pick(best, draws[0])
         return action, self._why(met[action], wanted, len(best))
 
-    def _score(
+    def _raise(
         self,
+        experience: Experience,
         met: NDArray[np.int_],
         bound: NDArray[np.bool_],
-        held: int,
         state: NDArray[np.bool_],
+        held: int,
     ) -> NDArray[np.int_]:
-        """Return how good each action is.
+        """Return how good each action is, and raise the place if none leads nearer.
 
         Args:
+            experience: Has the places that were raised.
             met: ``(actions,)``, how many subgoals each guarantees.
             bound: ``(actions, 2N)``, all that each guarantees.
-            held: How many subgoals the state has.
             state: ``(2N,)``.
+            held: How many subgoals the state has.
         """
-        return met
+        keys = [experience.key(after & experience.looked_at) for after in bound]
+        raised = [experience.raised.get(key, 0) for key in keys]
+        score: NDArray[np.int_] = met - np.array(raised)
+        here = experience.key(state & experience.looked_at)
+        experience.lift(here, held + 1 - int(score.max()))
+        return score
 
     def _why(
         self, met: NDArray[np.bool_], wanted: NDArray[np.bool_], equals: int
@@ -158,39 +176,3 @@ def target_literals(body: Body, target: Iterable[str | int]) -> tuple[int, ...]:
             rule = "must not hold a literal and its complement"
             raise InvalidValueError("target", rule, sensorium.name(literal & ~1))
     return tuple(sorted(literals))
-
-
-class Reflex(Planner):
-    """Decides by greedy reactive planning, and gets stuck nowhere for ever.
-
-    Args:
-        body: As for `Planner`.
-        target: As for `Planner`.
-        seed: Draws among equals.
-        experience: Remembers which places were raised.
-
-    Raises:
-        InvalidValueError: As for `Planner`.
-    """
-
-    def __init__(
-        self, body: Body, target: Iterable[str | int], seed: int, experience: Experience
-    ) -> None:
-        self._experience = experience
-        super().__init__(body, target, seed, explore=0.0)
-
-    def _score(
-        self,
-        met: NDArray[np.int_],
-        bound: NDArray[np.bool_],
-        held: int,
-        state: NDArray[np.bool_],
-    ) -> NDArray[np.int_]:
-        """Return how good each action is, and raise the place if none leads nearer."""
-        experience = self._experience
-        keys = [experience.key(after & experience.looked_at) for after in bound]
-        raised = [experience.raised.get(key, 0) for key in keys]
-        score: NDArray[np.int_] = met - np.array(raised)
-        here = experience.key(state & experience.looked_at)
-        experience.lift(here, held + 1 - int(score.max()))
-        return score

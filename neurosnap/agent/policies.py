@@ -30,9 +30,10 @@ from neurosnap.agent.policy import (
     Deliberation,
     Exploration,
     Policy,
+    RandomNumbers,
     checked_share,
+    pick,
 )
-from neurosnap.agent.random_numbers import RandomNumbers, pick
 from neurosnap.errors import InvalidValueError
 
 

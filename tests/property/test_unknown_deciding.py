@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body
 from neurosnap.agent.policies import new_policy
-from neurosnap.agent.policy import AgentKind
-from neurosnap.agent.random_numbers import RandomNumbers
+from neurosnap.agent.policy import AgentKind, RandomNumbers
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.sensorium import Sensorium
 from neurosnap.wire import Decision

@@ -18,9 +18,9 @@ References:
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final, NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -99,8 +99,7 @@ def cover(
     return tuple(sorted(literals[list(chosen)].tolist()))
 
 
-@dataclass(slots=True)
-class _Candidate:
+class _Candidate(msgspec.Struct):
     """A cover under trial."""
 
     action: int
@@ -148,12 +147,16 @@ class Grower:
         self._last = np.arange(self._own, body.first_grown)
         self._trials: dict[tuple[int, int], list[_Candidate]] = {}
         self._ready: list[_Candidate] = []
-        shape = len(body.actions), 2 * self._own
-        self._failed = np.zeros(shape, np.int64)  # covers in a row
-        self._wait = np.zeros(shape, np.int64)  # surprises to let pass
-        self._lost = np.zeros(shape, np.int64)  # covers that failed, in all
-        self._won = np.zeros(shape, np.int64)  # covers of which sensors were born
-        self._hopeless = np.zeros(shape, np.bool_)
+        self._adopt(np.zeros((4, len(body.actions), 2 * self._own), np.int64))
+
+    def _adopt(self, counts: NDArray[np.int64]) -> None:
+        """Go on with these counts, for each action and result."""
+        self._counts = counts
+        self._failed = counts[0]  # covers in a row
+        self._wait = counts[1]  # surprises to let pass
+        self._lost = counts[2]  # covers that failed, in all
+        self._won = counts[3]  # covers of which sensors were born
+        self._judge()
 
     def _fit(self, body: Body) -> None:
         # What is scripted comes without being found.
@@ -244,7 +247,7 @@ class Grower:
 
     def _judge(self) -> None:
         """Tell anew what is left to chance; an array that was given out stays."""
-        self._hopeless = self._lost >= HOPELESS * (1 + self._won)
+        self._hopeless: NDArray[np.bool_] = self._lost >= HOPELESS * (1 + self._won)
 
     def _is_due(self, action: int, state: NDArray[np.bool_], result: int) -> bool:
         """Tell whether to look for a cover of what was not guaranteed."""
@@ -314,21 +317,8 @@ class Grower:
         """Return its whole state as arrays, by name."""
         # In the order of the numbers: one that was restored met them in another order.
         trials = [trial for _, many in sorted(self._trials.items()) for trial in many]
-        rows = [
-            (*row, *literals, *(-1 for _ in range(LONGEST - len(literals))))
-            for row, literals in (
-                ((one.action, one.result, one.held), one.literals)
-                for one in (*trials, *self._ready)
-            )
-        ]
-        return {
-            "failed": self._failed,
-            "wait": self._wait,
-            "lost": self._lost,
-            "won": self._won,
-            "ready": np.array(len(self._ready), np.int64),
-            "trials": np.array(rows, np.int64).reshape(len(rows), 3 + LONGEST),
-        }
+        text = msgspec.json.encode((trials, self._ready))
+        return {"covers": self._counts, "trials": np.frombuffer(text, np.uint8)}
 
     def restore(self, body: Body, arrays: Arrays) -> None:
         """Be as the arrays say.
@@ -341,28 +331,19 @@ class Grower:
             ValueError: They make no sense.
         """
         self._fit(body)
-        shape = self._failed.shape
-        self._failed = entry(arrays, "failed", shape, np.int64).copy()
-        self._wait = entry(arrays, "wait", shape, np.int64).copy()
-        self._lost = entry(arrays, "lost", shape, np.int64).copy()
-        self._won = entry(arrays, "won", shape, np.int64).copy()
-        self._judge()
-        count = rows_in(arrays, "trials")
-        table = entry(arrays, "trials", (count, 3 + LONGEST), np.int64)
-        ready = entry(arrays, "ready", (), np.int64).item()
-        limits = (len(self._failed), 2 * self._own)
-        if ((table[:, :2] < 0) | (table[:, :2] >= limits)).any() or (
-            table[:, 3:] >= 2 * body.first_grown
-        ).any():
-            raise ValueError("trials: must be of the actions and literals there are")
-        if not 0 <= ready <= count:
-            raise ValueError(f"ready: must be in 0..{count}")
-        found = [
-            _Candidate(action, tuple(a for a in literals if a >= 0), result, held)
-            for action, result, held, *literals in table.tolist()
-        ]
-        under_trial = found[: count - ready]
-        self._ready = found[count - ready :]
+        shape = self._counts.shape
+        self._adopt(entry(arrays, "covers", shape, np.int64).copy())
+        text = entry(arrays, "trials", (rows_in(arrays, "trials"),), np.uint8)
+        kind = tuple[list[_Candidate], list[_Candidate]]
+        try:
+            trials, self._ready = msgspec.json.decode(text.tobytes(), type=kind)
+        except msgspec.DecodeError as error:
+            raise ValueError(f"trials: {error}") from error
+        _, actions, results = shape
+        for one in (*trials, *self._ready):
+            known = 0 <= one.action < actions and 0 <= one.result < results
+            if not (known and all(0 <= a < 2 * body.first_grown for a in one.literals)):
+                raise ValueError(f"trials: must be of what there is, got {one}")
         self._trials = {}
-        for trial in under_trial:
+        for trial in trials:
             self._trials.setdefault((trial.action, trial.result), []).append(trial)

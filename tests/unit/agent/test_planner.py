@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
 from neurosnap.agent.experience import Experience
-from neurosnap.agent.planner import Planner, Reflex, target_literals
+from neurosnap.agent.planner import Planner, target_literals
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import Sensorium, complete
@@ -192,9 +192,8 @@ def test_where_greed_stays_for_ever_it_leaves_and_learns_the_shortest_way(
 ) -> None:
     assert steps(corridor, Planner(CORRIDOR, TARGET, 0, explore=0.0), 1) == 40
     experience = Experience(CORRIDOR)
-    taken = [
-        steps(corridor, Reflex(CORRIDOR, TARGET, 0, experience), 1) for _ in range(30)
-    ]
+    planner = Planner(CORRIDOR, TARGET, 0, 0.0, experience)
+    taken = [steps(corridor, planner, 1) for _ in range(30)]
     assert taken[0] < 40
     # What it has raised by then it need not raise again.
     assert taken[-1] == 4
@@ -207,5 +206,5 @@ def test_where_greed_stays_for_ever_it_leaves_and_learns_the_shortest_way(
 
 def test_where_greed_arrives_it_does_the_same(corridor: PocGraph) -> None:
     greedy = Planner(CORRIDOR, TARGET, 0, explore=0.0)
-    for policy in (greedy, Reflex(CORRIDOR, TARGET, 0, Experience(CORRIDOR))):
+    for policy in (greedy, Planner(CORRIDOR, TARGET, 0, 0.0, Experience(CORRIDOR))):
         assert steps(corridor, policy, 4) == 1

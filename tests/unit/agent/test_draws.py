@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from neurosnap.agent.random_numbers import WIDTH, RandomNumbers, pick
+from neurosnap.agent.policy import WIDTH, RandomNumbers, pick
 from tests.support.hypothesis_settings import examples
 
 LARGEST = 2**63 - 1
