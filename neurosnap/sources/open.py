@@ -19,7 +19,7 @@ from typing import Annotated, TypeAlias
 
 import msgspec
 
-from neurosnap.errors import InvalidValueError, NeurosnapError
+from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import visible
 from neurosnap.sources.live.journal import Journal
 from neurosnap.sources.live.latest_readings import LatestReadings
@@ -149,7 +149,7 @@ def open_live(
     if name == STDIN:
         feeder = StdinFeeder(head=given.head.encode() if given.head else None)
     else:
-        feeder = _NoFeeder() if hub is None else ZenohFeeder(hub)
+        feeder = ZenohFeeder(hub)
     schedule = given.schedule()
     return LiveSource(latest, schedule, feeder=feeder, journal=journal, most=most)
 
@@ -235,18 +235,6 @@ def lost_by(name: str, said: Statistics) -> int:
     """
     refused = said.refused if name == STDIN else 0
     return said.dropped + said.missing + refused
-
-
-class _NoFeeder:
-    """Feeds a source that is only looked at."""
-
-    def start(self, source: LiveSource) -> None:
-        """Say that there is no hub to listen to."""
-        rule = "must be a swarm's with a hub, cells in processes"
-        source.fail(NeurosnapError(f"source: {rule}, got {ZENOH!r}"))
-
-    def stop(self) -> None:
-        """Nothing was started."""
 
 
 def _converted(arguments: Mapping[str, Argument]) -> LiveArguments:

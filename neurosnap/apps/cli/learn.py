@@ -39,7 +39,7 @@ Data = Annotated[
     typer.Argument(
         metavar="DATA",
         help="A table of readings or a log of events (.csv, .parquet), a database of"
-        " Home Assistant, the intervals of a home (.sensors), or a recording.",
+        " Home Assistant, or a recording.",
     ),
 ]
 Sensors = Annotated[

@@ -120,7 +120,7 @@ def read(payload: bytes) -> Reading:
             together, or a value that is none.
     """
     if len(payload) > LIMIT:
-        raise too_long(len(payload))
+        raise too_long()
     said = _decoded(_objects, payload, "a reading in JSON")
     fields = {name for name, value in _fields(said) if value is not _UNSET}
     if not any(must <= fields <= must | may for must, may in _SHAPES):
@@ -149,9 +149,9 @@ def read_on(payload: bytes) -> tuple[bool | None, float | None]:
     return (None if word.lower() == "null" else value(word[:40])), None
 
 
-def too_long(size: object) -> InvalidValueError:
+def too_long() -> InvalidValueError:
     """Return the error of a reading longer than `LIMIT`."""
-    return InvalidValueError("reading", f"must be up to {LIMIT} bytes", size)
+    return InvalidValueError("reading", f"must be up to {LIMIT} bytes", "more")
 
 
 def value(said: object) -> bool | None:

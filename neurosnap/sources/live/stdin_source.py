@@ -97,19 +97,13 @@ class StdinFeeder:
             return b""
         return os.read(self._descriptor, _PIECE)
 
-    def _receive_line(
-        self, source: LiveSource, number: int, line: bytes | None
-    ) -> None:
-        if source.is_full:
-            return  # the run has all its ticks
-        place = f"{_NAME}:{number}"
-        if line is None:
-            source.refuse(str(within(place, too_long("a longer line"))))
-        elif line.strip():
-            try:
-                hand_in(source, line, spare=True)
-            except InvalidValueError as error:
-                source.refuse(str(within(place, error)))
+    def _receive_line(self, source: LiveSource, number: int, line: bytes) -> None:
+        if source.is_full or not line.strip():
+            return  # if it is full, the run has all its ticks
+        try:
+            hand_in(source, line, spare=True)
+        except InvalidValueError as error:
+            source.refuse(str(within(f"{_NAME}:{number}", error)))
 
 
 def first_line(descriptor: int = STANDARD_INPUT) -> bytes:
@@ -128,7 +122,7 @@ def first_line(descriptor: int = STANDARD_INPUT) -> bytes:
                 break
             line += byte
             if len(line) > LIMIT:
-                raise within(_place(line), too_long("a longer line"))
+                raise within(_place(line), too_long())
     except OSError as error:
         rule = f"must be readable ({error.strerror})"
         raise InvalidValueError(_NAME, rule, descriptor) from error
@@ -169,37 +163,27 @@ class Lines:
     """Numbers the lines of a stream that arrives in pieces of any size.
 
     Args:
-        limit: Bytes of a line at most; a longer one is not kept.
+        limit: Bytes of a line at most; of a longer one at least a byte more is kept.
     """
 
     def __init__(self, limit: int) -> None:
         self._limit = limit
         self._number = 0
-        self._begun: bytes | None = b""
-        """The beginning of the next line; None if it is too long already."""
+        self._rest = b""
+        """The beginning of the next line."""
 
-    def feed(self, piece: bytes) -> Iterator[tuple[int, bytes | None]]:
+    def feed(self, piece: bytes) -> Iterator[tuple[int, bytes]]:
         """Yield the number and the text of every line that `piece` ends.
 
-        The text comes without its line feed; None if the line was too long.
+        The text comes without its line feed.
         """
-        *ended, rest = piece.split(b"\n")
-        for part in ended:
-            yield self._end(part)
-        self._add(rest)
+        *ended, rest = (self._rest + piece).split(b"\n")
+        self._rest = rest[: self._limit + 1]
+        for line in ended:
+            self._number += 1
+            yield self._number, line
 
-    def finish(self) -> Iterator[tuple[int, bytes | None]]:
+    def finish(self) -> Iterator[tuple[int, bytes]]:
         """Yield what follows the last line feed, if anything does."""
-        if self._begun != b"":
-            yield self._end(b"")
-
-    def _add(self, part: bytes) -> None:
-        if self._begun is not None:
-            whole = len(self._begun) + len(part) <= self._limit
-            self._begun = self._begun + part if whole else None
-
-    def _end(self, part: bytes) -> tuple[int, bytes | None]:
-        self._add(part)
-        line, self._begun = self._begun, b""
-        self._number += 1
-        return self._number, line
+        if self._rest:
+            yield from self.feed(b"\n")

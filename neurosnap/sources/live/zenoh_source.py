@@ -29,7 +29,7 @@ from typing import Protocol
 import zenoh
 
 from neurosnap import wire
-from neurosnap.errors import FabricError, InvalidValueError, within
+from neurosnap.errors import FabricError, InvalidValueError, NeurosnapError, within
 from neurosnap.fabric.security.hub_address import HubAddress
 from neurosnap.fabric.security.roles import READING
 from neurosnap.fabric.zenoh.discovery import id_of
@@ -56,18 +56,25 @@ class ZenohFeeder:
     """Listens to ``reading`` and all below it, over a session of its own.
 
     Args:
-        hub: Whom to connect to, as the world.
+        hub: Whom to connect to, as the world; None for a source that is only looked at.
     """
 
-    def __init__(self, hub: Hub) -> None:
+    def __init__(self, hub: Hub | None) -> None:
         self._hub = hub
         self._thread: threading.Thread | None = None
         self._open = ExitStack()
 
     def start(self, source: LiveSource) -> None:
         """Connect on a thread of its own; what fails of it, the source is told."""
+        if self._hub is None:
+            rule = "must be a swarm's with a hub, cells in processes"
+            source.fail(NeurosnapError(f"source: {rule}, got 'zenoh:'"))
+            return
         self._thread = threading.Thread(
-            target=self._listen, args=(source,), name="outside/zenoh", daemon=True
+            target=self._listen,
+            args=(source, self._hub),
+            name="outside/zenoh",
+            daemon=True,
         )
         self._thread.start()
 
@@ -77,8 +84,7 @@ class ZenohFeeder:
             self._thread.join()
         self._open.close()
 
-    def _listen(self, source: LiveSource) -> None:
-        hub = self._hub
+    def _listen(self, source: LiveSource, hub: Hub) -> None:
         # A swarm that goes on after a death is called otherwise, and no program outside
         # knows of that.
         names = dict.fromkeys((hub.swarm, id_of(hub.swarm)))
@@ -115,7 +121,7 @@ def hand_over(source: LiveSource, key: str, payload: zenoh.ZBytes) -> None:
     """
     try:
         if len(payload) > LIMIT:
-            raise too_long(len(payload))
+            raise too_long()
         text = payload.to_bytes()
         _, named, sensor = key.partition("/")
         if not named:

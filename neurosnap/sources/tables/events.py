@@ -3,19 +3,13 @@
 What happens at the same time is one tick, unless a sensor changes twice. Between its
 events a sensor reads what it read last. Events that change nothing are no ticks.
 
-Events come from two kinds of text:
-
-- A log is a table with time, sensor and value. The header says which column is
-  which, in any order; Home Assistant's own history export calls them ``last_changed``,
-  ``entity_id`` and ``state``.
-- The intervals of a home, as published for research: when each sensor was on, and how
-  long. A line has the start in seconds since 1970, the seconds that the sensor was on,
-  and its number: ``1203898814 163 24``. Before and after that it is off.
+A log of events is a table with time, sensor and value. The header says which column is
+which, in any order; Home Assistant's own history export calls them ``last_changed``,
+``entity_id`` and ``state``.
 """
 
 from array import array
 from datetime import UTC, datetime
-from pathlib import Path
 
 import numpy as np
 
@@ -32,12 +26,10 @@ _UNKNOWN = -1
 class Events:
     """Takes events in any order; of those at the same time, the first comes first.
 
-    Args:
-        initial: What sensors read before their first event; None if that is unknown.
+    What a sensor reads before its first event is unknown.
     """
 
-    def __init__(self, initial: bool | None = None) -> None:
-        self._initial = _UNKNOWN if initial is None else int(initial)
+    def __init__(self) -> None:
         self._sensors: dict[str, int] = {}
         self._times, self._who, self._said = array("d"), array("q"), array("b")
 
@@ -73,7 +65,7 @@ class Events:
         names = sorted(self._sensors)
         growing = GrowingColumns(Sensorium(names))
         place = np.argsort([self._sensors[name] for name in names])
-        now = np.full(len(names), self._initial, np.int8)
+        now = np.full(len(names), _UNKNOWN, np.int8)
         changed: set[int] = set()
         moments: list[str] = []
         last = 0.0
@@ -175,55 +167,3 @@ def _seconds(text: str, where: str) -> float:
         rule = "must be seconds since 1970, or a date such as 2026-07-01 12:00:00"
         raise InvalidValueError(where, rule, text) from None
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
-
-
-def read_home_intervals(path: str, wanted: Wanted) -> Readings:
-    """Return the readings of a home; its sensors are called ``s`` and their number.
-
-    Args:
-        path: Where the file is; it can be read.
-        wanted: Which sensors to read.
-
-    Raises:
-        InvalidValueError: A line breaks a rule.
-    """
-    try:
-        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
-    except UnicodeDecodeError as error:
-        raise InvalidValueError(
-            path, "must be UTF-8 text", error.object[:40]
-        ) from error
-    spans: dict[str, list[tuple[float, float]]] = {}
-    for number, line in enumerate(lines, start=1):
-        if not line.strip():
-            continue
-        try:
-            start, seconds, sensor = line.split()
-            begin, end = float(start), float(start) + float(seconds)
-            name = f"s{int(sensor)}"
-        except ValueError:
-            rule = "must be a start and a duration in seconds, and the sensor's number"
-            raise InvalidValueError(f"{path}:{number}", rule, line) from None
-        if not begin <= end < float("inf"):
-            rule = "must not end before it starts"
-            raise InvalidValueError(f"{path}:{number}", rule, line)
-        spans.setdefault(name, []).append((begin, end))
-    wanted.check(list(spans), path)
-    events = Events(initial=False)
-    for name, own in spans.items():
-        if wanted.takes(name):
-            for begin, end in _merged(own):
-                events.add(begin, name, value=True)
-                events.add(end, name, value=False)
-    return events.readings()
-
-
-def _merged(spans: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return spans in order, those that overlap as one."""
-    merged: list[tuple[float, float]] = []
-    for begin, end in sorted(spans):
-        if merged and begin < merged[-1][1]:
-            merged[-1] = merged[-1][0], max(end, merged[-1][1])
-        else:
-            merged.append((begin, end))
-    return merged

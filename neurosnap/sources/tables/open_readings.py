@@ -12,11 +12,10 @@ from neurosnap.sensorium import Sensorium
 from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.tables import home_assistant_db
 from neurosnap.sources.tables.csv_file import CsvFile, OnProgress, TableFile, TableRows
-from neurosnap.sources.tables.events import read_event_log, read_home_intervals, roles
+from neurosnap.sources.tables.events import read_event_log, roles
 from neurosnap.sources.tables.readings import Readings
 from neurosnap.system.distribution import must_have
 
-_INTERVALS = ".sensors"
 _PARQUET = b"PAR1"
 _ROWS = 4096  # of a Parquet file that are read at a time
 
@@ -27,9 +26,8 @@ def open_readings(
     """Return the readings in a file.
 
     What a file is, is told by its first bytes: a database of Home Assistant, Parquet,
-    else text. Text whose name ends with ``.sensors`` holds the intervals of a home. A
-    Parquet or CSV file is a log of events if its header has the columns of one, or else
-    a table.
+    else CSV. A Parquet or CSV file is a log of events if its header has the columns of
+    one, or else a table.
 
     Args:
         path: Where it is.
@@ -50,8 +48,6 @@ def open_readings(
         if wanted.time is None and parquet.time is not None:
             wanted = replace(wanted, time=parquet.time)
         readings = _read_table(parquet, wanted, on_progress)
-    elif path.lower().endswith(_INTERVALS):
-        readings = read_home_intervals(path, wanted)
     else:
         readings = _read_table(CsvFile(path), wanted, on_progress)
     if not readings.columns.ticks:

@@ -1,4 +1,4 @@
-"""Readings of a whole file, the moment of each, and when each sensor was on."""
+"""Readings of a whole file, and the moment of each."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -37,30 +37,6 @@ def utc(seconds: float) -> str:
         '2008-02-25 00:20:14Z'
     """
     return f"{datetime.fromtimestamp(seconds, UTC):%Y-%m-%d %H:%M:%S}Z"
-
-
-Spans = NDArray[np.float64]
-"""``(n, 2)``, when a sensor came on and went off, seconds since 1970, in order."""
-
-
-def spans_of(readings: Readings) -> list[Spans]:
-    """Return when each sensor was on; while its reading is unknown, it was not.
-
-    A sensor that is on at the end was on until then. O(sensors × ticks).
-
-    Raises:
-        InvalidValueError: They do not say when they were, or not in order.
-    """
-    times = seconds_of(readings)
-    ticks = readings.columns.ticks
-    bits = np.unpackbits(
-        readings.columns.on.view(np.uint8), axis=1, bitorder="little", count=ticks
-    )
-    made = []
-    for row in bits:
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], row, [0]]).astype(np.int8)))
-        made.append(times[np.minimum(edges, ticks - 1)].reshape(-1, 2))
-    return made
 
 
 def seconds_of(readings: Readings) -> NDArray[np.float64]:

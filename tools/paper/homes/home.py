@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 from neurosnap.errors import InvalidValueError
 from neurosnap.health.steps import Steps, steps_of
 from neurosnap.sources.tables.open_readings import open_readings
-from neurosnap.sources.tables.readings import Spans, spans_of
+from neurosnap.sources.tables.readings import Readings, seconds_of
 
+Spans = NDArray[np.float64]
+"""``(n, 2)``, when a sensor came on and went off, seconds since 1970, in order."""
 __all__ = ["Home", "Spans", "homes_in", "merged", "read_home"]
 
 
@@ -74,21 +76,48 @@ def homes_in(folder: Path) -> list[Path]:
 def read_home(path: Path) -> Home:
     """Return the home in a file, in any form that `open_readings` reads.
 
+    A file that ends with ``.sensors`` is one as published for research: a line has the
+    start in seconds since 1970, the seconds that a sensor was on, and its number.
+
     Raises:
         InvalidValueError: It cannot be read, or breaks a rule.
     """
-    readings = open_readings(str(path))
-    spans = spans_of(readings)
+    if path.suffix == ".sensors":
+        rows = np.loadtxt(path, ndmin=2)
+        numbers = np.unique(rows[:, 2].astype(int)).tolist()
+        sensors = tuple(sorted(f"s{number}" for number in numbers))
+        spans = [
+            merged(np.column_stack([own[:, 0], own[:, 0] + own[:, 1]]))
+            for own in (rows[rows[:, 2] == int(name[1:])] for name in sensors)
+        ]
+    else:
+        readings = open_readings(str(path))
+        sensors = tuple(readings.columns.sensorium.names)
+        spans = spans_of(readings)
     used = [own for own in spans if len(own)]
     if not used:
         raise InvalidValueError(str(path), "must have a sensor that was on", "none")
     return Home(
         path.stem,
-        tuple(readings.columns.sensorium.names),
+        sensors,
         tuple(spans),
         min(float(own[0, 0]) for own in used),
         max(float(own[:, 1].max()) for own in used),
     )
+
+
+def spans_of(readings: Readings) -> list[Spans]:
+    """Return when each sensor was on; while its reading is unknown, it was not.
+
+    A sensor that is on at the end was on until then.
+    """
+    times, ticks = seconds_of(readings), readings.columns.ticks
+    made = []
+    for sensor in range(len(readings.columns.sensorium.names)):
+        row = readings.columns.reading(sensor) & readings.columns.known(sensor)
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], row, [0]]).astype(np.int8)))
+        made.append(times[np.minimum(edges, ticks - 1)].reshape(-1, 2))
+    return made
 
 
 def merged(spans: Spans) -> Spans:

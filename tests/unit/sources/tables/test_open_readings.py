@@ -11,10 +11,11 @@ import pyarrow.parquet as pq
 import pytest
 
 from neurosnap.errors import InvalidValueError
+from neurosnap.poc.learning.columns import Columns
 from neurosnap.sources.meaning import RULE, Wanted, parse_comparison
 from neurosnap.sources.open import open_source
 from neurosnap.sources.tables.open_readings import open_readings
-from neurosnap.sources.tables.readings import Readings
+from neurosnap.sources.tables.readings import Readings, seconds_of
 from tests.support.sources import readings, written
 
 HOME = Path(__file__).parents[3] / "golden" / "home-assistant_v2.db"
@@ -198,15 +199,6 @@ def test_a_bad_event_is_refused_with_its_line(tmp_path: Path) -> None:
     assert "must hold readings" in refused(tmp_path, head)
 
 
-def test_a_home_is_read_from_its_intervals(tmp_path: Path) -> None:
-    text = "10\t5\t24\n12 10 3\n13 1 24\n30 0 3\n"
-    readings = open_readings(str(written(tmp_path, text, "house.sensors")))
-    assert shown(readings) == {"s24": "110000", "s3": "011010"}
-    bad = written(tmp_path, "10 5\n", "bad.sensors")
-    with pytest.raises(InvalidValueError, match=r"bad\.sensors:1: must be a start and"):
-        open_readings(str(bad))
-
-
 def test_a_database_that_home_assistant_made() -> None:
     readings = open_readings(str(HOME))
     names = [f"binary_sensor.{name}" for name in ("attic", "front_door", "hall_motion")]
@@ -292,3 +284,25 @@ def test_bytes_that_are_nothing_are_refused(tmp_path: Path) -> None:
         open_readings(str(broken))
     with pytest.raises(InvalidValueError, match=r"^source: must be a file that can"):
         open_readings(str(tmp_path / "none.csv"))
+
+
+@pytest.mark.parametrize(
+    ("times", "text"),
+    [
+        (None, "data: must say when each reading was"),
+        (["20", "10"], "time: must not be before the one above it, got '10'"),
+        (["noon", "10"], "time: must be a date and a time, or seconds since 1970"),
+    ],
+)
+def test_readings_without_times_or_out_of_order_are_refused(
+    times: list[str] | None, text: str
+) -> None:
+    with pytest.raises(InvalidValueError, match=f"^{text}"):
+        seconds_of(Readings(Columns.of([[0], [1]], ["a"]), times))
+
+
+def test_times_have_many_forms() -> None:
+    times = ["2024-01-01 00:00:00Z", "2024-01-01T01:01:00+01:00", "1704067320"]
+    columns = Columns.of([[0]] * 3, ["a"])
+    found = seconds_of(Readings(columns, times)).tolist()
+    assert found == [1704067200.0, 1704067260.0, 1704067320.0]

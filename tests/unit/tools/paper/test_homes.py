@@ -21,10 +21,7 @@ from tools.paper.homes.faults import (
     faulty,
     with_false,
 )
-from tools.paper.homes.home import (
-    Home,
-    merged,
-)
+from tools.paper.homes.home import Home, merged, read_home
 from tools.paper.homes.mention import Mention, joined
 from tools.paper.homes.methods import METHODS, credited
 
@@ -53,6 +50,19 @@ def covered(spans: np.ndarray) -> set[int]:
 def spans_of(drawn: list[tuple[int, int]]) -> np.ndarray:
     made = [(float(on), float(on + lasts)) for on, lasts in drawn]
     return merged(np.array(made).reshape(-1, 2))
+
+
+def test_a_home_is_read_from_intervals_and_from_a_table(tmp_path: Path) -> None:
+    path = tmp_path / "one.sensors"
+    path.write_text("10 5 24\n12 10 3\n13 1 24\n30 0 3\n")
+    found = read_home(path)
+    assert found.sensors == ("s24", "s3")
+    assert [s.tolist() for s in found.spans] == [[[10, 15]], [[12, 22], [30, 30]]]
+    path = tmp_path / "one.csv"
+    path.write_text("time,a,b\n10,0,1\n20,1,1\n30,1,\n40,0,1\n")
+    # Unknown is not on; what is on at the end was on until then.
+    spans = [s.tolist() for s in read_home(path).spans]
+    assert spans == [[[20, 40]], [[10, 30], [40, 40]]]
 
 
 @given(SPANS)
