@@ -208,11 +208,11 @@ def run(
         given[f"source.arguments.{argument}"] = value
     if out is not None:
         given["recording.path"], names["recording.path"] = str(out), "out"
-    prepared = prepare(described(str(source), given, names))
-    if prepared.log is None:
+    request = prepare(described(str(source), given, names))
+    if request.log is None:
         rule = "must be recorded to be returned"
         raise InvalidValueError("recording.record", rule, False)
-    return _carry_out(prepared.request(), watcher)
+    return _carry_out(request, watcher)
 
 
 def measure_depth(

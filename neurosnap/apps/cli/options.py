@@ -29,7 +29,7 @@ from neurosnap.protocol.option import Shown, declared
 from neurosnap.protocol.run_options import FEW_CELLS
 
 if TYPE_CHECKING:
-    from neurosnap.apps.config.prepare import Prepared
+    from neurosnap.runtime.request import RunRequest
 
 SOURCE = "Source"
 AGENT = "Agent"
@@ -200,7 +200,7 @@ def with_run_options(
     """Give a verb some options of a run.
 
     They stand behind its first two parameters, context and source. The verb itself is
-    called without them: it reads them from its context, by `described`.
+    called without them: it reads them from its context, by `request_of`.
 
     Args:
         flags: The names of these options.
@@ -260,20 +260,21 @@ def was_given(context: typer.Context, flag: str) -> bool:
     return source is not None and source.name == "COMMANDLINE"
 
 
-def described(context: typer.Context) -> "Prepared":
-    """Return what a run is started with, by the arguments of a verb.
+def request_of(context: typer.Context, *, here: bool = True) -> "RunRequest":
+    """Return the request of a run, by the arguments of a verb.
 
     Its `source` may be a file that describes a run, with the ending ``.toml``; flags go
     before it if they were given, and their defaults do not.
 
     Args:
-        context: The verb's; its parameters are `source`, `given` and some
+        context: The verb's; its parameters are `source`, `given`, `swarm` and some
             options of a run.
+        here: As in `prepare`.
 
     Raises:
         InvalidValueError: Something is wrong with it; what a file says has its line.
     """
-    from neurosnap.apps.config.load import described as described_run
+    from neurosnap.apps.config.load import described
     from neurosnap.apps.config.prepare import prepare
 
     flags = {
@@ -283,7 +284,8 @@ def described(context: typer.Context) -> "Prepared":
     }
     given = _settings(context.params["given"] or [])
     given |= {key: context.params[flag] for key, flag in flags.items()}
-    return prepare(described_run(str(context.params["source"]), given, flags))
+    loaded = described(str(context.params["source"]), given, flags)
+    return prepare(loaded, context.params.get("swarm", ""), here=here)
 
 
 def _settings(given: list[str]) -> dict[str, object]:

@@ -12,7 +12,7 @@ from neurosnap.apps.cli.options import (
     NETWORK,
     Described,
     Given,
-    described,
+    request_of,
     with_run_options,
 )
 from neurosnap.apps.cli.output import (
@@ -21,7 +21,6 @@ from neurosnap.apps.cli.output import (
     print_facts,
     progress,
     say,
-    warn,
     watcher,
 )
 from neurosnap.apps.cli.page import check_page, viewed
@@ -76,13 +75,10 @@ def run(
     with errors():
         if view:
             check_page()
-        prepared = described(context)
-        if view and prepared.log is None:
+        request = request_of(context)
+        if view and request.log is None:
             rule = "must go with a recording, which is what is looked at"
             raise InvalidValueError("view", rule, "no recording")
-        request = prepared.request(swarm)
-        if prepared.chosen:
-            warn(prepared.chosen)
         outcome = _carry_out(request, form, view=view)
         print_facts(form, outcome_facts(request.options, outcome, request.log))
         _end_by(outcome)

@@ -5,6 +5,7 @@ coordinator (`neurosnap serve coordinator`, or `run --elsewhere`).
 """
 
 import asyncio
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,8 +20,8 @@ from neurosnap.apps.cli.options import (
     Described,
     Given,
     Source,
-    described,
     option,
+    request_of,
     with_parameters,
     with_run_options,
 )
@@ -293,21 +294,19 @@ def coordinator(
     Start `neurosnap serve hub` first; then this, and `serve world`, `recorder` and
     `cells`, in any order, on any machine. SOURCE and options are those of `run`.
     """
-    from neurosnap.runtime.request import RunRequest, Site
+    from neurosnap.runtime.request import RunRequest
     from neurosnap.runtime.run import run as run_swarm
 
     with errors():
-        check_swarm(swarm)
-        prepared = described(context)
-        options = prepared.options
+        check_swarm(swarm)  # which must be given here
+        request = request_of(context, here=False)
+        options = request.options
         if options.cells == "inline":
             rule = "must be 'process' or 'worker', for others to start them"
             raise InvalidValueError("cells", rule, options.cells)
-        if prepared.chosen:
-            warn(prepared.chosen)
-        recorder = [] if prepared.log is None else ["recorder"]
+        recorder = [] if request.log is None else ["recorder"]
         parts = frozenset(["world", *options.host_names(), *recorder])
-        site = Site(prepared.network, swarm=swarm, elsewhere=parts, patience=patience)
+        site = replace(request.site, elsewhere=parts, patience=patience)
         request = RunRequest(options, site=site)
         with progress("ticks", options.ticks) as on_tick:
             watching = watcher(on_tick)

@@ -1,4 +1,4 @@
-"""Turns a run's description into the options that start it.
+"""Turns a run's description into the request that starts it.
 
 Whatever can be refused before a run starts is refused here, and all of it at once: the
 source is opened, the agent fitted to it, keys are read and the recording's place looked
@@ -36,17 +36,9 @@ from neurosnap.protocol.run_options import (
     RunOptions,
 )
 from neurosnap.runtime.fit_agent import body_of, drawn_to
-from neurosnap.runtime.network import Network
 from neurosnap.runtime.preflight import check_cells, check_sensors
 from neurosnap.runtime.remote_parts import among, parse_ranges
-from neurosnap.runtime.request import (
-    HERE,
-    Placement,
-    RunRequest,
-    Site,
-    Supervision,
-    check_swarm,
-)
+from neurosnap.runtime.request import RunRequest, Site, check_swarm
 from neurosnap.sources.camera import try_camera
 from neurosnap.sources.open import ZENOH, is_live, open_source, settle
 from neurosnap.sources.protocol import Argument
@@ -67,74 +59,23 @@ _CALLED = {"source": ("id", "path", "kind"), "out": ("path",), "network": ("tls"
 first that there is."""
 
 
-class Prepared(msgspec.Struct, frozen=True):
-    """What a run is started with."""
-
-    options: RunOptions
-    """What to run."""
-    log: Path | None
-    """Where to record, in a folder that may have to be made; None if not at all."""
-    supervision: Supervision
-    """What happens when a part dies."""
-    network: Network
-    """How the parts reach each other."""
-    placement: Placement = HERE
-    """Where the parts are."""
-    chosen: str = ""
-    """Where the cells are, and why; empty: as was asked for, or a process each."""
-    elsewhere: str = ""
-    """Which cells or workers are started elsewhere, as numbers."""
-
-    def request(self, swarm: str = "") -> RunRequest:
-        """Return the request that runs it, if it fits this machine.
-
-        Args:
-            swarm: Its id; empty: a random one.
-
-        Raises:
-            InvalidValueError: It does not fit, or parts elsewhere could not find it.
-        """
-        if swarm:
-            check_swarm(swarm)
-        away = self._away(swarm)
-        if self.options.cells == "process":
-            check_cells(len(self.options.sensors) - len(away))
-        site = Site(self.network, self.placement, swarm, away)
-        return RunRequest(
-            self.options, self.log, site=site, supervision=self.supervision
-        )
-
-    def _away(self, swarm: str) -> frozenset[str]:
-        """Return the parts that are started elsewhere."""
-        text, options, network = self.elsewhere, self.options, self.network
-        if not text:
-            return frozenset()
-        if options.cells == "inline":
-            rule = "must go with cells that are processes, or in workers"
-            raise InvalidValueError("elsewhere", rule, text)
-        if not swarm or not (network.listen or network.connect):
-            rule = "must come with --swarm ID, and --listen or --connect"
-            raise InvalidValueError("elsewhere", rule, text)
-        hosts = options.host_names()
-        kind = "workers" if options.sharing else "cells"
-        try:
-            numbers = among(parse_ranges("elsewhere", text), kind, len(hosts))
-        except InvalidValueError as error:
-            raise InvalidValueError("elsewhere", error.rule, text) from error
-        return frozenset(hosts[number] for number in numbers)
-
-
-def prepare(loaded: Loaded) -> Prepared:
-    """Return what a run is started with.
+def prepare(loaded: Loaded, swarm: str = "", *, here: bool = True) -> RunRequest:
+    """Return the request of a run.
 
     Args:
         loaded: Its description.
+        swarm: Its id; empty for a random one.
+        here: Whether its cells run on this machine, but for those that the description
+            says are elsewhere.
 
     Raises:
+        InvalidValueError: There can be no such id.
         ConfigError: What is described cannot be run: everything that was found is
             named, each with its line. What needs the source is not looked for where
             that cannot be opened, nor what needs a table with a wrong value.
     """
+    if swarm:
+        check_swarm(swarm)
     config, folder = loaded.config, loaded.origin.folder
     judge = _Judge(config)
     name, given = config.source.opening(folder)
@@ -144,6 +85,7 @@ def prepare(loaded: Loaded) -> Prepared:
     log: Path | None = None
     fitted: _Fitted | None = None
     options: RunOptions | None = None
+    away: frozenset[str] = frozenset()
     if "source" not in loaded.wrong:
         with judge.of("source", "agent"):
             fitted = _fit(config, name, given)
@@ -161,8 +103,8 @@ def prepare(loaded: Loaded) -> Prepared:
         with judge.of("agent"):
             rest.new_policy()
         with judge.of("cells"):
-            rest.host_names()
-            _check_cells(rest)
+            away = _away(config, rest, swarm)
+            _check_cells(rest, away, here=here)
     with judge.of("placement", "cells"):
         config.placement.check(rest.cells)
     with judge.of("network"):
@@ -170,16 +112,32 @@ def prepare(loaded: Loaded) -> Prepared:
     found = [*loaded.found, *judge.found]
     if found or options is None:
         raise loaded.origin.error(found)
-    _, _, chosen = _cells(config, len(options.sensors))
-    return Prepared(
-        options,
-        log,
-        config.supervision,
-        network,
-        config.placement,
-        chosen,
-        config.cells.elsewhere,
-    )
+    site = Site(network, config.placement, swarm, away)
+    return RunRequest(options, log, site=site, supervision=config.supervision)
+
+
+def _away(config: Config, options: RunOptions, swarm: str) -> frozenset[str]:
+    """Return the parts that are started elsewhere.
+
+    Raises:
+        InvalidValueError: There are none such, or they could not find the run.
+    """
+    text, network = config.cells.elsewhere, config.network
+    if not text:
+        return frozenset()
+    if options.cells == "inline":
+        rule = "must go with cells that are processes, or in workers"
+        raise InvalidValueError("elsewhere", rule, text)
+    if not swarm or not (network.listen or network.connect):
+        rule = "must come with --swarm ID, and --listen or --connect"
+        raise InvalidValueError("elsewhere", rule, text)
+    hosts = options.host_names()
+    kind = "workers" if options.sharing else "cells"
+    try:
+        numbers = among(parse_ranges("elsewhere", text), kind, len(hosts))
+    except InvalidValueError as error:
+        raise InvalidValueError("elsewhere", error.rule, text) from error
+    return frozenset(hosts[number] for number in numbers)
 
 
 def _warn_of_secrets(config: Config, folder: Path) -> None:
@@ -196,15 +154,19 @@ def _warn_of_secrets(config: Config, folder: Path) -> None:
         )
 
 
-def _check_cells(options: RunOptions) -> None:
-    """Refuse cells that their source cannot reach.
+def _check_cells(options: RunOptions, away: frozenset[str], *, here: bool) -> None:
+    """Refuse cells that do not fit this machine, or that the source cannot reach.
 
     Raises:
-        InvalidValueError: It reads from a hub, and cells in this process have none.
+        InvalidValueError: They are too many; or the source reads from a hub, and cells
+            in this process have none.
     """
+    options.host_names()
     if options.source == ZENOH and options.cells == "inline":
         rule = "must be 'process' or 'worker' for a source of kind zenoh"
         raise InvalidValueError("kind", rule, options.cells)
+    if here and options.cells == "process":
+        check_cells(len(options.sensors) - len(away))
 
 
 class _Fitted(NamedTuple):
@@ -264,7 +226,7 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
         "threshold": _threshold(config, fitted),
     }
     given |= {field: value for field, value in settled.items() if value is not None}
-    given["cells"], given["workers"], _ = _cells(config, len(fitted.body.sensors))
+    given["cells"], given["workers"] = _cells(config, len(fitted.body.sensors))
     return RunOptions(
         source=name,
         arguments=fitted.arguments,
@@ -274,31 +236,21 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
     )
 
 
-def _cells(config: Config, count: int) -> tuple[CellKind, int, str]:
-    """Return where so many cells are, in how many workers if in any, and why.
-
-    Nothing is said of what was asked for, nor where each is a process.
-    """
-    table, why = config.cells, ""
+def _cells(config: Config, count: int) -> tuple[CellKind, int]:
+    """Return where so many cells are, and in how many workers if in any."""
+    table = config.cells
     workers = table.workers or min(_WORKERS, max(1, count))
     if table.kind != "auto":
-        return table.kind, workers, why
-    some = "1 worker" if workers == 1 else f"{workers} workers"
-    if not config.placement.is_here:
-        return (
-            "worker",
-            workers,
-            f"cells: in {some}, placed by {config.placement.place}",
-        )
-    if isinstance(config.source, MqttTable):  # a home's machine is small
-        why = "for an MQTT broker"
-    elif count > FEW_CELLS:
-        why = f"as there are {count:,} sensors, more than {FEW_CELLS}"
-    elif table.workers is None and config.snapshot.learning == "coordinator":
-        return "process", workers, why
-    else:
-        return "worker", workers, why
-    return "worker", workers, f"cells: in {some}, {why} (--cells process: one each)"
+        return table.kind, workers
+    alone = (
+        count <= FEW_CELLS
+        and table.workers is None
+        and config.placement.is_here
+        and config.snapshot.learning == "coordinator"
+        # The machine of a home is small.
+        and not isinstance(config.source, MqttTable)
+    )
+    return "process" if alone else "worker", workers
 
 
 def _threshold(config: Config, fitted: _Fitted) -> float | str | None:

@@ -6,13 +6,12 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from neurosnap.apps.cli.options import Given, described, run_options, with_run_options
-from neurosnap.apps.config.prepare import Prepared
+from neurosnap.apps.cli.options import Given, request_of, run_options, with_run_options
 from neurosnap.apps.config.problems import dotted
 from neurosnap.apps.config.tables import Config
 from neurosnap.apps.config.validate import known_keys
 from neurosnap.errors import InvalidValueError
-from neurosnap.runtime.request import Supervision
+from neurosnap.runtime.request import RunRequest, Supervision
 from neurosnap.sources.mqtt.options import MqttBroker
 from neurosnap.sources.open import mqtt_options
 
@@ -33,15 +32,15 @@ listen = "tcp/127.0.0.1:0"
 """
 
 
-def made(*arguments: object) -> Prepared:
+def made(*arguments: object) -> RunRequest:
     """Return what a verb with all of the flags makes of arguments."""
     app = typer.Typer()
-    found: list[Prepared] = []
+    found: list[RunRequest] = []
 
     @app.command()
     @with_run_options(*run_options())
     def verb(context: typer.Context, source: str, given: Given = None) -> None:
-        found.append(described(context))
+        found.append(request_of(context))
 
     result = CliRunner().invoke(app, list(map(str, arguments)))
     if isinstance(result.exception, InvalidValueError):
@@ -84,7 +83,7 @@ def test_flags_go_before_the_file_where_they_were_given(file: Path) -> None:
     options = plain.options
     assert (options.ticks, options.snapshot, options.decay) == (7, "discounted", 0.5)
     assert (options.arguments, plain.log) == ({"places": 6}, None)
-    assert plain.network.listen == "tcp/127.0.0.1:0"
+    assert plain.site.network.listen == "tcp/127.0.0.1:0"
 
     flags = ("--ticks", 9, "--threshold", 0.25, "--listen", "", "--record")
     keys = ("supervision.max_restarts=0", "wait=true", "places=4", "agent.births=[]")
@@ -97,7 +96,7 @@ def test_flags_go_before_the_file_where_they_were_given(file: Path) -> None:
     assert (options.explore, options.split) == (0.5, 2**20)
     assert options.arguments == {"places": 4, "wait": True}
     assert other.supervision == Supervision(max_restarts=0)
-    assert other.network.listen == ""
+    assert other.site.network.listen == ""
     assert other.log is not None
     assert other.log.parent == file.parent / "here" / "l"
 
@@ -134,7 +133,7 @@ def test_paths_on_the_command_line_are_relative_to_where_it_is_typed(
     with pytest.raises(InvalidValueError, match=keys):
         made(file, "--listen", "tls/localhost:1", "--tls", "keys")
     file.write_text(FILE.replace("[network]", '[network]\ntls = "keys"'))
-    assert made(file, "--tls", "").network.tls == ""  # none at all
+    assert made(file, "--tls", "").site.network.tls == ""  # none at all
 
 
 HOME = """

@@ -9,13 +9,13 @@ import pytest
 
 from neurosnap.apps.config.json_schema import schema
 from neurosnap.apps.config.load import load
-from neurosnap.apps.config.prepare import FOREVER, Prepared, prepare
+from neurosnap.apps.config.prepare import FOREVER, prepare
 from neurosnap.apps.config.problems import ConfigError
 from neurosnap.apps.new_files import free_path, new_path
 from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.network import Network
-from neurosnap.runtime.request import Supervision
+from neurosnap.runtime.request import RunRequest, Supervision
 from tests.support.command_line import call
 
 WORLD = '[source]\nkind = "world"\nid = "neurosnap/Path-v0"\narguments.places = 6\n'
@@ -31,7 +31,7 @@ def write(file: Path, text: str) -> Path:
     return file
 
 
-def prepared(file: Path, text: str, **overrides: object) -> Prepared:
+def prepared(file: Path, text: str, **overrides: object) -> RunRequest:
     file.write_text(text, encoding="utf-8")
     dots = {key.replace("__", "."): value for key, value in overrides.items()}
     return prepare(load(file, dots))
@@ -49,7 +49,7 @@ def test_what_is_left_out_is_as_without_a_file(file: Path) -> None:
         threshold="auto",
         watch=True,
     )
-    assert made == Prepared(options, None, Supervision(), Network())
+    assert made == RunRequest(options, supervision=Supervision())
 
 
 def test_what_is_given_is_taken(file: Path) -> None:
@@ -95,7 +95,7 @@ def test_what_is_given_is_taken(file: Path) -> None:
     )  # fmt: skip
     assert made.log == file.parent / "one.mcap"
     assert made.supervision == Supervision(restart="never", max_restarts=0, backoff=0)
-    assert made.network == Network(listen="tcp/127.0.0.1:0", insecure=True)
+    assert made.site.network == Network(listen="tcp/127.0.0.1:0", insecure=True)
     assert not made.log.exists()
 
 
