@@ -15,12 +15,9 @@ from neurosnap.fabric.security.make_keys import make_keys
 from neurosnap.fabric.zenoh.session import configuration
 from tests.support.fabrics import Seen, are_one_network
 from tests.support.intrusions import (
-    FORBIDDEN,
-    PULSE,
     conduct_others,
     spy_on_others,
 )
-from tests.support.patience import PATIENCE
 from tests.support.ports import free_port
 from tests.support.secured_hub import Hub, hub_with
 from tests.support.services import going
@@ -63,33 +60,6 @@ def test_a_router_that_is_no_hub_is_named(role_keys: Path) -> None:
     assert said.startswith(
         "cell is linked and no hub: what hubs send each other may be"
     )
-
-
-def test_any_router_with_the_printed_configuration_holds_parts_to_their_roles(
-    role_keys: Path, tmp_path: Path
-) -> None:
-    async def intrude(there: Hub, here: Hub) -> None:
-        await are_one_network(there.end, here.end)
-        heard = Heard()
-        async with there.end("recorder") as ears, here.end("cell/0") as intruder:
-            await ears.subscribe(("**",), heard)
-            await ears.confirm()
-            intruder.publish(*FORBIDDEN)
-            last = PULSE
-            while not heard.messages:  # that `ears` listens takes its time to get there
-                intruder.publish(last)
-                await intruder.confirm()
-            assert set(heard.messages) == {last}
-
-    with hub_with(role_keys) as there:
-        here = Hub(f"tls/127.0.0.1:{free_port()}", role_keys)
-        more = ("--listen", here.endpoint, "--link", there.endpoint, "--tls", role_keys)
-        with going("serve", "hub", *more, "--print-config") as printing:
-            printed, _ = printing.communicate(timeout=PATIENCE)
-        file = tmp_path / "hub.json5"
-        file.write_text(printed)
-        with zenoh.open(zenoh.Config.from_file(str(file))):
-            asyncio.run(intrude(there, here))
 
 
 def test_hubs_of_different_keys_are_not_linked(role_keys: Path, tmp_path: Path) -> None:

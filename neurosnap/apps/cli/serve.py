@@ -14,7 +14,6 @@ import typer
 
 from neurosnap.apps.cli.options import (
     AUTO_HOSTS,
-    FLAG,
     NETWORK,
     RECORDING,
     Described,
@@ -126,16 +125,6 @@ def hub(
             " either. May be repeated. Hubs make a tree: one link between any two.",
         ),
     ] = None,
-    print_config: Annotated[
-        bool,
-        typer.Option(
-            "--print-config",
-            metavar=FLAG,
-            rich_help_panel=NETWORK,
-            help="Print the configuration with which a Zenoh router of your own is such"
-            " a hub (zenohd -c FILE), and start none.",
-        ),
-    ] = False,
     form: Format = "text",
 ) -> None:
     """Start a hub, through which the parts of swarms reach each other, until Ctrl-C.
@@ -143,16 +132,17 @@ def hub(
     `neurosnap run` starts one itself, unless it is given --connect.
     """
     from neurosnap.fabric.zenoh.denied_log import telling_refusals
-    from neurosnap.fabric.zenoh.hub import hub_document
 
     with errors():
         given = context.params
         endpoints = listen or [_HERE]
-        tls = given["tls"]
-        if print_config and tls:
-            tls = str(Path(tls).absolute())  # for a router started anywhere
         networks = [
-            convert(Network, listen=endpoint, tls=tls, insecure=given["insecure"])
+            convert(
+                Network,
+                listen=endpoint,
+                tls=given["tls"],
+                insecure=given["insecure"],
+            )
             for endpoint in endpoints
         ]
         for network in networks:
@@ -162,10 +152,6 @@ def hub(
             "credentials": networks[0].credentials("hub"),
             "insecure": given["insecure"],
         }
-        document = hub_document(endpoints, given["sessions"], **secured)
-        if print_config:
-            typer.echo(msgspec.json.format(msgspec.json.encode(document)))
-            return
         with telling_refusals():
             run_async(lambda stop: _hub(stop, endpoints, given["sessions"], secured))
         print_facts(form, {"listened": endpoints})

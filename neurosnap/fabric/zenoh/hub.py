@@ -12,7 +12,6 @@ seems the shorter way, and there the list drops them. So its name is logged.
 
 import asyncio
 import contextlib
-import json
 import re
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -23,7 +22,7 @@ from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.events import wait_any, wait_at_most
 from neurosnap.fabric.security.hub_address import Credentials, check_endpoint, nearest
 from neurosnap.fabric.security.roles import access_list
-from neurosnap.fabric.zenoh.session import absence, nested, settings
+from neurosnap.fabric.zenoh.session import absence, configuration
 
 _SOURCE = re.compile(r" at /\S+\.rs:\d+")  # places in the engine's own code
 _SPARE = 100  # sessions beside those expected: watchers, and parts that come back
@@ -55,29 +54,6 @@ def open_hub(
             would be linked to itself.
         FabricError: An endpoint is in use or cannot be listened on.
     """
-    document = hub_document(
-        endpoints, sessions, links=links, credentials=credentials, insecure=insecure
-    )
-    try:
-        return zenoh.open(zenoh.Config.from_json5(json.dumps(document)))
-    except zenoh.ZError as error:
-        rule = f"must be able to listen on {', '.join(endpoints)}"
-        got = _SOURCE.sub("", str(error))
-        raise FabricError(f"hub: {rule}, got {got}") from error
-
-
-def hub_document(
-    endpoints: Sequence[str],
-    sessions: int,
-    *,
-    links: Sequence[str] = (),
-    credentials: Credentials | None = None,
-    insecure: bool = False,
-) -> dict[str, Any]:
-    """Return the configuration of a hub, as any Zenoh router reads it from a file.
-
-    Args and Raises: As `open_hub`; nothing is opened.
-    """
     for endpoint in (*endpoints, *links):
         check_endpoint(endpoint, tls=credentials is not None, insecure=insecure)
     own = {nearest(endpoint) for endpoint in endpoints}
@@ -90,21 +66,25 @@ def hub_document(
             "transport__link__tls": credentials.to_listen() | credentials.to_connect(),
             "access_control": access_list(),
         }
-    return nested(
-        settings(
-            "router",
-            listen__endpoints=list(endpoints),
-            connect__endpoints=list(links),
-            connect__timeout_ms=-1,
-            connect__exit_on_failure=False,
-            connect__retry=_RETRY,
-            transport__unicast__max_sessions=sessions + _SPARE,
-            transport__unicast__accept_pending=sessions + _SPARE,
-            # A stock router shows what it is and who is there to all who connect.
-            adminspace__permissions={"read": False, "write": False},
-            **guard,
-        )
+    config = configuration(
+        "router",
+        listen__endpoints=list(endpoints),
+        connect__endpoints=list(links),
+        connect__timeout_ms=-1,
+        connect__exit_on_failure=False,
+        connect__retry=_RETRY,
+        transport__unicast__max_sessions=sessions + _SPARE,
+        transport__unicast__accept_pending=sessions + _SPARE,
+        # A stock router shows what it is and who is there to all who connect.
+        adminspace__permissions={"read": False, "write": False},
+        **guard,
     )
+    try:
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        rule = f"must be able to listen on {', '.join(endpoints)}"
+        got = _SOURCE.sub("", str(error))
+        raise FabricError(f"hub: {rule}, got {got}") from error
 
 
 async def follow_links(
@@ -188,7 +168,7 @@ async def _report_missing(
     ends = {str(link.dst) for link in await asyncio.to_thread(_links, session)}
     for link in links:
         if not stop.is_set() and ends.isdisjoint(await _addresses(link)):
-            report(await absence(link))
+            report(absence(link))
 
 
 async def _addresses(endpoint: str) -> set[str]:

@@ -11,8 +11,6 @@ import contextlib
 import json
 import logging
 import threading
-from collections.abc import Mapping
-from typing import Any
 
 import zenoh
 
@@ -31,17 +29,17 @@ _log = logging.getLogger(__name__)
 _SAID_AFTER = 2.0  # seconds
 _PAUSE = 0.2  # seconds between two tries
 _LAST = 5.0  # seconds that the program's end may wait for a try that was left alone
-_LOOK = 1.0  # seconds that a look at whether anybody listens may take
 
 
-def settings(mode: str, **more: object) -> dict[str, object]:
-    """Return Zenoh's keys and values for a session that neither listens nor searches.
+def configuration(mode: str, **more: object) -> zenoh.Config:
+    """Return Zenoh's configuration of a session that neither listens nor searches.
 
     Args:
         mode: ``client`` or ``router``.
         more: More of Zenoh's keys, ``__`` for ``/``; values as JSON can say them.
     """
-    defaults: dict[str, object] = {
+    config = zenoh.Config()
+    own = {
         "mode": mode,
         "listen/endpoints": [],
         "scouting/multicast/enabled": False,
@@ -51,29 +49,9 @@ def settings(mode: str, **more: object) -> dict[str, object]:
         "transport/shared_memory/enabled": False,
     }
     named = {key.replace("__", "/"): value for key, value in more.items()}
-    return defaults | _BOUNDED | _UNHURRIED | named
-
-
-def configuration(mode: str, **more: object) -> zenoh.Config:
-    """Return `settings` as Zenoh takes them."""
-    return zenoh.Config.from_json5(json.dumps(nested(settings(mode, **more))))
-
-
-def nested(flat: Mapping[str, object]) -> dict[str, Any]:
-    """Return Zenoh's keys and values as objects in objects.
-
-    Example:
-        >>> nested({"mode": "router", "listen/endpoints": [], "listen/timeout_ms": 0})
-        {'mode': 'router', 'listen': {'endpoints': [], 'timeout_ms': 0}}
-    """
-    document: dict[str, Any] = {}
-    for key, value in flat.items():
-        *folders, name = key.split("/")
-        place = document
-        for folder in folders:
-            place = place.setdefault(folder, {})
-        place[name] = value
-    return document
+    for key, value in (own | _BOUNDED | _UNHURRIED | named).items():
+        config.insert_json5(key, json.dumps(value))
+    return config
 
 
 def connecting(hub: HubAddress, patience: float) -> zenoh.Config:
@@ -135,7 +113,7 @@ async def reach(
             )
         if waited > _SAID_AFTER and not said:
             said = True
-            _log.warning("%s", await absence(hub.endpoint))
+            _log.warning("%s", absence(hub.endpoint))
         await wait_at_most(stop, _PAUSE)
     return None
 
@@ -178,32 +156,10 @@ class _Attempt:
             return self._session
 
 
-async def absence(endpoint: str) -> str:
+def absence(endpoint: str) -> str:
     """Return what to say of a hub that cannot be reached."""
-    if await _listens(endpoint):
-        return (
-            f"waiting for the hub at {endpoint}: what listens there does not let us in;"
-            " a hub's own log says why"
-        )
     return (
         f"waiting for a hub at {endpoint}: start one with"
-        f" `neurosnap serve hub --listen {endpoint}`"
+        f" `neurosnap serve hub --listen {endpoint}`; if one is there, its log says"
+        " whom it refuses"
     )
-
-
-async def _listens(endpoint: str) -> bool:
-    """Tell whether anybody listens there. Asked once: a hub counts it as a failure."""
-    protocol, _, address = endpoint.partition("/")
-    try:
-        async with asyncio.timeout(_LOOK):
-            if protocol == "unixsock-stream":
-                _, writer = await asyncio.open_unix_connection(address)
-            else:
-                host, _, port = address.rpartition(":")
-                _, writer = await asyncio.open_connection(host.strip("[]"), int(port))
-    except (OSError, ValueError, TimeoutError):
-        return False
-    writer.close()
-    with contextlib.suppress(OSError):
-        await writer.wait_closed()
-    return True
