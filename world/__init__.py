@@ -9,7 +9,7 @@ so that it works under both names, and an editable install knows it by both.
 
 A world is a finite set of places, what each action does to the place, and for every
 sensor its field: the places at which it is on. All of it is known here, so what an
-agent has learned can be compared with what is true (`World.implications`).
+agent has learned can be compared with what is true (`PlacesWorld.implications`).
 
 References:
     [GK] Guralnik and Koditschek, "Universal Memory Architectures for Autonomous

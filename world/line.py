@@ -21,27 +21,12 @@ class PathWorld(PlacesWorld):
         0 steps ``forward``, to the next higher place; 1 steps ``back``. A step off an
         end stays there.
 
-    Start:
-        A place drawn uniformly.
-
-    Reward:
-        Always 0.0.
-
-    End:
-        Never.
-
-    Info:
-        ``place``: the number of the place.
-
     Arguments:
         places: How many places, at least 2; one more than there are sensors. 21.
         wait: Whether there is a last action that stays. False.
 
     References:
         [GK] setting (a); example:N-path and example:path with motion.
-
-    Versions:
-        v0: the first.
     """
 
     def __init__(self, places: int = 21, wait: bool = False) -> None:
@@ -72,18 +57,6 @@ class CycleWorld(PlacesWorld):
         0 steps ``forward``, which is clockwise, to the next higher place; 1 steps
         ``back``. Both go around.
 
-    Start:
-        A place drawn uniformly.
-
-    Reward:
-        Always 0.0.
-
-    End:
-        Never.
-
-    Info:
-        ``place``: the number of the place.
-
     Arguments:
         places: How many places and beacons, at least 4, so that no beacon is always
             on. 20, and 24 as ``neurosnap/Rail-v0``.
@@ -92,9 +65,6 @@ class CycleWorld(PlacesWorld):
 
     References:
         [GK] setting (b); example:N-cycle; "Example: Agent on a Circular Rail".
-
-    Versions:
-        v0: the first.
     """
 
     def __init__(self, places: int = 20, wait: bool = False) -> None:
@@ -135,15 +105,6 @@ class RandomFieldsWorld(PlacesWorld):
         uniformly. Before the first reset there are no fields, and asking for them
         raises `gymnasium.error.ResetNeeded`.
 
-    Reward:
-        Always 0.0.
-
-    End:
-        Never.
-
-    Info:
-        ``place``: the number of the place.
-
     Arguments:
         places: How many places, at least 2. 21.
         sensors: How many sensors, at least 1. 20.
@@ -151,9 +112,6 @@ class RandomFieldsWorld(PlacesWorld):
 
     References:
         [GK] setting (d).
-
-    Versions:
-        v0: the first.
     """
 
     def __init__(self, places: int = 21, sensors: int = 20, wait: bool = False) -> None:

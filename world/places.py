@@ -2,7 +2,10 @@
 
 An agent is at exactly one place. An action takes it to the place that `moves` says, and
 it observes of every sensor whether the place is in that sensor's field. There is no
-noise, no goal and no end; chance enters only at a reset.
+noise; chance enters only at a reset.
+
+Unless a kind says otherwise, it starts at a place drawn uniformly; the reward is always
+0.0; it never ends; and info has ``place``, the number of the place.
 """
 
 from typing import Any, SupportsInt, TypeGuard
@@ -14,8 +17,7 @@ from gymnasium.spaces import Discrete, MultiBinary
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
-
-from .implications import implications
+from neurosnap.poc.order.fields import inclusions
 
 
 class PlacesWorld(gymnasium.Env[NDArray[np.int8], np.int64]):
@@ -84,7 +86,10 @@ class PlacesWorld(gymnasium.Env[NDArray[np.int8], np.int64]):
         Raises:
             ResetNeeded: As for `fields`.
         """
-        return implications(self.sensors, self.fields)
+        names = [literal for name in self.sensors for literal in (name, f"{name}*")]
+        # [GK] eqn:true dir matrix
+        pairs = np.argwhere(inclusions(self.fields)).tolist()
+        return [(names[a], names[b]) for a, b in pairs if a >> 1 != b >> 1]
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

@@ -78,15 +78,6 @@ class GridWorld(PlaneWorld):
         0 steps ``up`` (y + 1), 1 ``down`` (y - 1), 2 ``left`` (x - 1), 3 ``right``
         (x + 1). A step into a wall stays.
 
-    Start:
-        A place drawn uniformly.
-
-    Reward:
-        Always 0.0.
-
-    End:
-        Never.
-
     Info:
         ``x``, ``y``: the coordinates; ``place``: ``x + width·y``, the place's column in
         `fields` and its row in `coordinates`.
@@ -98,9 +89,6 @@ class GridWorld(PlaneWorld):
 
     References:
         [GK] setting (c); example:direct sum.
-
-    Versions:
-        v0: the first.
     """
 
     def __init__(self, width: int = 11, height: int = 11, wait: bool = False) -> None:
@@ -128,15 +116,6 @@ class PuncturedGridWorld(PlaneWorld):
         0 steps ``up`` (y + 1), 1 ``down`` (y - 1), 2 ``left`` (x - 1), 3 ``right``
         (x + 1). A step into a wall or onto the hole stays.
 
-    Start:
-        A place drawn uniformly.
-
-    Reward:
-        Always 0.0.
-
-    End:
-        Never.
-
     Info:
         ``x``, ``y``: the coordinates; ``place``: the place's column in `fields` and its
         row in `coordinates`; places are numbered as in `GridWorld` without the hole.
@@ -150,9 +129,6 @@ class PuncturedGridWorld(PlaneWorld):
 
     References:
         [GK] "Example: A Punctured Grid", with the sensors of setting (c).
-
-    Versions:
-        v0: the first.
     """
 
     def __init__(

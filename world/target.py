@@ -40,12 +40,6 @@ class Target(
         The world's. Then, where the target is to be drawn, a place is drawn uniformly
         from the same random numbers; it may be the start.
 
-    Reward:
-        Always 0.0.
-
-    End:
-        Never.
-
     Info:
         The world's, and ``target``: the place; ``distance``: the fewest actions that
         lead there, a float, ``inf`` where none do.
@@ -64,9 +58,6 @@ class Target(
 
     References:
         [GK] "Closing the Loop: Excitation-Driven Navigation".
-
-    Versions:
-        As the world's.
     """
 
     def __init__(
@@ -90,34 +81,6 @@ class Target(
         self._distance = np.nan
         if target is not None:
             self._aim(int(target))
-
-    @property
-    def actions(self) -> tuple[str, ...]:
-        """The names of the world's actions."""
-        return self._world.actions
-
-    @property
-    def moves(self) -> NDArray[np.intp]:
-        """Where the world's actions lead: ``(actions, places)``, read-only."""
-        return self._world.moves
-
-    @property
-    def fields(self) -> NDArray[np.bool_]:
-        """Where each of the world's sensors is on: ``(N, places)``, read-only.
-
-        Raises:
-            ResetNeeded: They are drawn at a reset, and there was none.
-        """
-        return self._world.fields
-
-    @property
-    def implications(self) -> list[tuple[str, str]]:
-        """The true implications between literals of the world's own sensors, by name.
-
-        Raises:
-            ResetNeeded: As for `fields`.
-        """
-        return self._world.implications
 
     @property
     def target(self) -> int:
@@ -157,7 +120,7 @@ class Target(
         """
         observation, info = self.env.reset(seed=seed, options=options)
         if self._is_drawn:
-            self._aim(int(self._world.np_random.integers(self.moves.shape[1])))
+            self._aim(int(self._world.np_random.integers(self._world.moves.shape[1])))
         self._distance = np.nan  # neither more nor less than any
         return self._sensed(observation, info)
 
@@ -182,8 +145,8 @@ class Target(
 
     def _aim(self, target: int) -> None:
         self._target = target
-        there = np.arange(self.moves.shape[1]) == target
-        self._distances = frozen(distances_to(self.moves, there))
+        there = np.arange(self._world.moves.shape[1]) == target
+        self._distances = frozen(distances_to(self._world.moves, there))
 
     def _sensed(
         self, observation: NDArray[np.int8], info: dict[str, Any]

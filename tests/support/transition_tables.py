@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from neurosnap.agent.binary_sensors import Environment
 from neurosnap.agent.body import Body
 from neurosnap.agent.sensor import Sensor
+from neurosnap.poc.order.fields import inclusions
 from neurosnap.sensorium import complete
-from world.implications import inclusions
 
 Situation: TypeAlias = tuple[int, bool]  # a state, and whether the episode is over
 Move: TypeAlias = tuple[Situation, int, Situation]
@@ -189,7 +189,8 @@ def recordable(fields: NDArray[np.bool_]) -> NDArray[np.bool_]:
     Returns:
         ``(2 sensors, 2 sensors)``, for literals of different sensors.
     """
-    included = inclusions(fields)
+    sensor = np.arange(2 * len(fields)) >> 1
+    included = inclusions(fields) & (sensor[:, np.newaxis] != sensor)
     literals = np.stack([fields, ~fields], axis=1).reshape(-1, fields.shape[1])
     somewhere, everywhere = literals.any(axis=1), literals.all(axis=1)
     proper = np.logical_and.outer(somewhere, ~everywhere)

@@ -70,7 +70,8 @@ def started(name: str, seed: int = 7, **arguments: Any) -> PlacesWorld:
 def rollout(
     env: PlacesWorld | Target, seed: int, steps: int = 200
 ) -> tuple[np.ndarray[Any, Any], list[int]]:
-    actions = np.random.default_rng(seed).integers(len(env.moves), size=steps)
+    moves = env.get_wrapper_attr("moves")
+    actions = np.random.default_rng(seed).integers(len(moves), size=steps)
     observation, info = env.reset(seed=seed)
     observations, places = [observation], [info["place"]]
     for action in actions:

@@ -49,13 +49,14 @@ def test_distances_are_the_fewest_actions_in_every_world(make: Any) -> None:
 def test_better_and_worse_tell_how_the_distance_changed(
     make: Any, target: int | None
 ) -> None:
-    env = Target(make(), target)
-    actions = np.random.default_rng(4).integers(len(env.moves), size=(5, 80))
+    world = make()
+    env = Target(world, target)
+    actions = np.random.default_rng(4).integers(len(world.moves), size=(5, 80))
     seen: set[tuple[int, ...]] = set()
     for run in actions:
         observation, info = env.reset(seed=None if seen else 4)
         assert observation[-2:].tolist() == [0, 0]
-        distances = fewest_actions(env.moves, info["target"])
+        distances = fewest_actions(world.moves, info["target"])
         before = info["distance"]
         assert before == distances[info["place"]]
         for action in run:
