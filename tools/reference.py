@@ -121,7 +121,7 @@ def toml() -> str:
     """Return the page of all keys of the TOML file."""
     text = (
         "This page has every table and key of the TOML file that describes a run."
-        " `neurosnap check` tells what is wrong with a file, and `neurosnap"
+        " `neurosnap check` reports what is wrong with a file, and `neurosnap"
         " init schema` prints the same as JSON Schema, for editors;"
         " `examples/swarm.toml` has every table. [sensors.md](../sensors.md) says how"
         " to connect sensors. A key without a default must be given, unless it may be"

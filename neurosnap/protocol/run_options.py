@@ -244,9 +244,9 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     support: Annotated[
         int,
         option(
-            "Tell only of anomalies that break an implication which was put to the"
+            "Report only anomalies that break an implication which was put to the"
             " test, and held, on this many occasions, each way. The recording has all"
-            " of them. 0: tell of all, and count no occasions.",
+            " of them. 0: report all, and count no occasions.",
             at="anomalies.support",
             unit="OCCASIONS",
             ge=0,

@@ -15,7 +15,7 @@ from jsonschema import Draft202012Validator  # type: ignore[import-untyped]
 
 from neurosnap.apps.config.json_schema import schema
 from neurosnap.apps.config.load import load
-from neurosnap.apps.config.problems import ConfigError, Keys, LineNumbers, dotted
+from neurosnap.apps.config.problems import Keys, LineNumbers, dotted
 from neurosnap.apps.config.sources import CsvTable, WorldTable
 from neurosnap.apps.config.tables import (
     AgentTable,
@@ -299,14 +299,14 @@ def test_one_thing_wrong_is_found_where_it_is(
     table, keys = mutation
     text = msgspec.toml.encode(table).decode()
     file.write_text(text, encoding="utf-8", newline="")
-    with pytest.raises(ConfigError) as caught:
-        load(file).check()
-    (fault,) = caught.value.faults
+    loaded = load(file)
+    error = loaded.origin.error(loaded.found)
+    (fault,) = error.faults
     mark = UNKNOWN if keys[-1] == UNKNOWN else str(WRONG)
     (line,) = (n for n, part in enumerate(text.split("\n"), 1) if mark in part)
     assert (fault.key, fault.line, fault.file) == (dotted(keys), line, str(file))
     assert fault.said.startswith("must be ")
-    assert str(caught.value) == f"{file}:{line}: {dotted(keys)}: {fault.said}"
+    assert str(error) == f"{file}:{line}: {dotted(keys)}: {fault.said}"
     assert not VALID.is_valid(table)
 
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from neurosnap.apps.cli.options import FLAG, option
+from neurosnap.apps.cli.options import option
 from neurosnap.apps.cli.output import print_facts, say
 from neurosnap.apps.cli.shared import SET_UP, Format, app, errors
 
@@ -20,14 +20,6 @@ def check(
             show_default="check the machine",
         ),
     ] = None,
-    static: Annotated[
-        bool,
-        typer.Option(
-            "--static",
-            metavar=FLAG,
-            help="Check the file alone, and open nothing that it names.",
-        ),
-    ] = False,
     tls: str = option("tls", "Without a file: check the keys in this folder, too."),
     form: Format = "text",
 ) -> None:
@@ -39,20 +31,16 @@ def check(
         if file is None:
             _check_machine(Path(tls) if tls else None, form)
         else:
-            _check_file(file, form, static=static)
+            _check_file(file, form)
 
 
-def _check_file(file: Path, form: str, *, static: bool) -> None:
+def _check_file(file: Path, form: str) -> None:
     from neurosnap.apps.config.load import load
     from neurosnap.apps.config.prepare import prepare
     from neurosnap.apps.config.problems import ConfigError
 
     try:
-        loaded = load(file)
-        if static:
-            loaded.check()
-        else:
-            prepare(loaded)
+        prepare(load(file))
     except ConfigError as error:
         faults = {"faults": error.faults, "more": error.more}
         print_facts(form, {"file": str(file), **faults})

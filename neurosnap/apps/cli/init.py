@@ -49,13 +49,13 @@ app.add_typer(init, name="init", rich_help_panel=SET_UP)
             "#", metavar="FILTER", help="Listen to these topics only (home/#)."
         ),
     ),
-    username=(str | None, typer.Option(None, help="The name to give to the broker.")),
+    username=(str | None, typer.Option(None, help="The user name for the broker.")),
     password_file=(
         Path | None,
         typer.Option(
             None,
             metavar="FILE",
-            help="A file whose first line is the password to it.",
+            help="A file whose first line is its password.",
         ),
     ),
     encrypt=(
@@ -74,7 +74,9 @@ def topics(
     ],
     seconds: Annotated[
         float,
-        typer.Option(min=0.1, max=86_400, help="Listen for so long; or until Ctrl-C."),
+        typer.Option(
+            min=0.1, max=86_400, help="How long to listen; Ctrl-C ends it earlier."
+        ),
     ] = 60.0,
     out: Annotated[
         Path | None,
@@ -89,7 +91,7 @@ def topics(
     force: Force = False,
     form: Format = "text",
 ) -> None:
-    """Listen at an MQTT broker, list its topics, and write a file to begin with."""
+    """Listen to an MQTT broker, list its topics, and write a file to begin with."""
     with errors():
         topic, broker = context.params["topic"], _broker(host, context.params)
         if out is not None:

@@ -90,8 +90,8 @@ def resume(
     ticks: Annotated[
         int | None,
         typer.Option(
-            help="How many ticks there are to be in all.",
-            show_default="300 more than there are",
+            help="How many ticks the run has in the end.",
+            show_default="300 more than it has",
         ),
     ] = None,
     out: Annotated[
@@ -106,7 +106,7 @@ def resume(
     ] = None,
     form: Format = "text",
 ) -> None:
-    """Go on with a run after its last whole tick, into a new recording."""
+    """Continue a run after its last whole tick, in a new recording."""
     from neurosnap.runtime.run import resumed
 
     with errors():

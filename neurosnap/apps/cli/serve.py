@@ -77,9 +77,9 @@ Patience = Annotated[
     ),
 ]
 _RESTART = (
-    "When the swarm has ended: leave (never); wait for the one that goes on in its place,"
-    " if a part had died (on-failure); wait for the next of this name, until Ctrl-C"
-    " (always)."
+    "What to do when the swarm has ended. Never: end, too. On-failure: if a part had"
+    " died, wait for the swarm that continues it. Always: wait for the next of this name,"
+    " until Ctrl-C."
 )
 _with_place = with_parameters(
     connect=(Connect, ...),

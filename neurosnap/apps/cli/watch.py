@@ -83,8 +83,8 @@ def watch(
     alarm names a sensor that seems broken; its end is reported, too. So is a sensor
     that is grown, or retired.
 
-    Of a recording those of all ticks are shown; of a swarm, those that come, until
-    Ctrl-C. What the run learned too little of to go by is left out: see --support.
+    For a recording, shows those of all ticks; for a swarm, those to come, until Ctrl-C.
+    Anomalies that rest on few occasions are left out: see --support.
     """
     with errors():
         if what is not None and _is_recording(what):
@@ -162,8 +162,8 @@ def view(
     port: Annotated[
         int,
         typer.Option(
-            help="The port of the page, on this machine only. 0: that of the page"
-            " before, or any that is free."
+            help="The port of the page, on this machine only. 0: that of the last"
+            " page, or any free one."
         ),
     ] = 0,
     browser: Annotated[

@@ -1,7 +1,7 @@
 """The JSON Schema of the TOML file, for editors and other programs.
 
 It says what `neurosnap.apps.config.load` asks for, as far as a schema can: not what the
-values of several keys have to do with each other, nor what there is in the world.
+values of several keys have to do with each other, nor what a world has.
 """
 
 import ast

@@ -97,15 +97,6 @@ class Loaded(msgspec.Struct, frozen=True):
     found: tuple[Problem, ...] = ()
     """What is wrong with values alone."""
 
-    def check(self) -> None:
-        """Refuse a description that has wrong values.
-
-        Raises:
-            ConfigError: All of them are named, each with its line.
-        """
-        if self.found:
-            raise self.origin.error(self.found)
-
     @property
     def wrong(self) -> set[str | int]:
         """The tables that are left out."""

@@ -76,7 +76,7 @@ def relations_page(
         summary: A line below.
         heads: The heads of the table.
         rows: Its cells.
-        relations: What the rows tell, for the picture.
+        relations: What the rows say, for the picture.
     """
     return _PAGE.format(
         title=escape(visible(title)),

@@ -207,12 +207,12 @@ def learned_from(
     every: bool = False,
     on_progress: OnProgress | None = None,
 ) -> Learned:
-    """Return what readings tell, or what the run of a recording has learned.
+    """Return what readings say, or what the run of a recording has learned.
 
     Args:
         source: What `found` is called.
         found: The readings, or the recording.
-        threshold: Learn with this threshold; ``sure``: tell only what is sure. None:
+        threshold: Learn with this threshold; ``sure``: report only what is sure. None:
             what the run has learned, and of readings what is sure.
         at: The last tick to go by; None for the last.
         every: Also return the relations that follow from others.

@@ -280,7 +280,7 @@ def test_a_mistake_made_over_and_over_is_told_a_hundred_times(file: Path) -> Non
     text = WORLD + "".join(f"[t{number}]\na = 1\n" for number in range(130))
     file.write_text(text)
     with pytest.raises(ConfigError) as caught:
-        load(file).check()
+        prepare(load(file))
     lines = str(caught.value).splitlines()
     assert len(lines) == 101
     for number, line in enumerate(lines[:100]):

@@ -216,7 +216,7 @@ def test_a_run_needs_no_file() -> None:
     made = prepare(load(None, {**source, "recording.record": False}))
     assert (made.options.source, len(made.options.sensors)) == ("neurosnap/Path-v0", 20)
     with pytest.raises(ConfigError, match=r"^source: must be given$"):
-        load(None).check()
+        prepare(load(None))
 
 
 # The command --------------------------------------------------------------------------
@@ -246,12 +246,6 @@ def test_check_says_what_is_wrong_and_where(file: Path) -> None:
         "key": "run",
         "said": "must be a table, got [{}]",
     }
-
-
-def test_a_static_check_opens_nothing(file: Path) -> None:
-    write(file, "[source]\nkind = 'csv'\npath = 'none.csv'\n")
-    assert call("check", file).exit_code == 2
-    assert call("check", file, "--static").exit_code == 0
 
 
 def test_the_schema_is_printed() -> None:
