@@ -10,7 +10,7 @@ from neurosnap.errors import RecordingError, SwarmError
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.write.rotation import Split, SplitWriter
-from neurosnap.recording.write.writer import Compression, Writer
+from neurosnap.recording.write.writer import Writer
 from tools.simulate.disk import Disk
 from tools.simulate.weather import Weather
 
@@ -23,10 +23,10 @@ class _Writer(Writer):
         check_space: Callable[[], None],
         path: Path,
         *,
-        compression: Compression,
+        packs: bool,
         chunk: int,
     ) -> None:
-        super().__init__(path, compression=compression, chunk=chunk)
+        super().__init__(path, packs=packs, chunk=chunk)
         self._check_space = check_space
 
     def write(
@@ -71,7 +71,7 @@ class Recorder:
         self._time = 0
         # Not packed, so that a file is as long as what it holds says.
         full = partial(disk.check_space, weather)
-        new_writer = partial(_Writer, full, compression="none", chunk=chunk)
+        new_writer = partial(_Writer, full, packs=False, chunk=chunk)
         with self._failing():
             self._writer = SplitWriter(
                 log, facts, past, split=split, new_writer=new_writer

@@ -124,7 +124,6 @@ class Layout(msgspec.Struct):
     """The records of one file, without the messages in its chunks."""
 
     size: int = 0
-    library: str = ""
     metadata: dict[str, dict[str, str]] = {}
     first: Chunk | None = None
     """The first chunk, in which a writer of ours registers all channels."""
@@ -186,22 +185,15 @@ def damaged_in(path: Path, chunk: Chunk, rule: str, got: object) -> RecordingErr
     return damaged(path, chunk.offset, f"chunk {chunk.number}: {rule}", got)
 
 
-def check_magic(path: Path, magic: bytes) -> None:
-    """Refuse a file by its first bytes.
+def check_start(path: Path, magic: bytes, record: tuple[int, bytes]) -> None:
+    """Refuse a file by its first bytes, and kind and body of its first record.
 
     Raises:
-        RecordingError: It is no MCAP file.
+        RecordingError: It is no MCAP file, or no recording of ours.
     """
     if magic != MAGIC:
         raise RecordingError(f"log: must be an MCAP recording, got {str(path)!r}")
-
-
-def library_of(path: Path, opcode: int, body: bytes) -> str:
-    """Return what wrote a recording, by its first record.
-
-    Raises:
-        RecordingError: It is no header, or that of no recording of ours.
-    """
+    opcode, body = record
     if opcode != Opcode.HEADER:
         rule = "the file must start with a whole header"
         raise damaged(path, len(MAGIC), rule, "none")
@@ -213,7 +205,6 @@ def library_of(path: Path, opcode: int, body: bytes) -> str:
     if header.profile != PROFILE:
         rule = f"must be {PROFILE!r}"
         raise RecordingError(f"{path}: profile: {rule}, got {header.profile!r}")
-    return header.library
 
 
 def parse(read: Callable[[ReadDataStream], _Record], body: bytes) -> _Record:

@@ -43,9 +43,8 @@ from neurosnap.recording.format.records import (
     Damage,
     Gap,
     Layout,
-    check_magic,
+    check_start,
     heads,
-    library_of,
     opened,
     read_facts,
 )
@@ -100,8 +99,7 @@ def _read_start(path: Path, file: BinaryIO, layout: Layout) -> int:
     """
     try:
         file.seek(0)
-        check_magic(path, file.read(len(MAGIC)))
-        layout.library = library_of(path, *_header(file, layout.size))
+        check_start(path, file.read(len(MAGIC)), _first_record(file, layout.size))
         return file.tell()
     except RecordingError:  # ours all the same, if something in it is
         if find_record(path, file, 0, layout.size, only=_FACTS) is None:
@@ -112,16 +110,12 @@ def _read_start(path: Path, file: BinaryIO, layout: Layout) -> int:
     return found
 
 
-def _header(file: BinaryIO, size: int) -> tuple[int, bytes]:
-    """Return kind and body of the first record."""
-    try:
-        head = next(heads(file, len(MAGIC), size), None)
-    except ValueError:
-        head = None
-    if head is None:
-        return _TORN
-    opcode, body, after = head
-    return opcode, file.read(after - body)
+def _first_record(file: BinaryIO, size: int) -> tuple[int, bytes]:
+    """Return kind and body of the first record; `_TORN` if it is not whole."""
+    with suppress(ValueError):
+        for opcode, body, after in heads(file, len(MAGIC), size):
+            return opcode, file.read(after - body)
+    return _TORN
 
 
 def _walk_on(path: Path, file: BinaryIO, layout: Layout) -> None:

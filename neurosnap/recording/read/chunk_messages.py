@@ -14,8 +14,6 @@ from neurosnap.recording.format.records import Chunk, damaged_in
 
 M = TypeVar("M")
 
-EVER = 1 << 64
-"""Behind every time a recording can hold."""
 UNREADABLE = (msgspec.MsgspecError, UnicodeDecodeError, RecursionError)
 """What decoding raises; deep nesting is the last."""
 
@@ -73,9 +71,7 @@ class ChunkMessages:
         self._topics = topics
         self._kept: dict[str, list[Recorded]] = {}
 
-    def recorded(
-        self, topics: Collection[str], start: int = 0, end: int = EVER
-    ) -> Iterator[Recorded]:
+    def recorded(self, topics: Collection[str], start: int = 0) -> Iterator[Recorded]:
         """Yield the messages of some topics in the order they were recorded.
 
         All that is read passes here, half a million messages a second and more.
@@ -83,7 +79,6 @@ class ChunkMessages:
         Args:
             topics: Named as in `wire.TOPICS`.
             start: Only those recorded at this time or later, nanoseconds.
-            end: Only those recorded before this time, nanoseconds.
 
         Raises:
             RecordingError: While iterating: one is under a topic that is not its own.
@@ -102,7 +97,7 @@ class ChunkMessages:
         data, facts = found.data, FACTS.unpack_from
         for channel, at, stop in zip(channels, starts, stops, strict=True):
             sequence, log_time, sent = facts(data, at - FACTS.size)
-            if not start <= log_time < end:
+            if log_time < start:
                 continue
             topic, payload = names[channel], data[at:stop]
             try:

@@ -31,7 +31,6 @@ from neurosnap.recording.format.records import (
 )
 from neurosnap.recording.format.scan import scan, scan_growth, scan_index
 from neurosnap.recording.read.chunk_messages import (
-    EVER,
     ChunkMessages,
     Recorded,
     decoded,
@@ -250,7 +249,6 @@ class RecordingFile:
         topics: Collection[str] | None = None,
         *,
         start: int = 0,
-        end: int = EVER,
     ) -> Iterator[Recorded]:
         """Return the messages in the order they were recorded.
 
@@ -259,7 +257,6 @@ class RecordingFile:
                 not decoded, and in a finished recording chunks without any of them
                 are not even unpacked.
             start: Only those recorded at this time or later, nanoseconds.
-            end: Only those recorded before this time, nanoseconds.
 
         Raises:
             InvalidValueError: A topic is unknown.
@@ -270,22 +267,19 @@ class RecordingFile:
         for topic in wanted - wire.TOPICS.keys():
             rule = f"must be of {', '.join(wire.TOPICS)}"
             raise InvalidValueError("topics", rule, topic)
-        return self._selected(wanted, start, end)
+        return self._selected(wanted, start)
 
-    def _selected(
-        self, topics: frozenset[str], start: int, end: int
-    ) -> Iterator[Recorded]:
+    def _selected(self, topics: frozenset[str], start: int) -> Iterator[Recorded]:
         layout, known = self.layout, self.topics
         skips, asked = layout.indexed, {None, *topics}
         with opened(self.path) as file:
             for chunk in layout.chunks:
                 if not skips or (
-                    chunk.start < end
-                    and chunk.end >= start
+                    chunk.end >= start
                     and any(known.get(channel) in asked for channel in chunk.counts)
                 ):
                     messages = self._messages_in(file, chunk)
-                    yield from messages.recorded(topics, start, end)
+                    yield from messages.recorded(topics, start)
 
     def chunk(self, chunk: Chunk) -> ChunkMessages:
         """Return the messages of a chunk of this file.

@@ -28,7 +28,7 @@ from neurosnap.recording.format.completeness import (
     added_up,
 )
 from neurosnap.recording.format.records import Chunk, Cut
-from neurosnap.recording.read.chunk_messages import EVER, Recorded, decoded
+from neurosnap.recording.read.chunk_messages import Recorded, decoded
 from neurosnap.recording.read.file import Noted, RecordingFile, identity
 
 
@@ -253,10 +253,9 @@ class Recording:
         topics: Collection[str] | None = None,
         *,
         start: int = 0,
-        end: int = EVER,
     ) -> Iterator[Recorded]:
         """Return the messages of all files; see `RecordingFile.messages`."""
-        several = [file.messages(topics, start=start, end=end) for file in self.files]
+        several = [file.messages(topics, start=start) for file in self.files]
         return chain.from_iterable(several)
 
     def blank_sequences(self) -> RunningNumbers:
@@ -335,20 +334,16 @@ class Recording:
             RecordingError: A file cannot be read.
         """
         dropped = self._drop_deleted()
-        before = [len(file.layout.chunks) for file in self.files]
+        before = self.chunks
         # All of them, and not only up to the first that has grown.
         gains = [file.grow() for file in self.files]
         fresh = self._fresh() if self.part is not None else []
         self.files += tuple(fresh)
         self._identities |= {file.path: identity(file.path) for file in fresh}
         grown = dropped or any(gains) or bool(fresh)
-        after = [len(file.layout.chunks) for file in self.files]
         if grown:
             self._count()
-        moved = before[:-1] != after[: len(before) - 1] or (
-            len(after) > len(before) and before[-1] != after[len(before) - 1]
-        )
-        return grown, dropped or moved
+        return grown, self.chunks[: len(before)] != before
 
     def _drop_deleted(self) -> bool:
         """Leave out files that were deleted from the beginning; return whether any."""

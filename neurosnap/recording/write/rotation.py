@@ -119,7 +119,6 @@ class SplitWriter:
         self._passed: set[str] = set()  # whose messages go to the newest file
         self._closed: list[Completeness] = []
         self._saving = FsyncThread()
-        self._warned = False
         self._vanished: list[str] = []
         self._newest = self._new_writer()
         try:
@@ -211,7 +210,6 @@ class SplitWriter:
         """Let a key-frame begin the next file."""
         self._close()
         self._older = self._newest
-        self._warn_of_size(self._older)
         self._number += 1
         self._begins = frame.tick
         self._newest = self._new_writer()
@@ -220,17 +218,6 @@ class SplitWriter:
         self._boundary = _Boundary(decision, frame.waves, log_time + LATE)
         self._passed = set()
         self._pass(frame.sender, delivery.sequence, self._older)
-
-    def _warn_of_size(self, older: Writer) -> None:
-        """Say once that files are much larger than asked."""
-        if self._split is None or self._warned or older.size <= 2 * self._split.size:
-            return
-        self._warned = True
-        _log.warning(
-            "files have about %d bytes, not %d: key-frames are that far apart",
-            older.size,
-            self._split.size,
-        )
 
     def _belongs_before(
         self, message: wire.Message, sequence: int, older: Writer

@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Literal, Self, TypeAlias
+from typing import Self
 
 import msgspec
 from mcap.writer import CompressionType
@@ -40,9 +40,6 @@ from neurosnap.system.durable import sync_folder
 
 _log = logging.getLogger(__name__)
 
-Compression: TypeAlias = Literal["zstd", "none"]
-
-_COMPRESSION = {"zstd": CompressionType.ZSTD, "none": CompressionType.NONE}
 _LARGEST_CHUNK = LIMIT // 4
 _LARGEST_PAYLOAD = LIMIT // 2
 """A chunk is closed once it is full, so it holds at most one payload beyond its size;
@@ -61,7 +58,7 @@ class Writer:
 
     Args:
         path: Where to write; must not exist yet. Only the owner may read it.
-        compression: How chunks are packed.
+        packs: Whether chunks are packed, with zstd.
         chunk: Bytes (before packing) after which a chunk is closed, in [1, 64 MiB].
 
     Raises:
@@ -73,11 +70,9 @@ class Writer:
         self,
         path: Path | str,
         *,
-        compression: Compression = "zstd",
+        packs: bool = True,
         chunk: int = 1 << 20,
     ) -> None:
-        if compression not in _COMPRESSION:
-            raise InvalidValueError("compression", "must be zstd or none", compression)
         if not 1 <= chunk <= _LARGEST_CHUNK:
             raise InvalidValueError("chunk", f"must be in [1, {_LARGEST_CHUNK}]", chunk)
         self.path = Path(path)
@@ -93,7 +88,7 @@ class Writer:
         self._mcap = McapWriter(
             self._stream,
             chunk_size=chunk,
-            compression=_COMPRESSION[compression],
+            compression=CompressionType.ZSTD if packs else CompressionType.NONE,
             enable_data_crcs=True,
         )
         self._mcap.start(PROFILE, f"neurosnap {version()}")

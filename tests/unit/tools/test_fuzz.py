@@ -115,7 +115,7 @@ def test_a_message_nested_too_deep_is_an_error_of_ours(tmp_path: Path) -> None:
     path = tmp_path / "deep.mcap"
     payload = wire.encode(wire.Observation(1, pack([True])))
     room = len(payload) + 10_000
-    with Writer(path, compression="none") as writer:
+    with Writer(path, packs=False) as writer:
         writer.start({"swarm": "deep"})
         writer.add(wire.Delivery("observation", 0, 0, payload.ljust(room)), 0)
         writer.finish({}, {})

@@ -35,7 +35,7 @@ def write_small(path: Path, metadata: dict[str, str], *, finish: bool = True) ->
     ]
     (pulse, frame) = delivered([EACH["pulse"], EACH["keyframe"]])
     first, second, _, fourth = observations
-    with Writer(path, compression="none") as writer:
+    with Writer(path, packs=False) as writer:
         writer.start(metadata)
         for delivery in (first, second, pulse, pulse, fourth):
             after = delivery.sequence if delivery.key == "observation" else 1

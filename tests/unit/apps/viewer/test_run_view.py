@@ -280,8 +280,8 @@ def damage(log: Path) -> tuple[int, set[int]]:
         if {channels["observation"], channels["state"]} <= chunk.counts.keys()
         and channels["keyframe"] not in chunk.counts
     )
-    had = recording.messages(("observation",), start=hurt.start, end=hurt.end + 1)
-    ticks = {m.message.tick for m in had if isinstance(m.message, wire.Observation)}
+    had = recording.files[0].chunk(hurt).all("observation", wire.Observation)
+    ticks = {seen.tick for seen in had}
     data = bytearray(log.read_bytes())
     data[hurt.offset + hurt.packed // 2] ^= 255
     log.write_bytes(data)

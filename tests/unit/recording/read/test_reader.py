@@ -48,23 +48,6 @@ def test_payloads_come_back_byte_for_byte(path: Path) -> None:
     assert read.payload == spaced
 
 
-def test_what_is_asked_up_to_the_first_message_of_a_chunk_has_that_alone(
-    path: Path,
-) -> None:
-    """Recorded at times 100 to 109, five in a chunk; the second begins at 105."""
-    with Writer(path) as writer:
-        writer.start({})
-        for time, delivery in enumerate(traffic(10), 100):
-            writer.add(delivery, time)
-            if time == 104:
-                writer.flush()
-        writer.finish({}, {})
-    recording = Recording.open(path)
-    for start, end in ((0, 105), (0, 106), (104, 106), (105, 106), (105, 105)):
-        found = [one.log_time for one in recording.messages(start=start, end=end)]
-        assert found == list(range(max(start, 100), end))
-
-
 def test_a_finished_recording_says_so(path: Path) -> None:
     record(path, [])
     assert list(Recording.open(path).messages()) == []
@@ -87,7 +70,7 @@ def test_topics_and_times_select(path: Path, whole: bool) -> None:
     recording = Recording.open(path)
     everything = list(recording.messages())
     assert [recorded.delivery for recorded in everything] == deliveries
-    start, end = NOW + 1000 + 50, NOW + 1000 + 333
+    start = NOW + 1000 + 48  # the last of a chunk
     for topics in (
         {"observation"},
         ["cellreport", "pulse"],
@@ -99,9 +82,9 @@ def test_topics_and_times_select(path: Path, whole: bool) -> None:
             for recorded in everything
             if wire.topic(recorded.message.key) in topics
         ]
-        assert list(recording.messages(topics, start=start, end=end)) == [
+        assert list(recording.messages(topics, start=start)) == [
             recorded
-            for recorded in everything[50:333]
+            for recorded in everything[48:]
             if wire.topic(recorded.message.key) in topics
         ]
 
@@ -123,7 +106,7 @@ def test_chunks_without_the_topic_are_not_unpacked(
     assert unpacked == [1, 3, 5, 7, 9]
     unpacked.clear()
     assert list(recording.messages({"fault"})) == []
-    assert list(recording.messages(end=NOW)) == []
+    assert list(recording.messages(start=NOW + 10**6)) == []
     assert unpacked == []
 
 

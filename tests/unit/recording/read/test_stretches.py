@@ -66,10 +66,8 @@ def spoil(log: Path, tick: int, *, cut: bool = False) -> Chunk:
     found = next(
         chunk
         for chunk in recording.files[0].layout.chunks
-        for one in recording.messages(
-            ("observation",), start=chunk.start, end=chunk.end
-        )
-        if isinstance(one.message, wire.Observation) and one.message.tick == tick
+        for one in recording.files[0].chunk(chunk).all("observation", wire.Observation)
+        if one.tick == tick
     )
     flip(log, found, end=-200 if cut else None)
     return found
