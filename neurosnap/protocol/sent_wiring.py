@@ -6,7 +6,6 @@ a worker of those of all its cells.
 """
 
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,9 +87,10 @@ class SentWiring:
         """Return the messages that turn the wiring into `edges`. O(e + n) time.
 
         Args:
-            edges: ``(e,)``, ascending, ``source << 32 | target`` each.
+            edges: ``(e,)``, ascending, ``source << 32 | target`` each; it must not
+                change afterwards.
         """
-        before, self._edges = self._edges, edges.copy()
+        before, self._edges = self._edges, edges
         if self.is_forgotten:
             # Also to parts without edges. Nothing is under way, and what begins next
             # begins behind it: a part that reports by another wiring has missed it.
@@ -101,7 +101,7 @@ class SentWiring:
             gained, lost = _changes(before, edges)
             sources = np.concatenate((gained, lost)) >> 32
             found = np.searchsorted(self._ends, sources, side="right") - 1
-            parts = np.unique(found).tolist()
+            parts = sorted(set(found.tolist()))
             messages = []
             if parts:
                 after = [self._told[part] for part in parts]
@@ -133,12 +133,10 @@ class SentWiring:
         self, cells: list[int], gained: Edges, lost: Edges, after: list[int]
     ) -> Iterator[wire.Message]:
         self._epoch += 1
-        literals = 2 * len(self._parts)
-        add, drop = _listed(gained, literals), _listed(lost, literals)
-        for cell, since in zip(cells, after, strict=True):
+        add, drop = _listed(gained, cells), _listed(lost, cells)
+        for cell, since, more, less in zip(cells, after, add, drop, strict=True):
             self._told[cell] = self._epoch
-            own, complement = 2 * cell, 2 * cell + 1
-            changes = add[own], drop[own], add[complement], drop[complement]
+            changes = more[0], less[0], more[1], less[1]
             yield wire.Wiring(cell, self._epoch, since, *changes)
 
     def _wire_workers(
@@ -221,8 +219,12 @@ def _changes(before: Edges, after: Edges) -> tuple[Edges, Edges]:
     return once[gained], once[~gained]
 
 
-def _listed(edges: Edges, literals: int) -> list[tuple[int, ...]]:
-    """Return the targets of each literal, ascending."""
+def _listed(
+    edges: Edges, cells: list[int]
+) -> Iterator[tuple[tuple[int, ...], tuple[int, ...]]]:
+    """Yield the targets of the two literals of each cell, ascending."""
+    literals = 2 * np.array(cells, np.int64)[:, None] + np.arange(3)
+    ends: list[list[int]] = np.searchsorted(edges, literals << 32).tolist()
     targets = (edges & _TARGET).tolist()
-    ends = np.searchsorted(edges, np.arange(literals + 1) << 32).tolist()
-    return [tuple(targets[start:stop]) for start, stop in pairwise(ends)]
+    for own, complement, stop in ends:
+        yield tuple(targets[own:complement]), tuple(targets[complement:stop])

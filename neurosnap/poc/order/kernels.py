@@ -7,19 +7,16 @@ from neurosnap.poc.order.literals import Words
 from neurosnap.system.compiled import njit
 
 _ONE = np.uint64(1)
-_BYTE = np.uint64(0xFF)
 
 
 @njit()
 def lowest(word: np.uint64) -> int:
     """Return the place of the lowest bit of a word that is not 0."""
     place = 0
-    while not word & _BYTE:
-        word >>= np.uint64(8)
-        place += 8
-    while not word & _ONE:
-        word >>= _ONE
-        place += 1
+    for size in (32, 16, 8, 4, 2, 1):
+        if not word & ((_ONE << np.uint64(size)) - _ONE):
+            word >>= np.uint64(size)
+            place += size
     return place
 
 

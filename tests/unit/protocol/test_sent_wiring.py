@@ -140,13 +140,6 @@ def test_only_parts_whose_edges_changed_are_told_or_all_that_were(
     assert told == expected
 
 
-def test_it_keeps_its_own_edges() -> None:
-    wiring, mine = SentWiring(SENSORS), edge_list({(0, 2)})
-    wiring.rewire(mine)
-    mine[0] = 0 << 32 | 4
-    assert wiring.rewire(mine) == [wire.Wiring(0, 2, 1, add=(4,), drop=(2,))]
-
-
 def report(
     by_worker: bool, part: int, epoch: int
 ) -> wire.CellReport | wire.WorkerReport:
