@@ -24,24 +24,11 @@ Its invariants:
 A thousand cell processes import this file: it needs neither numpy nor numba.
 """
 
-from collections.abc import Iterable
-
-import msgspec
-
 from neurosnap import wire
 from neurosnap.errors import MessageError
 from neurosnap.protocol.cell_history import CellHistory
-from neurosnap.protocol.message_checks import (
-    RecentReadings,
-    check_number,
-    check_readings,
-    check_room,
-    check_start,
-    is_far,
-)
+from neurosnap.protocol.host import Host, check_number
 from neurosnap.protocol.wave import DEEPEST, split_evenly
-
-_PULSES = 1 << 17  # the most that a cell remembers, over all waves
 
 
 class _Wave:
@@ -80,7 +67,7 @@ class _Wave:
         self.pulses = 0
 
 
-class Cell:
+class Cell(Host[_Wave, wire.Observation]):
     """The sans-I/O core of one cell.
 
     Args:
@@ -88,43 +75,13 @@ class Cell:
     """
 
     def __init__(self, cell: int) -> None:
+        super().__init__(f"cell/{cell}", range(2 * cell, 2 * cell + 2))
         self.cell = cell
-        self._who = f"cell/{cell}"
-        self._epoch = 0
-        self._wired = True
-        self._targets: dict[int, list[int]] = {2 * cell: [], 2 * cell + 1: []}
-        self._readings = RecentReadings[wire.Observation]()
+        self._targets: dict[int, list[int]] = {each: [] for each in self._literals}
         self._history = CellHistory(cell)
-        self._bytes = 0  # of every observation; 0: none was received yet
-        self._waves: dict[int, _Wave] = {}
-        self._settled_below = 1
-        self._fence = 0  # the newest wave announced to all, as far as received
-        self._remembered = 0  # pulses, in all waves
-        # Of the batch that is worked on.
-        self._out: list[wire.Message] = []
         self._touched: dict[int, _Wave] = {}  # waves that owe a report
 
-    def receive(self, batch: Iterable[wire.Message]) -> list[wire.Message]:
-        """Receive `batch` and return what the cell sends for it, in order.
-
-        Pulses come before the report of their wave, because neighbours are waiting for
-        them. Cost: proportional to the batch and to the out-edges of what fires.
-        """
-        for message in batch:
-            try:
-                self._receive(message)
-            except MessageError as error:
-                self._out.append(wire.Fault(self._who, str(error)))
-        self._report()
-        out, self._out = self._out, []
-        return out
-
     def _receive(self, message: wire.Message) -> None:
-        """Act on a message that can be right.
-
-        Raises:
-            MessageError: It cannot; nothing has changed.
-        """
         match message:
             case wire.Pulse():  # first: there are by far the most
                 self._receive_pulse(message)
@@ -151,8 +108,7 @@ class Cell:
         if (most := max(pulse.hops, pulse.credit)) > DEEPEST:
             rule = f"must have hops, credit up to {DEEPEST}"
             raise MessageError(f"pulse: {rule}, got {most}")
-        self._check_wave("pulse", pulse)
-        if pulse.wave < self._settled_below:
+        if not self._counts("pulse", pulse.wave, pulse.fence):
             return
         wave = self._wave(pulse.wave, pulse.fence)
         way = (pulse.source, pulse.target)
@@ -165,17 +121,6 @@ class Cell:
         else:
             wave.held.append(pulse)
 
-    def _check_wave(self, name: str, of: wire.Pulse | wire.WaveStart) -> None:
-        check_number(f"{name}: wave", max(of.wave, of.fence), self._fence)
-        if of.wave < self._settled_below:
-            return  # nothing will be kept of it
-        # The first announcement to all is exempt: it removes impossible waves.
-        if self._fence or isinstance(of, wire.Pulse) or of.cell >= 0:
-            check_room(name, of.wave, self._waves)
-        if isinstance(of, wire.Pulse) and self._remembered >= _PULSES:
-            rule = f"must be one of {_PULSES} in flight"
-            raise MessageError(f"{name}: {rule}, got one more")
-
     def _wave(self, number: int, fence: int) -> _Wave:
         """Return what is known of a wave, which may be nothing yet."""
         wave = self._waves.get(number)
@@ -186,38 +131,14 @@ class Cell:
     def _start(self, start: wire.WaveStart) -> None:
         if start.cell not in (-1, self.cell):
             raise MessageError(f"wavestart: must be for this cell, got {start.cell}")
-        check_start(start)
-        self._readings.check_tick("wavestart", start.tick)
-        self._check_wave("wavestart", start)
-        if start.settled_below > self._settled_below:
-            self._settled_below = start.settled_below
-            self._forget()
-        if start.wave >= self._settled_below:
+        before = self._fence
+        if self._follow(start):
             wave = self._wave(start.wave, start.fence)
             wave.start = wave.start or self._narrowed(start)
             self._open(wave)
-        if start.cell < 0 and start.wave > self._fence:
-            first, self._fence = not self._fence, start.wave
-            if first:
-                self._forget()
+        if self._fence > before:
             for wave in self._waves.values():
                 self._open(wave)
-
-    def _forget(self) -> None:
-        """Forget the waves that have settled, and those that cannot come about."""
-        self._waves = {
-            number: wave
-            for number, wave in self._waves.items()
-            if number >= self._settled_below and not is_far(number, self._fence)
-        }
-        self._remembered = sum(len(wave.seen) for wave in self._waves.values())
-
-    def _narrowed(self, start: wire.WaveStart) -> wire.WaveStart:
-        """Return `start` with its signal reduced to the literals of this cell."""
-        if not start.signal:
-            return start
-        own = tuple(literal for literal in self._targets if literal in start.signal)
-        return msgspec.structs.replace(start, kind="signal", signal=own)
 
     def _is_open(self, wave: _Wave) -> bool:
         """Tell whether the cell may act: it has the fence, and the reading it needs."""
@@ -290,7 +211,7 @@ class Cell:
         wave.credit.append(shares[0])
         wave.pulses += len(targets)
 
-    def _report(self) -> None:
+    def _finish(self) -> None:
         """Send one report for each wave touched of which no more is due."""
         for wave in self._touched.values():
             if len(wave.seen) < wave.due:
@@ -317,14 +238,8 @@ class Cell:
         if size <= self.cell // 8:
             rule = f"must hold sensor {self.cell}"
             raise MessageError(f"observation: {rule}, got {size} bytes")
-        if self._bytes and size != self._bytes:
-            rule = f"must hold {self._bytes} bytes as before"
-            raise MessageError(f"observation: {rule}, got {size}")
-        check_readings(observation)
-        self._readings.check_tick("observation", observation.tick)
-        if observation.tick in self._readings:
+        if not self._is_new(observation):
             return
-        self._bytes = size
         self._readings.keep(observation.tick, observation)
         self._history.observe(observation.tick, self._read(observation))
         for wave in list(self._waves.values()):
@@ -340,16 +255,8 @@ class Cell:
             raise MessageError(f"wiring: {rule}, got {most}")
         # A wave fences every wiring, so wiring numbers grow no faster than waves.
         check_number("wiring: epoch", wiring.epoch, self._fence)
-        if wiring.epoch <= self._epoch:
+        if not self._changes(wiring):
             return
-        if wiring.after not in (0, self._epoch):
-            # A change was lost. Taking part with the wrong edges would give a wrong
-            # state; staying silent makes the wave's deadline name this cell.
-            self._wired = False
-            missed = f"must build on epoch {self._epoch}, got {wiring.after}"
-            raise MessageError(f"wiring: {missed}")
-        # Literals that fired earlier in this batch are reported with the old epoch.
-        self._report()
         own, complement = 2 * self.cell, 2 * self.cell + 1
         for literal, add, drop in (
             (own, wiring.add, wiring.drop),
@@ -357,8 +264,6 @@ class Cell:
         ):
             kept = set() if wiring.after == 0 else set(self._targets[literal])
             self._targets[literal] = sorted((kept - set(drop)) | set(add))
-        self._epoch = wiring.epoch
-        self._wired = True
 
 
 def _is_on(packed: bytes, sensor: int) -> int:

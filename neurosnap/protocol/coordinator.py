@@ -35,9 +35,9 @@ from neurosnap.errors import MessageError, ShapeError
 from neurosnap.poc.learning.search import Question
 from neurosnap.protocol.anomaly import AnomalyJudge
 from neurosnap.protocol.anomaly_messages import with_support
+from neurosnap.protocol.host import check_readings
 from neurosnap.protocol.key_frames import order_of, snapshot_of, with_snapshot
 from neurosnap.protocol.learn_control import LearnControl
-from neurosnap.protocol.message_checks import check_readings
 from neurosnap.protocol.recall_control import RecallControl
 from neurosnap.protocol.wave_control import WaveControl
 from neurosnap.sensorium import complement, pack, selection, unpack_readings

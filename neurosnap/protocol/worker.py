@@ -12,22 +12,14 @@ the invariants are those of `neurosnap.protocol.cell`, with a few differences in
   wired anew.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
-from neurosnap.protocol.message_checks import (
-    AHEAD,
-    RecentReadings,
-    check_number,
-    check_readings,
-    check_room,
-    check_start,
-)
+from neurosnap.protocol.host import Host, check_number
 from neurosnap.protocol.part_history import WorkerHistory
 from neurosnap.protocol.worker_edges import WorkerEdges
 from neurosnap.protocol.worker_kernels import (
@@ -40,7 +32,6 @@ from neurosnap.protocol.worker_kernels import (
 from neurosnap.protocol.worker_learning import WorkerLearning
 
 _HELD = 1 << 24  # pulses that may wait for what their waves take
-_BATCHES = 1 << 17  # a worker remembers of all waves together
 
 
 class _WorkerWave:
@@ -68,7 +59,7 @@ class _WorkerWave:
         self.parts: dict[int, int] = {}  # of the next batch to each worker
 
 
-class Worker:
+class Worker(Host[_WorkerWave, Ints]):
     """The sans-I/O core of one worker.
 
     Args:
@@ -83,46 +74,18 @@ class Worker:
         hosted: Sequence[range],
         learning: WorkerLearning | None = None,
     ) -> None:
+        self._cells = cells = hosted[worker]
+        literals, size = range(2 * cells.start, 2 * cells.stop), hosted[-1].stop
+        # Its readings are the literals that were on, of cells whose reading is known.
+        super().__init__(f"worker/{worker}", literals, (size + 7) // 8)
         self.worker = worker
-        self._who = f"worker/{worker}"
         self._hosted = hosted
-        self._cells = hosted[worker]
         self._edges = WorkerEdges(hosted, worker)
         self._learning = learning
-        self._epoch = 0
-        self._wired = True
-        # The literals that were on, of the cells whose reading is known.
-        self._readings = RecentReadings[Ints]()
-        self._history = WorkerHistory(worker, self._cells)
-        self._waves: dict[int, _WorkerWave] = {}
-        self._settled_below = 1
-        self._announced = 0  # the last wave that was
+        self._history = WorkerHistory(worker, cells)
         self._held = 0  # pulses that came and wait, in all waves
-        self._remembered = 0  # batches, in all waves
-        self._out: list[wire.Message] = []  # of the batch that is worked on
-
-    def receive(self, batch: Iterable[wire.Message]) -> list[wire.Message]:
-        """Receive `batch` and return what the worker sends for it, in order.
-
-        All that came of a wave is worked on at once. Its pulses come before its report,
-        because others are waiting for them. Cost: proportional to the batch, to the
-        cells for each wave in it, and to the out-edges of what fires.
-        """
-        for message in batch:
-            try:
-                self._receive(message)
-            except MessageError as error:
-                self._out.append(wire.Fault(self._who, str(error)))
-        self._advance()
-        out, self._out = self._out, []
-        return out
 
     def _receive(self, message: wire.Message) -> None:
-        """Act on a message that can be right.
-
-        Raises:
-            MessageError: It cannot; nothing has changed.
-        """
         match message:
             case wire.PulseBatch():
                 self._hold(message)
@@ -152,15 +115,10 @@ class Worker:
     def _hold(self, batch: wire.PulseBatch) -> None:
         """Keep what another worker sent, once."""
         pulses = self._edges.pulses(batch)
-        check_number("pulsebatch: wave", batch.wave, self._announced)
-        if batch.wave < self._settled_below:
+        if not self._counts("pulsebatch", batch.wave, 0):
             return
         if self._held + len(pulses.hops) > _HELD:
             raise MessageError(f"pulsebatch: must leave up to {_HELD} pulses waiting")
-        if self._remembered >= _BATCHES:
-            rule = f"must be one of {_BATCHES} in flight"
-            raise MessageError(f"pulsebatch: {rule}, got one more")
-        check_room("pulsebatch", batch.wave, self._waves)
         wave = self._wave(batch.wave)
         way = (batch.worker, batch.part)
         if way not in wave.seen:
@@ -182,39 +140,14 @@ class Worker:
             raise MessageError(
                 f"wavestart: must be for all, got one for cell {start.cell}"
             )
-        check_start(start)
-        check_number("wavestart: wave", start.wave, self._announced)
-        self._readings.check_tick("wavestart", start.tick)
-        # What it settles makes room for it.
-        left = self._left(start)
-        check_room("wavestart", start.wave, left)
-        self._waves = left
+        counts = self._follow(start)
         self._held = sum(wave.held for wave in self._waves.values())
-        self._remembered = sum(len(wave.seen) for wave in self._waves.values())
-        self._announced = max(self._announced, start.wave)
-        self._settled_below = max(self._settled_below, start.settled_below)
-        if start.wave >= self._settled_below:
+        if counts:
             wave = self._wave(start.wave)
             if wave.reached is None:
                 wave.start = wave.start or self._narrowed(start)
 
-    def _left(self, start: wire.WaveStart) -> dict[int, _WorkerWave]:
-        """Return the waves known that may still come about after `start`."""
-        below = max(self._settled_below, start.settled_below)
-        beyond = max(self._announced, start.wave) + AHEAD
-        return {n: w for n, w in self._waves.items() if below <= n <= beyond}
-
-    def _narrowed(self, start: wire.WaveStart) -> wire.WaveStart:
-        """Return `start` with no more of its signal than is kept: its own, once."""
-        if not start.signal:
-            return start
-        signal = np.array(start.signal, np.int32)
-        cells = signal >> 1
-        own = signal[(cells >= self._cells.start) & (cells < self._cells.stop)]
-        kept = tuple(dict.fromkeys(own.tolist()))
-        return msgspec.structs.replace(start, kind="signal", signal=kept)
-
-    def _advance(self) -> None:
+    def _finish(self) -> None:
         """Pass on all that can be; what cannot be yet waits with its wave."""
         if not self._wired:
             return
@@ -275,13 +208,7 @@ class Worker:
     # What the coordinator and the world say ------------------------------------------
 
     def _observe(self, observation: wire.Observation | wire.Learn) -> None:
-        size = (self._hosted[-1].stop + 7) // 8
-        if len(observation.bits) != size:
-            got = f"got {len(observation.bits)}"
-            raise MessageError(f"observation: must hold {size} bytes, {got}")
-        check_readings(observation)
-        self._readings.check_tick("observation", observation.tick)
-        if observation.tick in self._readings:
+        if not self._is_new(observation):
             return
         cells = np.arange(self._cells.start, self._cells.stop, dtype=np.int32)
         bits, known = _unpacked(observation.bits), None
@@ -296,18 +223,8 @@ class Worker:
         # One far ahead would make the true ones all come too late.
         check_number("workerwiring: epoch", wiring.epoch, self._epoch)
         self._edges.check(wiring)
-        self._advance()  # what came before it was meant for the wiring before it
-        if wiring.epoch <= self._epoch:
-            return
-        if wiring.after not in (0, self._epoch):
-            # A change was lost. Taking part with the wrong edges would give a wrong
-            # state; staying silent makes the wave's deadline name this worker.
-            self._wired = False
-            missed = f"must build on epoch {self._epoch}, got {wiring.after}"
-            raise MessageError(f"workerwiring: {missed}")
-        self._edges.change(wiring)
-        self._epoch = wiring.epoch
-        self._wired = True
+        if self._changes(wiring):
+            self._edges.change(wiring)
 
 
 def _unpacked(data: bytes) -> NDArray[np.uint8]:

@@ -15,8 +15,8 @@ from neurosnap.poc.learning.bands import Stretch, joined, lacking
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.learning.pairs import pairs_of
 from neurosnap.poc.learning.snapshot import Changes
+from neurosnap.protocol.host import check_readings
 from neurosnap.protocol.key_frames import bands_of
-from neurosnap.protocol.message_checks import check_readings
 from neurosnap.sensorium import unpack_readings
 
 PIECE = 1 << 20

@@ -5,8 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from neurosnap import wire
-from neurosnap.protocol import cell as cells
-from neurosnap.protocol import message_checks as limits
+from neurosnap.protocol import host as limits
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.wave import DEEPEST
 from tests.support.cell_messages import OWN
@@ -152,7 +151,7 @@ def test_pulses_are_kept_to_a_number_and_forgotten_with_their_waves() -> None:
     said = flood(cell, lambda source: pulse(2, source), 200_000)
     assert len(said) == 3
     assert said[0].startswith("pulse: must be one of 131072 in flight")
-    assert cell._remembered == cells._PULSES
+    assert cell._remembered == limits.REMEMBERED
     cell.receive([start(3, settled_below=3)])
     (report,) = cell.receive([pulse(3)])
     assert isinstance(report, wire.CellReport)

@@ -171,7 +171,7 @@ def test_what_stays_here_is_gathered_for_nobody(
 def test_more_batches_than_are_remembered_are_refused_until_waves_settle(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("neurosnap.protocol.worker._BATCHES", 2)
+    monkeypatch.setattr("neurosnap.protocol.host.REMEMBERED", 2)
     worker = wired()
     worker.receive([start(1, 6)])
     for part in (0, 1):
@@ -186,7 +186,7 @@ def test_more_batches_than_are_remembered_are_refused_until_waves_settle(
 def test_more_waves_than_may_be_in_flight_are_refused_until_some_settle(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("neurosnap.protocol.message_checks.WAVES", 3)
+    monkeypatch.setattr("neurosnap.protocol.host.WAVES", 3)
     worker = wired()
     waiting = [batch((0, 8, 1, 1), wave=wave) for wave in (2, 3, 4, 5)]
     (fault,) = worker.receive(waiting)

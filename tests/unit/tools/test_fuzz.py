@@ -13,7 +13,7 @@ from mcap.records import Header, Metadata
 from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.fabric.in_memory import MemoryHub
-from neurosnap.protocol.message_checks import check_readings
+from neurosnap.protocol.host import check_readings
 from neurosnap.recording.format.records import RUN, sealed_facts
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer

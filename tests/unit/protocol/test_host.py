@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap import wire
-from neurosnap.protocol.message_checks import (
+from neurosnap.protocol.host import (
     AHEAD,
     READINGS,
     WAVES,
@@ -13,12 +13,9 @@ from neurosnap.protocol.message_checks import (
     check_number,
     check_readings,
     check_room,
-    check_start,
     is_far,
 )
-from neurosnap.protocol.wave import DEEPEST
 from tests.support.refusals import refusal
-from tests.support.wave_messages import start
 
 
 @pytest.mark.parametrize("heard", [1, 7, 90_000])
@@ -41,29 +38,6 @@ def test_a_wave_that_is_known_always_has_room() -> None:
     assert refusal(check_room, "pulse", WAVES + 1, known) == rule
 
 
-@pytest.mark.parametrize(
-    ("wrong", "what"),
-    [
-        (
-            start(7, 0, below=8),
-            "wavestart: must settle only what is before wave 7, got all be",
-        ),
-        (
-            start(7, 0, credit=DEEPEST + 1),
-            f"wavestart: must have credit up to {DEEPEST}, got",
-        ),
-    ],
-    ids=["settled", "credit"],
-)
-def test_a_wave_that_cannot_begin_so_is_refused(
-    wrong: wire.WaveStart, what: str
-) -> None:
-    said = refusal(check_start, wrong)
-    assert said is not None
-    assert said.startswith(what)
-    assert refusal(check_start, start(7, 0, credit=DEEPEST, below=7)) is None
-
-
 @given(st.lists(st.tuples(st.booleans(), st.integers(1, 40)), max_size=60))
 def test_the_latest_readings_are_kept_that_a_wave_may_be_of(
     said: list[tuple[bool, int]],
@@ -83,13 +57,10 @@ def test_the_latest_readings_are_kept_that_a_wave_may_be_of(
         assert there == kept
 
 
-def test_an_observation_that_says_nothing_of_it_is_whole() -> None:
-    assert refusal(check_readings, wire.Observation(1, b"\xff\x01")) is None
-
-
 @pytest.mark.parametrize(
     ("bits", "known", "wrong"),
     [
+        (b"\xff\x01", b"", None),
         (b"\x05", b"\x07", None),
         (b"\x00", b"\x80", None),
         (b"\x00\x00", b"\x00\x01", None),
