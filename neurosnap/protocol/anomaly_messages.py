@@ -73,7 +73,7 @@ class Link(msgspec.Struct, frozen=True):
     not counted."""
 
 
-class Told(msgspec.Struct, frozen=True):
+class NamedAnomaly(msgspec.Struct, frozen=True):
     """An anomaly in words."""
 
     tick: int
@@ -86,7 +86,7 @@ class Told(msgspec.Struct, frozen=True):
     """Broken implications beyond those listed."""
 
 
-def told(anomaly: wire.Anomaly, sensors: Sequence[str]) -> Told:
+def named_anomaly(anomaly: wire.Anomaly, sensors: Sequence[str]) -> NamedAnomaly:
     """Return what people are told of an anomaly.
 
     Args:
@@ -117,7 +117,7 @@ def told(anomaly: wire.Anomaly, sensors: Sequence[str]) -> Told:
         held,
         strict=True,
     )
-    return Told(
+    return NamedAnomaly(
         tick=anomaly.tick,
         since=anomaly.since,
         culprits=tuple(sensors[each] for each in anomaly.culprits),
@@ -141,7 +141,7 @@ _NAMES, _LINKS = 8, 3
 """Names and implications in one line about an anomaly; `watch --json` has more."""
 
 
-def anomaly_line(told: Told) -> str:
+def anomaly_line(told: NamedAnomaly) -> str:
     """Return an anomaly as one line that names a few of what it is about."""
     long = f", since tick {told.since}" if told.since < told.tick else ""
     exact = "" if told.exact else " (at least)"

@@ -5,8 +5,8 @@ was given, in order. That is what makes a recording checkable: fed with the reco
 observations and reports, the same core must say the same again, byte for byte.
 
 What a tick consists of is said in `neurosnap.agent.tick`. The coordinator drives it: it
-turns what the tick asks for into messages, and goes on with the tick once their answers
-are whole.
+turns what the tick asks for into messages, and lets it proceed once their answers are
+whole.
 
 It has no lock. `neurosnap.runtime.parts.coordinator_loop` calls it from two threads,
 deliveries from the fabric's and deadlines from the loop's, and holds one lock round
@@ -147,25 +147,22 @@ class Coordinator:
         self._ending = False  # waits for the last words of workers that learn
 
     @classmethod
-    def of(
+    def from_key_frame(
         cls,
         options: RunOptions,
-        frame: wire.KeyFrame | None = None,
+        frame: wire.KeyFrame,
         bands: Iterable[wire.Band] = (),
     ) -> Self:
-        """Return the core of a run.
+        """Return the core of a run that has just published a key-frame.
 
         Args:
             options: The run's.
-            frame: One of its key-frames, for the core that has just said it; None for
-                one that has seen nothing yet.
-            bands: What belongs to the key-frame.
+            frame: The key-frame.
+            bands: What belongs to it.
 
         Raises:
             InvalidValueError: What the key-frame holds cannot be of such a run.
         """
-        if frame is None:
-            return cls(options)
         shares = options.learning_shares
         core = cls(
             options,
@@ -251,8 +248,8 @@ class Coordinator:
     # How a run begins and ends --------------------------------------------------------
 
     def begin(self) -> list[wire.Message]:
-        """Open the run, or go on with one from a key-frame: ask for an observation."""
-        first = self._keyframe() if self.tick else self._control.rewire_whole()
+        """Open the run, or resume it from a key-frame: ask for an observation."""
+        first = self._keyframe() if self.tick else []
         self._learning.forget()
         for frame in first:
             if isinstance(frame, wire.KeyFrame):
@@ -260,22 +257,21 @@ class Coordinator:
         return [*first, *self._learning.passed_on, self.decision]
 
     def begin_with(self, frame: wire.KeyFrame) -> None:
-        """Let workers that share the learning go on from a key-frame that was said."""
+        """Let workers that share the learning begin with a recorded key-frame."""
         self._learning.begins = frame.snapshot if self._learning.shares else b""
 
-    def pass_on(self, bands: Iterable[wire.Band]) -> None:
-        """Let `begin` tell workers that share the learning what they go on from.
+    def resume(self, ticks: int, bands: Iterable[wire.Band] = ()) -> None:
+        """Let a run that ended run on to `ticks`.
 
         Args:
-            bands: Of the tick that the run is at.
+            ticks: The last one.
+            bands: Of the tick that the run is at: `begin` passes them on to workers
+                that share the learning.
         """
-        replace = msgspec.structs.replace
-        self._learning.passed_on = [replace(band, who=_WHO) for band in bands]
-
-    def go_on(self, ticks: int) -> None:
-        """Let a run that ended go on to `ticks`."""
         self._ticks = ticks
         self.finished = self._stopping = self._ending = False
+        replace = msgspec.structs.replace
+        self._learning.passed_on = [replace(band, who=_WHO) for band in bands]
 
     def stop(self) -> list[wire.Message]:
         """End the run after the tick under way, if there is one."""
@@ -361,7 +357,7 @@ class Coordinator:
         self._sensed = Sensed(bits, known, observation.begins, observation.cut)
         self._anomaly = self._judged()
         self._steps = tick(self._mind, self._sensed)
-        return self._go_on(self._steps)
+        return self._proceed(self._steps)
 
     def _judged(self) -> wire.Anomaly | None:
         """Return the anomaly in the observation, if any; it is not learned yet."""
@@ -379,8 +375,8 @@ class Coordinator:
             self.totals.told += with_support(found, self._options.support) is not None
         return found
 
-    def _go_on(self, steps: Steps, answer: object = None) -> list[wire.Message]:
-        """Let the tick go on; return what asks for what it needs done, or ends it."""
+    def _proceed(self, steps: Steps, answer: object = None) -> list[wire.Message]:
+        """Let the tick proceed; return what asks for what it needs done, or ends it."""
         try:
             request = steps.send(answer)
         except StopIteration as end:
@@ -396,8 +392,8 @@ class Coordinator:
                 return self._start_planning(request)
 
     def _answer(self, answer: object) -> list[wire.Message]:
-        """Let the tick under way go on with what it asked for."""
-        return [] if self._steps is None else self._go_on(self._steps, answer)
+        """Let the tick under way proceed with what it asked for."""
+        return [] if self._steps is None else self._proceed(self._steps, answer)
 
     # What a tick needs done -----------------------------------------------------------
 
@@ -409,7 +405,7 @@ class Coordinator:
         else:
             self._changed |= self.snapshot.learn(seen.bits, seen.known)
         if not self._learning.shares:
-            return self._go_on(steps)
+            return self._proceed(steps)
         return self._learning.ask_to_learn(self._observation, self._anomaly)
 
     def _receive_learned(self, message: wire.Learned) -> list[wire.Message]:

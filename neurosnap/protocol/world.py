@@ -52,9 +52,9 @@ class World:
         self._known = known  # of the last own readings
         self._began = past is not None
         if past is not None:
-            self._go_on(past)
+            self._resume(past)
 
-    def _go_on(self, past: ResumePoint) -> None:
+    def _resume(self, past: ResumePoint) -> None:
         if not self._source.live:
             seen = self._source.first()
             for action in past.actions:

@@ -16,7 +16,11 @@ from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.zenoh.discovery import FoundSwarm
 from neurosnap.health.budget import NEVER
 from neurosnap.health.news import News, Standing, news
-from neurosnap.protocol.anomaly_messages import Told, told, with_support
+from neurosnap.protocol.anomaly_messages import (
+    NamedAnomaly,
+    named_anomaly,
+    with_support,
+)
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.observations import alarms_of
 from neurosnap.recording.read.recording import Recording
@@ -25,7 +29,7 @@ from neurosnap.runtime.network import Connections, Network
 from neurosnap.runtime.parts.coordinator_process import read_description
 from neurosnap.runtime.parts.health_listener import HealthListener, Past
 
-Fed: TypeAlias = Told | Changed | News
+Fed: TypeAlias = NamedAnomaly | Changed | News
 
 
 def recorded(recording: Recording, support: int | None = None) -> Iterator[Fed]:
@@ -48,7 +52,7 @@ def recorded(recording: Recording, support: int | None = None) -> Iterator[Fed]:
 
 def _anomalies_and_births(
     recording: Recording, support: int
-) -> Iterator[tuple[int, Told | Changed]]:
+) -> Iterator[tuple[int, NamedAnomaly | Changed]]:
     births = births_of(recording)
     sensors, changes = births.body.sensors, births.changes()
     for each in recording.messages(("anomaly",)):
@@ -57,7 +61,7 @@ def _anomalies_and_births(
             while changes and changes[0].tick < tick:
                 yield changes[0].tick, changes.pop(0)
             if (rest := with_support(each.message, support)) is not None:
-                yield tick, told(rest, sensors)
+                yield tick, named_anomaly(rest, sensors)
     yield from ((change.tick, change) for change in changes)
 
 
@@ -204,7 +208,7 @@ class _Incarnation:
                 case wire.Anomaly():
                     rest = with_support(message, self._least)
                     if rest is not None:
-                        self._report(told(rest, births.body.sensors))
+                        self._report(named_anomaly(rest, births.body.sensors))
                 case wire.Decision():
                     births.follow(message)
                     for change in _changes(message, births):

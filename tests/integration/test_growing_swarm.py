@@ -12,7 +12,7 @@ from neurosnap import wire
 from neurosnap.agent.growth.changed import Changed
 from neurosnap.errors import RecordingError
 from neurosnap.poc.learning.kinds import Snapshot
-from neurosnap.protocol.anomaly_messages import Told
+from neurosnap.protocol.anomaly_messages import NamedAnomaly
 from neurosnap.protocol.run_options import SMALLEST, CellKind, RunOptions
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.births import births_of
@@ -158,7 +158,7 @@ def test_an_anomaly_of_what_was_grown_is_told_by_its_name(tmp_path: Path) -> Non
     said = [
         link.implication
         for told in recorded(Recording.open(log), support=0)
-        if isinstance(told, Told)
+        if isinstance(told, NamedAnomaly)
         for link in told.broken
     ]
     assert any(name in each for name in names[first:] for each in said)

@@ -95,7 +95,7 @@ async def by_hand(
             group.create_task(be_world(), name="world")
             async with hub.fabric("coordinator") as fabric:
                 await run_coordinator(
-                    Coordinator.of(options),
+                    Coordinator(options),
                     fabric,
                     asyncio.Event(),
                     parts=["world", *cells],
@@ -226,7 +226,7 @@ async def test_a_cell_that_never_comes_up_is_named(readings: str) -> None:
 
 async def test_what_is_no_message_is_reported_and_counted_once(readings: str) -> None:
     hub, stop, reported = MemoryHub(), asyncio.Event(), asyncio.Event()
-    core = Coordinator.of(options_for(readings))
+    core = Coordinator(options_for(readings))
     async with hub.fabric("coordinator") as fabric, hub.fabric("witness") as witness:
         conducting = asyncio.create_task(
             run_coordinator(core, fabric, stop, parts=[], deadlines=Deadlines(10))
@@ -250,7 +250,7 @@ async def test_a_part_that_goes_without_a_word_is_named(readings: str) -> None:
 
     async def conduct_it() -> None:
         async with hub.fabric("coordinator") as fabric:
-            core = Coordinator.of(options_for(readings))
+            core = Coordinator(options_for(readings))
             await run_coordinator(
                 core, fabric, stop, parts=["cell/0"], deadlines=Deadlines(10)
             )

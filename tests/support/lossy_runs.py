@@ -41,7 +41,7 @@ class Simulation:
     def __init__(
         self, options: RunOptions, log: Path, seed: int, lost: Lost = lambda *_: False
     ) -> None:
-        self.core = Coordinator.of(options)
+        self.core = Coordinator(options)
         self._hub = SimulatedHub(seed)
         self._rows = readings()
         self._lost = lost

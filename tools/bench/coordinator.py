@@ -89,7 +89,7 @@ class _Cores:
             workers=_WORKERS,
             keyframe_every=1 << 30,
         )
-        self._core = Coordinator.of(options)
+        self._core = Coordinator(options)
         self._judge = _Judge(
             count, options.hold, counts=options.support > 0, remembers=True
         )

@@ -251,7 +251,7 @@ class CoordinatorTarget:
     def round(self, chance: random.Random, count: Count) -> None:
         """Take the coordinator through a run."""
         options, script = chance.choice(self._runs)
-        core = Coordinator.of(options)
+        core = Coordinator(options)
         core.begin()
         Twins(core, script).play(chance, count, 40)
 

@@ -95,14 +95,14 @@ def watch(
 
 def _watch_recording(log: Path, support: int | None, form: str) -> None:
     from neurosnap.apps.library import Recording
-    from neurosnap.protocol.anomaly_messages import Told
+    from neurosnap.protocol.anomaly_messages import NamedAnomaly
     from neurosnap.runtime.anomaly_feed import without_anomalies
 
     recording = Recording(log)
     found = False
     for told in recording.anomalies(support):
         _report(told, form)
-        found |= isinstance(told, Told)
+        found |= isinstance(told, NamedAnomaly)
     if not found and form == "text":
         say(form, without_anomalies(recording.file, support))
     end_by(recording.file)

@@ -28,7 +28,7 @@ from neurosnap.errors import (
 )
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.protocol.anomaly_messages import evidence, told, with_support
+from neurosnap.protocol.anomaly_messages import evidence, named_anomaly, with_support
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.tick_index import TickIndex
 from neurosnap.recording.replay.learning import Learning
@@ -309,7 +309,7 @@ class RunView:
             anomaly = with_support(anomaly, self.options.support)
             if anomaly is None:
                 return None
-            words = told(anomaly, self.options.sensors)
+            words = named_anomaly(anomaly, self.options.sensors)
         except MessageError as error:
             raise RecordingError(f"{place}: /anomaly: {error}") from error
         pairs = zip(anomaly.sources, anomaly.targets, words.broken, strict=True)

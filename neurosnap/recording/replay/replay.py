@@ -97,8 +97,11 @@ class Replay:
         self.options = recording.options
         frame, bands = (None, ()) if start is None else (start.frame, start.bands)
         try:
-            self.core = Coordinator.of(self.options, frame, bands)
-            self._known = None if frame is None else known_in(frame, self.options)
+            if frame is None:
+                self.core, self._known = Coordinator(self.options), None
+            else:
+                self.core = Coordinator.from_key_frame(self.options, frame, bands)
+                self._known = known_in(frame, self.options)
         except ValueError as error:
             raise RecordingError(
                 f"{recording.path}: keyframe: must be of this run, got {error}"

@@ -414,6 +414,5 @@ def restore(past: ResumePoint, ticks: int) -> Coordinator:
     for _ in _ticks(replay, past.tick):
         pass
     core = replay.core
-    core.go_on(ticks)
-    core.pass_on(replay.bands())
+    core.resume(ticks, replay.bands())
     return core

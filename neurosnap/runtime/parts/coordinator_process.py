@@ -87,7 +87,7 @@ class Result(msgspec.Struct):
 
 def coordinator_for(options: RunOptions, past: ResumePoint | None) -> Coordinator:
     """Return the core of a run: new, or as it was where it is taken up again."""
-    return Coordinator.of(options) if past is None else restore(past, options.ticks)
+    return Coordinator(options) if past is None else restore(past, options.ticks)
 
 
 def answer_within(options: RunOptions) -> float | None:

@@ -19,7 +19,11 @@ from neurosnap.errors import InvalidValueError, MessageError, ShapeError
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.health.budget import NEVER
 from neurosnap.health.news import Standing
-from neurosnap.protocol.anomaly_messages import anomaly_line, told, with_support
+from neurosnap.protocol.anomaly_messages import (
+    anomaly_line,
+    named_anomaly,
+    with_support,
+)
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.parts.job import PartContext
@@ -85,7 +89,7 @@ class StatusListener:
                 rest = with_support(message, self._support)
                 if rest is not None:
                     self._wrong, self._calm = tick, False
-                    record = told(rest, self._body.sensors)
+                    record = named_anomaly(rest, self._body.sensors)
                     line = {"text": anomaly_line(record)}
                     self._publisher.anomaly(msgspec.to_builtins(record) | line)
             case wire.Decision():

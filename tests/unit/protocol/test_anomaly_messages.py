@@ -5,7 +5,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
-from neurosnap.protocol.anomaly_messages import Link, told, with_support
+from neurosnap.protocol.anomaly_messages import Link, named_anomaly, with_support
 
 NAMES = ("door", "motion", "light")
 
@@ -33,7 +33,7 @@ def rests_on(*occasions: int) -> wire.Anomaly:
 
 
 def test_it_says_which_implications_break_and_what_speaks_for_them() -> None:
-    said = told(rests_on(), NAMES)
+    said = named_anomaly(rests_on(), NAMES)
     assert (said.tick, said.since, said.exact, said.more) == (9, 9, True, 68)
     assert said.broken[0] == Link("door -> motion", 1.0, 0.0, 1)
     assert [link.implication for link in said.broken[1:]] == [
@@ -57,7 +57,7 @@ def test_it_says_which_implications_break_and_what_speaks_for_them() -> None:
 )
 def test_one_that_cannot_be_is_refused(changes: dict[str, object]) -> None:
     with pytest.raises(MessageError, match="anomaly: must"):
-        told(msgspec.structs.replace(rests_on(), **changes), NAMES)
+        named_anomaly(msgspec.structs.replace(rests_on(), **changes), NAMES)
 
 
 def test_what_rests_on_its_weakest_link_is_told_with_support_alone() -> None:
@@ -67,7 +67,7 @@ def test_what_rests_on_its_weakest_link_is_told_with_support_alone() -> None:
     assert rest is not None
     assert (rest.number, rest.sources, rest.occasions) == ((1,), (4,), (5,))
     assert (rest.culprits, rest.candidates, rest.implications) == ((2,), (1, 2), 1)
-    (link,) = told(rest, NAMES).broken
+    (link,) = named_anomaly(rest, NAMES).broken
     assert (link.implication, link.occasions) == ("light -> motion*", 5)
     assert with_support(anomaly, 6) is None
 

@@ -81,7 +81,7 @@ def test_whole_snapshots_go_out_every_so_many_ticks() -> None:
 def test_a_run_can_go_on() -> None:
     swarm = Swarm(new(Asks(), ticks=3))
     swarm.run(ROWS[:3])
-    swarm.core.go_on(5)
+    swarm.core.resume(5)
     opening = swarm.say(swarm.core.begin())
     assert opening[-1] == wire.Decision(3, 3, "as asked")
     swarm.observe(4, ROWS[3])
@@ -127,9 +127,9 @@ def test_the_state_is_what_the_cells_reported_and_nothing_else() -> None:
     core.receive(observed(1, "000"))
     # Nobody has learned that sensor 1 is on, and yet its cell says so.
     reports = [
-        wire.CellReport(1, 0, 0, (1,), (0,), (2,), 0, epoch=2),
-        wire.CellReport(1, 1, 0, (3, 2), (0, 1), (2,), 0, epoch=2),
-        wire.CellReport(1, 2, 0, (5,), (0,), (2,), 0, epoch=2),
+        wire.CellReport(1, 0, 0, (1,), (0,), (2,), 0, epoch=1),
+        wire.CellReport(1, 1, 0, (3, 2), (0, 1), (2,), 0, epoch=1),
+        wire.CellReport(1, 2, 0, (5,), (0,), (2,), 0, epoch=1),
     ]
     (state,) = only(wire.State, [m for r in reports for m in core.receive(r)])
     assert np.flatnonzero(unpack(state.literals, 2 * SENSORS)).tolist() == [1, 5]
@@ -204,14 +204,14 @@ def test_answers_come_in_the_order_of_the_questions_however_waves_settle() -> No
     core.begin()
     core.receive(observed(1, "000"))
     reports = [
-        wire.CellReport(1, c, 0, (2 * c + 1,), (0,), (2,), 0, epoch=2) for c in range(3)
+        wire.CellReport(1, c, 0, (2 * c + 1,), (0,), (2,), 0, epoch=1) for c in range(3)
     ]
     said = [message for report in reports for message in core.receive(report)]
     assert [m.wave for m in only(wire.WaveStart, said)] == [2, 3]
-    (reached,) = core.receive(wire.CellReport(3, 1, 0, (3,), (0,), (0,), 0, epoch=2))
+    (reached,) = core.receive(wire.CellReport(3, 1, 0, (3,), (0,), (0,), 0, epoch=1))
     assert isinstance(reached, wire.Reached)
     assert (reached.wave, reached.signal) == (3, (3,))
-    said = core.receive(wire.CellReport(2, 0, 0, (0,), (0,), (0,), 0, epoch=2))
+    said = core.receive(wire.CellReport(2, 0, 0, (0,), (0,), (0,), 0, epoch=1))
     assert [type(m) for m in said] == [wire.Reached, wire.Decision]
     answers = [np.flatnonzero(a).tolist() for a in policy.answers[-1]]
     assert answers == [[0], [3]]

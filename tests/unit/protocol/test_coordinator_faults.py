@@ -78,7 +78,7 @@ def test_an_observation_that_cannot_be_right_is_a_fault(
             r"cellreport: must be a cell's, got cell 9",
         ),
         (
-            wire.CellReport(1, 0, 0, (1,), (0,), (0, 0), 0, epoch=2),
+            wire.CellReport(1, 0, 0, (1,), (0,), (0, 0), 0, epoch=1),
             r"cellreport: must give back at most the credit given out, got cell 0,"
             r" credit [0, 0]",
         ),

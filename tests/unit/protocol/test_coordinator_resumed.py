@@ -56,7 +56,11 @@ ROWS = rows()
 
 
 def swarm_of(given: RunOptions, frame: wire.KeyFrame | None = None) -> AnsweringSwarm:
-    return AnsweringSwarm(Coordinator.of(given, frame), len(SENSORS), given.sharing)
+    if frame is None:
+        core = Coordinator(given)
+    else:
+        core = Coordinator.from_key_frame(given, frame)
+    return AnsweringSwarm(core, len(SENSORS), given.sharing)
 
 
 def run(swarm: AnsweringSwarm, first: list[wire.Message]) -> list[wire.Message]:
@@ -97,7 +101,7 @@ def test_a_core_made_of_a_key_frame_goes_on_byte_for_byte(
         frame = said[place]
         assert isinstance(frame, wire.KeyFrame)
         again = swarm_of(given, frame)
-        again.core.go_on(TICKS)
+        again.core.resume(TICKS)
         # It says it again: that is where whoever goes on starts from.
         rest = run(again, again.core.begin() if frame.tick < TICKS else [frame])
         assert payloads(rest) == payloads(said[place:])
@@ -124,12 +128,14 @@ def test_after_a_key_frame_everybody_is_wired_whole(workers: int) -> None:
 
 def test_a_key_frame_of_another_run_is_refused() -> None:
     given = options(2, "empirical")
-    core = Coordinator.of(given)
+    core = Coordinator(given)
     frame = wire.KeyFrame(5, core.snapshot.to_bytes(), waves=9, epochs=(1, 2, 3))
     with pytest.raises(InvalidValueError, match=r"^epochs: must be one for each of 2"):
-        Coordinator.of(given, frame)
+        Coordinator.from_key_frame(given, frame)
     with pytest.raises(InvalidValueError, match=r"^data: must be a Snapshot written"):
-        Coordinator.of(given, msgspec.structs.replace(frame, snapshot=b"none"))
+        Coordinator.from_key_frame(
+            given, msgspec.structs.replace(frame, snapshot=b"none")
+        )
 
 
 @pytest.mark.parametrize("workers", [0, 2])

@@ -11,7 +11,7 @@ from neurosnap.agent.growth.changed import Changed
 from neurosnap.agent.memory import AgentMemory
 from neurosnap.fabric.protocol import Handler
 from neurosnap.fabric.zenoh.discovery import FoundSwarm
-from neurosnap.protocol.anomaly_messages import Told
+from neurosnap.protocol.anomaly_messages import NamedAnomaly
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.anomaly_feed import Fed, _Alarms, _Incarnation
 from neurosnap.runtime.parts.coordinator_process import RunDescription
@@ -65,7 +65,7 @@ async def test_an_anomaly_that_cannot_be_is_passed_over_early_and_late() -> None
     heard: list[tuple[str, ...]] = []
 
     def hear(told: Fed) -> None:
-        assert isinstance(told, Told)
+        assert isinstance(told, NamedAnomaly)
         heard.append(told.culprits)
 
     said: list[wire.Message] = [BAD, GOOD]

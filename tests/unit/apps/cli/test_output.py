@@ -10,7 +10,7 @@ from neurosnap.agent.body import Body
 from neurosnap.apps.cli.output import outcome_lines, say
 from neurosnap.apps.cli.shared import errors
 from neurosnap.errors import NeurosnapError
-from neurosnap.protocol.anomaly_messages import Link, Told, anomaly_line
+from neurosnap.protocol.anomaly_messages import Link, NamedAnomaly, anomaly_line
 from neurosnap.protocol.coordinator import Totals
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
@@ -41,7 +41,7 @@ def test_an_anomaly_names_a_few_sensors_and_how_many_more_there_are() -> None:
     links = tuple(Link(f"{name} -> x", 1, 0, 1) for name in many("s", 30))
     culprits = many("guilty", 9)
     candidates = (*culprits, *many("other", 8))
-    line = anomaly_line(Told(7, 7, culprits, candidates, True, links, 70))
+    line = anomaly_line(NamedAnomaly(7, 7, culprits, candidates, True, links, 70))
     guilty, others = ", ".join(many("guilty", 8)), ", ".join(many("other", 8))
     assert f"tick 7: {guilty} and 1 more or {others} may be wrong: breaks s0" in line
     assert line.endswith("s2 -> x (1 for, 0 against, since tick 1) and 97 more")
@@ -50,7 +50,7 @@ def test_an_anomaly_names_a_few_sensors_and_how_many_more_there_are() -> None:
 def test_a_name_cannot_turn_the_text_around() -> None:
     name = "door\u202eno"  # as an older recording may have it, or a stranger's
     link = Link(f"{name} -> x", 1, 0, 1)
-    line = anomaly_line(Told(7, 7, (name,), (name,), True, (link,), 0))
+    line = anomaly_line(NamedAnomaly(7, 7, (name,), (name,), True, (link,), 0))
     assert "\u202e" not in line
     assert "door\\u202eno may be wrong" in line
     assert "  door\\u202eno → x" in told(implications=[(name, "x")])

@@ -25,7 +25,7 @@ from neurosnap.apps.viewer.tick_messages import (
 from neurosnap.apps.viewer.time_series import thinned
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.order.literals import from_words
-from neurosnap.protocol.anomaly_messages import evidence, told, with_support
+from neurosnap.protocol.anomaly_messages import evidence, named_anomaly, with_support
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.replay import Replay
 from tests.support.lamp import LIMITED, lamp_options
@@ -167,7 +167,7 @@ def test_a_frame_tells_its_anomaly_as_watch_does(log: Path) -> None:
             continue
         assert frame.anomaly is not None
         anomaly = found[frame.tick]
-        words = told(anomaly, view.options.sensors)
+        words = named_anomaly(anomaly, view.options.sensors)
         said = [one.evidence for one in frame.anomaly.broken]
         assert said == [evidence(link) for link in words.broken]
         assert frame.anomaly.culprits == list(anomaly.culprits)
