@@ -12,23 +12,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator  # type: ignore[import-untyped]
+from msgspec import inspect
 
 from neurosnap.apps.config.json_schema import schema
 from neurosnap.apps.config.load import load
 from neurosnap.apps.config.problems import Keys, LineNumbers, dotted
 from neurosnap.apps.config.sources import CsvTable, WorldTable
-from neurosnap.apps.config.tables import (
-    AgentTable,
-    AnomaliesTable,
-    CellsTable,
-    Config,
-    RecordingTable,
-    RunTable,
-    SnapshotTable,
-)
+from neurosnap.apps.config.tables import AgentTable, Config, HealthTable
 from neurosnap.apps.config.validate import problems
-from neurosnap.runtime.network import Network
-from neurosnap.runtime.request import Supervision
 
 BARE = ["a", "b1", "c-d", "true", "7"]
 QUOTED = {
@@ -180,74 +171,62 @@ def test_no_other_key_is_found(document: Document, other: str | int) -> None:
 # Configs ------------------------------------------------------------------------------
 
 names = st.text("abc/.* é\"'\\\n#[]", min_size=1, max_size=8)
-counts = st.integers(1, 2**63 - 1)
-seconds = st.floats(0, exclude_min=True, allow_infinity=False)
-left_out = st.none()
 
 
-arguments = st.dictionaries(
-    names,
-    st.booleans()
-    | st.integers(-(2**63), 2**63 - 1)
-    | st.floats(allow_nan=False, allow_infinity=False)
-    | names,
-    max_size=3,
+def values_of(kind: inspect.Type) -> st.SearchStrategy[Any]:
+    """Return what a key of a kind may hold."""
+    match kind:
+        case inspect.Metadata():
+            return values_of(kind.type)
+        case inspect.StructType(tag_field=str(field)):
+            return fields_of(kind).map(lambda table: {field: kind.tag, **table})
+        case inspect.StructType():
+            return fields_of(kind)
+        case inspect.UnionType():
+            return st.one_of(*map(values_of, kind.types))
+        case inspect.VarTupleType():
+            return st.lists(values_of(kind.item_type), max_size=3)
+        case inspect.DictType():
+            return st.dictionaries(names, values_of(kind.value_type), max_size=3)
+        case inspect.LiteralType():
+            return st.sampled_from(kind.values)
+        case inspect.StrType(pattern=str()):
+            return names.map("{}.csv".format)
+        case inspect.StrType():
+            return names
+        case inspect.IntType():
+            low = -(2**63) if kind.ge is None else kind.ge
+            return st.integers(low, 2**63 - 1 if kind.le is None else kind.le)
+        case inspect.FloatType():
+            return st.floats(
+                kind.ge if kind.gt is None else kind.gt,
+                kind.le if kind.lt is None else kind.lt,
+                exclude_min=kind.gt is not None,
+                exclude_max=kind.lt is not None,
+                allow_nan=False,
+                allow_infinity=False,
+            )
+        case _:
+            return st.booleans() if isinstance(kind, inspect.BoolType) else st.none()
+
+
+def fields_of(kind: inspect.StructType) -> st.SearchStrategy[Any]:
+    given = {field.name: values_of(field.type) for field in kind.fields}
+    if kind.cls is AgentTable:
+        given["births"] = st.just([])
+    if kind.cls is HealthTable:
+        given["alarms"] = st.none()
+    return st.fixed_dictionaries(given)
+
+
+KIND = inspect.type_info(Config)
+assert isinstance(KIND, inspect.StructType)
+tables = {field.name: values_of(field.type) for field in KIND.fields}
+tables["source"] = st.one_of(
+    *(values_of(inspect.type_info(each)) for each in (WorldTable, CsvTable))
 )
-worlds = st.builds(WorldTable, id=names, arguments=arguments)
-files = st.builds(CsvTable, path=names.map(lambda name: f"{name}.csv"))
-configs: st.SearchStrategy[Config] = st.builds(
-    Config,
-    source=worlds | files,
-    run=st.builds(RunTable, ticks=counts | left_out, seed=st.integers(0, 2**63 - 1)),
-    agent=st.builds(
-        AgentTable,
-        kind=st.sampled_from(["walker", "excited", "planner"]),
-        target=left_out
-        | st.integers(0, 99)
-        | names
-        | st.lists(names, max_size=3).map(tuple),
-        explore=st.floats(0, 1),
-    ),
-    snapshot=st.builds(
-        SnapshotTable,
-        kind=st.sampled_from(["empirical", "discounted"]),
-        threshold=st.floats(0, 0.25, exclude_min=True) | left_out,
-        decay=st.floats(0, 1, exclude_max=True) | left_out,
-    ),
-    cells=st.builds(
-        CellsTable,
-        kind=st.sampled_from(["process", "worker", "inline"]),
-        workers=counts,
-        wiring=st.sampled_from(["hasse", "derived"]),
-        deadline=seconds,
-    ),
-    anomalies=st.builds(
-        AnomaliesTable,
-        watch=st.booleans(),
-        hold=st.integers(0, 99),
-        support=st.integers(0, 99),
-    ),
-    recording=st.builds(
-        RecordingTable,
-        record=st.booleans(),
-        path=names | left_out,
-        folder=names | left_out,
-        keyframe_every=counts,
-    ),
-    supervision=st.builds(
-        Supervision,
-        restart=st.sampled_from(["never", "on-failure"]),
-        max_restarts=st.integers(0, 99),
-        restart_window=st.floats(0, exclude_min=True, allow_infinity=False),
-        backoff=st.floats(0, allow_infinity=False),
-    ),
-    network=st.builds(
-        Network,
-        listen=names,
-        connect=names,
-        tls=names,
-        insecure=st.booleans(),
-    ),
+configs = st.fixed_dictionaries(tables).map(
+    lambda table: msgspec.convert(table, Config)
 )
 
 
