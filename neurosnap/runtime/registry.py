@@ -38,18 +38,6 @@ class Note(msgspec.Struct, frozen=True, kw_only=True):
     """Where it is recorded; empty if it is not."""
 
 
-class Part(msgspec.Struct, frozen=True, kw_only=True):
-    """A process of a swarm."""
-
-    who: str
-    """The part's name, as in `Message.sender`."""
-    pid: int
-    memory: int
-    """Resident, in bytes; what it shares with others is counted for each."""
-    seconds: float
-    """Processor time so far."""
-
-
 @contextmanager
 def noted(swarm: str, source: str, endpoint: str, log: Path | None) -> Iterator[None]:
     """Let a swarm of this process be found while the context is entered.
@@ -113,25 +101,6 @@ def find(swarm: str = "") -> Note:
     raise InvalidValueError("swarm", rule, swarm)
 
 
-def parts(note: Note) -> list[Part]:
-    """Return the processes of a swarm on this machine, cells last and in order."""
-    launcher = _launcher(note)
-    if launcher is None:
-        return []
-    found = []
-    for name, process in parts_of(launcher):
-        with suppress(psutil.NoSuchProcess, psutil.AccessDenied):
-            times = process.cpu_times()
-            part = Part(
-                who=name,
-                pid=process.pid,
-                memory=process.memory_info().rss,
-                seconds=times.user + times.system,
-            )
-            found.append(part)
-    return sorted(found, key=_place)
-
-
 def parts_of(launcher: psutil.Process) -> Iterator[tuple[str, psutil.Process]]:
     """Yield the parts that a process has started, by name; who is gone is left out."""
     for process in launcher.children(recursive=True):
@@ -164,21 +133,11 @@ def stop(note: Note, patience: float) -> None:
         raise SwarmError(f"swarm {note.swarm}: {rule}, goes on") from error
 
 
-_KINDS = (
-    "hub",
-    "recorder",
-    "coordinator",
-    "intake",
-    "world",
-    "watcher",
-    "worker",
-    "cell",
-)
-
-
-def _place(part: Part) -> tuple[int, int]:
-    kind, _, number = part.who.partition("/")
-    return _KINDS.index(kind), int(number) if number.isdecimal() else 0
+_KINDS = {
+    *("hub", "recorder", "coordinator", "intake", "world"),
+    *("watcher", "worker", "cell"),
+}
+"""What the names of parts begin with."""
 
 
 def _launcher(note: Note) -> psutil.Process | None:

@@ -4,7 +4,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import msgspec
 import typer
 
 from neurosnap.apps.cli.options import FLAG, NETWORK, option, with_parameters
@@ -216,42 +215,16 @@ def _is_recording(what: str) -> bool:
 
 
 @app.command(rich_help_panel=SWARMS)
-def ps(
-    swarm: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="[SWARM]",
-            help="The id of a swarm, to list its parts.",
-        ),
-    ] = None,
-    form: Format = "text",
-) -> None:
-    """List the swarms that run on this machine, or the parts of one."""
+def ps(form: Format = "text") -> None:
+    """List the swarms that run on this machine."""
     from neurosnap.runtime import registry
 
     with errors():
-        if swarm is None:
-            notes = registry.swarms()
-            rows = [(n.swarm, str(n.pid), n.source, n.log) for n in notes]
-            heads = ("swarm", "pid", "source", "recording")
-            say(form, *(table([heads, *rows]) if rows else ["no swarm runs here"]))
-            print_facts(form, {"swarms": notes})
-        else:
-            note = registry.find(swarm)
-            parts = registry.parts(note)
-            say(form, f"swarm {note.swarm}: {note.source}, hub at {note.endpoint}")
-            rows = [
-                (
-                    part.who,
-                    str(part.pid),
-                    f"{part.memory / 2**20:.0f} MB",
-                    f"{part.seconds:.2f} s",
-                )
-                for part in parts
-            ]
-            heads = ("part", "pid", "memory", "processor")
-            say(form, *table([heads, *rows], numbers=True))
-            print_facts(form, {**msgspec.structs.asdict(note), "parts": parts})
+        notes = registry.swarms()
+        rows = [(n.swarm, str(n.pid), n.source, n.log) for n in notes]
+        heads = ("swarm", "pid", "source", "recording")
+        say(form, *(table([heads, *rows]) if rows else ["no swarm runs here"]))
+        print_facts(form, {"swarms": notes})
 
 
 @app.command(rich_help_panel=SWARMS)
