@@ -24,7 +24,7 @@ from neurosnap.recording.write.rotation import Split, SplitWriter
 from neurosnap.recording.write.writer import Writer
 from tests.support.course import course
 from tests.support.inline_runs import recorded_run, resumed_run, spread
-from tests.support.recorded_messages import of_type
+from tests.support.recorded_messages import assert_true_run, of_type
 from tests.support.replayed_runs import TICKS, Runs, options_for
 from tests.support.rewritten_recordings import rewritten, saying
 
@@ -82,8 +82,7 @@ def test_each_key_frame_is_followed_by_its_bands(banded: Banded) -> None:
         if banded.kind == "shares"
         else {("coordinator", offset) for offset in (0, 4, 8)}
     )
-    verdict = verify(log)
-    assert (verdict.difference, verdict.complete, verdict.ticks) == (None, True, TICKS)
+    assert_true_run(log, ticks=TICKS)
     assert course(log) == course(banded.runs.of("csv").log)
 
 
@@ -105,8 +104,7 @@ def test_a_replay_begins_with_them_and_a_run_goes_on(
     assert verify(banded.log, 15).same
     start, on = banded.record(tmp_path / "start", ticks=ticks), tmp_path / "on"
     resumed_run(start, on, TICKS)
-    verdict = verify(on)
-    assert (verdict.difference, verdict.complete, verdict.ticks) == (None, True, TICKS)
+    assert_true_run(on, ticks=TICKS)
     assert course(on) == course(banded.log)
     again = tmp_path / "again"
     resumed_run(on, again, TICKS + 1)  # the source ends there
@@ -128,8 +126,7 @@ def test_they_go_into_the_file_that_their_key_frame_begins(
         recording = Recording.open(path)
         if number:
             assert next(starts(recording)).frame.tick == recording.begins
-        verdict = verify(path)
-        assert (verdict.difference, verdict.complete) == (None, True)
+        assert_true_run(path)
     assert verify(split).ticks == TICKS
     _, past = find_resume_point(split)
     assert (past.tick, past.part) == (TICKS, len(files) - 1)

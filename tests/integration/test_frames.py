@@ -20,10 +20,10 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.verify import verify
-from tests.support.command_line import happy, refused
+from tests.support.command_line import refused
 from tests.support.foxglove_rules import refusals
 from tests.support.inline_runs import recorded_run, resumed_run
-from tests.support.recorded_messages import course
+from tests.support.recorded_messages import assert_true_run, course
 from tests.support.rewritten_recordings import rewritten
 from tests.support.run_options import options_for
 
@@ -70,8 +70,7 @@ def assert_all_there(log: Path, ticks: int = TICKS, every: int = EVERY) -> None:
     for tick, shown in drawn(log):
         if tick in found:
             np.testing.assert_array_equal(pixels(found[tick].data), shown)
-    verdict = verify(log)
-    assert (verdict.difference, verdict.complete, verdict.ticks) == (None, True, ticks)
+    assert_true_run(log, ticks=ticks)
 
 
 @pytest.fixture(scope="module")
@@ -172,8 +171,7 @@ def test_a_run_in_several_files_has_all_of_them(tmp_path: Path) -> None:
     assert len(paths) > 1
     found = [tick for each in paths for tick in sorted(images(each))]
     assert found == list(range(1, ticks + 1, 2))
-    verdict = verify(path)
-    assert (verdict.difference, verdict.complete, verdict.ticks) == (None, True, ticks)
+    assert_true_run(path, ticks=ticks)
 
 
 @pytest.mark.slow
@@ -186,23 +184,6 @@ def test_in_processes_it_is_the_same(log: Path, tmp_path: Path) -> None:
     assert {tick: one.data for tick, one in here.items()} == {
         tick: one.data for tick, one in there.items()
     }
-
-
-def test_the_command_line_takes_it(tmp_path: Path) -> None:
-    path = tmp_path / "run.mcap"
-    given = (
-        "--set",
-        "recording.frames=7",
-        "--ticks",
-        15,
-        "--cells",
-        "inline",
-        "--out",
-        path,
-    )
-    happy("run", LAKE, *given)
-    assert sorted(images(path)) == [1, 8, 15]
-    assert Recording.open(path).options.frames == 7
 
 
 @pytest.mark.parametrize("source", ["neurosnap/Path-v0", "neurosnap/Grid-v0"])

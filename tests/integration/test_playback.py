@@ -1,9 +1,7 @@
 """A recording played back over Zenoh, as somebody who watches hears it."""
 
 import asyncio
-import re
 import shutil
-import socket
 import tempfile
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
@@ -13,7 +11,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.errors import FabricError, InvalidValueError
+from neurosnap.errors import InvalidValueError
 from neurosnap.fabric.security.hub_address import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.hub import open_hub
@@ -163,7 +161,7 @@ async def test_playing_on_an_endpoint_reaches_a_program_that_connects(
     assert played.result().messages == len(expected)
 
 
-@pytest.mark.parametrize("start", [2, 6, TICKS])
+@pytest.mark.parametrize("start", [2, TICKS])
 async def test_a_start_further_on_sends_what_was_learned_first(
     recording: Recording, endpoint: str, start: int
 ) -> None:
@@ -226,72 +224,23 @@ async def test_it_keeps_the_pace_that_was_recorded(
     assert as_recorded.messages == twice_as_slow.messages == 20
     assert as_recorded.seconds >= 9 * 0.01
     assert twice_as_slow.seconds >= 18 * 0.01
-    quick = min([(await at(1e6)).seconds for _ in range(3)])
-    assert quick < as_recorded.seconds
 
 
-@pytest.mark.parametrize("rate", [0.0, -1.0, float("inf"), float("nan")])
-async def test_a_rate_that_is_no_speed_is_refused(
-    recording: Recording, endpoint: str, rate: float
+@pytest.mark.parametrize(
+    ("playing", "rule"),
+    [
+        *(
+            (Playing(rate=rate), f"rate: must be positive and finite, got {rate}")
+            for rate in (0.0, -1.0, float("inf"), float("nan"))
+        ),
+        *(
+            (Playing(start=start), rf"from: must be in \[1, {TICKS}\], got {start}")
+            for start in (-3, 0, TICKS + 1)
+        ),
+    ],
+)
+async def test_what_cannot_be_played_is_refused(
+    recording: Recording, endpoint: str, playing: Playing, rule: str
 ) -> None:
-    rule = rf"^rate: must be positive and finite, got {rate}$"
-    with pytest.raises(InvalidValueError, match=rule):
-        await play_on(recording, endpoint, asyncio.Event(), Playing(rate=rate))
-
-
-@pytest.mark.parametrize("start", [-3, 0, TICKS + 1])
-async def test_a_start_that_is_not_there_is_refused(
-    recording: Recording, endpoint: str, start: int
-) -> None:
-    rule = rf"^from: must be in \[1, {TICKS}\], got {start}$"
-    with pytest.raises(InvalidValueError, match=rule):
-        await play_on(recording, endpoint, asyncio.Event(), Playing(start=start))
-
-
-async def test_a_port_in_use_is_named(recording: Recording) -> None:
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        tcp = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
-        rule = rf"^hub: must be able to listen on {re.escape(tcp)}, got "
-        with pytest.raises(FabricError, match=rule):
-            await play_on(recording, tcp, asyncio.Event())
-
-
-async def test_a_socket_in_use_is_named(recording: Recording, endpoint: str) -> None:
-    hub = await asyncio.to_thread(open_hub, [endpoint], 1)
-    try:
-        with pytest.raises(FabricError, match=r"^hub: must be able to listen on unix"):
-            await play_on(recording, endpoint, asyncio.Event())
-    finally:
-        await asyncio.to_thread(hub.close)
-
-
-@pytest.mark.parametrize("listen", ["", "nonsense", "warp/x:1", "tcp/0.0.0.0:7447"])
-async def test_what_is_no_endpoint_is_refused(
-    recording: Recording, listen: str
-) -> None:
-    with pytest.raises(InvalidValueError, match=r"^endpoint: must be "):
-        await play_on(recording, listen, asyncio.Event())
-
-
-async def test_a_port_that_cannot_be_is_refused(recording: Recording) -> None:
-    with pytest.raises(FabricError, match=r"^hub: must be able to listen on "):
-        await play_on(recording, "tcp/127.0.0.1:99999", asyncio.Event())
-
-
-async def test_a_recording_cut_short_plays_as_far_as_it_goes(
-    recording: Recording, endpoint: str, tmp_path: Path
-) -> None:
-    log = tmp_path / "cut"
-    kept = deliveries(recording)[:100]
-    with Writer(log) as writer:  # left without an end
-        writer.start(recording.metadata)
-        for number, delivery in enumerate(kept):
-            writer.add(delivery, number)
-    cut = Recording.open(log)
-    assert cut.cut is not None
-    async with stage(cut, endpoint) as (fabric, watcher):
-        await play(cut, fabric, asyncio.Event(), Playing(rate=1000.0))
-        await watcher.wait_for(len(kept))
-    assert watcher.heard == kept
+    with pytest.raises(InvalidValueError, match=f"^{rule}$"):
+        await play_on(recording, endpoint, asyncio.Event(), playing)

@@ -23,9 +23,10 @@ from neurosnap.recording.write.writer import Writer
 from neurosnap.sensorium import unpack
 from tests.support.inline_runs import recorded_run, resumed_run
 from tests.support.lossy_runs import LOST, Simulation, lost_once
-from tests.support.recorded_messages import M, course, first, of_type
+from tests.support.recorded_messages import M, assert_true_run, course, first, of_type
 from tests.support.replayed_runs import PATH, TICKS, Run, Runs, every_run, options_for
 from tests.support.rewritten_recordings import (
+    Change,
     changing,
     flipped,
     overtaken,
@@ -64,10 +65,7 @@ def without(
 
 def assert_went_on(log: Path, uninterrupted: Run, resumed: list[int]) -> None:
     """Check that `log` is a true run, and the one that was never interrupted."""
-    verdict = verify(log)
-    assert verdict.difference is None
-    assert verdict.complete
-    assert verdict.ticks == uninterrupted.options.ticks
+    assert_true_run(log, ticks=uninterrupted.options.ticks)
     assert course(log) == course(uninterrupted.log)
     recording = Recording.open(log)
     assert msgspec.json.decode(recording.metadata["resumed"]) == resumed
@@ -103,8 +101,7 @@ def test_a_run_whose_thresholds_choose_themselves_goes_on(tmp_path: Path) -> Non
     options = options_for(str(path), ticks=1602)
     recorded_run(msgspec.structs.replace(options, **changes), start)
     resumed_run(start, on, 1620)
-    verdict = verify(on)
-    assert (verdict.difference, verdict.complete, verdict.ticks) == (None, True, 1620)
+    assert_true_run(on, ticks=1620)
     _, learned = snapshot_at(Recording.open(on))
     assert learned.threshold == "auto"
     found = learned.evidence(0, 2)
@@ -155,34 +152,40 @@ def test_a_run_with_a_repeated_wave_goes_on(runs: Runs, tmp_path: Path) -> None:
     assert_went_on(new, runs.of("csv"), [15])
 
 
-def test_without_a_whole_tick_there_is_nothing_to_go_on_from(
-    runs: Runs, tmp_path: Path
+def dropping(kind: type[M], last: bool = False) -> Change:
+    """Return the change that leaves out the first of a kind; or all from there on."""
+
+    def change(recorded: list[Recorded]) -> list[Recorded]:
+        place, _ = first(recorded, kind, lambda _: True)
+        return recorded[:place] + ([] if last else recorded[place + 1 :])
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "rule"),
+    [
+        (dropping(wire.State, last=True), "must hold a whole tick .*, got none"),
+        (
+            # What counts is what follows the last key-frame but one, that of tick 28.
+            changing(
+                wire.State,
+                lambda s: s.tick == 29,
+                lambda s: {"literals": flipped(s.literals)},
+            ),
+            "must be a true run: tick 29: /state",
+        ),
+        (
+            dropping(wire.Pulse),
+            rf"must be whole up to tick {TICKS}, lacks \{{'cell/\d': 1\}}",
+        ),
+    ],
+    ids=["no whole tick", "tampered", "lacks a pulse"],
+)
+def test_what_cannot_be_proved_is_not_gone_on_with(
+    runs: Runs, tmp_path: Path, change: Change, rule: str
 ) -> None:
-    recording = Recording.open(runs.of("csv").log)
-    recorded = list(recording.messages())
-    state, _ = first(recorded, wire.State, lambda _: True)
-    log = write_again(recording, tmp_path / "log", recorded[:state], expected={})
-    with pytest.raises(RecordingError, match=r"must hold a whole tick .*, got none$"):
-        find_resume_point(log)
-
-
-def test_a_tampered_run_is_not_gone_on_with(runs: Runs, tmp_path: Path) -> None:
-    """What counts is what follows the last key-frame but one, that of tick 28."""
-    tamper = changing(
-        wire.State,
-        lambda s: s.tick == 29,
-        lambda s: {"literals": flipped(s.literals)},
-    )
-    log = rewritten(runs.of("csv").log, tmp_path / "log", tamper)
-    with pytest.raises(RecordingError, match=r"must be a true run: tick 29: /state"):
-        find_resume_point(log)
-
-
-def test_a_run_that_lacks_a_pulse_is_not_gone_on_with(
-    runs: Runs, tmp_path: Path
-) -> None:
-    log = without(runs.of("csv").log, tmp_path / "log", wire.Pulse)
-    rule = rf"must be whole up to tick {TICKS}, lacks \{{'cell/\d': 1\}}$"
+    log = rewritten(runs.of("csv").log, tmp_path / "log", change)
     with pytest.raises(RecordingError, match=rule):
         find_resume_point(log)
 

@@ -7,6 +7,7 @@ from typing import TypeVar
 from neurosnap import wire
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
+from neurosnap.recording.replay.verify import Verdict, verify
 
 M = TypeVar("M")
 
@@ -31,3 +32,18 @@ def course(log: Path) -> tuple[dict[int, bytes], dict[int, wire.Decision]]:
         {state.tick: state.literals for state in of_type(log, wire.State)},
         {decision.tick: decision for decision in of_type(log, wire.Decision)},
     )
+
+
+def assert_true_run(log: Path, tick: int = 0, *, ticks: int | None = None) -> Verdict:
+    """Check that a run is whole, and derived again the same.
+
+    Args:
+        log: Its recording.
+        tick: As in `verify`.
+        ticks: How many are compared, if that matters.
+    """
+    verdict = verify(log, tick)
+    assert (verdict.difference, verdict.same) == (None, True)
+    assert verdict.complete
+    assert verdict.ticks == (verdict.ticks if ticks is None else ticks)
+    return verdict

@@ -9,23 +9,6 @@ from neurosnap.recording.format.completeness import (
 )
 
 
-def test_gaps_are_named_and_close_and_a_second_copy_is_a_duplicate() -> None:
-    sequences = RunningNumbers()
-    for number, gaps in (
-        (0, []),
-        (4, [(1, 4)]),
-        (2, [(1, 2), (3, 4)]),
-        (1, [(3, 4)]),
-        (3, []),
-    ):
-        assert sequences.receive("cell/1", number)
-        assert sequences.gaps().get("cell/1", []) == gaps
-    assert sequences.completeness().whole
-    for number in (0, 3, 4):
-        assert not sequences.receive("cell/1", number)
-    assert (sequences.messages, sequences.duplicates) == (5, 3)
-
-
 def test_what_was_lost_at_the_end_shows_against_the_senders_word() -> None:
     sequences = RunningNumbers()
     sequences.receive("cell/1", 0)

@@ -236,11 +236,30 @@ def test_a_message_that_is_none_of_its_topic_is_an_error(
         list(recording.messages())
 
 
-def test_totals_without_a_balance_are_an_error(path: Path) -> None:
-    write_mcap(path, facts={TOTALS: {"expected": "{}"}})
-    rule = "must hold completeness and expected, got"
+@pytest.mark.parametrize(
+    ("facts", "look", "rule"),
+    [
+        (
+            {"expected": "{}"},
+            Recording.completeness,
+            "must hold completeness and expected, got",
+        ),
+        (
+            {"decision": '{"tick": -1}'},
+            lambda recording: recording.closing,
+            "decision: must hold a decision, got",
+        ),
+    ],
+)
+def test_totals_that_no_writer_of_ours_writes_are_an_error(
+    path: Path,
+    facts: dict[str, str],
+    look: Callable[[Recording], object],
+    rule: str,
+) -> None:
+    write_mcap(path, facts={TOTALS: facts})
     with pytest.raises(RecordingError, match=rule):
-        Recording.open(path).completeness()
+        look(Recording.open(path))
 
 
 # Ticks --------------------------------------------------------------------------------

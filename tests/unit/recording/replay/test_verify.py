@@ -14,6 +14,7 @@ from tests.support.inline_runs import (
     record_scripted,
     scripted_options,
 )
+from tests.support.recorded_messages import assert_true_run
 from tests.support.rewritten_recordings import (
     changing,
     rewritten,
@@ -86,9 +87,7 @@ def test_a_live_run_with_unknown_readings_goes_on_and_says_that_it_begins(
     record_scripted(source(), scripted_options(TICKS), log)
     _, past = find_resume_point(log)
     record_scripted(source(), scripted_options(TICKS + 10), again, past)
-    verdict = verify(again)
-    assert (verdict.difference, verdict.complete) == (None, True)
-    assert verdict.ticks == TICKS + 10
+    assert_true_run(again, ticks=TICKS + 10)
     begins = [
         one.message.tick
         for one in Recording.open(again).messages(("observation",))
@@ -121,6 +120,5 @@ def test_what_was_refused_of_a_wave_that_settled_is_refused_again(
             said.append(wrong._replace(sequence=expected["cell/1"]))
             expected["cell/1"] += 1
         said.append(one)
-    verdict = verify(write_again(recording, log, said, expected=expected))
-    assert (verdict.difference, verdict.complete) == (None, True)
+    verdict = assert_true_run(write_again(recording, log, said, expected=expected))
     assert verdict.states == TICKS

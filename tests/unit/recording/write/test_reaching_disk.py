@@ -19,12 +19,12 @@ from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.resume import find_resume_point
-from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.fsync_thread import FsyncThread
 from neurosnap.recording.write.rotation import Split, SplitWriter
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.parts import recorder_process as recorder
 from neurosnap.runtime.parts.recorder_process import run_recorder
+from tests.support.recorded_messages import assert_true_run
 from tests.support.recordings import EACH, NOW
 from tests.support.split_runs import EVERY, SMALL, upto
 
@@ -226,7 +226,7 @@ def test_recording_goes_on_while_the_disk_takes_a_file(
         disk.takes.set()
         add_all(writer, messages[len(shares) :], len(shares))
         writer.finish({}, old.noted().expected)
-    assert (verify(log).same, verify(log).complete) == (True, True)
+    assert_true_run(log)
 
 
 @pytest.mark.parametrize("takes", [True, False])

@@ -17,15 +17,14 @@ from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import (
     Recording,
-    first_path,
     part_path,
     part_paths,
 )
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.rotation import LATE, Split, SplitWriter
-from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.parts.recorder_process import split_of
+from tests.support.recorded_messages import assert_true_run
 from tests.support.rewritten_recordings import overtaken
 from tests.support.split_runs import (
     EVERY,
@@ -112,8 +111,7 @@ def test_every_file_is_a_run_and_all_together_are_the_run(
             assert closing == decisions.get(tick, closing)
             assert closing.tick == tick
         if number:
-            verdict = verify(path)
-            assert (verdict.difference, verdict.complete) == (None, True)
+            verdict = assert_true_run(path)
             assert (verdict.start, verdict.ticks) == (begins, 0 if last else EVERY)
             # With the one that opens it, and the one that closes it.
             assert last or verdict.decisions == EVERY + 1
@@ -145,14 +143,6 @@ def test_a_decision_that_ends_one_file_is_compared_with_the_next(
     rule = "tick 30: the decision of the last tick: recorded Decision("
     assert str(found[2].difference).startswith(rule)
     assert not verify(log).same
-
-
-def test_a_closing_decision_that_is_none_is_refused(log: Path) -> None:
-    with Writer(log) as writer:
-        writer.start({})
-        writer.finish({"decision": '{"tick": -1}'}, {})
-    with pytest.raises(RecordingError, match=r"decision: must hold a decision, got "):
-        _ = Recording.open_file(log).closing
 
 
 # Which are kept, what they are called -------------------------------------------------
@@ -213,15 +203,6 @@ def test_a_file_in_the_way_is_not_overwritten(log: Path, number: int) -> None:
     assert list(log.parent.iterdir()) == [other]
 
 
-def test_files_have_names_in_order() -> None:
-    log, numbers = Path("at/run.v2.mcap"), (0, 1, 12, 9999)
-    names = [part_path(log, number) for number in numbers]
-    assert names == sorted(names)
-    assert {first_path(path, n) for path, n in zip(names, numbers, strict=True)} == {
-        log
-    }
-
-
 def test_options_know_the_smallest_file() -> None:
     given = msgspec.structs.asdict(options())
     for split, rule in ((65535, "split: must be 0, or at least 65536"), (0, "keep: ")):
@@ -275,7 +256,7 @@ def test_a_file_does_not_wait_for_whoever_is_silent(
     # All between the key-frame and the late one takes longer than anybody waits.
     write(whole, log, [*heard[:resumed], late, *heard[resumed:]], step=LATE)
     assert all(file.completeness().whole for file in each_file(log))
-    assert (verify(log).same, verify(log).complete) == (True, True)
+    assert_true_run(log)
 
 
 def never_started(wave: int = 2**31 - 1) -> list[wire.Delivery]:

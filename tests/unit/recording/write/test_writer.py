@@ -116,14 +116,6 @@ def test_duplicates_are_left_out_and_gaps_named(path: Path) -> None:
     assert recording.completeness() == completeness
 
 
-def test_a_repaired_loss_is_recorded_where_it_came(path: Path) -> None:
-    first, second, third = delivered([EACH["observation"]] * 3)
-    completeness = record(path, [first, third, second])
-    assert completeness == Completeness(3)
-    read = [recorded.sequence for recorded in Recording.open(path).messages()]
-    assert read == [0, 2, 1]
-
-
 @pytest.mark.parametrize(
     "foreign",
     [
@@ -146,22 +138,15 @@ def test_what_is_no_message_is_counted_and_left_out(
     with Writer(path) as writer:
         writer.start({})
         writer.add(foreign, NOW)
-        writer.add(PULSE, NOW)
-        completeness = writer.finish({}, {"cell/3": 1})
-    assert completeness == Completeness(1, foreign=1)
-    (read,) = Recording.open(path).messages()
-    assert read.delivery == PULSE
-
-
-def test_a_log_time_that_is_none_is_an_error(path: Path) -> None:
-    with Writer(path) as writer:
-        writer.start({})
         with pytest.raises(
             InvalidValueError, match=r"^log_time: must be in \[0, 2\^64"
         ):
             writer.add(PULSE, -1)
         writer.add(PULSE, NOW)
-        assert writer.finish({}, {"cell/3": 1}).whole
+        completeness = writer.finish({}, {"cell/3": 1})
+    assert completeness == Completeness(1, foreign=1)
+    (read,) = Recording.open(path).messages()
+    assert read.delivery == PULSE
 
 
 def test_what_was_flushed_is_there_while_it_is_written(path: Path) -> None:
@@ -193,21 +178,14 @@ def test_abandoned_it_stays_readable_and_takes_nothing_more(
         writer.add(PULSE, NOW)
     with pytest.raises(RecordingError, match=r"^log: must be open, got"):
         writer.flush()
+    with pytest.raises(RecordingError, match=r"^log: must be started once"):
+        writer.start({})
     with pytest.raises(RecordingError, match=r"^log: must be started and open, got"):
         writer.finish({}, {})
     recording = Recording.open(path)
     assert len(list(recording.messages())) == started
     assert recording.cut is not None
     assert recording.totals is None
-
-
-def test_it_must_be_started_once(path: Path) -> None:
-    with Writer(path) as writer:
-        with pytest.raises(RecordingError, match=r"^log: must be started and open"):
-            writer.add(PULSE, NOW)
-        writer.start({})
-        with pytest.raises(RecordingError, match=r"^log: must be started once"):
-            writer.start({})
 
 
 def test_text_that_cannot_be_written_is_refused_whole(path: Path) -> None:
