@@ -151,7 +151,6 @@ class RayActors:
         self._connected = False
         self._group: PlacementGroup | None = None
         self._bundles: dict[str, int] = {}  # of the group, by worker
-        self._places: list[str] = []  # of the bundles, for people
         self._actors: dict[str, Actor] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="ray")
@@ -227,11 +226,6 @@ class RayActors:
                 rule = f"must have {len(workers) + 1} free CPUs within"
                 raise kind(f"ray: {rule} {self._patience:g} s, has {free:g}")
         self._bundles = {who: 1 + number for number, who in enumerate(workers)}
-        address = {node.id: node.address for node in found}
-        self._places = [
-            f"node {node[:8]} ({address.get(node, 'new')})"
-            for node in await self._aside(cluster.homes, group)
-        ]
 
     async def start(self, jobs: Sequence[tuple[Job, PartConnection]]) -> None:
         """Start an actor per job."""
@@ -272,11 +266,10 @@ class RayActors:
             async for report in actor.live.remote(job, connection):
                 self._listener.receive(decode_report(await report))
         except Exception as error:  # noqa: BLE001 - whatever it is, the part has ended
-            place, in_order = self._places[self._bundles.get(who, 0)], False
-            reason = _REASON.search(str(error))
-            how = f"its actor on {place}: {reason[1] if reason else error!r}"
+            reason, in_order = _REASON.search(str(error)), False
+            how = f"its actor: {reason[1] if reason else error!r}"
             if _would_again(error):
-                what = f"must be able to begin on {place}: {error}"
+                what = f"must be able to begin: {error}"
                 self._listener.receive(Failed(who, what[:_SHOWN]))
         with suppress(RayError):
             ray.kill(actor)  # it has ended, and its process goes on

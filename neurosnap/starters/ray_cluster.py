@@ -10,13 +10,12 @@ import os
 import socket
 from collections.abc import Collection
 from contextlib import suppress
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import ray
 from ray.util.placement_group import (
     PlacementGroup,
     placement_group,
-    placement_group_table,
     remove_placement_group,
 )
 
@@ -180,13 +179,6 @@ def reserve(own: str, workers: int) -> PlacementGroup:
         bundle_label_selector=[{_NODE: own}, *somewhere],
     )
     return group
-
-
-def homes(group: PlacementGroup) -> list[str]:
-    """Return the ids of the nodes that were found for a group, in its order."""
-    table: dict[str, Any] = placement_group_table(group)
-    found: dict[int, str] = table["bundles_to_node_id"]
-    return [found[bundle] for bundle in sorted(found)]
 
 
 def release(group: PlacementGroup) -> None:

@@ -123,10 +123,10 @@ def test_nodes_that_die_are_parts_that_died(tmp_path: Path) -> None:
                 (20, ("1",)), (20, ("2",)), site=Site(placement=on(doomed))
             )
         )
-        ids = [doomed.id(number)[:8] for number in (1, 2)]
-    for event, node in zip(unplugged.restarts, ids, strict=True):
+    assert len(unplugged.restarts) == 2
+    for event in unplugged.restarts:
         # Ray may notice it after the coordinator does, whom the worker left.
-        by_ray = f"its actor on node {node} (127.0.0.1)" in event.why
+        by_ray = "its actor: " in event.why
         by_swarm = event.why.startswith("coordinator: worker/")
         assert by_ray or by_swarm, event.why
     check_same(outcome, unplugged, log, options, calm)

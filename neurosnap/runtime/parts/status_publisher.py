@@ -123,13 +123,10 @@ async def publish_status(
             are.
 
     Raises:
-        InvalidValueError: The broker refuses the name, the password or a topic; or
-            nothing is to be said.
+        InvalidValueError: The broker refuses the name, the password or a topic.
         NeurosnapError: The broker cannot be reached at the start; or nothing more can
             be heard of the swarm.
     """
-    if not has_status(options):
-        raise InvalidValueError("alarms", "must be a budget, or be published", NEVER)
     from neurosnap.runtime.parts.health_listener import HealthListener, Past
 
     publisher = _publisher(options) if _publishes(options) else None
