@@ -87,7 +87,11 @@ class Excited:
 
     def __init__(self, body: Body, seed: int, explore: float = EXPLORE) -> None:
         self._actions = Actions(body)
-        self._better, self._not_worse = drives(body)
+        if not {"better", "worse"}.issubset(body.own):
+            rule = "must have a world with the sensors better and worse"
+            raise InvalidValueError("agent excited", rule, list(body.own))
+        self._better = 2 * body.own.index("better")
+        self._not_worse = 2 * body.own.index("worse") + 1
         self._explore = checked_share(explore)
         self._random = RandomNumbers(seed)
 
@@ -116,18 +120,6 @@ class Excited:
     def grow(self, body: Body) -> None:
         """Go on with a body that has grown, or retired, a sensor."""
         self._actions = Actions(body)
-
-
-def drives(body: Body) -> tuple[int, int]:
-    """Return the literals `better` and `worse*` of a body.
-
-    Raises:
-        InvalidValueError: Its world has no such sensors.
-    """
-    if not {"better", "worse"}.issubset(body.own):
-        rule = "must have a world with the sensors better and worse"
-        raise InvalidValueError("agent excited", rule, list(body.own))
-    return 2 * body.own.index("better"), 2 * body.own.index("worse") + 1
 
 
 class Aims(TypedDict, total=False):

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
+from neurosnap.sensorium import complement
 
 
 class Contexts:
@@ -40,11 +41,9 @@ class Contexts:
             state: ``(2N,)``. Where no sensor looks at the step before, the part of it
                 that is of the world's own sensors is enough.
         """
-        single: NDArray[np.bool_] = state[self._single]
-        if not self._starts.size:
-            return np.concatenate((single, self._free)) if self._free.size else single
         grown = np.logical_and.reduceat(state[self._grown], self._starts)
-        return np.concatenate((single, grown, self._free)) & self.in_use
+        holds = np.concatenate((state[self._single], grown, self._free))
+        return np.asarray(holds & self.in_use, np.bool_)
 
     def told(
         self, state: NDArray[np.bool_], known: NDArray[np.bool_]
@@ -59,19 +58,13 @@ class Contexts:
             state: ``(2N,)``.
             known: ``(n,)``, which readings of the world's own sensors were known then.
         """
-        literal = self._single
-        single: NDArray[np.bool_] = (
-            known[literal >> 1] | state[literal] | state[literal ^ 1]
-        )
-        if not self._starts.size:
-            return np.concatenate((single, self._free)) if self._free.size else single
-        literal = self._grown
-        read = np.zeros(len(state) // 2, np.bool_)
-        read[: len(known)] = known
-        told = read[literal >> 1] | state[literal] | state[literal ^ 1]
-        all_told = np.logical_and.reduceat(told, self._starts)
-        one_off = np.logical_or.reduceat(told & ~state[literal], self._starts)
-        return np.concatenate((single, all_told | one_off, self._free)) & self.in_use
+        told = state | complement(state)
+        told[: 2 * len(known)] |= np.repeat(known, 2)
+        all_told = np.logical_and.reduceat(told[self._grown], self._starts)
+        off = (told & ~state)[self._grown]
+        one_off = np.logical_or.reduceat(off, self._starts)
+        tells = np.concatenate((told[self._single], all_told | one_off, self._free))
+        return np.asarray(tells & self.in_use, np.bool_)
 
 
 class Senses:

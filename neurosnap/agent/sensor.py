@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.errors import InvalidValueError, ShapeError
+from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import Sensorium
 
 
@@ -41,8 +41,8 @@ class Sensor:
             states; then the order is 1.
 
     Raises:
-        InvalidValueError: `name` cannot name a sensor, `predicate` cannot be called, or
-            `order` is no whole number from 0 up, or not 1 for a reward.
+        InvalidValueError: `name` cannot name a sensor, or `order` is no whole number
+            from 0 up, or not 1 for a reward.
 
     Example:
         >>> moved = Sensor("moved", lambda before, after: before != after, order=1)
@@ -57,8 +57,6 @@ class Sensor:
 
     def __post_init__(self) -> None:
         Sensorium([self.name])
-        if not callable(self.predicate):
-            raise InvalidValueError("predicate", "must be callable", self.predicate)
         if type(self.order) is not int or self.order < 0:
             rule = "must be a whole number from 0 up"
             raise InvalidValueError("order", rule, self.order)
@@ -72,15 +70,9 @@ class Sensor:
             *states: ``order + 1`` states, the oldest first; or the reward alone.
 
         Raises:
-            ShapeError: Another number of states, or of rewards.
             InvalidValueError: The predicate raised, or answered with something else
                 than a bool, 0 or 1; the text names the sensor and shows the states.
         """
-        count = 1 if self.of_reward else self.order + 1
-        if len(states) != count:
-            given = "reward" if self.of_reward else "states"
-            rule = f"must be given {count} {given}"
-            raise ShapeError(f"sensor {self.name}", rule, len(states))
         try:
             answer = self.predicate(*states)
         except Exception as error:
@@ -232,22 +224,13 @@ def rewarded(name: str = "rewarded", above: float = 0.0) -> Sensor:
 
         The very first state is a beginning: no step led to it.
     """
-    return Sensor(name, _Above(above), order=1, of_reward=True)
-
-
-@dataclass(frozen=True)
-class _Above:
-    """Whether a reward is above a value."""
-
-    value: float
-
-    def __call__(self, reward: float) -> bool:
-        return reward > self.value
+    predicate = _Compared(itself, operator.gt, above)
+    return Sensor(name, predicate, order=1, of_reward=True)
 
 
 @dataclass(frozen=True)
 class _Compared:
-    """Whether a quantity of the state stands in a relation to a value."""
+    """Whether a quantity of the state, or a reward, stands in a relation to a value."""
 
     of: Callable[[Any], Any]
     relation: Callable[[Any, Any], object]

@@ -280,6 +280,7 @@ def test_a_reader_may_begin_anywhere(inline: Path) -> None:
         assert (verdict.same, verdict.start, verdict.ticks) == (True, tick, 40 - tick)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.zenoh
 @pytest.mark.usefixtures("no_process_is_left")
 def test_parts_die_around_births_and_it_comes_to_the_same(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from neurosnap.agent.agent import Agent
 from neurosnap.agent.binary_sensors import BinarySensors
 from neurosnap.agent.environment import Continuing
 from neurosnap.agent.sensor import Sensor, Trajectory, one_hot, rewarded
-from neurosnap.errors import InvalidValueError, ShapeError
+from neurosnap.errors import InvalidValueError
 from world.toy_text import frozen_lake
 
 DOWN, RIGHT = 1, 2
@@ -54,8 +54,6 @@ def test_any_predicate_may_read_it() -> None:
 def test_what_reads_a_reward_looks_back_one_step_and_gets_one_number() -> None:
     with pytest.raises(InvalidValueError, match=r"^order: must be 1 for a reward, got"):
         Sensor("fell", fell, of_reward=True)
-    with pytest.raises(ShapeError, match=r"^sensor rewarded: must be given 1 reward"):
-        rewarded()(0.0, 1.0)
     trajectory = Trajectory([rewarded()])
     assert trajectory.begin(3).tolist() == [False]
     assert trajectory.extend(3, 0.5).tolist() == [True]

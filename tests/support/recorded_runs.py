@@ -42,17 +42,6 @@ def planner_run(ticks: int = TICKS) -> RunOptions:
     return _options("neurosnap/Grid-v0", size, ticks, agent="planner", target=target)
 
 
-def seeker_run(ticks: int = TICKS) -> RunOptions:
-    return _options(
-        "neurosnap/Rail-v0",
-        {"places": 6, "target": 2},
-        ticks,
-        snapshot="discounted",
-        threshold=0.1,
-        decay=0.9,
-    )
-
-
 def csv_run(path: Path, ticks: int = TICKS) -> RunOptions:
     """A rule is learned, and broken by what is observed at tick 25."""
     chance = random.Random(3)

@@ -15,7 +15,7 @@ from neurosnap.agent.growth.retirement import is_needless
 from neurosnap.agent.growth.sensor_changes import birth_fields
 from neurosnap.poc.learning.archive import Arrays
 from neurosnap.poc.learning.history import LENGTH, History, conjunction
-from neurosnap.poc.learning.search import Question, Search, nothing
+from neurosnap.poc.learning.search import Question, Search
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.sensorium import selection
 
@@ -84,43 +84,34 @@ class Growth:
             What is to be asked of the history; the observation is in it then.
         """
         self.history.record(observation, known)
-        if action < 0 or self._grower is None:
-            return self._change(nothing(), snapshot)
         came = selection(observation, known)[: 2 * self._own]
-        surprise = self._grower.notice(action, state, foretold, came, self.history.tick)
-        return self._change(self._explain(action, surprise), snapshot)
+        return self._changed(action, state, foretold, came, snapshot)
 
-    def _change(
-        self, search: Search[Context | None], snapshot: Snapshot
+    def _changed(
+        self,
+        action: int,
+        state: NDArray[np.bool_],
+        foretold: NDArray[np.bool_],
+        came: NDArray[np.bool_],
+        snapshot: Snapshot,
     ) -> Search[None]:
         """Prepare what a decision says: one sensor is grown at most, or one retires."""
         self._said = {}
-        yield from self._bear((yield from search), snapshot)
-        if "born" not in self._said:
-            yield from self._retire(snapshot)
-
-    def _explain(
-        self, action: int, surprise: Search[Context | None]
-    ) -> Search[Context | None]:
-        """Let a search go on; prepare what the decision says of what it gave up."""
-        before = self.hopeless[action]
-        due = yield from surprise
-        if (given_up := self.hopeless[action] & ~before).any():
-            self._said["chance"] = tuple(np.flatnonzero(given_up).tolist())
-        return due
-
-    def _bear(self, due: Context | None, snapshot: Snapshot) -> Search[None]:
-        """Find out what a sensor would have read, and what its weights would be.
-
-        Args:
-            due: Its context; if None, that of the scripted one whose tick it is, if
-                there is one.
-            snapshot: Weighs it.
-        """
-        if due is None and self._awaited and self._awaited[0][0] <= self.history.tick:
-            due = self._awaited[0][1]
+        due, tick = None, self.history.tick
+        if action >= 0 and self._grower is not None:
+            before = self.hopeless[action]
+            due = yield from self._grower.notice(action, state, foretold, came, tick)
+            if (given_up := self.hopeless[action] & ~before).any():
+                self._said["chance"] = tuple(np.flatnonzero(given_up).tolist())
+        if due is None and self._awaited and self._awaited[0][0] <= tick:
+            due = self._awaited[0][1]  # the scripted one whose tick it is
         if due is None:
-            return
+            yield from self._retire(snapshot)
+        else:
+            yield from self._bear(due, snapshot)
+
+    def _bear(self, due: Context, snapshot: Snapshot) -> Search[None]:
+        """Find out what a sensor would have read, and what its weights would be."""
         body, (action, literals) = self._body, due
         sensor, now = body.first_grown + len(body.grown), body.members(due)
         _, before = body.split(literals)

@@ -155,18 +155,8 @@ def test_the_step_after_an_end_resets_and_no_end_is_reported(truncates: bool) ->
     info = env.step(1)[4]
     assert (info["episode"], info["begins"]) == (1, False)
     assert inner.resets == [5, None]  # its random numbers go on
-
-
-def test_the_callers_reset_counts_episodes_anew() -> None:
-    env = Continuing(Counter())
-    env.reset(seed=0)
-    episodes = [env.step(2)[4]["episode"] for _ in range(9)]
-    assert episodes == sorted(episodes)
-    assert episodes[-1] >= 2
-    while env.step(2)[0] < 3:
-        pass
-    assert env.reset()[1]["episode"] == 0
-    assert env.step(0)[4]["episode"] == 0  # and is no reset
+    assert env.reset()[1]["episode"] == 0  # the caller's counts anew
+    assert env.step(0)[4]["episode"] == 0
 
 
 def test_every_episode_is_a_trajectory_whichever_wrapper_is_within() -> None:

@@ -154,20 +154,6 @@ class TestSenses:
             seen = senses.observe(own, taken, state)
             assert seen.tolist() == [value is True for value in expected]
 
-    def test_all_is_known_where_nothing_is_said(self) -> None:
-        senses = Senses(Body.full(["a"], ["go"]))
-        assert senses.known(None) is None
-        assert senses.known(np.array([True])) is None
-        assert senses.known(None, 0, np.zeros(8, np.bool_), None) is None
-
-    def test_observations_share_no_memory(self) -> None:
-        senses, bits = Senses(Body.full(["a"], ["go"])), np.array([True])
-        first = senses.observe(bits)
-        kept = first.copy()
-        bits[0] = False
-        senses.observe(bits, 0, np.ones(8, np.bool_))
-        assert (first == kept).all()
-
     @pytest.mark.parametrize(
         ("body", "back"),
         [

@@ -9,11 +9,14 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
 from neurosnap.agent.experience import Experience
-from neurosnap.agent.planner import Planner, target_literals
+from neurosnap.agent.planner import Planner, subgoals, target_literals
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import Sensorium, complete
+from tests.support import agent_oracles as agents
+from tests.support.agent_oracles import as_array, known
 from tests.support.deliberations import asked, decided_by
+from tests.support.strategies import as_set
 
 BODY = Body.full(["a", "b", "better"], ["x", "y", "z"], [0, 0, 1])
 NAMES = Sensorium(BODY.sensors)
@@ -208,3 +211,22 @@ def test_where_greed_arrives_it_does_the_same(corridor: PocGraph) -> None:
     greedy = Planner(CORRIDOR, TARGET, 0, explore=0.0)
     for policy in (greedy, Planner(CORRIDOR, TARGET, 0, 0.0, Experience(CORRIDOR))):
         assert steps(corridor, policy, 4) == 1
+
+
+def test_the_plan_wants_to_cross_the_circle_where_there_is_no_way() -> None:
+    """[GK] "Agent on a Circular Rail": a beacon is on at its place and next to it.
+
+    U_3 and U_9 meet neither U_0 nor U_6 and separate 0 from 6, so the plan wants both
+    to stay off; yet one of them is on somewhere on either way.
+    """
+    rail = range(12)
+    body = Body.full([f"near{k}" for k in rail], ["forward", "back"])
+    moves = [[(x + step) % 12 for x in rail] for step in (1, -1)]
+    fields = [[(x - k) % 12 in (0, 1, 11) for x in rail] for k in rail]
+    graph = known(body, moves, fields)
+    now = as_array(agents.complete(agents.view(fields, 0)), graph.sensors)
+    between = {2 * 3 + 1, 2 * 9 + 1}
+    assert between <= as_set(subgoals(now, graph.up([2 * 6])))
+    for side in (range(7), [0, *range(11, 5, -1)]):
+        views = [agents.complete(agents.view(fields, x)) for x in side]
+        assert not all(between <= view for view in views)

@@ -5,14 +5,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
 from neurosnap.agent.planner import Planner
-from neurosnap.agent.policies import Excited, Walker, drives, new_policy
-from neurosnap.agent.policy import AgentKind
+from neurosnap.agent.policies import Excited, Walker, new_policy
+from neurosnap.agent.policy import WIDTH, AgentKind, RandomNumbers, pick
 from neurosnap.errors import InvalidValueError
 from tests.support.deliberations import asked, decided
+from tests.support.hypothesis_settings import examples
 
 Bits = NDArray[np.bool_]
 BODY = Body.full(["a", "better", "worse"], ["x", "y"], [0, 1, 1])
@@ -127,5 +130,37 @@ def test_a_source_without_actions_gets_none(seed: int) -> None:
     assert decided(Walker(0, seed), 1, here, []) == no_action
 
 
-def test_the_drives_are_found_wherever_they_stand() -> None:
-    assert drives(Body(own=("worse", "a", "better"))) == (4, 1)
+# What is drawn -----------------------------------------------------------------------
+
+LARGEST = 2**63 - 1
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 5, 7, 1000, 1023, 1024])
+def test_the_ends_of_the_range_pick_the_first_and_the_last(count: int) -> None:
+    options = np.arange(10, 10 + count)
+    assert pick(options, 0.0) == 10
+    assert pick(options, 1 - 2.0**-53) == 9 + count
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 6])
+def test_equal_shares_of_the_range_pick_each(count: int) -> None:
+    options = np.arange(count) * 3
+    picked = [pick(options, (k + 0.5) / 12) for k in range(12)]
+    assert picked == np.repeat(options, 12 // count).tolist()
+
+
+@examples(30)
+@given(st.integers(0, LARGEST), st.lists(st.integers(0, 5000), min_size=1, max_size=8))
+def test_they_are_the_doubles_that_numpy_makes_of_the_same_counter_in_any_order(
+    seed: int, ticks: list[int]
+) -> None:
+    draws = RandomNumbers(seed)
+    numpys = np.random.Generator(np.random.Philox(key=seed)).random((5001, WIDTH))
+    for tick in (*ticks, *reversed(ticks)):
+        np.testing.assert_array_equal(draws.at(tick), numpys[tick])
+
+
+def test_a_late_tick_is_as_good_as_an_early_one() -> None:
+    late = RandomNumbers(3).at(2**40)
+    assert ((late >= 0) & (late < 1)).all()
+    assert (late == RandomNumbers(3).at(2**40)).all()

@@ -16,7 +16,7 @@ from neurosnap.agent.sensor import (
     one_hot,
     thresholds,
 )
-from neurosnap.errors import InvalidValueError, ShapeError
+from neurosnap.errors import InvalidValueError
 
 
 def second(pair: tuple[int, int]) -> int:
@@ -100,19 +100,11 @@ def test_a_predicate_that_raises_is_named_with_its_states() -> None:
     assert isinstance(caught.value.__cause__, IndexError)
 
 
-@pytest.mark.parametrize("states", [(), (1,), (1, 2, 3)])
-def test_the_number_of_states_must_fit_the_order(states: tuple[int, ...]) -> None:
-    rule = rf"^sensor up: must be given 2 states, got {len(states)}$"
-    with pytest.raises(ShapeError, match=rule):
-        increased("up")(*states)
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (("", bool), r"^sensor name: must not be empty"),
         (("near*", bool), r"^sensor name: must not end with \*"),
-        (("near", 3), r"^predicate: must be callable, got 3$"),
         (("near", bool, -1), r"^order: must be a whole number from 0 up, got -1$"),
         (("near", bool, True), r"^order: must be a whole number from 0 up, got True$"),
         (("near", bool, 0.5), r"^order: must be a whole number from 0 up, got 0\.5$"),

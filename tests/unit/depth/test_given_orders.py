@@ -51,12 +51,6 @@ def test_a_random_order_has_the_height_and_the_covers_asked_for(
     assert order.reach().nonzero()[0].tolist() == list(range(0, 2 * sensors, 2))
 
 
-def test_another_seed_draws_another_order() -> None:
-    first, second, third = (layered(20, 3, 60, seed) for seed in (1, 1, 2))
-    assert np.array_equal(first.edges, second.edges)
-    assert not np.array_equal(first.edges, third.edges)
-
-
 @pytest.mark.parametrize(
     ("sensors", "height", "edges", "text"),
     [

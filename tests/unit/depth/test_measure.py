@@ -3,7 +3,7 @@
 import asyncio
 import csv
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,6 @@ from neurosnap.errors import InvalidValueError, SwarmError
 from neurosnap.fabric.in_memory import MemoryFabric
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.partition import hosts, shares
-from neurosnap.protocol.run_options import WiringKind
 from neurosnap.protocol.worker import Worker
 from tools.simulate.simulated_hub import SimulatedHub
 
@@ -45,21 +44,25 @@ def on_a_line(*depths: int) -> list[Measured]:
 # Fitting ------------------------------------------------------------------------------
 
 
-def test_a_line_is_fitted_exactly() -> None:
-    line = fit(on_a_line(1, 2, 4, 8, 16))
+@pytest.mark.parametrize(
+    ("rows", "expected"),
+    [
+        pytest.param(on_a_line(1, 2, 4, 8, 16), (0.125, 0.25, 1), id="exact"),
+        # Means 1 and 3, so half of the variance is within a depth.
+        pytest.param(
+            [row(0, 0.0), row(0, 2.0), row(2, 2.0), row(2, 4.0)],
+            (1, 1, 0.5),
+            id="noise",
+        ),
+        pytest.param([row(d, 0.5) for d in (1, 2, 3)], (0, 0.5, 1), id="level"),
+    ],
+)
+def test_a_line_is_fitted(
+    rows: list[Measured], expected: tuple[float, float, float]
+) -> None:
+    line = fit(rows)
     assert line is not None
-    assert line.slope == pytest.approx(0.125, rel=1e-12)
-    assert line.intercept == pytest.approx(0.25, rel=1e-12)
-    assert line.r2 == pytest.approx(1.0, abs=1e-12)
-
-
-def test_noise_is_what_the_line_does_not_explain() -> None:
-    # Over depths 0 and 2: means 1 and 3, so half of the variance is within a depth.
-    line = fit([row(0, 0.0), row(0, 2.0), row(2, 2.0), row(2, 4.0)])
-    assert line is not None
-    assert line.slope == pytest.approx(1.0)
-    assert line.intercept == pytest.approx(1.0)
-    assert line.r2 == pytest.approx(0.5)
+    assert msgspec.structs.astuple(line) == pytest.approx(expected, abs=1e-12)
 
 
 def test_state_waves_are_left_out() -> None:
@@ -71,13 +74,6 @@ def test_state_waves_are_left_out() -> None:
 @pytest.mark.parametrize("depths", [(), (3,), (3, 3, 3)])
 def test_one_depth_makes_no_line(depths: tuple[int, ...]) -> None:
     assert fit(on_a_line(*depths)) is None
-
-
-def test_a_level_line_explains_everything() -> None:
-    line = fit([row(1, 0.5), row(2, 0.5), row(3, 0.5)])
-    assert line is not None
-    assert line.r2 == 1.0
-    assert line.slope == pytest.approx(0.0, abs=1e-12)
 
 
 # Writing ------------------------------------------------------------------------------
@@ -95,20 +91,6 @@ def test_a_csv_has_a_row_a_wave(tmp_path: Path) -> None:
         read = list(csv.reader(file))
     assert read[1:] == [[str(getattr(r, name)) for name in COLUMNS] for r in rows]
     assert [float(line[-1]) for line in read[1:]] == [r.seconds for r in rows]
-    assert list(tmp_path.iterdir()) == [path]
-
-
-def test_a_csv_that_fails_leaves_what_was_there(tmp_path: Path) -> None:
-    path = tmp_path / "depth.csv"
-    path.write_text("what was there before")
-
-    def rows() -> Iterator[Measured]:
-        yield row(1, 0.1)
-        raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError):
-        write_csv(rows(), path)
-    assert path.read_text() == "what was there before"
     assert list(tmp_path.iterdir()) == [path]
 
 
@@ -251,22 +233,13 @@ def test_over_a_derived_wiring_a_wave_takes_one_hop() -> None:
         assert measured.pulses == h * (h + 1) // 2  # from each to all above
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_out_of_order_a_derived_wave_is_deeper_and_reaches_the_same(seed: int) -> None:
     rows = probed(ProbePlan(12, (11,), "derived", waves=4), seed).rows
     assert len(rows) == 4
     assert all(1 <= measured.depth <= 11 for measured in rows)
     assert all(measured.pulses == 66 for measured in rows)
     assert any(measured.depth > 1 for measured in rows)
-
-
-@pytest.mark.parametrize("sensors", [6, 24])
-@pytest.mark.parametrize("wiring", ["hasse", "derived"])
-def test_depth_does_not_depend_on_how_many_cells_there_are(
-    wiring: WiringKind, sensors: int
-) -> None:
-    rows = probed(ProbePlan(sensors, (5,), wiring, waves=1)).rows
-    assert [measured.depth for measured in rows] == [5 if wiring == "hasse" else 1]
 
 
 def test_waves_to_warm_up_are_not_in_the_rows() -> None:
@@ -281,11 +254,6 @@ def test_waves_to_warm_up_are_not_in_the_rows() -> None:
     probe = probed(plan, lost=count)
     assert len(numbers) == 2 * (2 + 3)
     assert probe.tick == len(probe.rows) == 2 * 2
-
-
-def test_the_time_is_from_the_waves_start_to_its_end() -> None:
-    rows = probed(ProbePlan(4, (1, 3), "hasse", waves=2)).rows
-    assert [measured.seconds for measured in rows] == [1.0] * 4
 
 
 def test_a_wave_that_lost_a_pulse_is_sent_again_and_measured_right() -> None:
@@ -326,8 +294,8 @@ def test_asked_to_stop_it_ends_at_once() -> None:
     assert probe.finished
 
 
-@pytest.mark.parametrize("seed", [None, 0, 1])
-@pytest.mark.parametrize("workers", [1, 2, 5])
+@pytest.mark.parametrize("seed", [None, 0])
+@pytest.mark.parametrize("workers", [1, 5])
 def test_in_workers_a_wave_is_as_deep_as_among_cells(
     workers: int, seed: int | None
 ) -> None:

@@ -50,13 +50,6 @@ def test_a_hole_is_walked_around_and_changes_nothing_there_is_to_learn(
     assert env.implications == whole.implications
 
 
-def test_places_keep_the_order_they_have_without_the_hole() -> None:
-    whole = [tuple(row) for row in GridWorld(5, 4).coordinates]
-    whole.remove((3, 2))
-    punctured = PuncturedGridWorld(5, 4, (3, 2))
-    assert [tuple(row) for row in punctured.coordinates] == whole
-
-
 @pytest.mark.parametrize(
     ("width", "height", "middle"), [(11, 11, (5, 5)), (3, 3, (1, 1)), (4, 7, (2, 3))]
 )
@@ -76,8 +69,3 @@ def test_a_walk_is_told_where_it_is_and_never_in_the_hole() -> None:
         assert env.coordinates[info["place"]].tolist() == [info["x"], info["y"]]
         seen.add((info["x"], info["y"]))
     assert seen == set(itertools.product(range(4), range(3))) - {(1, 1)}
-
-
-def test_coordinates_cannot_be_written_to() -> None:
-    with pytest.raises(ValueError, match="read-only"):
-        GridWorld().coordinates[0, 0] = 1

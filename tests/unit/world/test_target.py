@@ -37,14 +37,6 @@ class Slide(PlacesWorld):
 
 
 @pytest.mark.parametrize("make", WORLDS)
-def test_distances_are_the_fewest_actions_in_every_world(make: Any) -> None:
-    env = make()
-    for target in range(env.moves.shape[1]):
-        expected = fewest_actions(env.moves, target)
-        assert Target(env, target).distances.tolist() == expected
-
-
-@pytest.mark.parametrize("make", WORLDS)
 @pytest.mark.parametrize("target", [None, 2])
 def test_better_and_worse_tell_how_the_distance_changed(
     make: Any, target: int | None
@@ -87,14 +79,6 @@ def test_leaving_for_good_is_for_the_worse_and_wandering_there_is_neither() -> N
     assert observation[-2:].tolist() == [0, 0]
 
 
-def test_a_reset_forgets_the_step_before_it() -> None:
-    env = Target(PathWorld(places=3), 0)
-    for seed in range(20):
-        env.reset(seed=seed)
-        env.step(np.int64(seed % 2))
-        assert env.reset()[0][-2:].tolist() == [0, 0]
-
-
 def test_a_drawn_target_is_drawn_after_the_start_from_the_same_numbers() -> None:
     env, bare = Target(PathWorld()), PathWorld()
     for reset in range(50):
@@ -135,12 +119,6 @@ def test_a_target_that_is_no_place_is_refused(target: Any) -> None:
     rule = r"^target: must be a place in 0\.\.2, or drawn, got "
     with pytest.raises(InvalidValueError, match=rule):
         Target(PathWorld(places=3), target)
-
-
-def test_wrappers_that_alter_nothing_may_be_between() -> None:
-    env = Target(gymnasium.make("neurosnap/Path-v0", places=3), 2)
-    env.reset(seed=0)
-    assert env.distances.tolist() == [2, 1, 0]
 
 
 @pytest.mark.parametrize(

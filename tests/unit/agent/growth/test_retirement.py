@@ -1,10 +1,14 @@
 """Which grown sensors retire, held against what was met tick by tick."""
 
+from types import SimpleNamespace
+from typing import Any
+
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body
 from neurosnap.agent.growth.growth import Growth
+from neurosnap.agent.growth.retirement import is_needless
 from neurosnap.poc.learning.history import History
-from neurosnap.poc.learning.search import Search
+from neurosnap.poc.learning.search import Search, answered
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.order.graph import PocGraph
 from world.toy_text import cliff_walking
@@ -118,3 +122,16 @@ def test_they_are_those_that_others_make_needless() -> None:
             bits, _ = env.reset()
     assert {"others", "forgotten"} <= set(why)
     assert looked > len(why)
+
+
+def test_one_that_retired_makes_no_other_needless() -> None:
+    body = Body.full(["a", "b", "c", "hit"], ["go"], room=2)
+    body = body.grow((0, (0, 2))).grow((0, (0, 2, 4)))
+    first, hit = 2 * body.first_grown, 2 * body.own.index("hit")
+    graph = PocGraph.from_implications(
+        len(body.sensors), [(first, hit), (first + 2, hit)]
+    )
+    snapshot: Any = SimpleNamespace(poc_graph=lambda: graph)
+    for one, needless in ((body, True), (body.retire(0), False)):
+        search = is_needless(one, 1, snapshot)
+        assert answered(search, History(len(body.sensors), 64)) == needless
