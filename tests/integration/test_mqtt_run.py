@@ -8,17 +8,11 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 import aiomqtt
-import msgspec
 import pytest
 
 from neurosnap import wire
-from neurosnap.agent.agent import Agent
-from neurosnap.poc.learning.kinds import Snapshot
-from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.replay.learning import Learning
 from neurosnap.recording.replay.verify import verify
-from neurosnap.sensorium import unpack_readings
 from tests.support.commands import Command
 from tests.support.mosquitto import (
     HOST,
@@ -216,58 +210,6 @@ async def test_a_switch_pauses_learning(tmp_path: Path) -> None:
     ]
     paused = [observation.paused for observation in observations]
     assert sum(paused) > 60
-    # What is derived from the observations is what the run had in the end.
-    learning = Learning(run.log, recording.options)
-    assert [*learning.learn_to(len(paused), observations, {})][-1] == len(paused)
-    learned = learning.snapshot
-    assert learned.clock == len(paused) - sum(paused)
-    frames = [recorded.message for recorded in recording.messages(("keyframe",))]
-    assert isinstance(frames[-1], wire.KeyFrame)
-    final = Snapshot.from_bytes(frames[-1].snapshot)
-    learned.adopt(final.state)
-    assert learned.to_bytes() == final.to_bytes()
-
-
-async def test_processes_that_miss_readings_decide_as_one_agent_does(
-    tmp_path: Path,
-) -> None:
-    flags = ("--agent", "planner", "--target", "light", "--ticks", "60")
-    with started(tmp_path, "allow_anonymous true") as broker:
-        async with (
-            peer(broker, "memory/world/status") as other,
-            running(tmp_path, broker, "process", *flags) as run,
-        ):
-            await heard(other, "memory/world/status", b"online")
-            ended, turn = asyncio.create_task(run.ended()), 0
-            while not ended.done():
-                door, light = turn % 2 == 0, turn % 3 == 0
-                await publish(
-                    other,
-                    door=None if turn % 5 == 0 else door,
-                    light=None if turn % 7 == 0 else light,
-                    t=15 + turn % 2 * 10,
-                )
-                turn += 1
-            assert await ended == 0, run.said
-    assert verify(run.log).same
-    recording = Recording.open(run.log)
-    options = msgspec.json.decode(recording.metadata["options"], type=RunOptions)
-    alone = Agent(options.body, options.new_policy(), options.new_snapshot())
-    own, decisions, missed = len(options.body.own), [], 0
-    for recorded in recording.messages(("observation",)):
-        assert isinstance(recorded.message, wire.Observation)
-        bits, known = unpack_readings(
-            recorded.message.bits, recorded.message.known, len(options.sensors)
-        )
-        known = None if known is None else known[:own]
-        missed += known is not None and not known.all()
-        decisions.append(alone.act(bits[:own], recorded.message.begins, known))
-    told = [recorded.message for recorded in recording.messages(("decision",))]
-    # The first opens the run; that of the last tick is never published.
-    assert told[1:] == decisions[: len(told) - 1]
-    assert missed
-    assert len(decisions) == 60
-    assert any("guarantees" in decision.why for decision in decisions)
 
 
 async def test_a_wrong_password_is_named_at_once(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Sources outside, for real: a pipe between processes, programs with stock Zenoh."""
+"""Sources outside, for real: programs with stock Zenoh."""
 
 import json
 import signal
@@ -7,6 +7,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -35,71 +36,6 @@ SWARM = "home"
 NAMES = ("door", "motion")
 EXAMPLE = Path(__file__).parents[2] / "examples" / "any_program.py"
 
-
-# Standard input -----------------------------------------------------------------------
-
-SHOW_TICKS = """
-import json, multiprocessing
-from neurosnap.sources.open import open_live, settle
-
-def show(arguments):
-    source = open_live("-", arguments)
-    seen = source.first()
-    while seen is not None:
-        known = None if seen.known is None else seen.known.tolist()
-        print(json.dumps([seen.bits.tolist(), known]), flush=True)
-        seen = source.step(-1)
-    source.close()
-    print("over", source.statistics().refused, flush=True)
-
-if __name__ == "__main__":
-    # As in a run: one process learns the names, another is the world.
-    parts = multiprocessing.get_context("forkserver")
-    world = parts.Process(target=show, args=(settle("-", {}),))
-    world.start()
-    world.join()
-"""
-
-
-@contextmanager
-def showing_ticks(tmp_path: Path) -> Iterator["subprocess.Popen[str]"]:
-    script = tmp_path / "show_ticks.py"
-    script.write_text(SHOW_TICKS)
-    with subprocess.Popen(
-        [sys.executable, str(script)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as process:
-        yield process
-    assert process.returncode == 0
-
-
-def test_a_program_at_the_other_end_of_a_pipe_sees_its_ticks(tmp_path: Path) -> None:
-    with showing_ticks(tmp_path) as process:
-        assert process.stdin is not None
-        assert process.stdout is not None
-        for line, tick in (
-            ({"bits": {"door": 1, "motion": 0}}, [[True, False], None]),
-            ({"bits": [0, 1], "tick": 2}, [[False, True], None]),
-            ({"sensor": "door", "on": "ON"}, [[True, True], None]),
-            ({"sensor": "motion", "on": None}, [[True, False], [True, False]]),
-        ):
-            process.stdin.write(json.dumps(line) + "\n")
-            process.stdin.flush()
-            # Each comes before the next is written: nothing waits for more input.
-            assert json.loads(process.stdout.readline()) == tick
-        process.stdin.write("nonsense\n")
-        process.stdin.close()
-        assert process.stdout.readline() == "over 1\n"
-        assert process.stderr is not None
-        said = process.stderr.read()
-    assert said.startswith("standard input:5: reading: must be a reading in JSON (")
-    assert said.count("\n") == 1
-
-
-# Zenoh --------------------------------------------------------------------------------
 
 BE_HUB = """
 import sys
@@ -293,28 +229,6 @@ def test_what_is_put_for_another_swarm_is_not_heard() -> None:
 
 
 @pytest.mark.zenoh
-@pytest.mark.parametrize("declared", [False, True])
-def test_under_tls_the_role_sensor_may_put_readings(
-    role_keys: Path, declared: bool
-) -> None:
-    with (
-        hub_on("tls", role_keys) as hub,
-        ticking(hub) as ticks,
-        hub.session("sensor") as session,
-    ):
-        key = f"neurosnap/{SWARM}/reading"
-        if declared:
-            publisher = listened_to(session, f"{key}/door")
-            publisher.put("on")
-            publisher.undeclare()
-        else:
-            session.put(f"{key}/door", "on")
-        ticks.wait([True, None])
-        session.put(key, b'{"tick": 1, "bits": [0, 1]}')
-        ticks.wait([False, True])
-
-
-@pytest.mark.zenoh
 def test_under_tls_the_role_sensor_can_say_and_hear_nothing_else(
     role_keys: Path,
 ) -> None:
@@ -325,24 +239,21 @@ def test_under_tls_the_role_sensor_can_say_and_hear_nothing_else(
         hub.session("cell") as cell,
         hub.session("world") as world,
     ):
-        heard: list[str] = []
-        overheard: list[str] = []
         last = threading.Event()
 
-        def hear(sample: zenoh.Sample) -> None:
-            heard.append(str(sample.key_expr).removeprefix(f"neurosnap/{SWARM}/"))
-            if heard[-1] in ("observation", "reading/last"):
+        def note(said: list[str], sample: zenoh.Sample) -> None:
+            said.append(str(sample.key_expr).removeprefix(f"neurosnap/{SWARM}/"))
+            if said is heard and said[-1] in ("observation", "reading/last"):
                 last.set()
 
-        watching = eyes.declare_subscriber(
-            f"neurosnap/{SWARM}/**", zenoh.handlers.Callback(hear, indirect=False)
-        )
-
-        def overhear(sample: zenoh.Sample) -> None:
-            overheard.append(str(sample.key_expr).removeprefix(f"neurosnap/{SWARM}/"))
-
-        listening = session.declare_subscriber(
-            f"neurosnap/{SWARM}/**", zenoh.handlers.Callback(overhear, indirect=False)
+        heard: list[str] = []
+        overheard: list[str] = []
+        watching, listening = (
+            listener.declare_subscriber(
+                f"neurosnap/{SWARM}/**",
+                zenoh.handlers.Callback(partial(note, said), indirect=False),
+            )
+            for listener, said in ((eyes, heard), (session, overheard))
         )
         for topic in wire.TOPICS:
             session.put(f"neurosnap/{SWARM}/{topic}", "on")

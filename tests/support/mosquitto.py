@@ -112,3 +112,16 @@ async def see(
     while wanted.items() - seen.items():
         message = await anext(aiter(client.messages))
         seen[message.topic.value] = bytes(message.payload)
+
+
+async def left(broker: Mosquitto) -> dict[str, bytes]:
+    """All that the broker retains."""
+    async with peer(broker, "#") as other:
+        # Its own comes after all that was retained.
+        await other.publish("mark", b"", qos=1)
+        found = {}
+        async for message in other.messages:
+            if not message.retain:
+                break
+            found[message.topic.value] = message.payload
+    return found

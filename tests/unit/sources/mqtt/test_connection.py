@@ -30,18 +30,31 @@ from neurosnap.sources.mqtt.options import MqttBroker
 from neurosnap.sources.mqtt.outbox import Outgoing
 
 
+def refusal(text: str) -> aiomqtt.MqttCodeError:
+    return aiomqtt.MqttCodeError(ReasonCode(PacketTypes.CONNACK, text))
+
+
 class Connection:
     """Stands in for one connection; a broker that keeps silent, fails, or answers."""
 
-    def __init__(self, *, silent: tuple[str, ...] = (), fails: str = "") -> None:
+    def __init__(
+        self,
+        *,
+        silent: tuple[str, ...] = (),
+        fails: str = "",
+        refuses: aiomqtt.MqttError | None = None,
+    ) -> None:
         self.pending_calls_threshold = 0
         self.got: list[str] = []
         self.answer = asyncio.Event()
         self._silent = silent
         self._fails = fails
+        self._refuses = refuses
         self._more = asyncio.Condition()
 
     async def __aenter__(self) -> Self:
+        if self._refuses is not None:
+            raise self._refuses
         return self
 
     async def __aexit__(self, *_: object) -> None:
@@ -153,14 +166,28 @@ async def test_a_second_link_leaves_it_to_the_first(
     assert await said_by(link, second, caplog) == []
 
 
+async def test_a_password_changed_under_way_is_named_once_and_waited_for(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("neurosnap.sources.mqtt.connection.LONGEST", 0.0)
+    refused = [Connection(refuses=refusal("Not authorized")) for _ in range(5)]
+    last, stop = Connection(), asyncio.Event()
+    link = link_over(monkeypatch, Connection(fails="bad"), *refused, last)
+    link.send(Outgoing("bad", b"1"))
+    async with asyncio.TaskGroup() as group:
+        group.create_task(link.serve(stop))
+        await last.wait_for(1)
+        stop.set()
+    lost, named, again = caplog.messages
+    assert "got connection lost; trying again until the run ends" in lost
+    assert "got username: must be taken by localhost:1883, with its passwo" in named
+    assert again == "localhost:1883: connected"
+
+
 # When to try again --------------------------------------------------------------------
 
 BROKER = MqttBroker(host="house", username="neuro", password_env="P", patience=3)
 GONE = aiomqtt.MqttError("gone")
-
-
-def refusal(text: str) -> aiomqtt.MqttCodeError:
-    return aiomqtt.MqttCodeError(ReasonCode(PacketTypes.CONNACK, text))
 
 
 @given(seed=st.integers(0, 2**32), count=st.integers(1, 20))
