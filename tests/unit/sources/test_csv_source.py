@@ -10,152 +10,144 @@ from neurosnap.sources.open import open_source
 from tests.support.sources import README, everything, opened, written
 
 
-class TestCsv:
-    def test_rows_come_out_in_order_and_then_it_is_over(self, readings: Path) -> None:
-        source = open_source(str(readings), seed=0)
-        assert source.sensors == ("door", "motion")
-        assert source.actions == ()
-        assert source.length == 3
-        assert everything(source) == [[0, 1], [1, 1], [1, 0]]
+@pytest.mark.parametrize("name", ["readings.csv", "readings.txt"])
+def test_rows_come_out_in_order_whatever_seeds_and_actions_say(
+    tmp_path: Path, name: str
+) -> None:
+    path = written(tmp_path, README, name)  # another ending is found: it exists
+    source = open_source(str(path), seed=9)
+    with pytest.raises(NeurosnapError, match="step needs a call of first"):
+        source.step(0)
+    assert source.sensors == ("door", "motion")
+    assert source.actions == ()
+    assert source.length == 3
+    for actions in (None, iter([-1, 5, 7])):
+        assert everything(source, actions) == [[0, 1], [1, 1], [1, 0]]
         assert source.step(0) is None
+    # Only the first row begins a trajectory.
+    several = iter([source.first(), source.step(0), source.step(0)])
+    assert [one.begins for one in several if one] == [True, False, False]
 
-    def test_it_starts_over_whatever_seeds_and_actions_say(
-        self, readings: Path
-    ) -> None:
-        source = open_source(str(readings), seed=9)
-        plain = everything(source)
-        assert everything(source, iter([-1, 5, 7])) == plain
-        for _ in range(2):  # only the first row begins a trajectory
-            several = iter([source.first(), *(source.step(0) for _ in range(2))])
-            assert [one.begins for one in several if one] == [True, False, False]
 
-    @pytest.mark.parametrize(
-        "text",
-        [
-            "door,motion\n0,1\n1,1\n1,0\n\n  \n\n",
-            "\ufeffdoor,motion\n0,1\n1,1\n1,0",
-            '"door","motion"\n"0","1"\n1,"1"\n"1",0\n',
-            " door , motion\n0, 1\n 1,1\n1 ,0 \n",
-            "time,door,motion\n0,0,1\n0.5,1,1\n2026-07-01 12:00,1,0\n",
-            "\ufefftime,door,motion\r\n,0,1\r\n,1,1\r\n,1,0\r\n",
-        ],
-    )
-    def test_ways_to_write_the_same(self, tmp_path: Path, text: str) -> None:
-        source = open_source(str(written(tmp_path, text)), seed=0)
-        assert (source.sensors, source.length) == (("door", "motion"), 3)
-        assert everything(source) == [[0, 1], [1, 1], [1, 0]]
+@pytest.mark.parametrize(
+    "text",
+    [
+        "door,motion\n0,1\n1,1\n1,0\n\n  \n\n",
+        "\ufeffdoor,motion\n0,1\n1,1\n1,0",
+        '"door","motion"\n"0","1"\n1,"1"\n"1",0\n',
+        " door , motion\n0, 1\n 1,1\n1 ,0 \n",
+        "time,door,motion\n0,0,1\n0.5,1,1\n2026-07-01 12:00,1,0\n",
+        "\ufefftime,door,motion\r\n,0,1\r\n,1,1\r\n,1,0\r\n",
+    ],
+)
+def test_ways_to_write_the_same(tmp_path: Path, text: str) -> None:
+    source = open_source(str(written(tmp_path, text)), seed=0)
+    assert (source.sensors, source.length) == (("door", "motion"), 3)
+    assert everything(source) == [[0, 1], [1, 1], [1, 0]]
 
-    def test_time_is_a_sensor_like_any_other_when_it_is_not_first(
-        self, tmp_path: Path
-    ) -> None:
-        source = open_source(str(written(tmp_path, "door,time\n0,1\n")), seed=0)
-        assert source.sensors == ("door", "time")
 
-    def test_a_file_of_another_ending_is_found_because_it_exists(
-        self, tmp_path: Path
-    ) -> None:
-        path = written(tmp_path, README, "readings.txt")
-        assert everything(open_source(str(path), 0)) == [[0, 1], [1, 1], [1, 0]]
+def test_time_is_a_sensor_like_any_other_when_it_is_not_first(tmp_path: Path) -> None:
+    source = open_source(str(written(tmp_path, "door,time\n0,1\n")), seed=0)
+    assert source.sensors == ("door", "time")
 
-    @pytest.mark.parametrize(
-        ("text", "message"),
-        [
-            ("", "{}: must have a header of sensor names, got 'no text'"),
-            ("\n\n", "{}: must have a header of sensor names, got 'no text'"),
-            ("\ufeff", "{}: must have a header of sensor names, got 'no text'"),
-            ("a,b\n", "{}: must have rows below its header, got 0"),
-            ("a,b\n\n", "{}: must have rows below its header, got 0"),
-            ("time\n1\n", "{}:1: must be a header of sensor names, got ['time']"),
-            ("0,1\n1,1\n", "{}:1: must be a header of sensor names, got ['0', '1']"),
-            ("a,,b\n0,1,1\n", "{}:1: sensor name: must not be empty, got ''"),
-            ("a,b,a\n0,1,1\n", "{}:1: names: must be unique, got 'a'"),
-            ("a,b*\n0,1\n", "{}:1: sensor name: must not end with *, got 'b*'"),
-            ("a,b\n0,1\n0,2\n", f"{{}}:3: b: {RULE}, got '2'"),
-            ("a,b\n0,1.5\n", f"{{}}:2: b: {RULE}, got '1.5'"),
-            ("a,b\n0,１\n", f"{{}}:2: b: {RULE}, got '１'"),
-            ("time,a,b\n0,1,x\n", f"{{}}:2: b: {RULE}, got 'x'"),
-            ("a,b\n0;1\n", "{}:2: must have 2 cells, as many as the header, got 1"),
-            ("a,b\n0,1\n0\n", "{}:3: must have 2 cells, as many as the header, got 1"),
-            ("a,b\n0,1,\n", "{}:2: must have 2 cells, as many as the header, got 3"),
-            ("a,b\n" + 898 * "0,1\n" + "0,7\n1,1\n", f"{{}}:900: b: {RULE}, got '7'"),
-            (
-                "a,b\n0,1\n\n\n0,1\n",
-                "{}:3: must not be blank before the end of the file, got ''",
-            ),
-            (
-                "\na,b\n0,1\n",
-                "{}:1: must not be blank before the end of the file, got ''",
-            ),
-            (
-                'a,b\n0,1\n0,"1\n',
-                "{}:3: must be CSV, got 'unexpected end of data'",
-            ),
-        ],
-    )
-    def test_a_bad_file_is_refused_with_row_and_column(
-        self, tmp_path: Path, text: str, message: str
-    ) -> None:
-        path = written(tmp_path, text)
-        with pytest.raises((InvalidValueError, ShapeError)) as caught:
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "{}: must have a header of sensor names, got 'no text'"),
+        ("\n\n", "{}: must have a header of sensor names, got 'no text'"),
+        ("\ufeff", "{}: must have a header of sensor names, got 'no text'"),
+        ("a,b\n", "{}: must have rows below its header, got 0"),
+        ("a,b\n\n", "{}: must have rows below its header, got 0"),
+        ("time\n1\n", "{}:1: must be a header of sensor names, got ['time']"),
+        ("0,1\n1,1\n", "{}:1: must be a header of sensor names, got ['0', '1']"),
+        ("a,,b\n0,1,1\n", "{}:1: sensor name: must not be empty, got ''"),
+        ("a,b,a\n0,1,1\n", "{}:1: names: must be unique, got 'a'"),
+        ("a,b*\n0,1\n", "{}:1: sensor name: must not end with *, got 'b*'"),
+        ("a,b\n0,1\n0,2\n", f"{{}}:3: b: {RULE}, got '2'"),
+        ("a,b\n0,1.5\n", f"{{}}:2: b: {RULE}, got '1.5'"),
+        ("a,b\n0,１\n", f"{{}}:2: b: {RULE}, got '１'"),
+        ("time,a,b\n0,1,x\n", f"{{}}:2: b: {RULE}, got 'x'"),
+        ("a,b\n0;1\n", "{}:2: must have 2 cells, as many as the header, got 1"),
+        ("a,b\n0,1\n0\n", "{}:3: must have 2 cells, as many as the header, got 1"),
+        ("a,b\n0,1,\n", "{}:2: must have 2 cells, as many as the header, got 3"),
+        ("a,b\n" + 898 * "0,1\n" + "0,7\n1,1\n", f"{{}}:900: b: {RULE}, got '7'"),
+        (
+            "a,b\n0,1\n\n\n0,1\n",
+            "{}:3: must not be blank before the end of the file, got ''",
+        ),
+        (
+            "\na,b\n0,1\n",
+            "{}:1: must not be blank before the end of the file, got ''",
+        ),
+        (
+            'a,b\n0,1\n0,"1\n',
+            "{}:3: must be CSV, got 'unexpected end of data'",
+        ),
+    ],
+)
+def test_a_bad_file_is_refused_with_row_and_column(
+    tmp_path: Path, text: str, message: str
+) -> None:
+    path = written(tmp_path, text)
+    with pytest.raises((InvalidValueError, ShapeError)) as caught:
+        open_source(str(path), seed=0)
+    assert str(caught.value) == message.format(path)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        "Tür,b\n0,1\n".encode("latin-1"),
+        README.encode("utf-16"),
+        README.encode() + 999 * b"1,1\n" + b"\xff,1\n",
+    ],
+    ids=["latin-1", "utf-16", "late"],
+)
+def test_other_encodings_are_refused(tmp_path: Path, data: bytes) -> None:
+    path = written(tmp_path, data)
+    with pytest.raises(
+        InvalidValueError, match=r"readings\.csv: must be UTF-8 text, got b'"
+    ):
+        open_source(str(path), seed=0)
+
+
+def test_what_is_no_file_is_named(tmp_path: Path) -> None:
+    zeros = written(tmp_path, "door\n0\n".encode("utf-16-le"), "zeros.csv")
+    (tmp_path / "folder.csv").mkdir()
+    for path, rule in (
+        (zeros, r"zeros\.csv:1: "),
+        (
+            tmp_path / "none.csv",
+            r"^source: must be a file that can be read \(No su",
+        ),
+        (tmp_path / "folder.csv", r"can be read \(Is a directory\).*folder\.csv"),
+    ):
+        with pytest.raises(InvalidValueError, match=rule):
             open_source(str(path), seed=0)
-        assert str(caught.value) == message.format(path)
 
-    @pytest.mark.parametrize(
-        "data",
-        [
-            "Tür,b\n0,1\n".encode("latin-1"),
-            README.encode("utf-16"),
-            README.encode() + 999 * b"1,1\n" + b"\xff,1\n",
-        ],
-        ids=["latin-1", "utf-16", "late"],
-    )
-    def test_other_encodings_are_refused(self, tmp_path: Path, data: bytes) -> None:
-        path = written(tmp_path, data)
-        with pytest.raises(
-            InvalidValueError, match=r"readings\.csv: must be UTF-8 text, got b'"
-        ):
-            open_source(str(path), seed=0)
 
-    def test_what_is_no_file_is_named(self, tmp_path: Path) -> None:
-        zeros = written(tmp_path, "door\n0\n".encode("utf-16-le"), "zeros.csv")
-        (tmp_path / "folder.csv").mkdir()
-        for path, rule in (
-            (zeros, r"zeros\.csv:1: "),
-            (
-                tmp_path / "none.csv",
-                r"^source: must be a file that can be read \(No su",
-            ),
-            (tmp_path / "folder.csv", r"can be read \(Is a directory\).*folder\.csv"),
-        ):
-            with pytest.raises(InvalidValueError, match=rule):
-                open_source(str(path), seed=0)
+def test_rows_added_meanwhile_are_left_out(readings: Path) -> None:
+    source = open_source(str(readings), seed=0)
+    with readings.open("a") as file:
+        file.write("0,0\nrubbish\n")
+    assert everything(source) == [[0, 1], [1, 1], [1, 0]]
 
-    def test_rows_added_meanwhile_are_left_out(self, readings: Path) -> None:
-        source = open_source(str(readings), seed=0)
-        with readings.open("a") as file:
-            file.write("0,0\nrubbish\n")
-        assert everything(source) == [[0, 1], [1, 1], [1, 0]]
 
-    @pytest.mark.parametrize("text", ["door,motion\n0,1\n", "door,other\n0,1\n"])
-    def test_rows_or_names_lost_meanwhile_are_an_error(
-        self, readings: Path, text: str
-    ) -> None:
-        source = open_source(str(readings), seed=0)
-        readings.write_text(text)
-        with pytest.raises(
-            InvalidValueError, match=r"readings\.csv: must keep its 3 rows while in use"
-        ):
-            everything(source)
+@pytest.mark.parametrize("text", ["door,motion\n0,1\n", "door,other\n0,1\n"])
+def test_rows_or_names_lost_meanwhile_are_an_error(readings: Path, text: str) -> None:
+    source = open_source(str(readings), seed=0)
+    readings.write_text(text)
+    with pytest.raises(
+        InvalidValueError, match=r"readings\.csv: must keep its 3 rows while in use"
+    ):
+        everything(source)
 
-    def test_a_step_needs_a_first(self, readings: Path) -> None:
-        source = open_source(str(readings), seed=0)
-        with pytest.raises(NeurosnapError, match="step needs a call of first"):
-            source.step(0)
 
-    def test_closing_gives_the_file_back(self, readings: Path) -> None:
-        source = open_source(str(readings), seed=0)
-        source.first()
-        assert readings in opened()
-        source.close()
-        source.close()
-        assert readings not in opened()
+def test_closing_gives_the_file_back(readings: Path) -> None:
+    source = open_source(str(readings), seed=0)
+    source.first()
+    assert readings in opened()
+    source.close()
+    source.close()
+    assert readings not in opened()

@@ -2,27 +2,12 @@
 
 import os
 import sys
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from neurosnap.errors import InvalidValueError, NeurosnapError
-from neurosnap.sources.csv_source import CsvSource
-from neurosnap.sources.gymnasium_source import GymnasiumSource
-from neurosnap.sources.open import is_live, open_live, settle
+from neurosnap.sources.open import open_live, settle
 from neurosnap.sources.protocol import Argument
-
-if TYPE_CHECKING:
-    from neurosnap.sources.protocol import Source
-
-
-def test_both_kinds_are_sources(readings: Path) -> None:
-    kinds: list[Source] = [
-        CsvSource(str(readings)),
-        GymnasiumSource("neurosnap/Path-v0", 0),
-    ]
-    assert [len(kind.actions) for kind in kinds] == [0, 2]
 
 
 @pytest.mark.parametrize(
@@ -71,12 +56,6 @@ def test_what_is_wrong_is_said(
     with pytest.raises(InvalidValueError) as caught:
         open_live(spec, arguments)
     assert str(caught.value).startswith(text)
-
-
-def test_which_names_are_outside() -> None:
-    assert is_live("-")
-    assert is_live("zenoh:")
-    assert not is_live("readings.csv")
 
 
 def test_settling_reads_the_first_line_where_nobody_named_the_sensors(

@@ -87,7 +87,8 @@ def test_on_change_every_moment_is_judged_by_all_readings_so_far(
 ) -> None:
     time = FakeTime()
     schedule = OnChange(float(least), None if most is None else float(most))
-    ticks = run(source_of(time, schedule, stale), time, puts, busy)
+    source = source_of(time, schedule, stale)
+    ticks = run(source, time, puts, busy)
 
     expected: list[tuple[float, Shown]] = []
     free = 0.0
@@ -102,6 +103,16 @@ def test_on_change_every_moment_is_judged_by_all_readings_so_far(
             expected.append((float(moment), seen))
             free = moment + busy[len(expected) % len(busy)]
     assert ticks == expected
+
+    said = source.statistics()
+    assert (said.ticks, said.taken) == (len(ticks), len(puts))
+    # Between two ticks every sensor shows its last reading; those before are replaced.
+    replaced = 0
+    for low, high in pairwise([-1.0, *(when for when, _ in ticks), END]):
+        for sensor in range(len(NAMES)):
+            count = sum(s == sensor and low < t <= high for t, s, _ in puts)
+            replaced += max(0, count - 1)
+    assert said.coalesced == replaced
 
 
 @given(PUTS, BUSY, STALE, st.integers(1, 6))
@@ -124,44 +135,34 @@ def test_by_the_clock_a_late_tick_comes_at_once_and_hides_those_before_it(
     assert schedule.skipped == skipped
 
 
-@given(PUTS, BUSY)
-def test_every_reading_is_shown_replaced_or_waiting(
-    puts: list[Put], busy: list[int]
+@pytest.mark.parametrize("fails", [False, True])
+def test_whole_readings_have_a_tick_each_before_the_latest_or_a_failure_shows(
+    fails: bool,
 ) -> None:
-    time = FakeTime()
-    source = source_of(time, OnChange(2.0))
-    ticks = run(source, time, puts, busy)
-    said = source.statistics()
-    assert said.ticks == len(ticks)
-    assert said.taken == len(puts)
-    # Between two ticks every sensor shows its last reading; those before are replaced.
-    moments = [0.0 - 1, *(when for when, _ in ticks), END]
-    replaced = 0
-    for low, high in pairwise(moments):
-        for sensor in range(len(NAMES)):
-            count = sum(s == sensor and low < t <= high for t, s, _ in puts)
-            replaced += max(0, count - 1)
-    assert said.coalesced == replaced
-
-
-def test_whole_readings_have_a_tick_each_and_the_board_shows_after_them() -> None:
-    time = FakeTime()
-    source = source_of(time, OnChange())
+    source = source_of(FakeTime(), OnChange())
     source.receive_whole([True, None])
     source.receive_whole([True, None])
     source.receive_whole([None, None])  # says nothing, so there is nothing to show
     source.receive_whole([False, True])
     source.receive("door", True)
-    source.end()
-    ticks = [shown(seen) for seen in [source.first()] if seen is not None]
-    while (seen := source.step(-1)) is not None:
-        ticks.append(shown(seen))
-    assert ticks == [
+    if fails:
+        source.fail(FabricError("hub: gone"))
+    else:
+        source.end()
+    seen = [source.first(), source.step(-1), source.step(-1)]
+    assert [shown(each) for each in seen if each is not None] == [
         ((True, False), (True, False)),
         ((True, False), (True, False)),
         ((False, True), (True, True)),
-        ((True, True), (True, True)),
     ]
+    if fails:
+        with pytest.raises(FabricError, match=r"^hub: gone$"):
+            source.step(-1)
+        return
+    latest = source.step(-1)
+    assert latest is not None
+    assert shown(latest) == ((True, True), (True, True))
+    assert source.step(-1) is None
 
 
 def test_what_a_whole_reading_replaces_was_not_shown() -> None:
@@ -217,20 +218,6 @@ def test_what_was_lost_is_told_of_once_and_only_if_there_is_any(
     caplog.clear()
     source_of(FakeTime(), OnChange()).close()
     assert caplog.messages == []
-
-
-def test_what_came_before_a_failure_is_shown_before_it() -> None:
-    source = source_of(FakeTime(), OnChange())
-    source.receive_whole([True, False])
-    source.receive_whole([False, True])
-    source.fail(FabricError("hub: gone"))
-    ticks = [source.first(), source.step(-1)]
-    assert [None if seen is None else seen.bits.tolist() for seen in ticks] == [
-        [True, False],
-        [False, True],
-    ]
-    with pytest.raises(FabricError, match=r"^hub: gone$"):
-        source.step(-1)
 
 
 def test_the_last_change_is_shown_at_the_end_whatever_the_pace() -> None:
@@ -330,42 +317,36 @@ def test_a_flood_of_bad_input_is_a_line_a_second(
 # Threads ------------------------------------------------------------------------------
 
 
-class Steps(threading.Thread):
-    """Takes all ticks."""
-
-    def __init__(self, source: LiveSource) -> None:
-        super().__init__()
-        self.source = source
-        self.ticks: list[Shown] = []
-        self.error: BaseException | None = None
-
-    def run(self) -> None:
-        try:
-            seen = self.source.first()
-            while seen is not None:
-                self.ticks.append(shown(seen))
-                seen = self.source.step(-1)
-        except FabricError as error:
-            self.error = error
-
-
-@pytest.mark.parametrize("end", ["close", "end", "fail"])
-def test_who_waits_is_let_go(end: str) -> None:
+@pytest.mark.parametrize(
+    ("call", "end"),
+    [("first", "close"), ("first", "end"), ("first", "fail"), ("room", "close")],
+)
+def test_who_waits_is_let_go(call: str, end: str) -> None:
     lock = Told()
     source = LiveSource(
         LatestReadings(NAMES), OnChange(), timing=Timing(condition=lock)
     )
-    steps = Steps(source)
-    steps.start()
+    found: list[object] = []
+
+    def wait() -> None:
+        try:
+            found.append(source.first())
+        except FabricError as error:
+            found.append(str(error))
+
+    if call == "room":
+        for _ in range(WAITING):
+            source.receive_whole([True, True])
+    target = wait if call == "first" else lambda: found.append(source.wait_for_room())
+    waiting = threading.Thread(target=target)
+    waiting.start()
     assert lock.waiting.wait(10)
     if end == "fail":
         source.fail(FabricError("hub: gone"))
     else:
         getattr(source, end)()
-    steps.join(10)
-    assert not steps.is_alive()
-    assert steps.ticks == []
-    assert (str(steps.error) == "hub: gone") is (end == "fail")
+    waiting.join(10)
+    assert found == [{"room": False}.get(call, "hub: gone" if end == "fail" else None)]
     source.close()
 
 
@@ -383,44 +364,6 @@ def test_a_feeder_is_not_started_once_the_source_is_closed() -> None:
     source.close()
     assert source.first() is None
     assert calls == ["stop"]
-
-
-def test_a_flood_is_coalesced_and_the_latest_wins() -> None:
-    source = LiveSource(LatestReadings(NAMES), OnChange())
-    steps = Steps(source)
-    steps.start()
-    count = 20_000
-    for number in range(count):
-        source.receive(NAMES[number % 2], number % 3 == 0)
-    source.end()
-    steps.join(30)
-    assert not steps.is_alive()
-    source.close()
-    said = source.statistics()
-    assert steps.ticks[-1] == (
-        ((count - 2) % 3 == 0, (count - 1) % 3 == 0),
-        (True,) * 2,
-    )
-    assert said.taken == count
-    assert said.ticks == len(steps.ticks)
-    # Every tick shows at least one reading nobody saw before, and at most two.
-    assert len(steps.ticks) - 1 <= count - said.coalesced <= 2 * len(steps.ticks) + 2
-    assert all(before != after for before, after in pairwise(steps.ticks))
-
-
-def test_who_waits_for_room_is_let_go() -> None:
-    lock = Told()
-    source = LiveSource(
-        LatestReadings(NAMES), OnChange(), timing=Timing(condition=lock)
-    )
-    for _ in range(WAITING):
-        source.receive_whole([True, True])
-    late = threading.Thread(target=source.wait_for_room)
-    late.start()
-    assert lock.waiting.wait(10)
-    source.close()
-    late.join(10)
-    assert not late.is_alive()
 
 
 @given(

@@ -113,44 +113,36 @@ def test_what_was_known_at_the_tick_is_told(kept: Kept) -> None:
     assert source.resume_after(2) is None
 
 
-def test_each_change_that_nobody_asks_for_is_kept(kept: Kept) -> None:
-    time = FakeTime()
-    source = kept.source(OnChange(), time)
-    source.resume_after(0)
-    source.receive("door", True)
-    source.receive("motion", False)
-    assert taken(source, 1) == bits(1)
-    for moment, on in [(1.0, False), (2.0, True), (2.0, True), (2.0, False)]:
-        time.at(moment, lambda on=on: source.receive("door", on))  # type: ignore[misc]
-    time.at(5.0, source.wake_reader)
-    source.keep_changes()
-    source.resume_after(1)
-    assert taken(source, 3) == bits(0, 1, 0)
+FLOOD = [(number + 1.0, number % 2 == 1) for number in range(2 * WAITING)]
 
 
-def test_ticks_by_the_clock_do_not_pile_up_while_nobody_asks(kept: Kept) -> None:
+@pytest.mark.parametrize(
+    ("schedule", "puts", "kept_"),
+    [
+        # Each change, within the limits of the schedule.
+        (OnChange(), [(1.0, False), (2.0, True), (2.0, True), (2.0, False)], [2, 3, 2]),
+        (Clocked(0.1), [(50.0, False)], [2]),  # ticks do not pile up
+        (OnChange(), FLOOD, [2, 3] * (WAITING // 2)),  # nor do changes without end
+    ],
+)
+def test_changes_that_nobody_asks_for_are_kept(
+    kept: Kept,
+    schedule: TickSchedule,
+    puts: list[tuple[float, bool]],
+    kept_: list[int],
+) -> None:
     time = FakeTime()
-    source = kept.source(Clocked(0.1), time)
+    source = kept.source(schedule, time)
     source.resume_after(0)
     source.receive_all({"door": True, "motion": True})
     assert taken(source, 1) == bits(3)
-    time.at(50.0, lambda: source.receive("door", False))
-    time.at(100.0, source.wake_reader)
-    source.keep_changes()
-    assert kept.rows() == 2
-
-
-def test_what_nobody_asks_for_is_bounded(kept: Kept) -> None:
-    time = FakeTime()
-    source = kept.source(OnChange(), time)
-    source.resume_after(0)
-    source.receive_all({"door": True, "motion": True})
-    taken(source, 1)
-    for number in range(2 * WAITING):
-        time.at(number + 1.0, lambda n=number: source.receive("door", n % 2 == 1))  # type: ignore[misc]
+    for moment, on in puts:
+        time.at(moment, lambda on=on: source.receive("door", on))  # type: ignore[misc]
     time.at(3.0 * WAITING, source.wake_reader)
     source.keep_changes()
-    assert kept.rows() == 1 + WAITING
+    assert kept.rows() == 1 + len(kept_)
+    source.resume_after(1)
+    assert taken(source, len(kept_)) == bits(*kept_)
 
 
 def test_an_action_is_carried_out_once_however_often_it_is_decided(kept: Kept) -> None:
