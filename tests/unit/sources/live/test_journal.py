@@ -78,17 +78,6 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / "run.mcap.journal"
 
 
-def test_rows_are_read_again_by_whoever_comes_next(folder: Path) -> None:
-    written(folder, 3).close()
-    journal = Journal(folder, NAMES)
-    assert journal.last == 3
-    journal.write(JournalRow(0, b"\0", b"\3", True))
-    journal.close()
-    kept = read_journal(folder)
-    assert kept.sensors == ("door", "motion")
-    assert kept.rows == (row(1), row(2), row(3), JournalRow(4, b"\0", b"\3", True))
-
-
 def test_a_row_out_of_turn_ends_its_file() -> None:
     begin = Begin(("door", "motion"), 1, -1)
     written = [begin, row(1), row(3), row(4)]
@@ -116,37 +105,16 @@ def test_what_was_done_is_known_once_its_file_is_deleted(folder: Path) -> None:
     assert read_journal(folder).acted == 199
 
 
-def test_only_the_owner_may_read_it(folder: Path) -> None:
-    written(folder, 1).close()
-    modes = [path.stat().st_mode & 0o777 for path in (folder, *folder.iterdir())]
-    assert modes == [0o700, 0o600]
-
-
-def test_who_goes_on_gets_the_rows_after_its_tick(folder: Path) -> None:
-    journal = written(folder, 600)  # in several files
-    before, rows, missing = journal.rows_after(590)
-    assert before == row(590)
-    assert rows == [row(number) for number in range(591, 601)]
-    assert missing == 0
-    journal.close()
-
-
 def test_files_are_cut_off_once_all_their_rows_are_safe(folder: Path) -> None:
-    journal = written(folder, 600)
-    assert len([*folder.iterdir()]) == 3
-    cut(folder, 255)
-    assert numbers(folder)[0] == 1
-    cut(folder, 256)
-    assert numbers(folder)[0] == 257
-    cut(folder, 600)
-    assert numbers(folder)[0] == 513  # the last file is being written
-    assert journal.rows_after(512)[1][0] == row(513)
-    journal.close()
-
-
-def test_a_journal_that_is_not_there_needs_no_cutting(folder: Path) -> None:
-    cut(folder, 5)
+    cut(folder, 5)  # it need not be there
     assert not folder.exists()
+    journal = written(folder, 600)
+    for tick, first in (255, 1), (256, 257), (600, 513):  # the last is being written
+        cut(folder, tick)
+        assert numbers(folder)[0] == first
+    rows = [row(number) for number in range(591, 601)]
+    assert journal.rows_after(590) == (row(590), rows, 0)
+    journal.close()
 
 
 @pytest.mark.parametrize("damage", ["cut", "flipped", "zeroed"])
@@ -198,19 +166,10 @@ def test_a_recording_that_is_further_than_the_journal_goes_on_behind_it(
     assert numbers(folder)[-1] == 11
 
 
-def test_an_action_is_noted_once_whoever_notes_it(folder: Path) -> None:
-    journal = written(folder, 1)
-    assert journal.begin_action(1)
-    assert not journal.begin_action(1)
-    journal.close()
-    again = Journal(folder, NAMES)
-    assert not again.begin_action(1)
-    assert again.begin_action(2)
-    again.close()
-
-
 def test_a_journal_of_other_sensors_is_refused(folder: Path) -> None:
     written(folder, 1).close()
+    modes = [path.stat().st_mode & 0o777 for path in (folder, *folder.iterdir())]
+    assert modes == [0o700, 0o600]  # only its owner may read it
     with pytest.raises(InvalidValueError, match=r"^journal: must be of the sensors"):
         Journal(folder, ["window"])
 

@@ -1,7 +1,6 @@
 """The latest against a list of everything that ever came."""
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -31,21 +30,12 @@ COMINGS = st.lists(
 )
 
 
-@dataclass
-class Came:
+class Came(NamedTuple):
+    """A reading, at the time that it counts from."""
+
     sensor: int
     on: bool | None
-    at: float
-    now: float
-
-    @property
-    def read(self) -> float:
-        return min(self.at, self.now)
-
-
-def is_late(came: list[Came], one: Came) -> bool:
-    before = came[: came.index(one)]
-    return any(b.sensor == one.sensor and b.read > one.read for b in before)
+    read: float
 
 
 def expected(
@@ -55,20 +45,31 @@ def expected(
     stale: float | None,
     seen: float | None,
     began: float,
-) -> tuple[bool, bool]:
-    """Return the bit and whether it is known, by the rules and nothing else."""
+) -> bool | None:
+    """Return what is read, or None if it is unknown, by the rules and nothing else."""
     mine = [c for c in came if c.sensor == sensor]
     if seen is not None:
         if any(now < c.read + seen for c in mine):
-            return True, True
-        return False, now >= began + seen
+            return True
+        return False if now >= began + seen else None
     if not mine:
-        return False, False
-    youngest = max(c.read for c in mine)
-    last = [c for c in mine if c.read == youngest][-1]
-    if last.on is None or (stale is not None and now >= last.read + stale):
-        return False, False
-    return last.on, True
+        return None
+    last = max(reversed(mine), key=lambda c: c.read)  # of equals the last one
+    return None if stale is not None and now >= last.read + stale else last.on
+
+
+def shown(latest: LatestReadings, now: float) -> list[bool | None]:
+    bits, known = latest.observation(now)
+    return [bool(b) if k else None for b, k in zip(bits, known, strict=True)]
+
+
+def check_next_change(latest: LatestReadings, now: float) -> None:
+    """Nothing changes before it."""
+    turn = latest.next_change(now)
+    assert turn is None or turn > now
+    # Spans and times are small: by then all has changed that is going to.
+    for moment in np.arange(now, now + 20 if turn is None else turn, 0.5):
+        assert shown(latest, float(moment)) == shown(latest, now)
 
 
 @given(COMINGS, SPANS, SPANS, TIMES, TIMES)
@@ -82,40 +83,21 @@ def test_a_board_shows_what_the_list_of_all_readings_says(
     latest = LatestReadings(NAMES, stale_after=stale, seen_within=seen)
     latest.start_listening(began)
     came: list[Came] = []
-    now = began
+    now, late, ahead = began, 0, 0
     for sensor, on, offset, step in comings:
         now += step
-        one = Came(sensor, on, now + offset, now)
+        one = Came(sensor, on, now + min(offset, 0.0))
+        is_late = any(b.sensor == sensor and b.read > one.read for b in came)
         came.append(one)
-        taken = latest.update(sensor, on, one.at, now)
-        assert taken is not is_late(came, one)
+        assert latest.update(sensor, on, now + offset, now) is not is_late
+        late += is_late
+        ahead += offset > TOLERANCE
     now += wait
-    bits, known = latest.observation(now)
-    said = [expected(came, k, now, stale[k], seen[k], began) for k in range(len(NAMES))]
-    assert list(zip(bits.tolist(), known.tolist(), strict=True)) == said
-    assert latest.late == sum(is_late(came, c) for c in came)
-    assert latest.ahead == sum(c.at > c.now + TOLERANCE for c in came)
-
-
-@given(COMINGS, SPANS, SPANS)
-def test_nothing_changes_before_the_next_change_and_something_may_then(
-    comings: list[tuple[int, bool | None, float, float]],
-    stale: list[float | None],
-    seen: list[float | None],
-) -> None:
-    latest = LatestReadings(NAMES, stale_after=stale, seen_within=seen)
-    latest.start_listening(0.0)
-    now = 0.0
-    for sensor, on, offset, step in comings:
-        now += step
-        latest.update(sensor, on, now + offset, now)
-    shown = np.array(latest.observation(now))
-    turn = latest.next_change(now)
-    assert turn is None or turn > now
-    # Spans and times are small: by then all has changed that is going to.
-    end = now + 20 if turn is None else turn
-    for moment in np.arange(now, end, 0.5):
-        assert np.array_equal(np.array(latest.observation(float(moment))), shown)
+    assert shown(latest, now) == [
+        expected(came, k, now, stale[k], seen[k], began) for k in range(len(NAMES))
+    ]
+    assert (latest.late, latest.ahead) == (late, ahead)
+    check_next_change(latest, now)
 
 
 @given(
@@ -153,8 +135,7 @@ def test_all_at_once_is_as_one_after_the_other(
         assert once.update_all(bits, some, now + offset, now).tolist() == taken
         for latest in (once, singly):
             latest.update(sensor, on, now + other, now)
-        shown = [np.array(latest.observation(now)) for latest in (once, singly)]
-        assert np.array_equal(shown[0], shown[1])
+        assert shown(once, now) == shown(singly, now)
         assert once.next_change(now) == singly.next_change(now)
     assert (once.late, once.ahead) == (singly.late, singly.ahead)
 
@@ -195,18 +176,6 @@ SAID = st.lists(
 SPAN = st.none() | st.integers(1, 5).map(float)
 
 
-@dataclass
-class Said:
-    topic: str
-    on: bool | None
-    at: float
-
-
-def shown(latest: LatestReadings, now: float) -> bool | None:
-    bits, known = latest.observation(now)
-    return bool(bits[0]) if known[0] else None
-
-
 @given(said=SAID, stale=SPAN, seen=SPAN, wait=st.integers(0, 8))
 def test_a_sensor_reads_what_the_list_of_all_that_its_topics_said_does(
     said: list[tuple[str, bool | None, float]],
@@ -231,17 +200,15 @@ def test_a_sensor_reads_what_the_list_of_all_that_its_topics_said_does(
         return any(known) if known else None
 
     now = 0.0
-    assert shown(latest, now) is None
+    assert shown(latest, now) == [None]
     for topic, on, step in said:
         now += step
         past[topic] = on, now
         latest.update(0, on, now, now, topic)
-        assert shown(latest, now) == expected_now()
+        assert shown(latest, now) == [expected_now()]
     now += wait
-    assert shown(latest, now) == expected_now()
-    turn = latest.next_change(now)
-    for moment in np.arange(now, now + 8 if turn is None else turn, 0.5):
-        assert shown(latest, float(moment)) == shown(latest, now)
+    assert shown(latest, now) == [expected_now()]
+    check_next_change(latest, now)
 
 
 def test_what_was_heard_before_the_connection_was_lost_says_nothing_any_more() -> None:
@@ -249,9 +216,9 @@ def test_what_was_heard_before_the_connection_was_lost_says_nothing_any_more() -
     latest.start_listening(0.0)
     latest.update(0, True, 1.0, 1.0)
     latest.stop_listening()
-    assert shown(latest, 2.0) is None
+    assert shown(latest, 2.0) == [None]
     latest.start_listening(2.0)
-    assert [shown(latest, now) for now in (4.9, 5.0)] == [None, False]
+    assert [shown(latest, now) for now in (4.9, 5.0)] == [[None], [False]]
 
 
 def test_a_whole_reading_says_all_there_is_to_say() -> None:
@@ -259,7 +226,7 @@ def test_a_whole_reading_says_all_there_is_to_say() -> None:
     latest.update(0, True, 0.0, 0.0, "kitchen")
     latest.update_all(np.array([False]), np.array([True]), 1.0, 1.0)
     latest.update(0, False, 2.0, 2.0, "bath")
-    assert shown(latest, 2.0) is False
+    assert shown(latest, 2.0) == [False]
 
 
 def test_of_topics_without_end_the_oldest_are_forgotten() -> None:

@@ -1,8 +1,6 @@
 """Lines of a pipe as readings, and as they come in pieces."""
 
-import fcntl
 import os
-import resource
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -150,37 +148,18 @@ def test_the_head_is_the_first_reading_of_a_run_that_begins_and_counts_as_a_line
     assert caplog.messages[0].startswith(said)
 
 
-def test_a_descriptor_may_have_any_number(pipe: Pipe) -> None:
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, 2048), hard))
-    reads = fcntl.fcntl(pipe.reads, fcntl.F_DUPFD, 1024)  # one beyond an `fd_set`
-    try:
-        source = LiveSource(
-            LatestReadings(NAMES), OnChange(), feeder=StdinFeeder(reads)
-        )
-        pipe.write(b'{"bits": [1, 0]}\n')
-        pipe.end()
-        assert rest_of(source) == [[True, False]]
-        source.close()
-    finally:
-        os.close(reads)
-        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
-
-
 def test_closing_ends_a_reader_that_waits_for_input(
-    pipe: Pipe, source: LiveSource
+    pipe: Pipe,
 ) -> None:
+    before = len(list(Path("/proc/self/fd").iterdir()))
+    source_on(pipe).close()  # without a start
+    source = source_on(pipe)
     pipe.write(b'{"bits": [1, 0]}\n{"bits"')
     assert source.first() is not None
     source.close()  # would never return if it waited for the pipe
+    assert len(list(Path("/proc/self/fd").iterdir())) == before
     assert source.step(-1) is None
     assert source.statistics().refused == 0
-
-
-def test_closing_without_a_start_leaves_no_descriptor(pipe: Pipe) -> None:
-    before = len(list(Path("/proc/self/fd").iterdir()))
-    source_on(pipe).close()
-    assert len(list(Path("/proc/self/fd").iterdir())) == before
 
 
 def test_what_cannot_be_read_is_an_error(tmp_path: Path) -> None:
@@ -202,11 +181,13 @@ def test_the_first_line_is_read_to_its_end_and_no_further(pipe: Pipe) -> None:
     line = first_line(pipe.reads)
     assert line == b'\n  \n{"sensors": ["door"]}'
     assert names_in(line) == ("door",)
-    assert os.read(pipe.reads, 100) == b'{"bits": [1]}\n'
-
-
-def test_a_first_reading_names_the_sensors() -> None:
     assert names_in(b'{"bits": {"motion": 0, "door": 1}}') == ("motion", "door")
+    assert os.read(pipe.reads, 100) == b'{"bits": [1]}\n'
+    pipe.write(b"\n \n")
+    pipe.end()
+    rule = r"^standard input: must begin with a line that names the sensors"
+    with pytest.raises(InvalidValueError, match=rule):
+        first_line(pipe.reads)
 
 
 @pytest.mark.parametrize(
@@ -223,14 +204,6 @@ def test_a_first_line_that_names_no_sensors(line: bytes, rule: str) -> None:
     assert str(caught.value).startswith(f"standard input:1: reading: {rule}")
     with pytest.raises(InvalidValueError, match=r"^standard input:3: reading: must"):
         names_in(b"\n\n" + line)
-
-
-def test_no_first_line(pipe: Pipe) -> None:
-    pipe.write(b"\n \n")
-    pipe.end()
-    rule = r"^standard input: must begin with a line that names the sensors"
-    with pytest.raises(InvalidValueError, match=rule):
-        first_line(pipe.reads)
 
 
 SHORT = 6

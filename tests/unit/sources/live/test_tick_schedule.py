@@ -49,17 +49,14 @@ def test_no_moment_of_the_grid_is_given_twice_or_skipped(interval: float) -> Non
     assert schedule.skipped == 0
 
 
-def test_a_tick_nobody_asked_for_changes_nothing() -> None:
-    schedule = Clocked(10.0)
-    schedule.begin(0.0)
-    schedule.given(0.0)
-    schedule.given(4.0)
-    assert schedule.wait(4.0, changed=False) == 6.0
-    assert schedule.skipped == 0
-
-
 def test_the_wait_is_over_when_it_says() -> None:
-    schedule = OnChange(2.0, 5.0)
+    clocked = new_schedule(10.0, 0.0, None)
+    clocked.begin(0.0)
+    clocked.given(0.0)
+    clocked.given(4.0)  # a tick that was not due changes nothing
+    assert clocked.wait(4.0, changed=True) == 6.0
+    assert clocked.skipped == 0
+    schedule = new_schedule(None, 2.0, 5.0)
     schedule.begin(0.0)
     assert schedule.wait(0.0, changed=False) is None
     assert schedule.wait(7.0, changed=True) == 0.0
@@ -67,17 +64,6 @@ def test_the_wait_is_over_when_it_says() -> None:
     assert schedule.wait(8.0, changed=True) == 1.0
     assert schedule.wait(8.0, changed=False) == 4.0
     assert OnChange().wait(1.0, changed=False) is None
-
-
-def test_a_pace_is_by_the_clock_or_on_change() -> None:
-    clocked = new_schedule(2.0, 0.0, None)
-    clocked.begin(0.0)
-    clocked.given(0.0)
-    assert clocked.wait(0.5, changed=True) == 1.5
-    on_change = new_schedule(None, 1.0, 3.0)
-    on_change.given(0.0)
-    assert on_change.wait(0.5, changed=True) == 0.5
-    assert on_change.wait(0.5, changed=False) == 2.5
 
 
 @pytest.mark.parametrize(

@@ -41,9 +41,7 @@ def after(*messages: tuple[str, bytes]) -> tuple[list[bool | None], LiveSource]:
         (b"1\n", True),
         (b'"on"', True),
         (b"Off", False),
-        (b"0", False),
         (b"null", None),
-        (b'{"on": true}', True),
         (b' {"on": "OFF", "at": 7}', False),
         (b'{"on": null}', None),
     ],
@@ -69,9 +67,7 @@ def test_objects_under_the_key_of_all() -> None:
 @pytest.mark.parametrize(
     ("key", "payload", "text"),
     [
-        ("reading/door", b"open", "reading/door: reading: must be true, false, 1, 0"),
         ("reading/door", b"x" * 1000, "reading/door: reading: must be true, false"),
-        ("reading/door", b'{"on": 2}', "reading/door: reading: must be true, false"),
         ("reading/door", b'{"att": 2}', "reading/door: reading: must be {'on': value"),
         ("reading", b"on", "reading: reading: must be a reading in JSON"),
         ("reading", b'{"bits": [1]}', "reading: bits: must be 2, one a sensor, got 1"),
