@@ -38,6 +38,7 @@ def test_rows_come_out_in_order_whatever_seeds_and_actions_say(
         " door , motion\n0, 1\n 1,1\n1 ,0 \n",
         "time,door,motion\n0,0,1\n0.5,1,1\n2026-07-01 12:00,1,0\n",
         "\ufefftime,door,motion\r\n,0,1\r\n,1,1\r\n,1,0\r\n",
+        "door,motion\n0,1\n,\n1,1\nNA,unknown\n1,0\n",  # no tick: it says nothing
     ],
 )
 def test_ways_to_write_the_same(tmp_path: Path, text: str) -> None:

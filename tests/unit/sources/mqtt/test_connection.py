@@ -3,7 +3,6 @@
 import asyncio
 import logging
 import random
-import ssl
 from collections.abc import AsyncIterator
 from typing import Self
 
@@ -127,43 +126,25 @@ async def test_of_a_broken_batch_what_arrived_is_not_sent_again(
 # What is said -------------------------------------------------------------------------
 
 
-async def said_by(
-    link: MqttLink, second: Connection, caplog: pytest.LogCaptureFixture
-) -> list[str]:
-    """Return what is warned of while a connection breaks and another one is made."""
-    caplog.set_level(logging.INFO)
+@pytest.mark.parametrize("second", [False, True])
+async def test_a_lost_broker_is_said_with_how_long_it_will_be_tried(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, second: bool
+) -> None:
+    """A second link of the run leaves it to the first."""
+    caplog.set_level(logging.WARNING)
+    again, stop = Connection(), asyncio.Event()
+    link = link_over(monkeypatch, Connection(fails="bad"), again, second=second)
     link.send(Outgoing("bad", b"1"))
-    stop = asyncio.Event()
     async with asyncio.TaskGroup() as group:
         group.create_task(link.serve(stop))
-        await second.wait_for(1)
+        await again.wait_for(1)
         stop.set()
-    assert len(caplog.records) == 2
-    return [
-        record.getMessage()
-        for record in caplog.records
-        if record.levelno >= logging.WARNING
-    ]
-
-
-async def test_a_lost_broker_is_said_with_how_long_it_will_be_tried(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    second = Connection()
-    link = link_over(monkeypatch, Connection(fails="bad"), second)
-    assert await said_by(link, second, caplog) == [
+    said = [
         "localhost:1883: not connected, got connection lost;"
         " trying again until the run ends, every 30 s at the latest",
         "localhost:1883: connected",
     ]
-
-
-async def test_a_second_link_leaves_it_to_the_first(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    second = Connection()
-    link = link_over(monkeypatch, Connection(fails="bad"), second, second=True)
-    assert await said_by(link, second, caplog) == []
+    assert caplog.messages == ([] if second else said)
 
 
 async def test_a_password_changed_under_way_is_named_once_and_waited_for(
@@ -208,32 +189,16 @@ def test_only_a_connection_that_lasted_starts_over() -> None:
     assert backoff.delay(GONE, lasted=LONGEST + 1) <= SHORTEST
 
 
-@pytest.mark.parametrize("text", ["Bad user name or password", "Not authorized"])
-def test_a_refusal_is_not_asked_again_in_haste(text: str) -> None:
-    backoff = Backoff(random.Random(0))
-    assert backoff.delay(refusal(text), lasted=0.1) >= LONGEST / 2
-
-
-def test_a_number_of_the_client_library_is_no_refusal() -> None:
+def test_a_refusal_is_not_asked_again_in_haste_and_ends_a_start_at_once() -> None:
+    rule = r"^username: must be taken by house:1883, with its password .*'neuro'$"
+    for text in ("Bad user name or password", "Not authorized"):
+        delay = Backoff(random.Random(0)).delay(refusal(text), lasted=0.1)
+        assert delay >= LONGEST / 2
+        with pytest.raises(InvalidValueError, match=rule):
+            give_up(BROKER, refusal(text), late=False)
+    # A number of the client library is no refusal.
     assert not is_refusal(aiomqtt.MqttCodeError(5))
     assert not is_refusal(refusal("Server busy"))
-
-
-def test_a_refusal_ends_a_start_at_once() -> None:
-    with pytest.raises(
-        InvalidValueError,
-        match=r"^username: must be taken by house:1883, with its password .*'neuro'$",
-    ):
-        give_up(BROKER, refusal("Not authorized"), late=False)
-
-
-def test_a_certificate_that_is_not_trusted_ends_a_start_at_once() -> None:
-    error = aiomqtt.MqttError("bad")
-    error.__context__ = ssl.SSLCertVerificationError(1, "self-signed certificate")
-    with pytest.raises(
-        InvalidValueError, match=r"^broker: must have a certificate that"
-    ):
-        give_up(BROKER, error, late=False)
 
 
 def test_anything_else_ends_a_start_when_the_patience_is_over() -> None:

@@ -32,13 +32,8 @@ def read(sensor: MqttSensor, said: object) -> bool | None:
 @pytest.mark.parametrize(
     ("off", "on"),
     [
-        ("OFF", "ON"),
-        ("false", "true"),
-        ("0", "1"),
-        ("closed", "open"),
-        ("locked", "unlocked"),
-        ("not_home", "home"),
-        ("away", "home"),
+        *(("OFF", "ON"), ("false", "true"), ("0", "1"), ("closed", "open")),
+        *(("locked", "unlocked"), ("not_home", "home"), ("away", "home")),
     ],
 )
 def test_words_for_on_and_off_are_a_sensor(off: str, on: str) -> None:
@@ -50,17 +45,8 @@ def test_words_for_on_and_off_are_a_sensor(off: str, on: str) -> None:
 @pytest.mark.parametrize(
     "said",
     [
-        ["21.5"],
-        ["0", "1", "2"],
-        ["cloudy"],
-        ["on", "cloudy"],
-        ["unavailable"],
-        [""],
-        [b"\xff"],
-        ['"on"'],
-        ["on" * 40],
-        ["[true]"],
-        [{"battery": 1}],
+        *(["21.5"], ["0", "1", "2"], ["cloudy"], ["on", "cloudy"], ["unavailable"]),
+        *([""], [b"\xff"], ['"on"'], ["on" * 40], ["[true]"], [{"battery": 1}]),
         [{"count": 0}, {"count": 1}, {"count": 2}],
         [{"a.b": True, "": True, "update": {"installed": True}}],
         ["[" * 2000],
@@ -110,16 +96,7 @@ def test_the_states_of_statestream_are_sensors_and_their_attributes_are_not() ->
 
 
 def test_names_grow_until_they_differ() -> None:
-    sensors = survey(
-        ("home/kitchen/motion", "ON"),
-        ("home/bath/motion", "ON"),
-        ("home/door", "ON"),
-        ("x/a b", "ON"),
-        ("x/a/b", "ON"),
-        ("x/a_b", "ON"),
-        ("/", "ON"),
-    ).sensors()
-    assert {sensor.topic: sensor.name for sensor in sensors} == {
+    names = {
         "home/kitchen/motion": "kitchen_motion",
         "home/bath/motion": "bath_motion",
         "home/door": "door",
@@ -128,6 +105,8 @@ def test_names_grow_until_they_differ() -> None:
         "x/a_b": "x_a_b_2",
         "/": "sensor",
     }
+    sensors = survey(*((topic, "ON") for topic in names)).sensors()
+    assert {sensor.topic: sensor.name for sensor in sensors} == names
 
 
 def test_topics_without_end_are_counted_and_no_more(

@@ -66,12 +66,6 @@ def test_ways_to_write_a_table(tmp_path: Path, text: str) -> None:
     assert told == [[False, True], [True, None]]
 
 
-def test_a_row_that_says_nothing_is_no_tick_of_a_run(tmp_path: Path) -> None:
-    path = str(written(tmp_path, "a,b\n0,1\n,\n1,1\n"))
-    assert open_source(path, 0).length == 2
-    assert open_readings(path).columns.ticks == 3
-
-
 def test_a_time_column_is_told_by_name(tmp_path: Path) -> None:
     text = "a,when,b\n0,Mon,1\n1,Tue,0\n"
     readings = read(tmp_path, text, Wanted(time="when"))
@@ -130,16 +124,15 @@ def test_a_number_may_have_the_unit_that_was_told(tmp_path: Path) -> None:
 
 
 def test_a_database_must_have_the_unit_that_was_told(tmp_path: Path) -> None:
-    def wanted(text: str) -> Wanted:
-        return Wanted((), (parse_comparison(text),))
-
     copy, entity = tmp_path / "home.db", "sensor.hall_temperature"
     shutil.copy(HOME, copy)
-    told = wanted(f"{entity} > 21 °C, off < 20")
-    with pytest.raises(
-        InvalidValueError, match=r"must be in °C, as --when .* 'no unit'"
-    ):
-        open_readings(str(copy), told)
+
+    def read_with(when: str) -> Readings:
+        wanted = Wanted((), (parse_comparison(f"{entity} {when}"),))
+        return open_readings(str(copy), wanted)
+
+    with pytest.raises(InvalidValueError, match=r"must be in °C, as --wh.* 'no unit'"):
+        read_with("> 21 °C, off < 20")
     with closing(sqlite3.connect(copy)) as database:
         database.execute(
             "UPDATE state_attributes SET shared_attrs ="
@@ -147,20 +140,10 @@ def test_a_database_must_have_the_unit_that_was_told(tmp_path: Path) -> None:
             " WHERE shared_attrs LIKE '%hall_temperature%'"
         )
         database.commit()
-    plain = open_readings(str(HOME), wanted(f"{entity} > 21, off < 20")).columns
-    columns = open_readings(str(copy), told).columns
-    name = f"{entity}>21°C"
-    assert name in columns.sensorium.names
-    place, before = (
-        names.index(each)
-        for names, each in (
-            (columns.sensorium.names, name),
-            (plain.sensorium.names, f"{entity}>21"),
-        )
-    )
-    assert columns.reading(place).tolist() == plain.reading(before).tolist()
+    told = shown(read_with("> 21 °C, off < 20"))
+    assert told[f"{entity}>21°C"] == shown(read_with("> 21, off < 20"))[f"{entity}>21"]
     with pytest.raises(InvalidValueError, match="must be in °F, as --when says, got"):
-        open_readings(str(copy), wanted(f"{entity} > 70 °F"))
+        read_with("> 70 °F")
 
 
 def test_a_log_gives_a_tick_for_each_change(tmp_path: Path) -> None:
@@ -243,15 +226,6 @@ def test_a_database_is_left_alone(tmp_path: Path) -> None:
     assert path.read_bytes()[:16] == HOME.read_bytes()[:16]
 
 
-def test_another_database_is_none_of_home_assistant(tmp_path: Path) -> None:
-    path = tmp_path / "other.db"
-    with sqlite3.connect(path) as database:
-        database.execute("CREATE TABLE readings (x)")
-    database.close()
-    with pytest.raises(InvalidValueError, match="must be a database of Home Assistant"):
-        open_readings(str(path))
-
-
 def test_parquet_with_gaps_and_dates(tmp_path: Path) -> None:
     path = tmp_path / "readings.parquet"
     dates = np.array(["2026-07-01T12:00", "2026-07-01T12:01"], "datetime64[ms]")
@@ -269,16 +243,17 @@ def test_parquet_with_gaps_and_dates(tmp_path: Path) -> None:
     assert readings.moment(2) == "2026-07-01 12:01:00+00:00"
     with pytest.raises(InvalidValueError, match=r"parquet:1: hall: must be 0 or"):
         open_readings(str(path))
-
-
-def test_parquet_may_hold_a_log(tmp_path: Path) -> None:
-    path = tmp_path / "log.parquet"
     log = {"time": [2.0, 1.0], "sensor": ["a", "b"], "value": [True, False]}
     pq.write_table(pa.table(log), path)
     assert shown(open_readings(str(path))) == {"a": "?1", "b": "00"}
 
 
 def test_bytes_that_are_nothing_are_refused(tmp_path: Path) -> None:
+    other = tmp_path / "other.db"
+    with closing(sqlite3.connect(other)) as database:
+        database.execute("CREATE TABLE readings (x)")
+    with pytest.raises(InvalidValueError, match="must be a database of Home Assistant"):
+        open_readings(str(other))
     broken = written(tmp_path, b"PAR1nothing", "x.parquet")
     with pytest.raises(InvalidValueError, match=r"x\.parquet: must be a Parquet file"):
         open_readings(str(broken))
