@@ -259,9 +259,8 @@ async def test_with_tls_only_a_broker_that_is_trusted_is_spoken_to(
     tmp_path: Path,
 ) -> None:
     keys = make_keys(tmp_path / "keys", [HOST]).folder
-    lines = ("allow_anonymous true", f"certfile {keys}/hub.pem")
-    lines += (f"keyfile {keys}/hub.key",)
-    with started(tmp_path, *lines) as broker:
+    files = (f"certfile {keys}/hub.pem", f"keyfile {keys}/hub.key")
+    with started(tmp_path, "allow_anonymous true", *files) as broker:
         trusting = msgspec.structs.replace(
             broker.options, tls=True, ca_file=f"{keys}/ca.pem"
         )
