@@ -19,7 +19,6 @@ from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.recording.format.chunks import index_chunk
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import (
-    CLOSING,
     RUN,
     SHARE,
     TOTALS,
@@ -169,29 +168,9 @@ class RecordingFile:
         return int(text)
 
     @property
-    def swarm(self) -> str:
-        """The id of the swarm that was recorded."""
-        return self.metadata.get("swarm", "recorded")
-
-    @property
     def totals(self) -> dict[str, str] | None:
         """What was written at the end; None if the recording did not get there."""
         return self.layout.metadata.get(TOTALS)
-
-    @property
-    def closing(self) -> wire.Decision | None:
-        """The decision of a file's last tick, where that opens the file after it.
-
-        None where no file follows, or it was written before that was noted.
-
-        Raises:
-            RecordingError: What is noted there is no decision.
-        """
-        noted = (self.totals or {}).get(CLOSING)
-        if noted is None:
-            return None
-        where = f"{self.path}: {CLOSING}"
-        return decoded(noted, wire.Decision, where, "must hold a decision")
 
     @property
     def cut(self) -> Cut | None:
@@ -222,11 +201,6 @@ class RecordingFile:
             and not self.damage
             and self.noted().completeness.whole
         )
-
-    @property
-    def gaps(self) -> int:
-        """At how many places its writer noted that messages are missing."""
-        return len(self.layout.gaps)
 
     def noted(self) -> Noted:
         """Return the balance as the writer noted it; empty if it did not get there.

@@ -27,7 +27,7 @@ from neurosnap.recording.format.completeness import (
     RunningNumbers,
     added_up,
 )
-from neurosnap.recording.format.records import Chunk, Cut
+from neurosnap.recording.format.records import CLOSING, Chunk, Cut
 from neurosnap.recording.read.chunk_messages import Recorded, decoded
 from neurosnap.recording.read.file import Noted, RecordingFile, identity
 
@@ -187,7 +187,7 @@ class Recording:
     @property
     def swarm(self) -> str:
         """The id of the swarm that was recorded."""
-        return self._last.swarm
+        return self.metadata.get("swarm", "recorded")
 
     @property
     def totals(self) -> dict[str, str] | None:
@@ -196,8 +196,16 @@ class Recording:
 
     @property
     def closing(self) -> wire.Decision | None:
-        """The decision of the last tick where another file follows, else None."""
-        return self._last.closing
+        """The decision of the last tick, where that opens another file; else None.
+
+        Raises:
+            RecordingError: What is noted there is no decision.
+        """
+        noted = (self.totals or {}).get(CLOSING)
+        if noted is None:
+            return None
+        where = f"{self._last.path}: {CLOSING}"
+        return decoded(noted, wire.Decision, where, "must hold a decision")
 
     @property
     def cut(self) -> Cut | None:
@@ -296,7 +304,7 @@ class Recording:
             noted.expected, foreign=noted.completeness.foreign
         )
         duplicates = balance.duplicates + noted.completeness.duplicates
-        gaps = sum(file.gaps for file in self.files)
+        gaps = sum(len(file.layout.gaps) for file in self.files)
         return msgspec.structs.replace(balance, duplicates=duplicates, gaps=gaps)
 
     def noted(self) -> Noted:

@@ -120,13 +120,19 @@ async def play(
     if start > 1:
         snapshot = learned_at(recording, start - 1)
         fabric.publish(wire.KeyFrame(start - 1, snapshot.to_bytes()))
-    pace = _Pace(rate)
-    for recorded in _from(recording, start):
+    first, since = None, time.perf_counter()
+    for count, recorded in enumerate(_from(recording, start)):
         message = recorded.message
         if isinstance(message, wire.Observation):
             played.ticks += 1
             on_progress(message.tick)
-        await pace.wait(recorded.log_time, stop)
+        first = recorded.log_time if first is None else first
+        due = since + (recorded.log_time - first) / _NS / rate
+        delay = due - time.perf_counter()
+        if delay > 0:
+            await wait_at_most(stop, delay)
+        elif count % _BURST == 0:
+            await asyncio.sleep(0)
         if stop.is_set():
             break
         # A stranger's message, recorded once, has no key.
@@ -146,25 +152,3 @@ def _from(recording: Recording, start: int) -> Iterator[Recorded]:
 
     messages = recording.messages()
     return messages if start == 1 else itertools.dropwhile(before, messages)
-
-
-class _Pace:
-    """Waits until it is a message's turn."""
-
-    def __init__(self, rate: float) -> None:
-        self._rate = rate
-        self._first: int | None = None
-        self._began = 0.0
-        self._count = 0
-
-    async def wait(self, log_time: int, stop: asyncio.Event) -> None:
-        """Return when the message recorded at `log_time` is due, or `stop` is set."""
-        if self._first is None:
-            self._first, self._began = log_time, time.perf_counter()
-        due = self._began + (log_time - self._first) / _NS / self._rate
-        delay = due - time.perf_counter()
-        self._count += 1
-        if delay > 0:
-            await wait_at_most(stop, delay)
-        elif self._count % _BURST == 0:
-            await asyncio.sleep(0)

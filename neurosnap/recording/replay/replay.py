@@ -35,17 +35,8 @@ from neurosnap.sensorium import selection, unpack, unpack_readings
 
 _INPUTS = ("observation", "cellreport", "workerreport", "recalled", "band", "learned")
 _OUTPUTS = (
-    *(
-        "wiring",
-        "workerwiring",
-        "wavestart",
-        "state",
-        "reached",
-        "decision",
-        "keyframe",
-        "anomaly",
-    ),
-    *("recall", "reminder", "learn"),
+    *("wiring", "workerwiring", "wavestart", "state", "reached", "decision"),
+    *("keyframe", "anomaly", "recall", "reminder", "learn"),
 )
 _SHOWN = 300  # characters of a message shown in a difference
 

@@ -24,45 +24,32 @@ def test_what_was_lost_at_the_end_shows_against_the_senders_word() -> None:
     assert sequences.gaps() == {"cell/1": [(1, 2)]}, "asking changes nothing"
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(30))
 def test_any_order_comes_to_what_a_plain_set_comes_to(seed: int) -> None:
+    """The share of a file begins with a number, or with what comes first."""
     draw = random.Random(seed)
-    sequences, seen, duplicates = RunningNumbers(), set[int](), 0
-    for number in draw.choices(range(60), k=80):
-        assert sequences.receive("cell/1", number) is (number not in seen)
-        duplicates += number in seen
-        seen.add(number)
+    heard = draw.choices(range(60), k=80)
+    first = draw.choice((0, 0, 7))
+    anywhere = seed % 3 == 0
+    sequences = RunningNumbers({} if anywhere else {"cell/1": first}, anywhere=anywhere)
+    first = heard[0] if anywhere else first
+    if not anywhere:
+        sequences.begin("cell/1", first + 5)  # it has begun already
+    seen, duplicates = set[int](), 0
+    for number in heard:
+        fresh = number >= first and number not in seen
+        assert sequences.receive("cell/1", number) is fresh
+        duplicates += not fresh
+        seen |= {number} if fresh else set()
+    assert sequences.first == {"cell/1": first}
     assert (sequences.upcoming("cell/1"), sequences.upcoming("x")) == (max(seen) + 1, 0)
     missing = {
         number
         for start, stop in sequences.gaps({"cell/1": 60})["cell/1"]
         for number in range(start, stop)
     }
-    assert missing == set(range(60)) - seen
+    assert missing == set(range(first, 60)) - seen
     assert (sequences.messages, sequences.duplicates) == (len(seen), duplicates)
-
-
-# A share of them ----------------------------------------------------------------------
-
-
-def test_what_is_below_a_share_is_no_loss_and_no_message_of_it() -> None:
-    sequences = RunningNumbers({"world": 7, "cell/0": 3})
-    sequences.begin("world", 5)  # it has begun already
-    assert sequences.first == {"world": 7, "cell/0": 3}
-    assert sequences.receive("world", 7)
-    assert not sequences.receive("world", 6)
-    assert sequences.completeness({"world": 8, "cell/0": 3}) == Completeness(1, {}, 1)
-    assert sequences.completeness({"cell/0": 5}).missing == {"cell/0": 2}
-
-
-def test_a_share_may_begin_with_what_comes_first() -> None:
-    sequences = RunningNumbers({"world": 7}, anywhere=True)
-    for number in (20, 22):
-        assert sequences.receive("cell/0", number)
-    assert sequences.receive("world", 8)
-    assert sequences.gaps() == {"cell/0": [(21, 22)], "world": [(7, 8)]}
-    assert sequences.first == {"world": 7, "cell/0": 20}
-    assert sequences.messages == 3
 
 
 def test_what_several_files_hold_and_lack_is_added_up() -> None:

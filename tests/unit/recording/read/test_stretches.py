@@ -252,16 +252,6 @@ def test_what_is_salvaged_is_all_there_is_and_says_what_is_missing(
         assert (same.same, same.complete) == (True, False)
 
 
-def test_nothing_is_overwritten_by_what_is_salvaged(log: Path, tmp_path: Path) -> None:
-    other = tmp_path / "other.mcap"
-    other.write_bytes(b"another's")
-    for taken in (other, log):
-        before = taken.read_bytes()
-        with pytest.raises(RecordingError, match="must not exist yet"):
-            salvage(log, taken)
-        assert taken.read_bytes() == before
-
-
 # In several files ------------------------------------------------------------------
 
 

@@ -60,14 +60,6 @@ def test_each_birth_is_listed_with_its_tick_and_history() -> None:
     assert births.read_at(8) == [*range(FIRST), FIRST + 1]
 
 
-def test_a_birth_that_is_grown_again_is_told_apart() -> None:
-    births = Births(BODY)
-    births.follow(birth(1, ONE, FIRST))
-    births.follow(wire.Decision(2, 0, "", retires=FIRST))
-    births.follow(birth(3, ONE, FIRST + 1))
-    assert births.names[FIRST:] == ("push&door&dark", "push&door&dark#2")
-
-
 def test_the_last_tick_of_a_run_is_known_from_its_key_frame() -> None:
     births = Births(BODY)
     births.follow(wire.Decision(1, 0, ""))
