@@ -301,27 +301,6 @@ def test_what_it_sends_for_what_it_receives(name: str) -> None:
         assert "; ".join(map(shown, said)) == expected, batch
 
 
-def test_it_remembers_the_latest_readings() -> None:
-    cell = wired(5)
-    for tick in range(1, 30):
-        cell.receive([observation(tick, on=True)])
-    assert cell.receive([state_wave(1, 2)]) == []
-    assert len(reports(cell.receive([state_wave(2, 29)]))) == 1
-
-
-@pytest.mark.parametrize("batches", [1, 2, 3])
-def test_it_reports_once_however_what_is_due_comes(batches: int) -> None:
-    cell = wired(4, 6, complement=[9])
-    # 5 -> 3, 7 -> 3 and 8 -> 2 are due: sensors 2 and 3 are off, and 4 is on.
-    due = [pulse(5, COMPLEMENT), pulse(7, COMPLEMENT), pulse(8)]
-    assert reports(cell.receive([received("read 3 01001"), state_wave(1, 3)])) == []
-    for number in range(batches - 1):
-        assert reports(cell.receive([due[number]])) == []
-    (report,) = reports(cell.receive(due[batches - 1 :]))
-    assert (report.part, set(report.literals)) == (0, {OWN, COMPLEMENT})
-    assert (len(report.credit), report.pulses) == (4, 3)
-
-
 @given(
     own=st.sets(st.integers(4, 40), max_size=6),
     complement=st.sets(st.integers(4, 40), max_size=6),

@@ -91,13 +91,6 @@ def test_what_is_only_just_right_is_taken(right: wire.Message) -> None:
     assert not any(isinstance(one, wire.Fault) for one in said)
 
 
-def test_a_cell_that_has_seen_nothing_begins_anywhere() -> None:
-    cell = Cell(1)
-    cell.receive([wire.Wiring(1, 90_000, 0, add=(5,)), wire.Observation(80_000, b"\2")])
-    said = cell.receive([wire.WaveStart(99_999, 80_000, "state", 0, 9, fence=99_999)])
-    assert [type(one) for one in said] == [wire.Pulse, wire.CellReport]
-
-
 def test_readings_of_ticks_to_come_do_not_displace_the_one_that_is_due() -> None:
     cell = Cell(1)
     for tick in range(LARGEST - 9, LARGEST):

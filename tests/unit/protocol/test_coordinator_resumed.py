@@ -11,9 +11,7 @@ from neurosnap.agent.body import Body
 from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.run_options import RunOptions, SnapshotKind
-from neurosnap.protocol.sent_wiring import SentWiring
 from neurosnap.protocol.wave_control import WaveControl
-from tests.support.edges import edge_list
 from tests.support.swarm_parts import AnsweringSwarm, observation
 
 SENSORS = ("a", "b", "c", "d")
@@ -108,24 +106,6 @@ def test_a_core_made_of_a_key_frame_goes_on_byte_for_byte(
         assert again.core.totals == swarm.core.totals
 
 
-@pytest.mark.parametrize("workers", [0, 2])
-def test_after_a_key_frame_everybody_is_wired_whole(workers: int) -> None:
-    given = options(workers, "empirical")
-    swarm = swarm_of(given)
-    said = run(swarm, swarm.core.begin())
-    for place, message in enumerate(said):
-        if not isinstance(message, wire.KeyFrame) or message.tick == TICKS:
-            continue
-        rest = said[place + 1 :]
-        start = next(n for n, m in enumerate(rest) if isinstance(m, wire.WaveStart))
-        wirings = [
-            m for m in rest[:start] if isinstance(m, wire.Wiring | wire.WorkerWiring)
-        ]
-        assert {wiring.after for wiring in wirings} == {0}
-        assert len(wirings) == (workers or len(SENSORS))
-        assert max(w.epoch for w in wirings) == max(message.epochs) + 1
-
-
 def test_a_key_frame_of_another_run_is_refused() -> None:
     given = options(2, "empirical")
     core = Coordinator(given)
@@ -136,35 +116,6 @@ def test_a_key_frame_of_another_run_is_refused() -> None:
         Coordinator.from_key_frame(
             given, msgspec.structs.replace(frame, snapshot=b"none")
         )
-
-
-@pytest.mark.parametrize("workers", [0, 2])
-def test_a_part_that_missed_the_wiring_after_a_key_frame_is_refused(
-    workers: int,
-) -> None:
-    """A part that starts from the key-frame knows of no wiring before it."""
-    wires, fresh = SentWiring(3, workers), SentWiring(3, workers)
-    some = edge_list([(0, 2), (3, 1)])
-    wires.rewire(some)
-    before = wires.epochs
-    wires.forget()
-    wires.rewire(some)
-    fresh.start_at(before)
-    fresh.rewire(some)
-    assert wires.epochs == fresh.epochs
-    for each in (wires, fresh):
-        for epoch, fits in ((before[0], False), (each.epochs[0], True)):
-            report: wire.CellReport | wire.WorkerReport = (
-                wire.WorkerReport(1, 0, 0, b"", b"", (0,), 0, epoch)
-                if workers
-                else wire.CellReport(1, 0, 0, (0,), (0,), (0,), 0, epoch)
-            )
-            try:
-                each.check_epoch(report)
-            except ValueError:
-                assert not fits
-            else:
-                assert fits
 
 
 def test_waves_go_on_being_numbered() -> None:

@@ -97,6 +97,7 @@ def test_who_is_silent_is_told_again_and_then_named() -> None:
         (wire.Learned(0, 5), "must be of tick 4, key-frame 0, got tick 5"),
         (wire.Learned(2, 4), "must be one of 2 workers, got worker 2"),
         (learned(0, part=1), "part must be one of 1, got 1 of 1"),
+        (wire.Learned(1, 4, part=2, parts=3), "part must be one of 2, got 2 of 3"),
         (learned(0, places=(1,)), "places must be of 1 implications"),
         (learned(0, since=()), "places must be of 1 implications"),
         (learned(0, support=(float("inf"),)), "support must be finite"),
@@ -114,18 +115,12 @@ def test_who_is_silent_is_told_again_and_then_named() -> None:
 )
 def test_what_cannot_be_right_is_refused(wrong: wire.Learned, rule: str) -> None:
     asked = control()
+    assert took(asked, wire.Learned(1, 4, part=0, parts=2))
     with pytest.raises(MessageError, match=rule):
         asked.receive(wrong)
     assert took(asked, learned(0))
-    assert took(asked, learned(1))
+    assert took(asked, learned(1, part=1, parts=2))
     assert not under_way(asked)
-
-
-def test_parts_of_two_kinds_are_refused() -> None:
-    asked = control()
-    asked.receive(wire.Learned(0, 4, part=0, parts=2))
-    with pytest.raises(MessageError, match="part must be one of 2, got 2 of 3"):
-        asked.receive(wire.Learned(0, 4, part=2, parts=3))
 
 
 def test_an_anomaly_gets_what_spoke_for_what_it_broke() -> None:

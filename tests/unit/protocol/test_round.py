@@ -6,14 +6,6 @@ from neurosnap.errors import AnswerLostError
 from neurosnap.protocol.round import Round
 
 
-def test_those_are_silent_who_have_not_answered() -> None:
-    asked: Round[int] = Round("question 1", 2, ("cell/0", "cell/1"))
-    asked.answers["cell/0"] = 0
-    assert asked.silent == ["cell/1"]
-    asked.answers["cell/1"] = 1
-    assert asked.silent == []
-
-
 @pytest.mark.parametrize("spare", [0, 1])
 def test_it_is_asked_again_as_often_as_allowed(spare: int) -> None:
     asked: Round[int] = Round("question 1", 1)

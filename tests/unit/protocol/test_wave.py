@@ -4,6 +4,7 @@ import random
 from collections.abc import Sequence
 from fractions import Fraction
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -11,7 +12,8 @@ from hypothesis import strategies as st
 from neurosnap import wire
 from neurosnap.errors import MessageError
 from neurosnap.protocol.wave import DEEPEST, Wave, split_evenly
-from tests.support.wave_messages import LARGEST, packed
+from neurosnap.protocol.worker_kernels import carried, split
+from tests.support.wave_messages import LARGEST, packed, share
 
 
 def report(
@@ -45,24 +47,12 @@ def signal_wave(*signal: int) -> Wave:
 
 def test_it_settles_when_all_credit_is_back() -> None:
     wave = signal_wave(0)
-    seen = [(wave.is_settled, wave.missing)]
-    for one in (report(0, [0], [1], pulses=1), report(1, [2], [1], hops=[1])):
-        give(wave, one)
-        seen.append((wave.is_settled, wave.missing))
-    assert seen == [(False, 1), (False, Fraction(1, 2)), (True, 0)]
-
-
-def test_what_it_reached_is_what_was_reported() -> None:
-    wave = signal_wave(0)
+    assert (wave.is_settled, wave.missing, wave.depth) == (False, 1, 0)
     give(wave, report(1, [3, 2], [2, 2], hops=[2, 1], pulses=4))
+    assert (wave.is_settled, wave.missing) == (False, Fraction(1, 2))
     give(wave, report(0, [0], [1], pulses=3))
-    assert wave.hops == {0: 0, 2: 1, 3: 2}
-    assert wave.depth == 2
-    assert wave.pulses == 7
-
-
-def test_a_wave_that_reached_nothing_yet_has_no_depth() -> None:
-    assert signal_wave(0).depth == 0
+    assert (wave.is_settled, wave.missing) == (True, 0)
+    assert (wave.hops, wave.depth, wave.pulses) == ({0: 0, 2: 1, 3: 2}, 2, 7)
 
 
 @pytest.mark.parametrize(
@@ -74,14 +64,11 @@ def test_every_seed_gets_the_same_share_of_one(seeds: int, credit: int) -> None:
     assert wave.missing == Fraction(seeds, 2**credit) <= 1
 
 
-def test_its_start_says_what_it_repeats() -> None:
+def test_its_start_says_what_it_repeats_and_can_be_for_one_cell() -> None:
     wave = Wave(7, 3, "signal", 2, (4, 9), repeats=6)
     assert wave.start(7, 7) == wire.WaveStart(7, 3, "signal", 1, 7, (4, 9), 6, 7)
-
-
-def test_its_start_can_be_for_one_cell() -> None:
-    start = Wave(7, 3, "signal", 2, (4, 9)).start(5, 6, cell=2)
-    assert start == wire.WaveStart(7, 3, "signal", 1, 5, (4, 9), fence=6, cell=2)
+    start = wave.start(5, 6, cell=2)
+    assert start == wire.WaveStart(7, 3, "signal", 1, 5, (4, 9), 6, 6, cell=2)
 
 
 def spread(seeds: int, chance: random.Random, most: int) -> list[wire.CellReport]:
@@ -139,132 +126,63 @@ def test_a_report_that_comes_again_changes_nothing() -> None:
     assert wave.is_settled
 
 
+def by_worker(literals: bytes, hops: bytes, pulses: int = 0) -> wire.WorkerReport:
+    return wire.WorkerReport(1, 1, 0, literals, hops, (1,), pulses)
+
+
+MUCH = "cellreport: must give back at most the credit given out, got cell 1, credit ["
+WRONG = "cellreport: must report on wave 1, own literals, each once, got CellReport("
+LARGE = "cellreport: must give back credit, and hold numbers up to 131072, got cell 1, "
+BY_WORKER = "workerreport: "
+
+
 @pytest.mark.parametrize(
-    "wrong",
+    ("wrong", "what"),
     [
-        report(1, [2], [0]),
-        report(1, [2], [1, 1]),
-        report(1, [2], [2, 2, 70, 2]),
+        (report(1, [2], [0]), MUCH),
+        (report(1, [2], [1, 1]), MUCH),
+        (report(1, [2], [2, 2, 70, 2]), MUCH),  # by a little
+        (report(1, [2], [2], wave=2), WRONG),
+        (report(1, [2], [2], wave=LARGEST), WRONG),
+        (report(1, [4], [2]), WRONG),
+        (report(1, [2, 2], [2]), WRONG),
+        (report(1, [2], [2], hops=[]), WRONG),
+        (report(0, [0], [2], part=1), WRONG),  # has fired before
+        (report(1, [2], [LARGEST]), LARGE),
+        (report(1, [2], [DEEPEST + 1]), LARGE),
+        (report(1, [2], [40] * (DEEPEST + 1)), LARGE),
+        (report(1, [2], []), LARGE),
+        (report(1, [2], [1], pulses=LARGEST), LARGE),
+        (report(1, [2], [1], part=LARGEST), LARGE),
+        (by_worker(packed(2), packed(0)[:3]), "hops: must be four bytes a number"),
+        (by_worker(packed(2)[:3], packed(0)), "literals: must be four bytes a number"),
+        (by_worker(packed(2), packed(0, 0)), "must report on wave 1, own"),
+        (by_worker(packed(2, 2), packed(0, 0)), "must report on wave 1, own"),
+        (by_worker(packed(-1), packed(0)), "must report on wave 1, own"),
+        (by_worker(packed(6), packed(0)), "must report on wave 1, own"),
+        (by_worker(packed(2), packed(-1)), "must report on wave 1, own"),
+        (by_worker(packed(2), packed(DEEPEST + 1)), "must give back credit, and hold"),
+        (by_worker(packed(2), packed(0), LARGEST), "must give back credit, and hold"),
     ],
-    ids=["at once", "in parts", "by a little"],
+    ids=lambda given: f"{given!r:.70}" if not isinstance(given, str) else "",
 )
-def test_more_credit_than_was_given_is_refused(wrong: wire.CellReport) -> None:
+def test_a_report_that_cannot_be_right_is_refused(
+    wrong: wire.CellReport | wire.WorkerReport, what: str
+) -> None:
     wave = signal_wave(0)
     give(wave, report(0, [0], [1], pulses=1))
-    expected = r"^cellreport: must give back at most the credit given out, got cell"
-    with pytest.raises(MessageError, match=expected + r" 1, credit \["):
-        give(wave, wrong)
+    with pytest.raises(MessageError) as refused:
+        if isinstance(wrong, wire.CellReport):
+            give(wave, wrong)
+        else:
+            wave.report(wrong, range(1, 3))
+    said = str(refused.value).removeprefix(BY_WORKER)
+    assert said.startswith(what)
+    assert len(said) < 350
     assert (wave.missing, wave.hops, wave.pulses) == (Fraction(1, 2), {0: 0}, 1)
-    give(wave, report(1, [2], [1]))
+    wave.report(by_worker(packed(2, 5), packed(0, 1)), range(1, 3))
     assert wave.is_settled
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        report(1, [2], [2], wave=2),
-        report(1, [4], [2]),
-        report(1, [2, 2], [2]),
-        report(1, [2], [2], hops=[]),
-        report(0, [0], [2], part=1),
-    ],
-    ids=["another wave", "another's literal", "twice", "no hops", "fired before"],
-)
-def test_a_report_that_cannot_be_right_is_refused(wrong: wire.CellReport) -> None:
-    wave = signal_wave(0)
-    give(wave, report(0, [0], [1]))
-    expected = (
-        r"^cellreport: must report on wave 1, own literals, each once, got CellReport\("
-    )
-    with pytest.raises(MessageError, match=expected):
-        give(wave, wrong)
-    assert (wave.missing, wave.hops) == (Fraction(1, 2), {0: 0})
-
-
-def gives_back(credit: Sequence[int], **more: int) -> wire.CellReport:
-    fields = {"part": 0, "pulses": 0, "wave": 1, **more}
-    return wire.CellReport(
-        cell=0, literals=(0,), hops=(0,), credit=tuple(credit), **fields
-    )
-
-
-@pytest.mark.parametrize(
-    "report",
-    [
-        gives_back([LARGEST]),
-        gives_back([DEEPEST + 1]),
-        gives_back([40] * (DEEPEST + 1)),
-        gives_back([]),
-        gives_back([1], pulses=LARGEST),
-        gives_back([1], part=LARGEST),
-        gives_back([1], wave=LARGEST),
-    ],
-    ids=["far too deep", "too deep", "many", "none", "pulses", "part", "wave"],
-)
-def test_a_report_that_is_too_large_is_refused(report: wire.CellReport) -> None:
-    wave = Wave(1, 0, "signal", 1, (0,))
-    with pytest.raises(MessageError, match=r"^cellreport: must .*, got .{1,250}$"):
-        give(wave, report)
-    assert wave.missing == 1
-    assert (wave.hops, wave.pulses) == ({}, 0)
-    give(wave, gives_back([0]))
-    assert wave.is_settled
-
-
-def by_worker(literals: bytes, hops: bytes, **more: int) -> wire.WorkerReport:
-    fields = {"wave": 1, "part": 0, "pulses": 0, **more}
-    return wire.WorkerReport(
-        worker=0, literals=literals, hops=hops, credit=(0,), **fields
-    )
-
-
-@pytest.mark.parametrize(
-    "report",
-    [
-        by_worker(packed(0), packed(0)[:3]),
-        by_worker(packed(0)[:3], packed(0)),
-        by_worker(packed(0), packed(0, 0)),
-        by_worker(packed(0, 0), packed(0, 0)),
-        by_worker(packed(-1), packed(0)),
-        by_worker(packed(4), packed(0)),
-        by_worker(packed(0), packed(-1)),
-        by_worker(packed(0), packed(DEEPEST + 1)),
-        by_worker(packed(0), packed(0), pulses=LARGEST),
-    ],
-    ids=[
-        "part of hops",
-        "part of a literal",
-        "uneven",
-        "twice",
-        "negative",
-        "another's",
-        "hops below 0",
-        "deep",
-        "pulses",
-    ],
-)
-def test_a_worker_s_report_that_cannot_be_right_is_refused(
-    report: wire.WorkerReport,
-) -> None:
-    wave = Wave(1, 0, "signal", 1, (0,))
-    with pytest.raises(MessageError, match=r"^workerreport: .*must .*, got .{1,250}$"):
-        wave.report(report, range(2))
-    assert wave.missing == 1
-    assert (wave.hops, wave.pulses) == ({}, 0)
-    wave.report(by_worker(packed(0, 3), packed(0, 1)), range(2))
-    assert wave.is_settled
-    assert wave.hops == {0: 0, 3: 1}
-
-
-def test_the_deepest_share_counts() -> None:
-    wave = Wave(1, 0, "signal", 1, (0,))
-    give(wave, gives_back(range(1, DEEPEST + 1)[::400]))
-    before = wave.missing
-    give(wave, wire.CellReport(1, 1, 0, (), (), (DEEPEST,), 0))
-    assert before - wave.missing == Fraction(1, 2**DEEPEST)
-    with pytest.raises(MessageError, match=r"^cellreport: must give back at most"):
-        give(wave, wire.CellReport(1, 2, 0, (), (), (1,), 0))
-    assert not wave.is_settled
+    assert wave.hops == {0: 0, 2: 0, 5: 1}
 
 
 EDGES: dict[int, list[int]] = {0: [2, 5], 2: [6], 4: [], 5: [], 6: []}
@@ -303,3 +221,26 @@ def test_split_shares_add_up_to_the_whole(credit: int, parts: int) -> None:
     assert sum(Fraction(1, 2**share) for share in shares) == Fraction(1, 2**credit)
     assert shares == sorted(shares)
     assert shares[-1] - shares[0] <= 1
+
+
+@given(st.integers(0, 10_000), st.integers(1, 3000))
+def test_a_worker_splits_credit_as_a_cell_does(credit: int, parts: int) -> None:
+    larger, exponent = split(credit, parts)
+    shares = [exponent - (number < larger) for number in range(parts)]
+    assert shares == split_evenly(credit, parts)
+
+
+@given(st.lists(st.integers(0, 90), min_size=1, max_size=60), st.integers(1, 40))
+def test_a_worker_adds_shares_up_until_each_comes_once(
+    exponents: list[int], room: int
+) -> None:
+    least = min(exponents)
+    back = np.bincount(np.array(exponents) - least, minlength=room).astype(np.int64)
+    total = sum(map(share, exponents))
+    left = carried(back, least)
+    assert list(left) == sorted(left)
+    if total <= 1:
+        assert sum(map(share, left)) == total
+        assert len(set(left)) == len(left)
+    else:  # no wave has so much, and what is said cannot be taken for less
+        assert sum(map(share, left)) > 1

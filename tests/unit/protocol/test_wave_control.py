@@ -36,14 +36,6 @@ def settled(wave: int, literal: int, *credit: int, epoch: int = 0) -> wire.CellR
 # Waves --------------------------------------------------------------------------------
 
 
-def test_waves_are_numbered_from_one() -> None:
-    control = WaveControl(SENSORS)
-    starts = [begin(control, "signal", 1, (0,)) for _ in range(3)]
-    assert [start.wave for start in starts] == [1, 2, 3]
-    assert control.waves == 3
-    assert control.in_flight == (1, 2, 3)
-
-
 def test_a_state_wave_starts_in_every_cell() -> None:
     control = WaveControl(SENSORS)
     start = begin(control, "state", 7)
@@ -61,24 +53,6 @@ def test_a_state_wave_starts_in_the_cells_whose_reading_is_known() -> None:
     assert start == wire.WaveStart(2, 7, "state", 1, 2, (0, 5), 1, 2)
     assert control.report(settled(2, 0, 1)) is None
     assert control.report(settled(2, 5, 1)) is not None
-
-
-def test_a_state_wave_keeps_its_credit_when_it_is_repeated_without_a_signal() -> None:
-    control = WaveControl(SENSORS)
-    control.start("state", 7, seeds=1)
-    (start,) = control.repeat(1, ())
-    assert start == wire.WaveStart(2, 7, "state", 0, 2, (), 1, 2)
-
-
-def test_a_settled_wave_is_handed_out_and_forgotten() -> None:
-    control = WaveControl(SENSORS)
-    control.start("signal", 0, (0, 2))
-    assert control.report(settled(1, 0, 1)) is None
-    wave = control.report(settled(1, 2, 1))
-    assert wave is not None
-    assert set(wave.hops) == {0, 2}
-    assert control.in_flight == ()
-    assert control.report(settled(1, 2, 1)) is None
 
 
 def test_cells_are_told_which_waves_they_can_forget() -> None:
@@ -108,23 +82,29 @@ def told_of(messages: list[wire.Message]) -> list[tuple[int, int]]:
     return [(m.cell, m.fence) for m in messages if isinstance(m, wire.WaveStart)]
 
 
-def test_the_first_wave_is_announced_to_all() -> None:
-    assert told_of(WaveControl(8).start("signal", 0, (0,))) == [(-1, 1)]
+A_FEW, MANY = (0, 1, 9, 4), (0, 2, 4, 6, 8)
 
 
-def test_a_wave_of_a_few_goes_to_their_cells_only() -> None:
-    control = WaveControl(8)
-    control.start("state", 1)
-    starts = control.start("signal", 1, (0, 1, 9, 4))
-    assert told_of(starts) == [(0, 1), (2, 1), (4, 1)]
-    assert {m.key for m in starts} == {"wavestart/0", "wavestart/2", "wavestart/4"}
-
-
-def test_a_wave_of_many_is_announced_to_all() -> None:
-    control = WaveControl(8)
-    control.start("state", 1)
-    assert told_of(control.start("signal", 1, (0, 2, 4, 6, 8))) == [(-1, 2)]
-    assert told_of(control.start("signal", 1, (0,))) == [(0, 2)]
+@pytest.mark.parametrize(
+    ("workers", "signals", "expected"),
+    [
+        (0, [(0,)], [[(-1, 1)]]),  # the first goes to all
+        (0, [MANY, A_FEW], [[(-1, 1)], [(0, 1), (2, 1), (4, 1)]]),
+        (0, [(0,), MANY, (0,)], [[(-1, 1)], [(-1, 2)], [(0, 2)]]),
+        (3, [(4,), (4,), A_FEW], [[(-1, 1)], [(-1, 2)], [(-1, 3)]]),
+    ],
+)
+def test_a_wave_of_a_few_goes_to_their_cells_only(
+    workers: int, signals: list[tuple[int, ...]], expected: list[list[tuple[int, int]]]
+) -> None:
+    control = WaveControl(8, workers=workers)
+    starts = [control.start("signal", 1, signal) for signal in signals]
+    assert [told_of(each) for each in starts] == expected
+    for start in (one for each in starts for one in each):
+        assert isinstance(start, wire.WaveStart)
+        own = f"wavestart/{start.cell}"
+        assert start.key == ("wavestart" if start.cell < 0 else own)
+    assert control.in_flight == tuple(range(1, len(signals) + 1))
 
 
 @pytest.mark.parametrize("whole", [False, True])
@@ -185,35 +165,33 @@ def test_a_repeat_goes_out_after_whole_wirings_under_a_new_number() -> None:
     assert control.in_flight == (2,)
 
 
-def test_a_repeated_state_wave_carries_what_was_observed() -> None:
+READ = (0, 3, 4, 7)
+
+
+@pytest.mark.parametrize(
+    ("kind", "signal", "seeds", "observed", "again"),
+    [
+        ("state", (), 4, READ, wire.WaveStart(3, 7, "state", 2, 1, READ, 2, 3)),
+        ("state", (), 1, (), wire.WaveStart(3, 7, "state", 0, 1, (), 2, 3)),
+        ("signal", (6,), 0, READ, wire.WaveStart(3, 7, "signal", 0, 1, (6,), 2, 3)),
+    ],
+)
+def test_what_is_repeated_keeps_its_signal_and_what_is_given_up_counts_no_more(
+    kind: wire.WaveKind,
+    signal: tuple[int, ...],
+    seeds: int,
+    observed: tuple[int, ...],
+    again: wire.WaveStart,
+) -> None:
     control = WaveControl(SENSORS)
-    control.start("state", 4)
-    observed = (0, 3, 4, 7)
-    (start,) = control.repeat(1, observed)
-    assert start == wire.WaveStart(2, 4, "state", 2, 2, observed, 1, 2)
-
-
-def test_a_repeated_signal_wave_keeps_its_signal() -> None:
-    control = WaveControl(SENSORS)
-    control.start("signal", 4, (6,))
-    (start,) = control.repeat(1, (0, 3, 4, 7))
-    assert start == wire.WaveStart(2, 4, "signal", 0, 2, (6,), 1, 2)
-
-
-def test_reports_on_a_wave_given_up_are_dropped() -> None:
-    control = WaveControl(SENSORS)
-    control.start("signal", 0, (0,))
-    control.repeat(1, ())
+    control.start("signal", 7, (0,))  # as long as it is not settled, none below is
+    control.start(kind, 7, signal, seeds=seeds)
+    assert control.repeat(2, observed) == [again]
+    assert control.in_flight == (1, 3)
+    assert control.report(settled(2, 6, 0)) is None
+    assert control.report(settled(1, 0, 0)) is not None
     assert control.report(settled(1, 0, 0)) is None
-    assert control.report(settled(2, 0, 0)) is not None
-
-
-def test_what_is_given_up_is_settled_only_once_older_waves_are() -> None:
-    control = WaveControl(SENSORS)
-    control.start("signal", 0, (0,))
-    control.start("signal", 0, (2,))
-    again = control.repeat(2, ())[-1]
-    assert again == wire.WaveStart(3, 0, "signal", 0, 1, (2,), 2, 3)
+    assert control.in_flight == (3,)
 
 
 def test_a_wave_sent_often_enough_is_lost_and_the_error_says_where() -> None:
@@ -248,14 +226,6 @@ def by_worker(
 ) -> wire.WorkerReport:
     hops = packed(*fired.values())
     return wire.WorkerReport(1, worker, part, packed(*fired), hops, credit, 0, epoch)
-
-
-def test_every_wave_is_announced_to_all_workers() -> None:
-    control = WaveControl(7, workers=3)
-    rewire(control, CHAIN)
-    for number in (1, 2, 3):
-        start = begin(control, "signal", 0, (4,))
-        assert (start.key, start.wave, start.fence) == ("wavestart", number, number)
 
 
 def test_a_wave_settles_by_the_reports_of_workers() -> None:

@@ -1,12 +1,14 @@
 """One worker, message by message."""
 
+from collections.abc import Sequence
 from fractions import Fraction
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap import wire
-from neurosnap.protocol.cell import Cell
+from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.partition import shares
 from neurosnap.protocol.worker import Worker
 from neurosnap.sensorium import pack
@@ -17,21 +19,11 @@ from tests.support.worker_messages import (
     SENSORS,
     batch,
     edges,
-    fired_by,
     fired_in,
     observation,
     pulses_in,
     wired,
 )
-
-# Firing -------------------------------------------------------------------------------
-
-
-def test_pulses_among_its_own_cells_stay_inside() -> None:
-    worker = wired((6, 8), (8, 10))
-    assert worker.receive([start(1, 6)]) == [
-        wire.WorkerReport(1, ME, 0, packed(6, 8, 10), packed(0, 1, 2), (0,), 2, epoch=1)
-    ]
 
 
 def test_pulses_to_others_leave_in_one_batch_each_before_the_report() -> None:
@@ -47,13 +39,104 @@ def test_pulses_to_others_leave_in_one_batch_each_before_the_report() -> None:
     ]
 
 
-def test_the_fewest_hops_in_a_somecount_whatever_came_first() -> None:
-    worker = wired((6, 8), (8, 10))
-    far = batch((0, 8, 7, 3), (0, 10, 3, 3), (2, 6, 1, 3))
-    (report,) = worker.receive([start(), far])
-    assert isinstance(report, wire.WorkerReport)
-    assert fired_in(report) == {6: 1, 8: 2, 10: 3}
-    assert sum(map(share, report.credit)) == 3 * share(3)
+def changed(
+    epoch: int, after: int, *add: tuple[int, int], drop: Sequence[tuple[int, int]] = ()
+) -> wire.Message:
+    return wire.WorkerWiring(ME, epoch, after, edges(add), edges(drop))
+
+
+EARLY = batch((0, 6, 1, 1))
+
+
+@pytest.mark.parametrize(
+    ("batches", "expected"),
+    [
+        # It fires once a wave, and its reports are numbered.
+        (
+            [[start(1, 6)], [batch((0, 6, 4, 5))], [start(2, 6)]],
+            ["1.0 by 1: 6@0 8@1", "1.1 by 1:", "2.0 by 1: 6@0 8@1"],
+        ),
+        # A signal that asks others leaves it silent.
+        ([[start(1, 0, 5, 12)]], []),
+        # Pulses wait for their wave, each once.
+        ([[EARLY], [EARLY], [start()]], ["1.0 by 1: 6@1 8@2"]),
+        # A state wave waits for its reading, and pulses with it.
+        (
+            [[state_wave(1, 1, credit=4), EARLY], [observation(1, 4)]],
+            ["1.0 by 1: 7@0 8@0 11@0 6@1"],
+        ),
+        # A repeated one says what was observed.
+        ([[state_wave(2, 1, 1, 7, 8, 11, 12)]], ["2.0 by 1: 7@0 8@0 11@0"]),
+        # Readings are kept by tick, the first of each.
+        (
+            [
+                [observation(1, 3), observation(2, 4), observation(1, 5)],
+                [state_wave(1, 1, credit=4), state_wave(2, 2, credit=4)],
+            ],
+            ["1.0 by 1: 6@0 9@0 11@0 8@1", "2.0 by 1: 7@0 8@0 11@0"],
+        ),
+        # With unknown readings alone it only passes pulses on.
+        (
+            [
+                [wire.Observation(1, b"\x01\x00", known=b"\x01\x00")],
+                [state_wave(1, 1, credit=4)],
+                [EARLY],
+            ],
+            ["1.0 by 1: 6@1 8@2"],
+        ),
+        # What has settled is forgotten.
+        (
+            [[start(1, 6), start(2, 8, below=2)], [EARLY, start(1, 6)]],
+            ["2.0 by 1: 8@0"],
+        ),
+        # It says by which frame it acted, and what comes after does not count.
+        (
+            [[start(1, 6), changed(2, 1, (6, 10), drop=[(6, 8)]), start(2, 6)]],
+            ["1.0 by 1: 6@0 8@1", "2.0 by 2: 6@0 10@1"],
+        ),
+        # A whole wiring forgets the one before; an edge may be told twice.
+        (
+            [[changed(5, 0, (6, 10))], [changed(6, 5, (6, 10))], [start(1, 6)]],
+            ["1.0 by 6: 6@0 10@1"],
+        ),
+        # After a lost frame it is silent until it is wired whole.
+        (
+            [
+                [changed(3, 2, (6, 10))],
+                [start(1, 6), batch((0, 8, 1, 1))],
+                [changed(4, 0, (6, 10))],
+            ],
+            [
+                "workerwiring: must build on epoch 1, got 2",
+                "1.0 by 4: 6@0 10@1 8@1",
+            ],
+        ),
+        # A change of a wiring that was replaced is a gap.
+        (
+            [[changed(2, 1, (6, 10))], [changed(3, 1, (6, 4))]],
+            ["workerwiring: must build on epoch 2, got 1"],
+        ),
+        # What came before changes nothing.
+        (
+            [[changed(2, 1, (10, 9)), observation(1, 3), state_wave(1, 1), EARLY]] * 2,
+            ["1.0 by 2: 6@0 9@0 11@0 8@1"],
+        ),
+    ],
+)
+def test_what_it_says_of_what_it_receives(
+    batches: list[list[wire.Message]], expected: list[str]
+) -> None:
+    worker = wired((6, 8))
+    said = [shown(one) for each in batches for one in worker.receive(each)]
+    assert said == expected
+
+
+def shown(message: wire.Message) -> str:
+    if isinstance(message, wire.Fault):
+        return message.what
+    assert isinstance(message, wire.WorkerReport)
+    fired = "".join(f" {literal}@{hop}" for literal, hop in fired_in(message).items())
+    return f"{message.wave}.{message.part} by {message.epoch}:{fired}"
 
 
 @given(
@@ -64,7 +147,7 @@ def test_the_fewest_hops_in_a_somecount_whatever_came_first() -> None:
 def test_of_the_readings_those_of_its_cells_that_are_known_fire(
     row: list[bool | None],
 ) -> None:
-    worker, cells = Worker(ME, HOSTED), [Cell(cell) for cell in HOSTED[ME]]
+    worker = Worker(ME, HOSTED)
     told = wire.Observation(
         1,
         pack([on is True for on in row]),
@@ -80,39 +163,6 @@ def test_of_the_readings_those_of_its_cells_that_are_known_fire(
         fired_in(report) for report in said if isinstance(report, wire.WorkerReport)
     ]
     assert fired == ([expected] if expected else [])
-    by_cells = [
-        m for cell in cells for m in cell.receive([told, state_wave(1, 1, credit=4)])
-    ]
-    literals = [m.literals for m in by_cells if isinstance(m, wire.CellReport)]
-    assert sorted(literals) == [(literal,) for literal in sorted(expected)]
-
-
-def test_a_worker_of_unknown_readings_only_passes_pulses_on() -> None:
-    worker = wired((6, 8))
-    unknown = wire.Observation(1, b"\x01\x00", known=b"\x01\x00")
-    assert worker.receive([unknown, state_wave(1, 1, credit=4)]) == []
-    assert fired_by(worker, batch((0, 6, 1, 5))) == {6: 1, 8: 2}
-
-
-def test_it_says_by_which_frame_it_acted_and_what_comes_after_does_not_count() -> None:
-    worker = wired((6, 8))
-    changed = wire.WorkerWiring(ME, 2, 1, edges([(6, 10)]), edges([(6, 8)]))
-    assert worker.receive([start(1, 6), changed, start(2, 6)]) == [
-        wire.WorkerReport(1, ME, 0, packed(6, 8), packed(0, 1), (0,), 1, epoch=1),
-        wire.WorkerReport(2, ME, 0, packed(6, 10), packed(0, 1), (0,), 1, epoch=2),
-    ]
-
-
-def test_it_fires_once_a_wave_and_again_in_another() -> None:
-    worker = wired((6, 8))
-    worker.receive([start(1, 6)])
-    (report,) = worker.receive([batch((0, 6, 4, 5))])
-    assert report == wire.WorkerReport(1, ME, 1, b"", b"", (5,), 0, epoch=1)
-    assert fired_by(worker, start(2, 6)) == {6: 0, 8: 1}
-
-
-def test_a_signal_that_asks_others_leaves_it_silent() -> None:
-    assert wired((6, 8)).receive([start(1, 0, 5, 12)]) == []
 
 
 def test_batches_to_a_worker_are_numbered_by_wave() -> None:
@@ -127,87 +177,6 @@ def test_batches_to_a_worker_are_numbered_by_wave() -> None:
     assert numbered == [(1, 0, 0), (1, 0, 1), (1, 2, 0), (2, 0, 0)]
     reports = [(m.wave, m.part) for m in messages if isinstance(m, wire.WorkerReport)]
     assert reports == [(1, 0), (1, 1), (2, 0)]
-
-
-# Fences -------------------------------------------------------------------------------
-
-
-def test_pulses_wait_for_their_wave() -> None:
-    worker = wired((6, 8))
-    early = batch((0, 6, 1, 1))
-    assert worker.receive([early]) == []
-    assert fired_by(worker, start()) == {6: 1, 8: 2}
-
-
-def test_a_state_wave_waits_for_its_reading() -> None:
-    worker = wired((6, 8))
-    assert worker.receive([state_wave(1, 1, credit=4), batch((0, 10, 1, 1))]) == []
-    assert fired_by(worker, observation(1, 3)) == {6: 0, 9: 0, 11: 0, 8: 1, 10: 1}
-
-
-def test_a_repeated_state_wave_says_what_was_observed() -> None:
-    assert fired_by(wired(), state_wave(2, 1, 1, 7, 8, 11, 12, credit=4)) == {
-        7: 0,
-        8: 0,
-        11: 0,
-    }
-
-
-def test_readings_are_kept_by_tick() -> None:
-    worker = wired()
-    worker.receive([observation(1, 3), observation(2, 4), observation(1, 5)])
-    out = worker.receive([state_wave(1, 1, credit=4), state_wave(2, 2, credit=4)])
-    found = [set(wire.fired(m)[0]) for m in out if isinstance(m, wire.WorkerReport)]
-    assert found == [{6, 9, 11}, {7, 8, 11}]
-
-
-def test_a_wave_that_settled_is_forgotten() -> None:
-    worker = wired((6, 8))
-    worker.receive([start(1, 6), start(2, 8, below=2)])
-    assert worker.receive([batch((0, 6, 1, 1)), start(1, 6)]) == []
-    assert len(worker._waves) == 1
-
-
-# Wiring -------------------------------------------------------------------------------
-
-
-def test_wirings_build_on_each_other() -> None:
-    worker = wired((6, 8), (6, 10))
-    more, less = edges([(6, 7), (6, 9)]), edges([(6, 8), (6, 11)])
-    assert worker.receive([wire.WorkerWiring(ME, 2, 1, more, less)]) == []
-    assert fired_by(worker, start(1, 6)) == {6: 0, 7: 1, 9: 1, 10: 1}
-
-
-def test_a_whole_wiring_forgets_what_was() -> None:
-    worker = wired((6, 8))
-    worker.receive([wire.WorkerWiring(ME, 5, 0, edges([(6, 10)]))])
-    assert fired_by(worker, start(1, 6)) == {6: 0, 10: 1}
-
-
-def test_a_wave_goes_along_the_wiring_it_was_announced_after() -> None:
-    change = wire.WorkerWiring(ME, 2, 1, b"", edges([(6, 8)]))
-    out = wired((6, 8)).receive([start(1, 6), change, start(2, 6)])
-    found = [fired_in(m) for m in out if isinstance(m, wire.WorkerReport)]
-    assert found == [{6: 0, 8: 1}, {6: 0}]
-
-
-def test_a_change_of_a_wiring_that_was_replaced_is_refused() -> None:
-    worker = wired((6, 8))
-    worker.receive([wire.WorkerWiring(ME, 2, 1, edges([(6, 10)]))])
-    (fault,) = worker.receive([wire.WorkerWiring(ME, 3, 1, edges([(6, 4)]))])
-    assert fault == wire.Fault("worker/1", "workerwiring: must build on epoch 2, got 1")
-
-
-def test_after_a_lost_frame_it_is_silent_until_wired_anew() -> None:
-    worker = wired((6, 8))
-    (fault,) = worker.receive([wire.WorkerWiring(ME, 3, 2, edges([(6, 10)]))])
-    assert fault == wire.Fault("worker/1", "workerwiring: must build on epoch 1, got 2")
-    assert worker.receive([start(1, 6), batch((0, 8, 1, 1))]) == []
-    whole = wire.WorkerWiring(ME, 4, 0, edges([(6, 10)]))
-    assert fired_by(worker, whole) == {6: 0, 8: 1, 10: 1}
-
-
-# Credit -------------------------------------------------------------------------------
 
 
 def test_a_chain_of_thousands_splits_its_credit_to_the_end() -> None:
@@ -270,3 +239,23 @@ def test_it_takes_the_shortest_ways_and_keeps_the_credit(
     left = sum(share(credit) for *_, credit in leaving)
     if came <= 1:
         assert left + back == came
+
+
+@given(st.integers(1, 60).flatmap(lambda n: st.tuples(st.just(n), st.integers(1, n))))
+def test_every_cell_has_one_worker_and_no_worker_has_much_more(
+    sizes: tuple[int, int],
+) -> None:
+    cells, workers = sizes
+    hosted = shares(cells, workers)
+    assert len(hosted) == workers
+    assert [cell for share in hosted for cell in share] == list(range(cells))
+    counts = [len(share) for share in hosted]
+    assert max(counts) - min(counts) <= 1
+    assert counts == sorted(counts, reverse=True)
+
+
+@pytest.mark.parametrize("workers", [-1, 0, 4])
+def test_a_worker_without_a_cell_is_refused(workers: int) -> None:
+    expected = rf"^workers: must be at least 1 and at most the cells, 3, got {workers}$"
+    with pytest.raises(InvalidValueError, match=expected):
+        shares(3, workers)

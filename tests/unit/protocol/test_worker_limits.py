@@ -5,7 +5,6 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.protocol.wave import DEEPEST
-from neurosnap.protocol.worker_kernels import Fired, Ints, Net, Pulses, outgoing
 from tests.support.wave_messages import packed, start, state_wave
 from tests.support.worker_messages import (
     ME,
@@ -17,21 +16,6 @@ from tests.support.worker_messages import (
     observation,
     wired,
 )
-
-
-def test_what_came_before_changes_nothing() -> None:
-    worker = wired((6, 8), (8, 0))
-    said: list[wire.Message] = [
-        wire.WorkerWiring(ME, 2, 1, edges([(10, 0)])),
-        observation(1, 3),
-        state_wave(1, 1, credit=4),
-        batch((0, 8, 1, 1)),
-        batch((0, 10, 1, 1), part=1),
-        batch((12, 10, 1, 1), worker=2),
-    ]
-    assert worker.receive(said)
-    assert worker.receive(said) == []
-
 
 WRONG: list[tuple[wire.Message, str]] = [
     (wire.Pulse(1, 0, 6, 1, 0), "pulse: is not for a worker"),
@@ -153,21 +137,6 @@ def test_more_pulses_than_may_wait_are_refused(monkeypatch: pytest.MonkeyPatch) 
     assert worker.receive([batch((0, 6, 1, 1), (0, 8, 1, 1), wave=4)]) == []
 
 
-def test_what_stays_here_is_gathered_for_nobody(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    gathered: list[int] = []
-
-    def noting(net: Net, reached: Ints, fired: Fired, to: int) -> Pulses:
-        gathered.append(to)
-        return outgoing(net, reached, fired, to)
-
-    monkeypatch.setattr("neurosnap.protocol.worker.outgoing", noting)
-    worker = wired((6, 8), (6, 12))
-    assert len(worker.receive([start(1, 6)])) == 2
-    assert gathered == [0, 2]
-
-
 def test_more_batches_than_are_remembered_are_refused_until_waves_settle(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -198,12 +167,6 @@ def test_more_waves_than_may_be_in_flight_are_refused_until_some_settle(
     # What a wave settles makes room for it.
     assert fired_by(worker, start(5, 6, below=3))
     assert set(worker._waves) == {3, 4, 5}
-
-
-def test_a_frame_that_is_only_just_near_enough_is_taken() -> None:
-    worker = wired((6, 8))
-    assert worker.receive([wire.WorkerWiring(ME, 4097, 0, edges([(6, 10)]))]) == []
-    assert fired_by(worker, start(1, 6)) == {6: 0, 10: 1}
 
 
 def test_of_a_signal_only_its_own_literals_are_kept_each_once() -> None:
