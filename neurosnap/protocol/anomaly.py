@@ -14,7 +14,6 @@ for good becomes a fact about the world, and its repair an anomaly.
 """
 
 from collections.abc import Iterable
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -40,7 +39,7 @@ _STILL = 0.001
 
 
 class AnomalyDetector:
-    """Follows a run and tells its anomalies.
+    """Follows a run and finds its anomalies.
 
     Which of several smallest sets of culprits is returned goes by what came before:
     the sensors that have been candidates most, each time for a share of the blame, lose
@@ -51,6 +50,9 @@ class AnomalyDetector:
         sensors: How many there are.
         hold: For how many ticks after the first anomaly to go on judging by the order
             that it broke; 0: always by the order given.
+        occasions: Whether to count the occasions that what an anomaly breaks rests on.
+        remembers: Whether to keep the last readings of all sensors for that. A run
+            whose sensors grow has them anyway, and gives them to `judge`.
 
     Raises:
         InvalidValueError: `hold` is negative.
@@ -65,17 +67,30 @@ class AnomalyDetector:
         ((0,), (2,), (0, 1))
     """
 
-    def __init__(self, sensors: int, hold: int = 0) -> None:
+    def __init__(
+        self,
+        sensors: int,
+        hold: int = 0,
+        *,
+        occasions: bool = False,
+        remembers: bool = False,
+    ) -> None:
         if hold < 0:
             raise InvalidValueError("hold", "must be 0 or more", hold)
         self._names = Sensorium.of(sensors)
         self._hold = hold
+        self._occasions = occasions
+        self._history = History(sensors) if occasions and remembers else None
+        self._begin()
+
+    def _begin(self) -> None:
+        count = len(self._names)
         self._held: PocGraph | None = None
         self._until = 0
         self._since: int | None = None
         self._tick = -1
-        self._blame = np.zeros(sensors)
-        self._calm = np.zeros(2 * sensors, np.bool_)
+        self._blame = np.zeros(count)
+        self._calm = np.zeros(2 * count, np.bool_)
 
     def watch(
         self,
@@ -183,28 +198,6 @@ class AnomalyDetector:
             occasions=tuple(held[pair] for pair in links) if held else (),
         )
 
-
-class AnomalyJudge:
-    """Judges the observations of a run, and counts the occasions anomalies rest on.
-
-    Args:
-        sensors: How many there are.
-        hold: As of `AnomalyDetector`.
-        counts: Whether to count occasions.
-        remembers: Whether to keep the last readings of all sensors for that. A run
-            whose sensors grow has them anyway, and gives them to `judge`.
-    """
-
-    def __init__(
-        self, sensors: int, hold: int, *, counts: bool, remembers: bool
-    ) -> None:
-        self._counts = counts
-        self._new_detector = partial(AnomalyDetector, sensors, hold)
-        self._detector = self._new_detector()
-        self._history: History | None = None
-        if counts and remembers:
-            self._history = History(sensors)
-
     def judge(
         self,
         observation: wire.Observation,
@@ -225,13 +218,13 @@ class AnomalyJudge:
             history: The readings before it, in a run whose sensors grow.
         """
         read = history if self._history is None else self._history
-        found = self._detector.watch(
+        found = self.watch(
             observation.tick,
             snapshot.poc_graph(),
             seen.bits,
             seen.known,
             snapshot if weighs else None,
-            read if self._counts else None,
+            read if self._occasions else None,
         )
         if self._history is not None:
             none = np.zeros_like(seen.bits)
@@ -240,7 +233,7 @@ class AnomalyJudge:
 
     def to_bytes(self) -> bytes:
         """Return what it remembers, for a key-frame, and forget everything else."""
-        self._detector = self._new_detector()
+        self._begin()
         return b"" if self._history is None else pack_arrays(self._history.arrays())
 
     def restore(self, data: bytes) -> None:

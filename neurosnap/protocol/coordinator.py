@@ -33,7 +33,7 @@ from neurosnap.agent.growth.sensor_changes import changes_in
 from neurosnap.agent.tick import Mind, Sensed, Step, Steps, tick
 from neurosnap.errors import MessageError, ShapeError
 from neurosnap.poc.learning.search import Question
-from neurosnap.protocol.anomaly import AnomalyJudge
+from neurosnap.protocol.anomaly import AnomalyDetector
 from neurosnap.protocol.anomaly_messages import with_support
 from neurosnap.protocol.host import check_readings
 from neurosnap.protocol.key_frames import order_of, snapshot_of, with_snapshot
@@ -126,12 +126,12 @@ class Coordinator:
         self._graph: PocGraph = snapshot.poc_graph()
         self._changed = False  # whether the graph did since the last wiring
         self._known = b""  # which readings of the last observation were known
-        self._judge: AnomalyJudge | None = None
+        self._detector: AnomalyDetector | None = None
         if options.watch:
-            self._judge = AnomalyJudge(
+            self._detector = AnomalyDetector(
                 len(snapshot.sensorium),
                 options.hold,
-                counts=options.support > 0,
+                occasions=options.support > 0,
                 remembers=not self._grows,
             )
         # Of the tick under way.
@@ -190,8 +190,8 @@ class Coordinator:
             anomalies=frame.anomalies,
             told=frame.told,
         )
-        if self._judge is not None:
-            self._judge.restore(frame.history)
+        if self._detector is not None:
+            self._detector.restore(frame.history)
         self._count_grown()
 
     # What its process asks it ---------------------------------------------------------
@@ -361,9 +361,9 @@ class Coordinator:
 
     def _judged(self) -> wire.Anomaly | None:
         """Return the anomaly in the observation, if any; it is not learned yet."""
-        if self._judge is None:
+        if self._detector is None:
             return None
-        found = self._judge.judge(
+        found = self._detector.judge(
             self._observation,
             self._sensed,
             self.snapshot,
@@ -565,8 +565,8 @@ class Coordinator:
 
     def _keyframe(self) -> list[wire.Message]:
         """Return what a run may go on from: nothing older matters then."""
-        judge, options = self._judge, self._options
-        history = b"" if judge is None else judge.to_bytes()
+        detector, options = self._detector, self._options
+        history = b"" if detector is None else detector.to_bytes()
         self._control.forget()
         frame = wire.KeyFrame(
             tick=self.tick,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.protocol.anomaly import AnomalyJudge
+from neurosnap.protocol.anomaly import AnomalyDetector
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.partition import shares
 from neurosnap.protocol.run_options import RunOptions
@@ -57,8 +57,8 @@ def coordinator(sizes: Sizes) -> list[Line]:
     return lines
 
 
-class _Judge(AnomalyJudge):
-    """A judge whose time is taken."""
+class _Detector(AnomalyDetector):
+    """A detector whose time is taken."""
 
     spent = 0.0
 
@@ -75,7 +75,7 @@ class _Cores:
 
     Attributes:
         ticks: Seconds of the coordinator, for each tick.
-        judged: Those of its judge.
+        judged: Those of its detector.
     """
 
     def __init__(self, count: int, noise: float) -> None:
@@ -90,10 +90,10 @@ class _Cores:
             keyframe_every=1 << 30,
         )
         self._core = Coordinator(options)
-        self._judge = _Judge(
-            count, options.hold, counts=options.support > 0, remembers=True
+        self._detector = _Detector(
+            count, options.hold, occasions=options.support > 0, remembers=True
         )
-        self._core._judge = self._judge  # noqa: SLF001 - the time it takes is wanted
+        self._core._detector = self._detector  # noqa: SLF001 - the time it takes is wanted
         hosted = shares(count, _WORKERS)
         self._workers = [Worker(number, hosted) for number in range(_WORKERS)]
         self._rng = np.random.default_rng(1)
@@ -106,13 +106,13 @@ class _Cores:
     def go(self, ticks: int) -> None:
         """Walk on."""
         for _ in range(ticks):
-            self._spent = self._judge.spent = 0.0
+            self._spent = self._detector.spent = 0.0
             tick = self._core.tick + 1
             self._deliver([wire.Observation(tick=tick, bits=pack(self._step()))])
             if self._core.tick != tick:
                 raise RuntimeError(f"tick: must be {tick}, got {self._core.tick}")
             self.ticks.append(self._spent)
-            self.judged.append(self._judge.spent)
+            self.judged.append(self._detector.spent)
 
     def _step(self) -> NDArray[np.bool_]:
         self._at = int(

@@ -77,7 +77,7 @@ def test_what_cannot_be_right_is_a_fault_and_changes_nothing(
     assert core.receive(message) == [fault]
     assert core.receive(fault) == []  # as it comes back to it
     assert core.totals.faults == 1
-    assert core.in_flight == ()
+    assert not core.in_flight
     assert core.snapshot.clock == 0
     assert only(wire.WaveStart, core.receive(observed(1, "000")))
     again = "observation: must be tick 1, once, got tick 1"
