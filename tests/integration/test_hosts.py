@@ -1,166 +1,17 @@
-"""A swarm over several hosts: a hub on one, cells on another, the rest on a third.
-
-Hosts are network namespaces joined by a bridge, where the machine allows it; the page
-on two hosts does the same on loopback everywhere.
-"""
+"""A swarm over two hosts, as its page says it; here both are on loopback."""
 
 import re
-import secrets
 import shlex
 import signal
-import subprocess
-import sys
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
 
-from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.replay.verify import verify
 from tests.support.command_line import refused
-from tests.support.patience import PATIENCE
 from tests.support.ports import free_port
-from tests.support.programs import find, needs
 from tests.support.view_commands import Verb, verb
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
-
-HOSTS = ("hub", "cells", "rest")
-
-
-def command(*arguments: object) -> list[str]:
-    return [
-        sys.executable,
-        "-m",
-        "neurosnap",
-        *(str(argument) for argument in arguments),
-    ]
-
-
-@contextmanager
-def hub_on(before: list[str], *arguments: object) -> Iterator["subprocess.Popen[str]"]:
-    """A hub that listens; `before` is what its command line begins with."""
-    line = [*before, *command("serve", "hub", *arguments)]
-    with subprocess.Popen(line, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stderr is not None
-        try:
-            assert "listening on" in process.stderr.readline()
-            yield process
-        finally:
-            process.send_signal(signal.SIGINT)
-            process.communicate(timeout=PATIENCE)
-            assert process.returncode == 0
-
-
-def make_keys(folder: Path, *hosts: str) -> None:
-    named = [argument for host in hosts for argument in ("--host", host)]
-    subprocess.run(
-        command("init", "keys", folder, *named),
-        check=True,
-        capture_output=True,
-        timeout=PATIENCE,
-    )
-
-
-def play(
-    hosts: dict[str, list[str]], endpoint: str, keys: Path, log: Path
-) -> "subprocess.CompletedProcess[str]":
-    """Run a swarm of six cells, four of them on the host ``cells``."""
-    network = ("--connect", endpoint, "--tls", keys)
-    small = ("neurosnap/Path-v0", "--set", "places=7", "--ticks", 40, "--out", log)
-    share = [*hosts["cells"], *command("serve", "cells", "demo", "1,3-5", *network)]
-    with subprocess.Popen(share, stderr=subprocess.PIPE, text=True) as joined:
-        whole = [
-            *hosts["rest"],
-            *command(
-                "run", *small, "--swarm", "demo", "--elsewhere", "1,3-5", *network
-            ),
-        ]
-        try:
-            done = subprocess.run(
-                whole, capture_output=True, text=True, timeout=PATIENCE, check=False
-            )
-            _, said = joined.communicate(timeout=PATIENCE)
-        finally:
-            joined.kill()
-    assert joined.returncode == 0, said
-    return done
-
-
-def is_right(log: Path) -> None:
-    verdict = verify(log)
-    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, 40)
-    parts = Recording.open(log).noted().expected
-    assert {f"cell/{cell}" for cell in range(6)} <= set(parts)
-
-
-@contextmanager
-def namespaces() -> Iterator[dict[str, tuple[str, str]]]:
-    """Three hosts on one bridge: for each, its namespace and its address.
-
-    Skips the test where this machine allows none.
-    """
-    ip = find("ip")
-    assert ip is not None
-    mark = secrets.token_hex(2)
-
-    def run(*arguments: str) -> "subprocess.CompletedProcess[str]":
-        return subprocess.run(
-            [ip, *arguments],
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE,
-            check=False,
-        )
-
-    bridge = f"nsb{mark}"
-    tried = run("link", "add", bridge, "type", "bridge")
-    if tried.returncode:
-        pytest.skip(f"no bridge may be made here: {tried.stderr.strip()}")
-    with ExitStack() as stack:
-        stack.callback(run, "link", "del", bridge)
-        assert run("link", "set", bridge, "up").returncode == 0
-        hosts = {}
-        for number, host in enumerate(HOSTS, 1):
-            space, outer, inner = (
-                f"ns{mark}{host}",
-                f"v{mark}{number}",
-                f"w{mark}{number}",
-            )
-            made = run("netns", "add", space)
-            if made.returncode:
-                pytest.skip(f"no namespace may be made here: {made.stderr.strip()}")
-            stack.callback(run, "netns", "del", space)
-            address = f"10.213.7.{number}"
-            for line in (
-                f"link add {outer} type veth peer name {inner} netns {space}",
-                f"link set {outer} master {bridge} up",
-                f"-n {space} addr add {address}/24 dev {inner}",
-                f"-n {space} link set {inner} up",
-                f"-n {space} link set lo up",
-            ):
-                done = run(*line.split())
-                if done.returncode:
-                    pytest.skip(f"ip {line}: {done.stderr.strip()}")
-            hosts[host] = space, address
-        yield hosts
-
-
-@pytest.mark.exhaustive
-@needs("ip", "iproute2")
-def test_three_hosts_make_one_swarm(tmp_path: Path) -> None:
-    with namespaces() as hosts:
-        before = {name: ["ip", "netns", "exec", hosts[name][0]] for name in HOSTS}
-        address = hosts["hub"][1]
-        make_keys(tmp_path / "keys", address)
-        endpoint = f"tls/{address}:7447"
-        log = tmp_path / "log.mcap"
-        with hub_on(before["hub"], "--listen", endpoint, "--tls", tmp_path / "keys"):
-            done = play(before, endpoint, tmp_path / "keys", log)
-        assert done.returncode == 0, done.stderr
-        is_right(log)
-
 
 # The page "a swarm on two hosts": its commands, in its order, and what they say
 

@@ -1,7 +1,6 @@
 """Swarms put together part by part, with somebody in between."""
 
 import asyncio
-import re
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.errors import AnswerLostError, SwarmError
+from neurosnap.errors import SwarmError
 from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
 from neurosnap.fabric.protocol import Handler
 from neurosnap.protocol.coordinator import Coordinator
@@ -117,24 +116,6 @@ def states_in(heard: Sequence[wire.Message]) -> list[list[bool]]:
     ]
 
 
-async def test_without_one_cells_reports_there_is_no_state_and_it_is_named(
-    readings: str,
-) -> None:
-    class Withheld(Meddled):
-        def outgoing(self, message: wire.Message) -> wire.Message | None:
-            mute = isinstance(message, wire.CellReport) and message.cell == 5
-            return None if mute else message
-
-    heard: list[wire.Message] = []
-    expected = (
-        r"^wave 3 \(tick 1\): must settle within its deadline, got 3 tries;"
-        r" missing credit 0\.\d+, silent cells: cell/5$"
-    )
-    with pytest.raises(AnswerLostError, match=expected):
-        await by_hand(options_for(readings, deadline=0.2), heard, Withheld)
-    assert heard == []
-
-
 async def test_with_one_report_too_few_the_run_goes_on_after_a_repeat(
     readings: str,
 ) -> None:
@@ -222,47 +203,3 @@ async def test_a_cell_that_never_comes_up_is_named(readings: str) -> None:
         await by_hand(
             options_for(readings), [], absent=["cell/6", "cell/2"], patience=0.05
         )
-
-
-async def test_what_is_no_message_is_reported_and_counted_once(readings: str) -> None:
-    hub, stop, reported = MemoryHub(), asyncio.Event(), asyncio.Event()
-    core = Coordinator(options_for(readings))
-    async with hub.fabric("coordinator") as fabric, hub.fabric("witness") as witness:
-        conducting = asyncio.create_task(
-            run_coordinator(core, fabric, stop, parts=[], deadlines=Deadlines(10))
-        )
-        await asyncio.sleep(0)
-        await witness.subscribe(("fault/**",), lambda _: reported.set())
-        hub.send("stranger", wire.Delivery("cellreport/cell/0", 0, 0, b"garbage"))
-        await reported.wait()
-        stop.set()
-        await conducting
-    assert core.totals.faults == 1
-
-
-async def test_a_part_that_goes_without_a_word_is_named(readings: str) -> None:
-    hub, there = MemoryHub(), asyncio.Event()
-
-    async def be_there() -> None:
-        async with hub.fabric("cell/0") as end:
-            await end.announce()
-            await there.wait()
-
-    async def conduct_it() -> None:
-        async with hub.fabric("coordinator") as fabric:
-            core = Coordinator(options_for(readings))
-            await run_coordinator(
-                core, fabric, stop, parts=["cell/0"], deadlines=Deadlines(10)
-            )
-
-    stop = asyncio.Event()
-    expected = r"^cell/0: must stay until the run ends, is gone$"
-    with pytest.raises(ExceptionGroup) as caught:
-        async with asyncio.TaskGroup() as group:
-            group.create_task(be_there())
-            group.create_task(conduct_it())
-            await asyncio.sleep(0)
-            there.set()
-    (error,) = caught.value.exceptions
-    assert isinstance(error, SwarmError)
-    assert re.search(expected, str(error))

@@ -44,6 +44,7 @@ def endpoint() -> Iterator[str]:
         yield where
 
 
+CONDUCT = ("serve", "coordinator", PATH, "--swarm", SWARM)
 SHARES = {"cells": ("0-2,5", "3,4"), "workers": ("1", "0")}
 HOW = {"cells": (), "workers": ("--cells", "worker", "--workers", 2)}
 ROLES: dict[object, Role] = {
@@ -78,17 +79,8 @@ def play(
         recorder = start("serve", "recorder", SWARM, "--out", log, "--format", "json")
         first = start("serve", "cells", SWARM, SHARES[kind][0])
         world = start("serve", "world", SWARM, PATH)
-        whole = (
-            "--swarm",
-            SWARM,
-            *SMALL,
-            "--ticks",
-            40,
-            "--format",
-            "json",
-            *HOW[kind],
-        )
-        coordinator = start("serve", "coordinator", PATH, *whole)
+        given = (*SMALL, "--ticks", 40, "--format", "json", *HOW[kind])
+        coordinator = start(*CONDUCT, *given)
         late = start("serve", "cells", SWARM, SHARES[kind][1])
         told = facts(ended(coordinator)), facts(ended(recorder))
         for one in (first, world, late):
@@ -158,18 +150,7 @@ def test_services_serve_one_swarm_after_the_other(
             for line in lines
         ]
         for way in ways:
-            whole = (
-                "serve",
-                "coordinator",
-                PATH,
-                *at,
-                "--swarm",
-                SWARM,
-                *way,
-                "--ticks",
-                10,
-            )
-            with going(*whole) as coordinator:
+            with going(*CONDUCT, *at, *way, "--ticks", 10) as coordinator:
                 ended(coordinator)
         # The recorder ends the second recording before it ends itself.
         for service in services:
@@ -246,25 +227,6 @@ def test_who_waits_for_a_coordinator_says_so_in_the_end(
     assert not list(tmp_path.iterdir())
 
 
-def test_a_coordinator_says_who_did_not_come(endpoint: str) -> None:
-    at = ("--connect", endpoint)
-    run_of = (
-        "serve",
-        "coordinator",
-        PATH,
-        *at,
-        "--swarm",
-        SWARM,
-        *SMALL,
-        "--patience",
-        4,
-    )
-    with going(*run_of) as coordinator, going("serve", "cells", SWARM, *at, "0-4"):
-        said = ended(coordinator, 1)
-    rule = "swarm: every part must come up within 4 s, missing:"
-    assert f"{rule} cell/5, recorder, world" in said
-
-
 # Refusing -----------------------------------------------------------------------------
 
 WRONG = {
@@ -296,9 +258,9 @@ def test_who_does_not_fit_is_refused_and_the_run_minds_nothing(
     endpoint: str, tmp_path: Path
 ) -> None:
     at = ("--connect", endpoint)
-    whole = ("serve", "coordinator", PATH, *at, "--swarm", SWARM, *SMALL, "--ticks", 20)
+    whole = (*SMALL, "--ticks", 20, "--set", "recording.record=false")
     with (
-        going(*whole, "--set", "recording.record=false") as coordinator,
+        going(*CONDUCT, *at, *whole) as coordinator,
         going("serve", "cells", SWARM, *at, "0-5") as cells,
     ):
         up(endpoint, "coordinator", *(f"cell/{n}" for n in range(CELLS)))

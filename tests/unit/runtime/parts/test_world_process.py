@@ -110,27 +110,25 @@ def test_a_decision_that_came_before_changes_nothing() -> None:
     assert world.answer(decision) == wire.Observation(2, b"\x02", known=b"\x02")
 
 
-@pytest.mark.parametrize(("tick", "action"), [(2, 0), (1, 2), (1, -1)])
-def test_a_decision_that_cannot_be_right_is_refused(tick: int, action: int) -> None:
-    world = World(Scripted(ROWS, ACTING.actions), ACTING)
-    told(world, 0)
-    with pytest.raises(
-        MessageError, match=r"^decision: must be for tick 1, of 2 actions"
-    ):
-        world.receive(wire.Decision(tick, action, "?"))
-    believe(world, 1)
-    assert told(world, 1, 0) is not None
+BAD_STATE = wire.State(1, 1, b"\x00", False, 0, 0, 0, 0, 0)
 
 
-def test_a_decision_needs_its_state_and_a_right_one_where_that_is_looked_at() -> None:
+@pytest.mark.parametrize(
+    ("message", "rule"),
+    [
+        *[
+            (wire.Decision(*wrong, "?"), "decision: must be for tick 1, of 2 actions")
+            for wrong in ((2, 0), (1, 2), (1, -1))
+        ],
+        (wire.Decision(1, 0, "too early"), "decision: must come after the state of"),
+        (BAD_STATE, "state: packed bits: must be 3 bytes long"),
+    ],
+)
+def test_what_cannot_be_right_is_refused(message: wire.Message, rule: str) -> None:
     world = World(Scripted(ROWS, ACTING.actions), ACTING)
     told(world, 0)
-    rule = r"^state: packed bits: must be 3 bytes long"
-    with pytest.raises(MessageError, match=rule):
-        world.receive(wire.State(1, 1, b"\x00", False, 0, 0, 0, 0, 0))
-    rule = r"^decision: must come after the state of tick 1, got that of 0$"
-    with pytest.raises(MessageError, match=rule):
-        world.receive(wire.Decision(1, 0, "too early"))
+    with pytest.raises(MessageError, match=rf"^{rule}"):
+        world.receive(message)
     believe(world, 1)
     assert told(world, 1, 0) is not None
 
