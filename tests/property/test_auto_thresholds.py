@@ -281,7 +281,7 @@ def test_what_cannot_choose_is_refused() -> None:
     assert EmpiricalSnapshot(2, "auto").threshold == "auto"
     with pytest.raises(InvalidValueError, match=r"^threshold: must be a number for a"):
         DiscountedSnapshot(2, "auto")
-    with pytest.raises(InvalidValueError, match=r"^threshold: must be a number, an a"):
+    with pytest.raises(InvalidValueError, match=r"^threshold: must be a number, or"):
         EmpiricalSnapshot(2, "other")
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from neurosnap.poc.learning.automatic_threshold import (
     SHARE,
@@ -19,8 +19,8 @@ from neurosnap.poc.learning.automatic_threshold import (
     share_of_changes,
 )
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
+from neurosnap.poc.learning.one_pair import AUTO
 from neurosnap.poc.learning.pairs import rows_of
-from neurosnap.poc.learning.thresholds import by_pair, checked_threshold, is_auto
 from neurosnap.poc.learning.update_kernels_lazy import CALM, DENSE, FREE
 from neurosnap.poc.order.literals import from_words
 
@@ -31,10 +31,9 @@ _CELLS = ((0, 0, 4), (0, 1, 1), (1, 0, 2), (1, 1, 8))
 class EagerCounts:
     """What an empirical snapshot is, all of whose readings are known."""
 
-    def __init__(self, sensors: int, threshold: ArrayLike) -> None:
-        pairs, auto = sensors * (sensors - 1) // 2, is_auto(threshold)
-        share = checked_threshold(SHARE if auto else threshold, sensors)
-        self.threshold = by_pair(share, range(pairs))
+    def __init__(self, sensors: int, threshold: float | str) -> None:
+        pairs, auto = sensors * (sensors - 1) // 2, threshold == AUTO
+        self.threshold = SHARE if auto else float(threshold)
         self.clock = self.skipped = 0
         self.joints = np.zeros(pairs, np.uint32)
         self.marginals = np.zeros(sensors, np.uint32)
@@ -65,11 +64,9 @@ class EagerCounts:
 
     def _judged(self) -> NDArray[np.uint8]:
         squares = self.squares()
-        # One number for all pairs, or one a pair and one of no meaning.
-        each = self.threshold[:-1] if len(self.threshold) > 1 else self.threshold
-        limit = each * self.clock
+        limit = self.threshold * self.clock
         if self.persistence is not None:
-            limit = np.maximum(limit - START, 1.0)
+            limit = max(limit - START, 1.0)
         second, least = np.sort(squares, axis=0)[1], squares.min(axis=0)
         holds = (least < second) & (least < limit)
         fresh = np.zeros(len(self.joints), np.uint8)
@@ -163,22 +160,12 @@ def sources(draw: st.DrawFn) -> Bits:
     return rows ^ (rng.random(rows.shape) < wrong).astype(np.uint8)
 
 
-@st.composite
-def thresholds(draw: st.DrawFn, sensors: int) -> float | str | NDArray[np.float64]:
-    """Draw a threshold of each sort."""
-    sort = draw(st.sampled_from(["auto", "one", "each"]))
-    if sort == "one":
-        return draw(st.sampled_from([0.25, 1 / 32, 0.01, 1e-5]))
-    if sort == "each":
-        rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
-        half = np.triu(rng.uniform(0.001, 0.125, (sensors, sensors)))
-        return half + half.T
-    return sort
+THRESHOLDS: st.SearchStrategy[float | str] = st.sampled_from(
+    [AUTO, AUTO, 0.25, 1 / 32, 0.01, 1e-5]
+)
 
 
-def both(
-    sensors: int, threshold: float | str | NDArray[np.float64]
-) -> tuple[EmpiricalSnapshot, EagerCounts]:
+def both(sensors: int, threshold: float | str) -> tuple[EmpiricalSnapshot, EagerCounts]:
     return EmpiricalSnapshot(sensors, threshold), EagerCounts(sensors, threshold)
 
 
@@ -186,7 +173,7 @@ def both(
 def test_codes_are_the_same_after_every_observation(
     rows: Bits, data: st.DataObject
 ) -> None:
-    lazy, eager = both(rows.shape[1], data.draw(thresholds(rows.shape[1])))
+    lazy, eager = both(rows.shape[1], data.draw(THRESHOLDS))
     for bits in rows:
         assert lazy.learn(bits) == eager.learn(bits)
         assert lazy.codes.tobytes() == eager.codes.tobytes()
@@ -197,7 +184,7 @@ def test_codes_are_the_same_after_every_observation(
 def test_it_can_be_read_saved_and_interrupted_at_any_time(
     rows: Bits, data: st.DataObject
 ) -> None:
-    lazy, eager = both(rows.shape[1], data.draw(thresholds(rows.shape[1])))
+    lazy, eager = both(rows.shape[1], data.draw(THRESHOLDS))
     whens = st.lists(st.integers(0, len(rows)), max_size=4)
     stops = {
         what: set(data.draw(whens, label=what))

@@ -17,7 +17,7 @@ from neurosnap.poc.order.pocset import PocSet
 from tests.support import oracles
 from tests.support.edges import edges_of, learned_edges, weights_of
 from tests.support.oracles import Edges, Weights
-from tests.support.strategies import as_set, bit_rows, observations, thresholds
+from tests.support.strategies import as_set, bit_rows, observations
 
 Matrix: TypeAlias = NDArray[np.float64]
 Reading: TypeAlias = tuple[list[bool], list[bool]]
@@ -91,14 +91,12 @@ def made(kind: type[Snapshot], run: tuple[int, list[Reading]], tau: float) -> Sn
     return snapshot
 
 
-@given(partial_runs(), st.data())
+@given(partial_runs(), SHARES)
 def test_an_empirical_snapshot_counts_each_pair_where_both_are_known(
-    run: tuple[int, list[Reading]], data: st.DataObject
+    run: tuple[int, list[Reading]], tau: float
 ) -> None:
     sensors, seen = run
     n = 2 * sensors
-    tau = data.draw(thresholds(sensors, SHARES))
-    share = np.broadcast_to(tau, (sensors, sensors)).tolist()
     snapshot = EmpiricalSnapshot(sensors, tau)
     count: Counter[tuple[int, int]] = Counter()
     since = dict.fromkeys(itertools.permutations(range(sensors), 2), 0)
@@ -112,7 +110,7 @@ def test_an_empirical_snapshot_counts_each_pair_where_both_are_known(
             (i, j): sum(count[2 * i + s, 2 * j + t] for s in (0, 1) for t in (0, 1))
             for i, j in since
         }
-        limit = {(i, j): share[i][j] * total[i, j] for i, j in since}
+        limit = {(i, j): tau * total[i, j] for i, j in since}
         judged = {
             pair
             for pair, often in total.items()
@@ -147,14 +145,12 @@ def test_an_empirical_snapshot_counts_each_pair_where_both_are_known(
             assert found.since == since[a // 2, b // 2]
 
 
-@given(partial_runs(most=4, longest=12), EXACT_DECAYS, st.data())
+@given(partial_runs(most=4, longest=12), EXACT_DECAYS, EXACT_SHARES)
 def test_a_discounted_snapshot_discounts_each_pair_where_both_are_known(
-    run: tuple[int, list[Reading]], decay: float, data: st.DataObject
+    run: tuple[int, list[Reading]], decay: float, tau: float
 ) -> None:
     sensors, seen = run
     n = 2 * sensors
-    tau = data.draw(thresholds(sensors, EXACT_SHARES))
-    share = np.broadcast_to(tau, (sensors, sensors)).tolist()
     snapshot = DiscountedSnapshot(sensors, tau, decay)
     weights: Weights = dict.fromkeys(oracles.proper_pairs(n), Fraction(1, 4))
     since = dict.fromkeys(weights, 0)
@@ -165,7 +161,7 @@ def test_a_discounted_snapshot_discounts_each_pair_where_both_are_known(
         for a, b in weights:
             if known[a // 2] and known[b // 2]:
                 weights[a, b] = faded[a, b]
-        strict = oracles.implied(n, weights, lambda i, j: Fraction(share[i][j]))
+        strict = oracles.implied(n, weights, lambda *_: Fraction(tau))
         edges = strict | oracles.equal(n, weights)
         weights = oracles.truncated(weights, strict)
         assert weights_of(snapshot) == weights
@@ -180,7 +176,7 @@ def test_a_discounted_snapshot_discounts_each_pair_where_both_are_known(
         for a, b in weights:
             found = snapshot.evidence(a, b)
             assert found.total == 1
-            assert found.limit == share[a // 2][b // 2]
+            assert found.limit == tau
             assert (found.both, found.against) == (weights[a, b], weights[a, b ^ 1])
             assert found.holds == ((a, b) in edges)
             assert found.since == since[a, b]
@@ -212,18 +208,16 @@ def truncated(w: Matrix, edges: NDArray[np.bool_]) -> Matrix:
     st.integers(7, 75),
     st.integers(1, 12),
     st.sampled_from([0.9, 1.0]),
-    st.booleans(),
+    EXACT_SHARES,
     st.integers(0, 2**32),
 )
-def test_vectors_and_thresholds_do_not_show_in_larger_snapshots(
-    sensors: int, ticks: int, read: float, by_pair: bool, seed: int
+def test_vectors_do_not_show_in_larger_snapshots(
+    sensors: int, ticks: int, read: float, tau: float, seed: int
 ) -> None:
     rng = np.random.default_rng(seed)
-    tau = rng.choice([1 / 4, 1 / 8, 1 / 16], (sensors, sensors))
-    tau = np.minimum(tau, tau.T) if by_pair else np.full_like(tau, 1 / 4)
-    share = tau.repeat(2, 0).repeat(2, 1)
-    counts = EmpiricalSnapshot(sensors, tau if by_pair else 1 / 4)
-    weighted = DiscountedSnapshot(sensors, tau if by_pair else 1 / 4, 7 / 8)
+    share = np.full((2 * sensors, 2 * sensors), tau)
+    counts = EmpiricalSnapshot(sensors, tau)
+    weighted = DiscountedSnapshot(sensors, tau, 7 / 8)
     n, total = np.zeros((2, 2 * sensors, 2 * sensors))
     clock = 0
     w = np.full((2 * sensors, 2 * sensors), 0.25)

@@ -17,7 +17,7 @@ from neurosnap.poc.learning.snapshot import OF_PAIRS
 from neurosnap.protocol.learn_control import pairs_in
 from neurosnap.protocol.worker_learning import pieces_of
 
-KINDS = ("fixed", "auto", "by pair", "discounted")
+KINDS = ("fixed", "auto", "discounted")
 
 
 def new(kind: str, sensors: int, share: range | None) -> Snapshot:
@@ -25,9 +25,6 @@ def new(kind: str, sensors: int, share: range | None) -> Snapshot:
         return EmpiricalSnapshot(sensors, "auto", share)
     if kind == "discounted":
         return DiscountedSnapshot(sensors, 0.05, 0.9, share)
-    if kind == "by pair":
-        by_pair = np.random.default_rng(sensors).uniform(0.01, 0.25, (sensors, sensors))
-        return EmpiricalSnapshot(sensors, np.minimum(by_pair, by_pair.T), share)
     return EmpiricalSnapshot(sensors, 0.1, share)
 
 

@@ -35,20 +35,6 @@ def runs(draw: st.DrawFn, most: int = 5, longest: int = 20) -> tuple[int, Bits]:
 
 
 @st.composite
-def thresholds(
-    draw: st.DrawFn, sensors: int, values: st.SearchStrategy[float]
-) -> NDArray[np.float64]:
-    """Draw one threshold for all pairs or one a pair, as an array."""
-    if draw(st.booleans()):
-        return np.array(draw(values))
-    full = np.full((sensors, sensors), 0.25)
-    for i in range(sensors):
-        for j in range(i):
-            full[i, j] = full[j, i] = draw(values)
-    return full
-
-
-@st.composite
 def graphs(draw: st.DrawFn, most: int = 5) -> PocGraph:
     """Draw a graph in which no literal is equivalent to its own complement.
 

@@ -3,14 +3,14 @@
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.archive import Arrays, entry
+from neurosnap.poc.learning.one_pair import AUTO
 from neurosnap.poc.learning.pairs import Weights, excluded
 from neurosnap.poc.learning.search import Question, Search, Weighing
 from neurosnap.poc.learning.snapshot import Snapshot
-from neurosnap.poc.learning.thresholds import is_auto, saved_threshold
 from neurosnap.poc.learning.update_kernels_discounted import (
     discount_squares,
     learn_discounted,
@@ -33,12 +33,11 @@ class DiscountedSnapshot(Snapshot):
 
     Args:
         sensors: A sensorium, or how many sensors there are.
-        threshold: One number, or a symmetric ``(N, N)`` array; in (0, 1/4].
+        threshold: In (0, 1/4].
         decay: What is kept of a weight each time, in [0, 1).
 
     Raises:
-        ShapeError: `threshold` has another shape.
-        InvalidValueError: A threshold or the decay is out of range.
+        InvalidValueError: The threshold or the decay is out of range.
 
     Example:
         >>> d = DiscountedSnapshot(Sensorium(["door", "motion"]), 0.25, decay=0.5)
@@ -58,11 +57,11 @@ class DiscountedSnapshot(Snapshot):
     def __init__(
         self,
         sensors: int | Sensorium,
-        threshold: ArrayLike = THRESHOLD,
+        threshold: float | str = THRESHOLD,
         decay: float = DECAY,
         share: range | None = None,
     ) -> None:
-        if is_auto(threshold):
+        if threshold == AUTO:
             rule = "must be a number for a discounted snapshot"
             raise InvalidValueError("threshold", rule, threshold)
         super().__init__(sensors, threshold, share)
@@ -91,8 +90,7 @@ class DiscountedSnapshot(Snapshot):
     def _newborn(
         self, sensor: int, ticks: int, on: Words, off: Words
     ) -> Search[tuple[NDArray[np.float64], NDArray[np.uint8]]]:
-        share = self._pairs.threshold[0].item()
-        weighing = Weighing(on, off, sensor, self._decay, share)
+        weighing = Weighing(on, off, sensor, self._decay, self._threshold)
         weighed = (yield Question(weighing=weighing)).weighed
         if weighed is None:
             raise TypeError("history: must weigh what it is asked to")
@@ -114,7 +112,8 @@ class DiscountedSnapshot(Snapshot):
     @classmethod
     def _blank(cls, sensorium: Sensorium, arrays: Arrays, share: range | None) -> Self:
         decay = entry(arrays, "decay", (), np.float64).item()
-        return cls(sensorium, saved_threshold(arrays, len(sensorium)), decay, share)
+        threshold = entry(arrays, "threshold", (), np.float64).item()
+        return cls(sensorium, threshold, decay, share)
 
     def _derive(self, arrays: Arrays) -> None:
         marginals = self._weights.marginals

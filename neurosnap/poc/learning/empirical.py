@@ -3,10 +3,10 @@
 import math
 from bisect import bisect_left
 from collections.abc import Iterable
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.archive import Arrays, entry
@@ -18,11 +18,11 @@ from neurosnap.poc.learning.automatic_threshold import (
     share_of_changes,
 )
 from neurosnap.poc.learning.columns import Columns
-from neurosnap.poc.learning.pair_counts import OnProgress, count_pairs, last_changes
+from neurosnap.poc.learning.one_pair import AUTO
+from neurosnap.poc.learning.pair_counts import OnProgress, count_pairs
 from neurosnap.poc.learning.pairs import Weights
 from neurosnap.poc.learning.search import Count, Question, Search
 from neurosnap.poc.learning.snapshot import Snapshot
-from neurosnap.poc.learning.thresholds import AUTO, is_auto, saved_threshold
 from neurosnap.poc.learning.update_kernels_lazy import Lag, learn_lazily, settle_all
 from neurosnap.poc.learning.update_kernels_partial import count_newborn, count_squares
 from neurosnap.poc.order.literals import Words
@@ -48,13 +48,11 @@ class EmpiricalSnapshot(Snapshot):
 
     Args:
         sensors: A sensorium, or how many sensors there are.
-        threshold: One number, or a symmetric ``(N, N)`` array; in (0, 1/4]. Or
-            ``"auto"``.
+        threshold: In (0, 1/4], or ``"auto"``.
         share: As of `Snapshot`.
 
     Raises:
-        ShapeError: `threshold` has another shape.
-        InvalidValueError: A threshold is out of range or not symmetric.
+        InvalidValueError: The threshold is out of range.
 
     Example:
         >>> e = EmpiricalSnapshot(Sensorium(["door", "motion"]), threshold=0.25)
@@ -72,10 +70,10 @@ class EmpiricalSnapshot(Snapshot):
     def __init__(
         self,
         sensors: int | Sensorium,
-        threshold: ArrayLike = THRESHOLD,
+        threshold: float | str = THRESHOLD,
         share: range | None = None,
     ) -> None:
-        auto = is_auto(threshold)
+        auto = threshold == AUTO
         super().__init__(sensors, SHARE if auto else threshold, share)
         count, zero = len(self.sensorium), np.uint32(0)
         self._weights = Weights.starting(count, zero, zero, self._share)
@@ -83,8 +81,8 @@ class EmpiricalSnapshot(Snapshot):
         self._lag: Lag | None = None
 
     @property
-    def threshold(self) -> float | NDArray[np.float64] | Literal["auto"]:
-        """The threshold as it was given: a number, a new array, or ``"auto"``."""
+    def threshold(self) -> float | str:
+        """The threshold as it was given: a number, or ``"auto"``."""
         return super().threshold if self._persistence is None else AUTO
 
     def arrays(self) -> Arrays:
@@ -99,14 +97,15 @@ class EmpiricalSnapshot(Snapshot):
     def fit(
         cls,
         data: Any,  # noqa: ANN401 - an array, a data frame, or columns
-        threshold: ArrayLike = THRESHOLD,
+        threshold: float | str = THRESHOLD,
         names: Iterable[str] | None = None,
         on_progress: OnProgress | None = None,
     ) -> Self:
         """Return what a snapshot is after observing all rows of a table, in order.
 
-        Pairs are counted a column at a time, 64 ticks a step; but row by row where
-        thresholds choose themselves, as what is tolerated depends on the order.
+        Pairs are counted a column at a time, 64 ticks a step, and judged once:
+        `Evidence.since` is the last row for all that holds then. Where thresholds
+        choose themselves it goes row by row, as what is tolerated depends on the order.
 
         Args:
             data: ``(T, N)``: an array of bool or numbers, 0, 1 or NaN for unknown; a
@@ -114,7 +113,7 @@ class EmpiricalSnapshot(Snapshot):
             threshold: As of the class.
             names: Of the sensors; if None, those of the data frame, or ``s0``, ``s1``
                 and so on. `Columns` have their own.
-            on_progress: Told how many pairs are done, twice for each.
+            on_progress: Told how many pairs are done.
 
         Returns:
             A new snapshot. O(N² T / 64) time; O(N² T) for ``"auto"``.
@@ -166,7 +165,6 @@ class EmpiricalSnapshot(Snapshot):
             self._weights.widen(0)
             self._weights.set(slice(None), ticks)
         self._count(self._clock)  # no bit is known yet: it only derives
-        last_changes(columns, ticks, self._pairs, on_progress)
         self._bits[:], self._known[:] = columns.row(columns.ticks - 1)
         self._adopt_last()
 
@@ -240,7 +238,7 @@ class EmpiricalSnapshot(Snapshot):
         )
         codes = np.zeros(sensor, np.uint8)
         spells = None if self._persistence is None else self._persistence.spells
-        count_newborn(squares, ticks, self._pairs.threshold[0], codes, spells)
+        count_newborn(squares, ticks, self._threshold, codes, spells)
         return squares, codes
 
     def _total(self) -> int:
@@ -251,8 +249,9 @@ class EmpiricalSnapshot(Snapshot):
 
     @classmethod
     def _blank(cls, sensorium: Sensorium, arrays: Arrays, share: range | None) -> Self:
-        if not is_auto(arrays.get("threshold")):
-            return cls(sensorium, saved_threshold(arrays, len(sensorium)), share)
+        if str(arrays.get("threshold")) != AUTO:
+            threshold = entry(arrays, "threshold", (), np.float64).item()
+            return cls(sensorium, threshold, share)
         snapshot = cls(sensorium, AUTO, share)
         if snapshot._persistence is not None:
             snapshot._persistence.restore(arrays)

@@ -10,7 +10,7 @@ key-frames and are compared bit for bit by a replay.
 """
 
 from collections.abc import Callable
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, Final, TypeAlias, TypeVar
 
 Code = TypeVar("Code")
 Weight: TypeAlias = Any
@@ -22,6 +22,8 @@ SLACK = 1e-12
 TINY = 1e-300
 """Halving goes on below the least normal number, where arithmetic is a hundred times
 slower; what is as small as this is 0 to every comparison already."""
+AUTO: Final = "auto"
+"""Given instead of a threshold: each pair chooses its own."""
 LENGTH = 8192
 """Ticks that a history keeps unless told otherwise: 2 kB a sensor."""
 

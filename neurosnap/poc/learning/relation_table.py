@@ -14,7 +14,7 @@ from importlib import import_module
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from neurosnap.poc.learning.columns import Columns
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
@@ -82,8 +82,7 @@ class Relation:
     """With confidence 0.95, the share of tests that fail is no more than this (Wilson's
     bound, for the side with fewer tests)."""
     since: int
-    """The tick, from 1, since when it has not failed; of a snapshot's order, the one
-    since when it is in there."""
+    """The tick, from 1, since when it has not failed."""
     last_failure: int
     """The last tick at which it failed; 0: never."""
     ticks: int
@@ -126,7 +125,7 @@ def tabulate(
         codes = judged.codes
     else:
         codes = np.where(judged.near, judged.codes, snapshot.codes)
-    found = _Found(columns, counts, codes, snapshot)
+    found = _Found(columns, counts, codes)
     # A pair has one relation; a class that holds complements, too, tells it twice.
     rows = {(row.a, row.b): row for row in (found.every() if every else found.covers())}
     return sorted(
@@ -136,7 +135,7 @@ def tabulate(
 
 def implications(
     data: Any,  # noqa: ANN401 - an array, a data frame, or columns
-    threshold: ArrayLike | None = None,
+    threshold: float | str | None = None,
     names: Iterable[str] | None = None,
     every: bool = False,
 ) -> Any:  # noqa: ANN401 - a data frame, where pandas is
@@ -180,10 +179,8 @@ class _Found:
         columns: Columns,
         counts: PairCounts,
         codes: NDArray[np.uint8],
-        snapshot: Snapshot | None,
     ) -> None:
         self._columns, self._counts, self._codes = columns, counts, codes
-        self._snapshot = snapshot
         self._names = columns.sensorium.names
 
     def every(self) -> Iterator[Relation]:
@@ -276,7 +273,7 @@ class _Found:
             failed_back=failed[1],
             share=1 - wrong / total if total else 1.0,
             at_most=max(map(_at_most, failed, tested)),
-            since=self._since(pair, i, j, last),
+            since=self._since(i, j, last),
             last_failure=last,
             ticks=total,
         )
@@ -285,9 +282,7 @@ class _Found:
         """Return the first and the last tick of a joint reading; 0: there is none."""
         return self._columns.span(2 * i + (cell >> 1), 2 * j + (cell & 1))
 
-    def _since(self, pair: int, i: int, j: int, last: int) -> int:
-        if self._snapshot is not None and self._snapshot.codes[pair]:
-            return self._snapshot.evidence(2 * i, 2 * j).since
+    def _since(self, i: int, j: int, last: int) -> int:
         if last:
             return last + 1
         firsts = [self._span(i, j, cell)[0] for cell in range(4)]

@@ -6,7 +6,7 @@ last adopted. How observations are weighed is up to each kind.
 
 import abc
 from collections.abc import Sequence
-from typing import Any, Literal, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,7 +24,6 @@ from neurosnap.poc.learning.pairs import (
     strict,
 )
 from neurosnap.poc.learning.search import Search
-from neurosnap.poc.learning.thresholds import by_pair, checked_threshold
 from neurosnap.poc.learning.update_kernels import Pairs
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.literals import Words, as_literal
@@ -79,8 +78,7 @@ class Snapshot(Archived):
     Args:
         sensors: A sensorium, or how many sensors there are.
         threshold: How small, as a share of the clock, the weight against an
-            implication must be; one number or a symmetric ``(N, N)`` array with one a
-            pair of sensors; each in (0, 1/4]. With unknown readings it is a share of
+            implication must be; in (0, 1/4]. With unknown readings it is a share of
             the observations in which both sensors were known.
         share: The sensors whose pairs with those before them are learned here, where
             several share the pairs; if None, all. `learn`, `skip`, `evidence` of these
@@ -88,8 +86,7 @@ class Snapshot(Archived):
             there is one, which `relate` makes.
 
     Raises:
-        ShapeError: `threshold` has another shape.
-        InvalidValueError: A threshold is out of range or not symmetric.
+        InvalidValueError: The threshold is out of range.
     """
 
     _weights: Weights
@@ -97,14 +94,14 @@ class Snapshot(Archived):
     def __init__(
         self,
         sensors: int | Sensorium,
-        threshold: ArrayLike,
+        threshold: float | str,
         share: range | None = None,
     ) -> None:
         if not isinstance(sensors, Sensorium):
             sensors = Sensorium.of(sensors)
         count = len(sensors)
         self._sensorium = sensors
-        self._threshold = checked_threshold(threshold, count)
+        self._threshold = _checked_threshold(threshold)
         self._share = range(count) if share is None else share
         pairs = pairs_of(self._share)
         self._clock = 0
@@ -114,7 +111,7 @@ class Snapshot(Archived):
         whole = len(self._share) in (0, count)
         shape = (2 * count, (2 * count + 63) // 64) if whole else (0, 0)
         self._pairs = Pairs(
-            threshold=by_pair(self._threshold, pairs),
+            threshold=self._threshold,
             codes=np.zeros(len(pairs), np.uint8),
             since=np.zeros(len(pairs), np.uint32),
             latest=np.zeros(count, np.uint32),
@@ -146,11 +143,9 @@ class Snapshot(Archived):
         return self._clock
 
     @property
-    def threshold(self) -> float | NDArray[np.float64] | Literal["auto"]:
-        """The threshold as it was given: a number, or a new ``(N, N)`` array."""
-        if self._threshold.ndim == 0:
-            return self._threshold.item()
-        return self._threshold.copy()
+    def threshold(self) -> float | str:
+        """The threshold as it was given."""
+        return self._threshold
 
     @property
     def codes(self) -> NDArray[np.uint8]:
@@ -339,13 +334,9 @@ class Snapshot(Archived):
                 known, whatever they read once.
 
         Raises:
-            InvalidValueError: There is no such sensor, or the threshold is not one
-                number.
+            InvalidValueError: There is no such sensor.
         """
         as_literal("literal", 2 * sensor, len(self._state))
-        if self._threshold.ndim:
-            rule = "must be one number where sensors grow"
-            raise InvalidValueError("threshold", rule, self._threshold.shape)
         squares, codes = yield from self._newborn(sensor, ticks, on, off)
         squares[:, list(unread)], codes[list(unread)] = self._weights.start, 0
         return Newborn(ticks, squares, codes)
@@ -548,9 +539,7 @@ class Snapshot(Archived):
             b: One of another sensor.
             square: The weights ``w_ab, w_ab*, w_a*b, w_a*b*``.
         """
-        pair = pair_of(a, b) - pairs_of(self._share).start
-        share = self._pairs.threshold[pair if self._threshold.ndim else 0].item()
-        return float(share * self._whole(*square))
+        return float(self._threshold * self._whole(*square))
 
     @classmethod
     @abc.abstractmethod
@@ -567,7 +556,7 @@ class Snapshot(Archived):
         return {
             "names": np.array(self._sensorium.names, np.str_),
             "clock": np.array(self._clock, np.int64),
-            "threshold": self._threshold,
+            "threshold": np.array(self._threshold),
             **self._weights.arrays(),
             "state": np.frombuffer(pack(self._state), np.uint8),
             "since": self._pairs.since,
@@ -640,3 +629,20 @@ class Snapshot(Archived):
         if first >> 1 == second >> 1:
             raise InvalidValueError("pair", "must be of two sensors", (a, b))
         return first, second
+
+
+def _checked_threshold(threshold: float | str) -> float:
+    """Return a threshold as a float.
+
+    Raises:
+        InvalidValueError: It is no number in (0, 1/4].
+    """
+    if isinstance(threshold, bool) or not isinstance(
+        threshold, float | int | np.number
+    ):
+        rule = 'must be a number, or "auto"'
+        raise InvalidValueError("threshold", rule, threshold)
+    # Written so that NaN is out of range.
+    if not 0 < threshold <= 0.25:
+        raise InvalidValueError("threshold", "must be in (0, 0.25]", threshold)
+    return float(threshold)

@@ -34,8 +34,8 @@ class Pairs(NamedTuple):
     a reference to each of its arrays up and down again.
     """
 
-    threshold: NDArray[np.float64]
-    """``(1,)`` for all pairs, or one a pair and a last one of no meaning."""
+    threshold: float
+    """What the weight against an implication must be below, as a share."""
     codes: NDArray[np.uint8]
     """What relates the two sensors."""
     since: NDArray[np.uint32]

@@ -71,9 +71,8 @@ def learn_discounted(
         Whether any code changed. O(N²/2) time.
     """
     count, kept = bits.shape[0], Pairs(*pairs)
-    threshold, codes, first = kept.threshold, kept.codes, kept.first
+    limit, codes, first = kept.threshold, kept.codes, kept.first
     gain = np.empty(count, np.float64)
-    limit = np.full(count, threshold[0])
     fresh = np.empty(count, np.uint8)
     for j in range(count):
         gain[j] = (1.0 - decay) * bits[j]
@@ -83,8 +82,6 @@ def learn_discounted(
         start = place_of(i, first)
         joint, now = joints[start : start + i], codes[start : start + i]
         on = float(bits[i])
-        if threshold.shape[0] > 1:
-            limit[:i] = threshold[start : start + i]
         mine = marginals[i]
         rest = 1.0 - mine
         for j in range(i):
@@ -95,7 +92,7 @@ def learn_discounted(
             w10 = mine - w11
             w01 = yours - w11
             w00 = rest - w01
-            code, up, down = pair_code(w11, w10, w01, w00, limit[j], SLACK, np.uint8)
+            code, up, down = pair_code(w11, w10, w01, w00, limit, SLACK, np.uint8)
             fresh[j] = code
             # Taking all weight from w_ij* or w_i*j, whichever is smaller, is the
             # largest joint that the marginals allow; from w_ij or w_i*j*, the least.
@@ -134,9 +131,8 @@ def discount_squares(
         Whether any code changed. O(N k) time for ``k`` known sensors.
     """
     count, kept = bits.shape[0], Pairs(*pairs)
-    threshold, codes, first = kept.threshold, kept.codes, kept.first
+    limit, codes, first = kept.threshold, kept.codes, kept.first
     gains = _gains(bits, known, decay)
-    limit = np.full(count, threshold[0])
     shift = np.empty(count, np.float64)
     fresh = np.empty(count, np.uint8)
     changed = False
@@ -144,10 +140,7 @@ def discount_squares(
         if not known[i]:
             continue
         start = place_of(i, first)
-        stop = start + i
-        if threshold.shape[0] > 1:
-            limit[:i] = threshold[start:stop]
-        row, now = row_of(squares, start, stop), codes[start:stop]
+        row, now = row_of(squares, start, start + i), codes[start : start + i]
         _discount(bits[i], row, gains, limit, shift, now, fresh)
         if difference(fresh, now):
             rewire(i, fresh, kept, tick)
@@ -179,13 +172,13 @@ def discount_newborn(
         codes: ``(N,)``, updated.
     """
     count = codes.shape[0]
-    row, limit = row_of(squares, 0, count), np.full(count, share)
+    row = row_of(squares, 0, count)
     shift = np.empty(count, np.float64)
     fresh = np.empty(count, np.uint8)
     for t in range(readings.shape[0]):
         if reads[t]:
             gains = _gains(bits[t], known[t], decay)
-            _discount(readings[t], row, gains, limit, shift, codes, fresh)
+            _discount(readings[t], row, gains, share, shift, codes, fresh)
             codes[:] = fresh
 
 
@@ -203,7 +196,7 @@ def _discount(
     bit: int,
     row: Row,
     gains: _Gains,
-    limit: Floats,
+    limit: float,
     shift: Floats,
     now: NDArray[np.uint8],
     fresh: NDArray[np.uint8],
@@ -214,7 +207,7 @@ def _discount(
         bit: The sensor's reading.
         row: The weights, updated.
         gains: What the observation does to them.
-        limit: The thresholds.
+        limit: The threshold.
         shift: Overwritten.
         now: ``(i,)``, the codes as they are.
         fresh: Overwritten with the codes as they are to be.
@@ -227,7 +220,7 @@ def _discount(
     _fade(neither, gains.keep, gains.none if bit else gains.off)
     for j in range(both.shape[0]):
         w11, w10, w01, w00 = both[j], only_i[j], only_j[j], neither[j]
-        code, up, down = pair_code(w11, w10, w01, w00, limit[j], SLACK, np.uint8)
+        code, up, down = pair_code(w11, w10, w01, w00, limit, SLACK, np.uint8)
         fresh[j] = code if known[j] else now[j]
         # The weight against an implication is added to both of its sort's others
         # and taken from both of its own: of which itself becomes 0, exactly.

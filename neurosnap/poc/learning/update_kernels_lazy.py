@@ -115,14 +115,13 @@ class Lag(NamedTuple):
 
 
 class _Limits(NamedTuple):
-    """What the weights against the pairs of one row must be below.
+    """What the weight against an implication must be below, and when."""
 
-    ``(i,)`` or longer.
-    """
-
-    low: NDArray[np.uint32]
-    """Now."""
-    high: NDArray[np.uint32]
+    clock: int
+    """The number of observations, the present one included."""
+    low: np.uint32
+    """The limit now."""
+    high: np.uint32
     """At the end of the window."""
     window: int
     """How many observations it has."""
@@ -161,18 +160,16 @@ def learn_lazily(
     """
     count, auto = bits.shape[0], spells is not None
     kept, late = Pairs(*pairs), Lag(*lag)
-    threshold, codes, first = kept.threshold, kept.codes, kept.first
+    share, codes, first = kept.threshold, kept.codes, kept.first
     modes, upto = late.modes, late.upto
     turn = _turns(count, clock, spells)
     _read(bits, clock, marginals, late)
     end = end_of(first, codes.shape[0])
     busy = _RARE * _list_changed(bits, clock, turn, late, first, end) > count
-    changed = _judge_listed(joints, marginals, clock, tick, kept, turn, late, auto)
-    window, several = TURNS if auto else WINDOW, threshold.shape[0] > 1
-    share = threshold[0]
-    low = np.full(count, limit_of(share, clock, auto))
-    high = np.full(count, limit_of(share, clock + window, auto))
-    limits = _Limits(low, high, window)
+    window = TURNS if auto else WINDOW
+    low, high = limit_of(share, clock, auto), limit_of(share, clock + window, auto)
+    limits = _Limits(clock, low, high, window)
+    changed = _judge_listed(joints, marginals, limits, tick, kept, turn, late, auto)
     fresh = np.empty(count, np.uint8)
     squares = np.empty((4, count if auto else 0), np.uint32)
     for i in range(first, end):
@@ -186,11 +183,7 @@ def learn_lazily(
             upto[i] = clock
             for j in range(i if bits[i] else 0):
                 joint[j] = np.uint32(joint[j] + np.uint32(bits[j]))
-        if several:
-            shares = threshold[start : start + i]
-            _write_limits(shares, clock, auto, limits.low)
-            _write_limits(shares, clock + window, auto, limits.high)
-        _judge(i, joint, marginals, clock, limits.low, spells, fresh)
+        _judge(i, joint, marginals, clock, low, spells, fresh)
         differ = difference(fresh, now)
         if spells is not None and differ & MARK:
             row = row_of(squares, 0, i)
@@ -203,7 +196,7 @@ def learn_lazily(
             changed = True
         if turn[i]:
             slack = late.slack[start : start + i]
-            kinds = _plan(i, bits, joint, marginals, clock, limits, slack, busy)
+            kinds = _plan(i, bits, joint, marginals, limits, slack, busy)
             modes[i] = _mode(i, kinds, slack, late)
     return changed
 
@@ -230,15 +223,6 @@ def limit_of(share: float, clock: int, auto: bool) -> np.uint32:
     if auto:
         bound = max(bound - START, 1.0)
     return np.uint32(math.ceil(bound))
-
-
-@njit()
-def _write_limits(
-    shares: NDArray[np.float64], clock: int, auto: bool, limit: NDArray[np.uint32]
-) -> None:
-    """Write the limits of pairs that have a threshold each."""
-    for j in range(shares.shape[0]):
-        limit[j] = limit_of(shares[j], clock, auto)
 
 
 @njit()
@@ -292,7 +276,7 @@ def _list_changed(
 def _judge_listed(
     joints: NDArray[np.uint32],
     marginals: NDArray[np.uint32],
-    clock: int,
+    limits: _Limits,
     tick: int,
     pairs: Pairs,
     turn: NDArray[np.bool_],
@@ -304,19 +288,14 @@ def _judge_listed(
     Returns:
         Whether any code changed.
     """
-    window, place = TURNS if auto else WINDOW, np.uint64(clock & 63)
-    several, share = pairs.threshold.shape[0] > 1, pairs.threshold[0]
-    low, high = limit_of(share, clock, auto), limit_of(share, clock + window, auto)
+    clock, low, high = limits.clock, limits.low, limits.high
+    place, window = np.uint64(clock & 63), np.uint32(limits.window)
     changed, kept = False, 0
     for entry in range(lag.length[0]):
         i, j = int(lag.listed[0, entry]), int(lag.listed[1, entry])
         if turn[i] or lag.modes[i] == DENSE:
             continue
         pair = place_of(i, pairs.first) + j
-        if several:
-            share = pairs.threshold[pair]
-            low = limit_of(share, clock, auto)
-            high = limit_of(share, clock + window, auto)
         mine, yours = marginals[i], marginals[j]
         both = population(_pending(i, clock, lag) & lag.readings[j])
         w11 = np.uint32(joints[pair] + np.uint32(both))
@@ -334,7 +313,7 @@ def _judge_listed(
         on = (lag.readings[i] >> place & _ONE) > 0
         also = (lag.readings[j] >> place & _ONE) > 0
         square = w11, w10, w01, w00
-        slack = _slack_of(on, also, square, low, high, np.uint32(window))
+        slack = _slack_of(on, also, square, low, high, window)
         lag.slack[pair] = slack
         if slack == LISTED:
             lag.listed[0, kept], lag.listed[1, kept] = np.uint32(i), np.uint32(j)
@@ -425,7 +404,7 @@ def _judge(
     joint: NDArray[np.uint32],
     marginals: NDArray[np.uint32],
     clock: int,
-    limit: NDArray[np.uint32],
+    limit: np.uint32,
     spells: Spells | None,
     fresh: NDArray[np.uint8],
 ) -> None:
@@ -436,7 +415,7 @@ def _judge(
         joint: ``(i,)``, of its pairs.
         marginals: ``(N,)``.
         clock: The clock.
-        limit: ``(i,)`` or longer: what the weight against must be less than.
+        limit: What the weight against must be less than.
         spells: If None, no code is marked.
         fresh: ``(i,)`` or longer, overwritten with the codes.
     """
@@ -447,7 +426,7 @@ def _judge(
         w10 = np.uint32(mine - w11)
         w01 = np.uint32(marginals[j] - w11)
         w00 = np.uint32(rest - w01)
-        code, up, down = pair_code(w11, w10, w01, w00, limit[j], None, np.uint8)
+        code, up, down = pair_code(w11, w10, w01, w00, limit, None, np.uint8)
         if spells is not None:
             # What is smallest is against what is implied.
             broken = (up | down) & (min(min(w10, w01), min(w11, w00)) > 0)
@@ -478,7 +457,6 @@ def _plan(
     bits: NDArray[np.uint8],
     joint: NDArray[np.uint32],
     marginals: NDArray[np.uint32],
-    clock: int,
     limits: _Limits,
     slack: NDArray[np.uint8],
     busy: bool,
@@ -490,10 +468,10 @@ def _plan(
         and much changes, for then the row becomes dense at once.
     """
     few = joint[: _SAMPLE if busy else 0]
-    _write_slack(i, bits, few, marginals, clock, limits, slack)
+    _write_slack(i, bits, few, marginals, limits, slack)
     if _kinds(slack[: few.shape[0]]) & ~FREE:
         return DENSE
-    _write_slack(i, bits, joint, marginals, clock, limits, slack)
+    _write_slack(i, bits, joint, marginals, limits, slack)
     return _kinds(slack)
 
 
@@ -528,19 +506,18 @@ def _write_slack(
     bits: NDArray[np.uint8],
     joint: NDArray[np.uint32],
     marginals: NDArray[np.uint32],
-    clock: int,
     limits: _Limits,
     slack: NDArray[np.uint8],
 ) -> None:
     """Write the slack of one row's pairs, or of its first."""
     on, mine, low, high = bits[i] > 0, marginals[i], limits.low, limits.high
-    rest, window = np.uint32(np.uint32(clock) - mine), np.uint32(limits.window)
+    rest, window = np.uint32(np.uint32(limits.clock) - mine), np.uint32(limits.window)
     for j in range(joint.shape[0]):
         w11 = joint[j]
         w10 = np.uint32(mine - w11)
         w01 = np.uint32(marginals[j] - w11)
         square = w11, w10, w01, np.uint32(rest - w01)
-        slack[j] = _slack_of(on, bits[j] > 0, square, low[j], high[j], window)
+        slack[j] = _slack_of(on, bits[j] > 0, square, low, high, window)
 
 
 @njit()

@@ -66,27 +66,23 @@ def count_squares(
     """
     count, kept = bits.shape[0], Pairs(*pairs)
     on, off = bits & known, known & ~bits
-    threshold, codes, first = kept.threshold, kept.codes, kept.first
-    share = np.full(count, threshold[0])
+    codes, first = kept.codes, kept.first
     fresh = np.empty(count, np.uint8)
     changed, reads = False, known.any()
     for i in range(first, end_of(first, codes.shape[0])):
         start = place_of(i, first)
-        stop = start + i
-        now = codes[start:stop]
+        now = codes[start : start + i]
         # Of a sensor that is not read nothing new follows, but what grew too old.
         if reads and not known[i] and not now.any():
             continue
-        row = row_of(squares, start, stop)
+        row = row_of(squares, start, start + i)
         if known[i]:
             with_j = row.both if bits[i] else row.only_j
             without_j = row.only_i if bits[i] else row.neither
             for j in range(i):
                 with_j[j] = np.uint32(with_j[j] + np.uint32(on[j]))
                 without_j[j] = np.uint32(without_j[j] + np.uint32(off[j]))
-        if threshold.shape[0] > 1:
-            share[:i] = threshold[start:stop]
-        _judge(row, float(clock - int(born[i])), share, spells, fresh)
+        _judge(row, float(clock - int(born[i])), kept.threshold, spells, fresh)
         if spells is not None:
             withstand(i, spells[1][i], row, spells, now, fresh)
         if difference(fresh, now):
@@ -99,7 +95,7 @@ def count_squares(
 def _judge(
     row: Row,
     age: float,
-    share: NDArray[np.float64],
+    share: float,
     spells: Spells | None,
     fresh: NDArray[np.uint8],
 ) -> None:
@@ -108,7 +104,7 @@ def _judge(
     Args:
         row: The counts.
         age: Observations since its sensor began.
-        share: ``(i,)`` or longer, the threshold of each pair.
+        share: The threshold.
         spells: If None, no code is marked.
         fresh: ``(i,)`` or longer, overwritten with their codes.
     """
@@ -118,7 +114,7 @@ def _judge(
         total = np.uint32(np.uint32(w11 + w10) + np.uint32(w01 + w00))
         # The product is rounded once; a whole number is compared exactly with it.
         whole = float(total)
-        limit = share[j] * whole
+        limit = share * whole
         if spells is not None:
             limit -= START
         bound = limit if spells is None else max(limit, 1.0)
@@ -149,8 +145,7 @@ def count_newborn(
         spells: As of `count_squares`: nothing that was broken stands before it is the
             sensor's turn to be tested.
     """
-    shares = np.full(codes.shape[0], share)
     row = row_of(squares, 0, codes.shape[0])
-    _judge(row, float(age), shares, spells, codes)
+    _judge(row, float(age), share, spells, codes)
     for j in range(codes.shape[0]):
         codes[j] = codes[j] if codes[j] < MARK else np.uint8(0)
