@@ -1,12 +1,12 @@
 """What an agent has met so far, as far as imagining needs to know it."""
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
+from neurosnap.agent.plan import Plan
 from neurosnap.poc.learning.archive import Arrays, entry, rows_in
 from neurosnap.sensorium import complement
 
@@ -42,28 +42,6 @@ class Surprises:
         """
         trials, surprises = self.counts[action]
         return float((surprises + 1) / (trials + 2))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Plan:
-    """Actions in a row, and where each is to be taken."""
-
-    actions: tuple[int, ...]
-    """One or more."""
-    places: NDArray[np.bool_]
-    """``(actions, 2N)``: what is expected of the state before each."""
-    why: str
-    """How its reason begins."""
-
-    def goes_on(self, place: NDArray[np.bool_]) -> bool:
-        """Return whether a state, ``(2N,)``, has all that was expected."""
-        return not (self.places[0] & ~place).any()
-
-    def step(self) -> tuple[int, "Plan | None"]:
-        """Return the next action, and the plan behind it."""
-        action, *rest = self.actions
-        after = Plan(tuple(rest), self.places[1:], self.why) if rest else None
-        return action, after
 
 
 class Experience:

@@ -9,7 +9,7 @@ import csv
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -26,9 +26,6 @@ from neurosnap.runtime.launch import Jobs, host_jobs, launch
 from neurosnap.runtime.request import Site, Watcher
 from neurosnap.system.durable import replace_file, replacing
 from neurosnap.system.picture import KINDS, MANY, MARKERS, canvas_type, encoded
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 COLUMNS = ("sensors", "wiring", "height", "depth", "longest", "pulses", "seconds")
 
@@ -142,14 +139,13 @@ async def measure(
             seed=sweep.seed,
         )
         jobs = Jobs(partial(ProbeJob, probe), host_jobs(count, probe.workers))
-        watcher = Watcher(_from_there(on_progress, len(rows)))
-        ending = await launch(jobs, Site(), stop, watcher)
+
+        def report(waves: int, before: int = len(rows)) -> None:
+            on_progress(before + waves)
+
+        ending = await launch(jobs, Site(), stop, Watcher(report))
         rows += msgspec.json.decode(ending.result, type=list[Measured])
     return rows
-
-
-def _from_there(on_progress: Callable[[int], None], done: int) -> Callable[[int], None]:
-    return lambda waves: on_progress(done + waves)
 
 
 def from_recording(recording: Recording) -> list[Measured]:
@@ -247,9 +243,21 @@ def draw(rows: Sequence[Measured], folder: Path) -> list[Path]:
     for number, (sensors, wiring) in enumerate(groups):
         chosen = [r for r in signals if (r.sensors, r.wiring) == (sensors, wiring)]
         label = f"{sensors} cells, {wiring}"
-        look = MANY[number % len(MANY)], MARKERS[number % len(MARKERS)]
-        _draw_depth(left, chosen, label, look)
-        _draw_time(right, chosen, label, look)
+        colour = MANY[number % len(MANY)]
+        look: dict[str, Any] = {"c": colour, "marker": MARKERS[number % len(MARKERS)]}
+        depths = np.array([row.depth for row in chosen])
+        # Larger dots, more waves of that height and depth.
+        pairs = np.stack([[row.height for row in chosen], depths], axis=1)
+        places, counts = np.unique(pairs, axis=0, return_counts=True)
+        sizes = 12 + 60 * counts / counts.max()
+        left.scatter(*places.T, s=sizes, alpha=0.6, label=label, **look)
+        times = [1e3 * row.seconds for row in chosen]
+        right.scatter(depths, times, s=10, alpha=0.5, **look)
+        if (line := fit(chosen)) is not None:
+            ends = np.array([depths.min(), depths.max()])
+            slope = f"{1e6 * line.slope:.0f} µs a hop, R² {line.r2:.3f}"
+            fitted = 1e3 * (line.intercept + line.slope * ends)
+            right.plot(ends, fitted, color=colour, label=f"{label}: {slope}")
     reach = max((max(row.height, row.depth) for row in rows), default=1)
     left.plot([0, reach], [0, reach], color="0.6", lw=1, ls="--", label="y = x")
     left.set(xlabel="height (edges on the longest chain)", ylabel="depth (hops)")
@@ -264,36 +272,3 @@ def draw(rows: Sequence[Measured], folder: Path) -> list[Path]:
     for path, kind in zip(paths, KINDS, strict=True):
         replace_file(path, encoded(figure, kind))
     return paths
-
-
-def _draw_depth(
-    axes: "Axes", rows: Sequence[Measured], label: str, look: tuple[str, str]
-) -> None:
-    """Draw how often each depth came at each height: larger dots, more waves."""
-    pairs = np.array([(row.height, row.depth) for row in rows])
-    places, counts = np.unique(pairs, axis=0, return_counts=True)
-    sizes = 12 + 60 * counts / counts.max()
-    heights, depths = places.T
-    colour, marker = look
-    axes.scatter(
-        heights, depths, s=sizes, color=colour, marker=marker, alpha=0.6, label=label
-    )
-
-
-def _draw_time(
-    axes: "Axes", rows: Sequence[Measured], label: str, look: tuple[str, str]
-) -> None:
-    colour, marker = look
-    depths = np.array([row.depth for row in rows])
-    times = [1e3 * row.seconds for row in rows]
-    axes.scatter(depths, times, s=10, color=colour, marker=marker, alpha=0.5)
-    line = fit(rows)
-    if line is None:
-        return
-    ends = np.array([depths.min(), depths.max()])
-    axes.plot(
-        ends,
-        1e3 * (line.intercept + line.slope * ends),
-        color=colour,
-        label=f"{label}: {1e6 * line.slope:.0f} µs a hop, R² {line.r2:.3f}",
-    )

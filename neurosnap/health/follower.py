@@ -10,9 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.health.alarm import Alarm
+from neurosnap.health.alarm import Alarm, Standing
 from neurosnap.health.monitor import HealthMonitor
-from neurosnap.health.news import Standing
 from neurosnap.health.steps import STEP, Steps
 
 Flags = NDArray[np.bool_]

@@ -14,8 +14,8 @@ from neurosnap.agent.growth.sensor_changes import changes_in
 from neurosnap.errors import InvalidValueError, MessageError, SwarmError
 from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.zenoh.discovery import FoundSwarm
+from neurosnap.health.alarm import News, Standing, news
 from neurosnap.health.budget import NEVER
-from neurosnap.health.news import News, Standing, news
 from neurosnap.protocol.anomaly_messages import (
     NamedAnomaly,
     named_anomaly,

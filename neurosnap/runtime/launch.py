@@ -20,7 +20,7 @@ import msgspec
 from neurosnap.errors import NothingBegunError, SwarmError
 from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.zenoh.discovery import incarnation
-from neurosnap.health.news import Standing
+from neurosnap.health.alarm import Standing
 from neurosnap.protocol.resume_point import ResumePoint, first_number
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness

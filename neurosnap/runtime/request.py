@@ -10,7 +10,7 @@ import msgspec
 
 from neurosnap.agent.growth.changed import Changed
 from neurosnap.errors import InvalidValueError, MissingExtraError
-from neurosnap.health.news import Standing
+from neurosnap.health.alarm import Standing
 from neurosnap.protocol.coordinator import Totals
 from neurosnap.protocol.option import option
 from neurosnap.protocol.resume_point import ResumePoint

@@ -14,7 +14,7 @@ import msgspec
 
 from neurosnap.errors import PartDiedError, SwarmError
 from neurosnap.fabric.events import wait_any
-from neurosnap.health.news import Standing
+from neurosnap.health.alarm import Standing
 from neurosnap.runtime.child_processes import ChildProcesses
 from neurosnap.runtime.parts.job import (
     Advanced,

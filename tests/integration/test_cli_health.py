@@ -19,7 +19,7 @@ from tests.support.patience import PATIENCE
 from tests.support.rewritten_recordings import sent_at
 
 if TYPE_CHECKING:
-    from neurosnap.health.news import Standing
+    from neurosnap.health.alarm import Standing
 
 DATABASE = Path(__file__).parent.parent / "golden" / "home-assistant_v2.db"
 

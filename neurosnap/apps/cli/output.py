@@ -19,7 +19,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from neurosnap.health.news import Newsreader
+from neurosnap.health.alarm import Newsreader
 from neurosnap.protocol.anomaly_messages import few
 from neurosnap.runtime.request import Restart, Watcher
 from neurosnap.sensorium import visible
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from neurosnap.agent.growth.changed import Changed
-    from neurosnap.health.news import Standing
+    from neurosnap.health.alarm import Standing
     from neurosnap.protocol.run_options import RunOptions
     from neurosnap.runtime.request import Outcome
 

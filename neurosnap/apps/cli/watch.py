@@ -134,7 +134,7 @@ def _watch_swarm(
 def _report(told: "Fed", form: str) -> None:
     """Print an anomaly, news of health, or a change of the sensors."""
     from neurosnap.agent.growth.changed import Changed
-    from neurosnap.health.news import News
+    from neurosnap.health.alarm import News
     from neurosnap.protocol.anomaly_messages import anomaly_line
 
     if form == "json":

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.agent.imagining_planner import plan_told
+from neurosnap.agent.plan import plan_told
 from neurosnap.apps.viewer.api import MOST_IMAGINED, PlanView, WaveView
 from neurosnap.errors import MessageError
 from neurosnap.protocol.wave import DEEPEST

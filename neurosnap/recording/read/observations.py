@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
+from neurosnap.health.alarm import News, news
 from neurosnap.health.budget import NEVER
 from neurosnap.health.follower import Follower
-from neurosnap.health.news import News, news
 from neurosnap.poc.learning.columns import GrowingColumns
 from neurosnap.recording.read.recording import Recording
 from neurosnap.sensorium import Sensorium, unpack_readings

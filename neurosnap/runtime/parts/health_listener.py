@@ -14,8 +14,8 @@ from typing import NamedTuple, Self
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import NeurosnapError
+from neurosnap.health.alarm import Standing
 from neurosnap.health.follower import Follower
-from neurosnap.health.news import Standing
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.recording.read.observations import (
     OwnReadings,

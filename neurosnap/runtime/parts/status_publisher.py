@@ -17,8 +17,8 @@ from neurosnap.agent.body import Body
 from neurosnap.agent.growth.sensor_changes import body_after
 from neurosnap.errors import InvalidValueError, MessageError, ShapeError
 from neurosnap.fabric.protocol import Fabric
+from neurosnap.health.alarm import Standing
 from neurosnap.health.budget import NEVER
-from neurosnap.health.news import Standing
 from neurosnap.protocol.anomaly_messages import (
     anomaly_line,
     named_anomaly,

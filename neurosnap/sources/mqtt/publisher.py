@@ -12,7 +12,7 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError
-from neurosnap.health.news import Standing
+from neurosnap.health.alarm import Standing
 from neurosnap.sensorium import unpack
 from neurosnap.sources.mqtt.connection import MqttLink
 from neurosnap.sources.mqtt.options import MqttBroker, MqttPublish

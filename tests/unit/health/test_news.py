@@ -1,7 +1,6 @@
 """What is new about the sensors of a home, from one standing to the next."""
 
-from neurosnap.health.alarm import Alarm, AlarmProgress
-from neurosnap.health.news import Newsreader, Standing, news
+from neurosnap.health.alarm import Alarm, AlarmProgress, Newsreader, Standing, news
 
 
 def alarm(sensor: str, step: int, kind: str = "silent") -> Alarm:

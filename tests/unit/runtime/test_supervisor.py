@@ -11,8 +11,7 @@ import msgspec
 import pytest
 
 from neurosnap.agent.growth.changed import Changed
-from neurosnap.health.alarm import AlarmProgress
-from neurosnap.health.news import Standing
+from neurosnap.health.alarm import AlarmProgress, Standing
 from neurosnap.runtime.child_processes import ChildProcesses, without_main
 from neurosnap.runtime.parts.job import (
     Advanced,

@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap import wire
-from neurosnap.agent.experience import Plan
-from neurosnap.agent.imagining_planner import plan_reason, plan_told
+from neurosnap.agent.plan import Plan, plan_reason, plan_told
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.history import RunHistory
 from neurosnap.apps.viewer.run_view import RunView

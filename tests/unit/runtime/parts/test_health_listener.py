@@ -11,8 +11,8 @@ import pytest
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import ShapeError
+from neurosnap.health.alarm import Standing
 from neurosnap.health.follower import Follower
-from neurosnap.health.news import Standing
 from neurosnap.health.steps import STEP
 from neurosnap.runtime.parts import health_listener
 from neurosnap.runtime.parts.health_listener import HealthListener, Past

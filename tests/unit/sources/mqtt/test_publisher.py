@@ -12,8 +12,7 @@ pytest.importorskip("aiomqtt")
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError
-from neurosnap.health.alarm import Alarm, AlarmProgress
-from neurosnap.health.news import Standing
+from neurosnap.health.alarm import Alarm, AlarmProgress, Standing
 from neurosnap.sensorium import pack
 from neurosnap.sources.mqtt.options import MqttBroker, MqttPublish
 from neurosnap.sources.mqtt.publisher import MqttPublisher
