@@ -115,12 +115,6 @@ def test_other_programs_read_it_as_their_own(log: Path) -> None:
         )
         told = json.loads(schema.data)
         assert refusals(told) == []
-        rules = told["properties"]
-        assert rules["data"]["type"] == "string"
-        assert rules["data"]["contentEncoding"] == "base64"
-        assert rules["frame_id"]["type"] == rules["format"]["type"] == "string"
-        time = rules["timestamp"]["properties"]
-        assert [time[part]["type"] for part in ("sec", "nsec")] == ["integer"] * 2
         theirs = {"timestamp", "frame_id", "data", "format"}
         assert theirs <= set(told["required"])
         count = 0

@@ -175,24 +175,6 @@ def test_what_was_lost_is_neither_measured_nor_read(
     )
 
 
-@pytest.mark.parametrize("head", [False, True])
-def test_a_view_shows_the_ticks_there_are(whole: Path, log: Path, head: bool) -> None:
-    """Even without a summary, behind a record whose kind is not to be read."""
-    chunk = spoil(log, 17, cut=head)
-    if head:
-        data = bytearray(log.read_bytes())
-        data[chunk.start_offset] ^= 8  # what kind of record it is
-        log.write_bytes(data)
-    view = RunView(log)
-    found, true = (
-        {frame.tick: frame for frame in each.frames(1, TICKS)}
-        for each in (view, RunView(whole))
-    )
-    assert "chunk" in str(view.cut) or head
-    assert {1, TICKS} < found.keys() < true.keys()
-    assert found[30] == true[30]
-
-
 # Going on ------------------------------------------------------------------
 
 

@@ -24,7 +24,7 @@ from tests.golden.drive import drive, record
 from tests.golden.scenarios import rows
 from tests.support.course import course
 from tests.support.recorded_messages import assert_true_run, first
-from tests.support.rewritten_recordings import flipped, rewritten, saying
+from tests.support.rewritten_recordings import changing, flipped, rewritten
 from tests.support.scripted_sources import Scripted
 from tests.support.split_runs import (
     EVERY,
@@ -138,16 +138,11 @@ def test_behind_a_file_without_end_nothing_counts(
 
 
 def test_where_it_cannot_go_on_no_file_is_left_open(whole: Path, log: Path) -> None:
-    def change(every: list[Recorded]) -> list[Recorded]:
-        """Change a bit of the last state: the run cannot be derived up to there."""
-        states = [
-            k for k, one in enumerate(every) if isinstance(one.message, wire.State)
-        ]
-        last = every[states[-1]]
-        assert isinstance(last.message, wire.State)
-        bits = flipped(last.message.literals)
-        return [*every[: states[-1]], saying(last, literals=bits)]
-
+    change = changing(
+        wire.State,
+        lambda state: state.tick == TICKS,
+        lambda state: {"literals": flipped(state.literals)},
+    )
     rewritten(whole, log, change)
     gc.disable()  # a cycle is collected at any moment
     try:
