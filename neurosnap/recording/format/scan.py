@@ -132,36 +132,35 @@ def _walk_on(path: Path, file: BinaryIO, layout: Layout) -> None:
 
 
 def _leap(path: Path, file: BinaryIO, layout: Layout, why: str) -> bool:
-    """Go on behind what is no record; return whether nothing is there."""
+    """Go on behind what is no record; return whether no other record is there."""
     at = layout.walked
     found = find_record(path, file, at + 1, layout.size)
-    if found is None:
-        found = _noted_end(file, at + 1, layout.size)
-    if found is None:
+    end = _noted_end(file, at, layout.size) if found is None else None
+    goes_on = found if end is None else end
+    if goes_on is None:
         layout.cut = Cut(len(layout.chunks), at, layout.size)
         return True
-    layout.damage.append(Damage(at, found, why, "unknown"))
-    layout.walked = found
-    return False
+    if goes_on > at:
+        layout.damage.append(Damage(at, goes_on, why, "unknown"))
+    layout.walked = goes_on
+    if end is not None:
+        _file_end(file, layout)
+    return found is None
 
 
 def _noted_end(file: BinaryIO, start: int, size: int) -> int | None:
-    """Return where the record starts that ends the data, by the end of the file.
+    """Return where the data end by the footer; None if not behind `start`, or unsaid.
 
-    None if no footer is there, or no such record behind `start`.
+    A file that was finished was not cut, whatever its last records are.
     """
-    tail = FOOTER.size + len(MAGIC)
-    if size < start + tail:
+    tail = HEAD.size + FOOTER.size + len(MAGIC)
+    file.seek(max(0, size - tail))
+    record = file.read()
+    if not record.startswith(HEAD.pack(Opcode.FOOTER, FOOTER.size)):
         return None
-    file.seek(size - tail)
-    summary, _, _ = FOOTER.unpack(file.read(FOOTER.size))
-    found = int(summary) - _DATA_END
-    if file.read() != MAGIC or not start <= found < size:
-        return None
-    file.seek(found)
-    return (
-        found if file.read(HEAD.size) == HEAD.pack(Opcode.DATA_END, CRC.size) else None
-    )
+    summary, _, _ = FOOTER.unpack_from(record, HEAD.size)
+    end = int(summary) - _DATA_END
+    return end if record.endswith(MAGIC) and start <= end < size - tail else None
 
 
 def _file_records(path: Path, file: BinaryIO, layout: Layout) -> None:

@@ -78,7 +78,12 @@ def test_cut_anywhere_it_gives_the_whole_chunks(
 def flipped(whole: bytes, seed: int, count: int) -> Iterator[tuple[int, bytes]]:
     """Yield copies with one bit flipped, and where; the first and last 64 bytes too."""
     draw = random.Random(seed)
-    ends = (*range(64), *range(len(whole) - 64, len(whole)))
+    last = whole.find(b"neurosnap.totals")  # the data end some 300 bytes behind
+    ends = (
+        *range(64),
+        *range(len(whole) - 64, len(whole)),
+        *range(last, last + 400, 3),
+    )
     for offset in (*ends, *draw.sample(range(len(whole)), count)):
         damaged = bytearray(whole)
         damaged[offset] ^= 1 << draw.randrange(8)
@@ -101,6 +106,7 @@ def test_a_flipped_bit_costs_one_chunk_at_most_and_is_noticed(
         if kind == "finished":
             seed = recording.metadata.get("seed"), recording.metadata.get("schema")
             assert seed == ("7", str(wire.SCHEMA)), offset
+            assert (recording.cut is None) == (offset < len(damaged) - 8), offset
     assert lost == {0, 11, 20}
 
 
