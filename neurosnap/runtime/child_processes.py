@@ -31,7 +31,7 @@ from neurosnap.runtime.parts.job import (
     PartContext,
     Reporter,
     carry_out,
-    read_report,
+    decode_report,
 )
 from neurosnap.runtime.starter import Listener
 from neurosnap.system.signals import SIGNALS, unheeded
@@ -157,7 +157,7 @@ class ChildProcesses:
         """Take in the reports that wait in one pipe."""
         try:
             while line.poll():
-                self._listener.receive(read_report(line))
+                self._listener.receive(decode_report(line.recv_bytes()))
         except (EOFError, ConnectionResetError):
             self._loop.remove_reader(line.fileno())
 

@@ -58,13 +58,6 @@ Work = Callable[[RunRequest], Awaitable[Outcome]]
 """Runs the swarm; the request says how outside readings get to its world."""
 
 
-class Taken(msgspec.Struct, frozen=True):
-    """The result of the intake."""
-
-    lost: int = 0
-    """What was no reading, or had no tick although it should have."""
-
-
 class IntakeJob(msgspec.Struct, frozen=True):
     """Takes in readings, keeps them and gives them to the world."""
 
@@ -101,7 +94,7 @@ class IntakeJob(msgspec.Struct, frozen=True):
             await worlds.wait_closed()
             # The folder is the run's own; a launcher that was killed cannot remove it.
             await asyncio.to_thread(shutil.rmtree, socket.parent, ignore_errors=True)
-        part.reporter.done(Taken(lost_of(source, options)))
+        part.reporter.done(lost_of(source, options))
 
 
 async def run_journaled(request: RunRequest, work: Work) -> Outcome:
@@ -192,8 +185,7 @@ async def _with_intake(request: RunRequest, folder: Path, work: Work) -> Outcome
             waiting.cancel()
             ending.set()
             await asyncio.wait((keeping,))
-    taken = keeping.result()
-    return msgspec.structs.replace(outcome, lost=outcome.lost + taken.lost)
+    return msgspec.structs.replace(outcome, lost=outcome.lost + keeping.result())
 
 
 async def _keep_up(
@@ -202,10 +194,13 @@ async def _keep_up(
     address: str,
     ready: asyncio.Event,
     ending: asyncio.Event,
-) -> Taken:
+) -> int:
     """Start the intake, and start it again when it dies, until `ending`.
 
     How often is for the run to bound: a world that asks dies with it.
+
+    Returns:
+        How much was no reading, or had no tick although it should have.
     """
     job = IntakeJob(options, str(folder), address)
     connection = PartConnection(INTAKE, "")
@@ -218,12 +213,12 @@ async def _keep_up(
                 await supervisor.wait(ending)
                 await supervisor.end([INTAKE], _GRACE)
                 if child.result is None:
-                    return Taken()
-                return msgspec.json.decode(child.result, type=Taken)
+                    return 0
+                return msgspec.json.decode(child.result, type=int)
         except PartDiedError as error:
             _logger.warning("%s (it is started again)", error)
             if ending.is_set():
-                return Taken()
+                return 0
         await wait_at_most(ending, _AGAIN)
 
 

@@ -11,7 +11,6 @@ import time
 import traceback
 from collections.abc import Awaitable, Iterable
 from dataclasses import dataclass
-from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING, Annotated, Protocol, TypeAlias, TypeVar
 
 import msgspec
@@ -87,15 +86,6 @@ _decoder: msgspec.json.Decoder[Report] = msgspec.json.Decoder(Report)
 def decode_report(content: bytes) -> Report:
     """Return a report as it was."""
     return _decoder.decode(content)
-
-
-def read_report(connection: Connection) -> Report:
-    """Return the next report. Blocks until there is one.
-
-    Raises:
-        EOFError: No part is left to report.
-    """
-    return decode_report(connection.recv_bytes())
 
 
 class Line(Protocol):

@@ -9,7 +9,7 @@ from multiprocessing.connection import Connection
 import msgspec
 import pytest
 
-from neurosnap.runtime.parts.job import Advanced, Done, Failed, Reporter, read_report
+from neurosnap.runtime.parts.job import Advanced, Done, Failed, Reporter, decode_report
 
 
 class Line(Connection):
@@ -70,7 +70,7 @@ def test_a_reason_is_short_enough_to_share_a_line(text: str) -> None:
         whole = reading.recv_bytes()
         assert len(whole) + 4 <= 4096  # what a pipe takes in one piece
         writing.send_bytes(whole)
-        report = read_report(reading)
+        report = decode_report(reading.recv_bytes())
     assert isinstance(report, Failed)
     assert (report.who, report.died) == ("cell/3", True)
     assert text.endswith(report.what)

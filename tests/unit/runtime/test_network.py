@@ -43,11 +43,8 @@ def test_a_service_needs_its_own_keys_and_the_watchers(
     who = role if role in ("world", "recorder") else f"{role}/0"
     own = connections.to(who, "demo", 5)
     assert own.address.credentials is not None
-    assert (own.address.credentials.role, own.address.endpoint, own.first) == (
-        role,
-        WHERE,
-        5,
-    )
+    found = own.address.credentials.role, own.address.endpoint, own.first
+    assert found == (role, WHERE, 5)
     with pytest.raises(InvalidValueError, match=r"coordinator\.pem: must be a file"):
         network.check()
 
@@ -77,7 +74,5 @@ def test_the_keys_of_a_role_are_read_once(keys: Path, tmp_path: Path) -> None:
 
 def test_without_a_network_parts_meet_on_the_swarms_own_socket() -> None:
     own = Connections(Network(), "unixsock-stream/own").to("world", "demo")
-    assert (own.address.endpoint, own.address.credentials) == (
-        "unixsock-stream/own",
-        None,
-    )
+    found = own.address.endpoint, own.address.credentials
+    assert found == ("unixsock-stream/own", None)

@@ -21,13 +21,10 @@ TEXTS = st.text(st.sampled_from("'=+-@＝\t\r\nab"), max_size=6) | st.text()
 
 
 @given(TEXTS)
-def test_every_text_is_read_as_it_was(text: str) -> None:
+def test_every_text_is_read_as_it_was_and_none_is_a_formula(text: str) -> None:
     assert as_written(as_text(text)) == text
-
-
-@given(TEXTS.filter(lambda text: len(text) > 1))
-def test_no_text_begins_a_formula(text: str) -> None:
-    assert as_text(text).lstrip("\t\r\n")[:1] not in set("=+-@＝＋－＠")
+    if len(text) > 1:  # a lone sign is no formula
+        assert as_text(text).lstrip("\t\r\n")[:1] not in set("=+-@＝＋－＠")
 
 
 @pytest.mark.parametrize("name", ["door", "a=b", "it's", "'tis", "-", "below_4*"])
