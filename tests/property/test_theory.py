@@ -16,6 +16,7 @@ from neurosnap.poc.dual.cubing import Cubing
 from neurosnap.poc.dual.morphism import PocMorphism, canonical_projection, splitting
 from neurosnap.poc.dual.realization import Realization
 from neurosnap.poc.order.pocset import Element, PocSet
+from neurosnap.sensorium import Sensorium
 from tests.support.edges import edges_of
 from tests.support.hypothesis_settings import examples
 from tests.support.median_graphs import dual_graph, poc_of_median_graph
@@ -271,7 +272,9 @@ def test_only_median_graphs_are_taken_back(seed: int, size: int) -> None:
 @given(relations(4), relations(3))
 def test_eqn_direct_sum_duals_multiply(left: Drawn, right: Drawn) -> None:
     """[GK] defn:direct sum, eqn:direct sum."""
-    other = right.p.renamed([f"t{k}" for k in range(len(right.p))])
+    other = PocSet.from_graph(
+        right.p.graph, Sensorium(f"t{k}" for k in range(len(right.p)))
+    )
     total = left.p | other
     here = left.p.minimum
     for a, b in itertools.product(range(total.minimum), repeat=2):

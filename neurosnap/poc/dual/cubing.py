@@ -68,8 +68,8 @@ class Cubing:
             memory.
 
         Raises:
-            InvalidValueError: There are more than `limit`; raised by the call, with
-                the number there are or, where counting is hard, an estimate.
+            InvalidValueError: There are more than `limit`; raised by the call, or,
+                where counting is hard, once the limit is passed.
 
         Example:
             >>> [v.tolist() for v in Cubing(PocSet(1)).vertices()]

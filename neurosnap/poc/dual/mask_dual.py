@@ -16,7 +16,6 @@ vector: one number instead of a polynomial.
 """
 
 import math
-import random
 from collections.abc import Iterator
 
 import numpy as np
@@ -100,16 +99,18 @@ class Dual:
         """Return `walk`, once it is known to yield at most `limit` vertices.
 
         Raises:
-            InvalidValueError: It would yield more, by count or by estimate; where an
-                estimate was too low, only when the limit is passed.
+            InvalidValueError: It would yield more; where counting is hard, only when
+                the limit is passed.
         """
         if limit is None:
             return self.walk(closed)
-        size, exact = self.counter.sized(self.free(closed))
+        size = self.counter.within_patience(self.free(closed))
+        if size is None:
+            return self._stopped(closed, limit)
         if size > limit:
             rule = f"must have at most {limit} vertices to be listed, or set limit=None"
-            raise InvalidValueError("dual", rule, shown_size(size, exact=exact))
-        return self.walk(closed) if exact else self._stopped(closed, limit)
+            raise InvalidValueError("dual", rule, size)
+        return self.walk(closed)
 
     def flip(self, vertex: int, a: int) -> int:
         """Return a set with `a`, and all equal to it, replaced by complements."""
@@ -172,7 +173,7 @@ class Dual:
         return f"{a} and {other}, although {a} <= {b}"
 
     def _stopped(self, closed: int, limit: int) -> Iterator[int]:
-        """Yield `walk`, and raise where it passes a limit that looked safe."""
+        """Yield `walk`, and raise where it passes the limit."""
         for number, vertex in enumerate(self.walk(closed)):
             if number == limit:
                 rule = f"must have at most {limit} vertices to be listed"
@@ -181,9 +182,7 @@ class Dual:
 
 
 PATIENCE = 5_000
-"""Sets of the undecided that are looked at before a size is only estimated."""
-
-_PROBES = 64
+"""Sets of the undecided that are looked at before a size is left open."""
 
 
 class Counter:
@@ -221,30 +220,11 @@ class Counter:
             total >>= digits
         return tuple(vector)
 
-    def sized(self, free: int) -> tuple[int, bool]:
-        """Return the number of vertices and whether it is exact.
-
-        Exact if few sets of the undecided need looking at, otherwise the mean over
-        random descents of ``2**decisions``, which is right on average (Knuth 1975).
-        """
-        if self._weigh(free, 0, self._counts, PATIENCE):
-            return self._counts[free], True
-        chance = random.Random(0)
-        return sum(self._probe(free, chance) for _ in range(_PROBES)) // _PROBES, False
-
-    def _probe(self, free: int, chance: random.Random) -> int:
-        """Return the size a random descent suggests; products are exact products."""
-        size, pending = 1, [free]
-        while pending:
-            parts = list(self._parts(pending.pop()))
-            for part in parts:
-                if part in self._counts:
-                    size *= self._counts[part]
-                    continue
-                a = self._pivot(part)
-                size *= 2
-                pending.append(part & ~self._decided[a ^ chance.getrandbits(1)])
-        return size
+    def within_patience(self, free: int) -> int | None:
+        """Return `vertices` if few sets of the undecided need looking at, else None."""
+        return (
+            self._counts[free] if self._weigh(free, 0, self._counts, PATIENCE) else None
+        )
 
     def _weigh(
         self, free: int, t: int, sums: dict[int, int], patience: int | None
@@ -304,17 +284,3 @@ class Counter:
                 ring = (ring ^ lowest) | fresh & self._even
             yield part
             free &= ~part
-
-
-def shown_size(size: int, *, exact: bool) -> str:
-    """Return a size for people: ``"1536"``, ``"about 3.3e+150"``.
-
-    Example:
-        >>> shown_size(1536, exact=True), shown_size(2**500, exact=False)
-        ('1536', 'about 3.2e+150')
-    """
-    about = "" if exact else "about "
-    digits = str(size)
-    if len(digits) <= 7:
-        return about + digits
-    return f"{about}{digits[0]}.{digits[1]}e+{len(digits) - 1}"

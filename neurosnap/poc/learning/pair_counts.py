@@ -14,13 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.poc.learning.columns import Columns
+from neurosnap.poc.order.kernels import population
 from neurosnap.poc.order.literals import Words
 from neurosnap.system.compiled import njit
 
-_ONE, _TWO, _FOUR = np.uint64(1), np.uint64(2), np.uint64(4)
-_TOP, _HIGH = np.uint64(63), np.uint64(56)
-_PAIRS, _QUADS = np.uint64(0x5555555555555555), np.uint64(0x3333333333333333)
-_NIBBLES, _OCTETS = np.uint64(0x0F0F0F0F0F0F0F0F), np.uint64(0x0101010101010101)
+_ONE, _TOP = np.uint64(1), np.uint64(63)
 _WORK = 1 << 26
 """Words that are gone through between two reports of progress, about."""
 
@@ -65,15 +63,6 @@ def _stretches(count: int, words: int) -> list[tuple[int, int]]:
             stretches.append((first, row + 1))
             first, work = row + 1, 0
     return stretches
-
-
-@njit()
-def population(word: np.uint64) -> np.uint64:
-    """Return how many bits of a word are set; LLVM makes one instruction of it."""
-    word -= word >> _ONE & _PAIRS
-    word = (word & _QUADS) + (word >> _TWO & _QUADS)
-    word = word + (word >> _FOUR) & _NIBBLES
-    return np.uint64(word * _OCTETS >> _HIGH)
 
 
 @njit()

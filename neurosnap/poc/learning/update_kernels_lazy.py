@@ -56,7 +56,6 @@ from neurosnap.poc.learning.automatic_threshold import (
     Spells,
     withstand,
 )
-from neurosnap.poc.learning.pair_counts import population
 from neurosnap.poc.learning.update_kernels import (
     Pairs,
     Row,
@@ -68,6 +67,7 @@ from neurosnap.poc.learning.update_kernels import (
     rewire,
     row_of,
 )
+from neurosnap.poc.order.kernels import population
 from neurosnap.system.compiled import njit
 
 WINDOW: Final = 64

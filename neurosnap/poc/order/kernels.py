@@ -6,18 +6,24 @@ from numpy.typing import NDArray
 from neurosnap.poc.order.literals import Words
 from neurosnap.system.compiled import njit
 
-_ONE = np.uint64(1)
+_ONE, _TWO, _FOUR, _HIGH = np.uint64(1), np.uint64(2), np.uint64(4), np.uint64(56)
+_PAIRS, _QUADS = np.uint64(0x5555555555555555), np.uint64(0x3333333333333333)
+_NIBBLES, _OCTETS = np.uint64(0x0F0F0F0F0F0F0F0F), np.uint64(0x0101010101010101)
+
+
+@njit()
+def population(word: np.uint64) -> np.uint64:
+    """Return how many bits of a word are set; LLVM makes one instruction of it."""
+    word -= word >> _ONE & _PAIRS
+    word = (word & _QUADS) + (word >> _TWO & _QUADS)
+    word = word + (word >> _FOUR) & _NIBBLES
+    return np.uint64(word * _OCTETS >> _HIGH)
 
 
 @njit()
 def lowest(word: np.uint64) -> int:
     """Return the place of the lowest bit of a word that is not 0."""
-    place = 0
-    for size in (32, 16, 8, 4, 2, 1):
-        if not word & ((_ONE << np.uint64(size)) - _ONE):
-            word >>= np.uint64(size)
-            place += size
-    return place
+    return int(population(~word & (word - _ONE)))
 
 
 @njit()

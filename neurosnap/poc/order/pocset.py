@@ -336,17 +336,13 @@ class PocSet:
         kept = [self._sensorium.literal(name) + k for name in names for k in (0, 1)]
         return PocSet.from_graph(PocGraph(self.order[np.ix_(kept, kept)]), names)
 
-    def renamed(self, names: Iterable[str]) -> "PocSet":
-        """Return the same order under other names, one a sensor."""
-        return PocSet.from_graph(self._graph, Sensorium(names))
-
     def direct_sum(self, other: "PocSet") -> "PocSet":
         """Return the two side by side, every element of one crossing the other's.
 
         The dual of the sum is the product of the duals ([GK] defn:direct sum).
 
         Raises:
-            InvalidValueError: Both have a sensor of the same name; see `renamed`.
+            InvalidValueError: Both have a sensor of the same name.
 
         Example:
             >>> PocSet.parse("a, b : a < b") | PocSet.parse("c")

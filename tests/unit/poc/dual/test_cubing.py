@@ -55,21 +55,12 @@ def test_a_dual_too_large_to_list_is_refused_with_its_size() -> None:
     cubing = Cubing(PocSet(40))
     assert cubing.count() == 2**40
     message = "dual: must have at most 1000000 vertices to be listed, or set limit=None"
-    with pytest.raises(InvalidValueError, match=rf"^{message}, got '1.0e\+12'"):
+    with pytest.raises(InvalidValueError, match=rf"^{message}, got 1099511627776"):
         cubing.vertices()
     assert next(cubing.vertices(limit=None))[::2].all()
-    with pytest.raises(InvalidValueError, match=r"got '2048'"):
+    with pytest.raises(InvalidValueError, match="got 2048"):
         Cubing(PocSet(11)).vertices(limit=2047)
     assert sum(1 for _ in Cubing(PocSet(11)).vertices(limit=2048)) == 2048
-
-
-def test_a_dual_too_large_to_count_is_refused_with_an_estimate() -> None:
-    rng = np.random.default_rng(5)
-    pairs = rng.integers(0, 90, (140, 2)).tolist()
-    relations = [(2 * min(p), "<", 2 * max(p) + 1) for p in pairs if p[0] != p[1]]
-    cubing = Cubing(PocSet(90, relations))
-    with pytest.raises(InvalidValueError, match=r"got 'about \d\.\de\+\d+'"):
-        cubing.vertices()
 
 
 def test_convex_sets_are_values() -> None:

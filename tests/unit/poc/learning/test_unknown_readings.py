@@ -14,19 +14,6 @@ KINDS = pytest.mark.parametrize("kind", [EmpiricalSnapshot, DiscountedSnapshot])
 
 
 @KINDS
-def test_a_snapshot_takes_more_room_from_the_first_unknown_reading_on(
-    kind: Kind,
-) -> None:
-    snapshot = kind(3)
-    snapshot.learn([1, 0, 1], known=[True] * 3)
-    assert "joints" in snapshot.arrays()
-    snapshot.learn([1, 0, 1], known=[True, False, True])
-    snapshot.learn([1, 0, 1])
-    assert snapshot.arrays()["squares"].shape == (4, 3)
-    assert "joints" not in snapshot.arrays()
-
-
-@KINDS
 def test_a_bad_mask_changes_nothing(kind: Kind) -> None:
     snapshot = kind(2)
     snapshot.observe([1, 0])
@@ -39,17 +26,6 @@ def test_a_bad_mask_changes_nothing(kind: Kind) -> None:
     with pytest.raises(InvalidValueError, match=r"^observation: must be 0 or 1"):
         snapshot.learn([1, np.nan], [True, False])
     assert snapshot.to_bytes() == before
-
-
-def test_as_many_against_as_the_threshold_are_too_many() -> None:
-    snapshot = EmpiricalSnapshot(3, 1 / 8)
-    for bits in [(1, 1)] * 3 + [(0, 1)] * 2 + [(0, 0)] * 2 + [(1, 0)]:
-        snapshot.learn([*bits, 0], [True, True, False])
-    found = snapshot.evidence(0, 2)
-    assert found.against == found.limit == 1
-    assert not found.holds
-    snapshot.learn([1, 1, 0], [True, True, False])
-    assert snapshot.evidence(0, 2).holds
 
 
 @pytest.mark.parametrize(
