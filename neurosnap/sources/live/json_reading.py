@@ -27,7 +27,6 @@ from typing import TypeAlias, TypeVar
 import msgspec
 
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.sensorium import Sensorium
 from neurosnap.sources.live.live_source import LiveSource
 
 LIMIT = 1 << 20
@@ -39,51 +38,11 @@ _UNSET = msgspec.UNSET
 _T = TypeVar("_T")
 
 
-class Single(msgspec.Struct, frozen=True):
-    """What one sensor read."""
+class Reading(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One object: of a single sensor, of all sensors, or of their names.
 
-    sensor: str
-    on: bool | None
-    at: float | None = None
-
-
-class Whole(msgspec.Struct, frozen=True):
-    """What all sensors read, in the order of the names, or by name."""
-
-    bits: tuple[bool | None, ...] | dict[str, bool | None]
-    at: float | None = None
-
-    def in_order(self, sensors: Sequence[str]) -> tuple[bool | None, ...]:
-        """Return one reading a sensor; None where there is none.
-
-        Raises:
-            ShapeError: They come without names, and not one a sensor.
-        """
-        if isinstance(self.bits, dict):
-            return tuple(self.bits.get(name) for name in sensors)
-        if len(self.bits) != len(sensors):
-            rule = f"must be {len(sensors)}, one a sensor"
-            raise ShapeError("bits", rule, len(self.bits))
-        return self.bits
-
-    def strangers(self, sensors: Sequence[str]) -> set[str]:
-        """Return the names in it that are none of `sensors`."""
-        if not isinstance(self.bits, dict):
-            return set()
-        return set(self.bits).difference(sensors)
-
-
-class Names(msgspec.Struct, frozen=True):
-    """The sensors, in order."""
-
-    sensors: tuple[str, ...]
-
-
-Reading: TypeAlias = Single | Whole | Names
-
-
-class _Object(msgspec.Struct, forbid_unknown_fields=True):
-    """Every field there is; which go together is checked where they are told apart."""
+    Which fields go together is checked by `read`; `value` says what a value means.
+    """
 
     sensor: str | msgspec.UnsetType = _UNSET
     on: _Value | msgspec.UnsetType = _UNSET
@@ -91,6 +50,26 @@ class _Object(msgspec.Struct, forbid_unknown_fields=True):
     at: float | msgspec.UnsetType | None = _UNSET
     tick: int | msgspec.UnsetType | None = _UNSET
     sensors: tuple[str, ...] | msgspec.UnsetType = _UNSET
+
+    @property
+    def time(self) -> float | None:
+        """When it was read; None if it does not say so."""
+        return None if self.at is _UNSET else self.at
+
+    def in_order(self, sensors: Sequence[str]) -> tuple[bool | None, ...]:
+        """Return what is read of each sensor; None if that is unknown.
+
+        Raises:
+            ShapeError: They come without names, and not one a sensor.
+            InvalidValueError: A value is none.
+        """
+        if isinstance(self.bits, dict):
+            return tuple(value(self.bits.get(name)) for name in sensors)
+        bits = [] if self.bits is _UNSET else self.bits
+        if len(bits) != len(sensors):
+            rule = f"must be {len(sensors)}, one a sensor"
+            raise ShapeError("bits", rule, len(bits))
+        return tuple(map(value, bits))
 
 
 _SHAPES: tuple[tuple[set[str], set[str]], ...] = (
@@ -108,7 +87,7 @@ class _On(msgspec.Struct, forbid_unknown_fields=True):
     at: float | None = None
 
 
-_objects = msgspec.json.Decoder(_Object)
+_readings = msgspec.json.Decoder(Reading)
 _ons = msgspec.json.Decoder(_On)
 
 
@@ -116,24 +95,19 @@ def read(payload: bytes) -> Reading:
     """Return what is said in one JSON object.
 
     Raises:
-        InvalidValueError: It is none, is longer than `LIMIT`, has fields that do not go
-            together, or a value that is none.
+        InvalidValueError: It is none, is longer than `LIMIT`, or has fields that do not
+            go together.
     """
     if len(payload) > LIMIT:
         raise too_long()
-    said = _decoded(_objects, payload, "a reading in JSON")
-    fields = {name for name, value in _fields(said) if value is not _UNSET}
+    said = _decoded(_readings, payload, "a reading in JSON")
+    fields = {
+        name for name in said.__struct_fields__ if getattr(said, name) is not _UNSET
+    }
     if not any(must <= fields <= must | may for must, may in _SHAPES):
         rule = "must have the fields sensor and on, or bits, or sensors"
         raise InvalidValueError("reading", rule, sorted(fields))
-    at = None if said.at is _UNSET else said.at
-    if said.sensors is not _UNSET:
-        return Names(Sensorium(said.sensors).names)
-    if isinstance(said.bits, dict):
-        return Whole({name: value(on) for name, on in said.bits.items()}, at)
-    if said.bits is not _UNSET:
-        return Whole(tuple(value(on) for on in said.bits), at)
-    return Single(str(said.sensor), value(said.on), at)
+    return said
 
 
 def read_on(payload: bytes) -> tuple[bool | None, float | None]:
@@ -180,10 +154,6 @@ def _decoded(decoder: msgspec.json.Decoder[_T], payload: bytes, what: str) -> _T
         raise InvalidValueError("reading", rule, payload[:40]) from error
 
 
-def _fields(said: _Object) -> list[tuple[str, object]]:
-    return [(name, getattr(said, name)) for name in said.__struct_fields__]
-
-
 def hand_in(source: LiveSource, payload: bytes, *, spare: bool) -> None:
     """Hand in what one JSON object says.
 
@@ -196,14 +166,16 @@ def hand_in(source: LiveSource, payload: bytes, *, spare: bool) -> None:
     Raises:
         InvalidValueError: It is no reading, or none of this source.
     """
-    reading = read(payload)
-    if isinstance(reading, Single):
-        source.receive(reading.sensor, reading.on, reading.at)
-    elif isinstance(reading, Names):
-        if reading.sensors != source.sensors:
+    said = read(payload)
+    if said.sensor is not _UNSET:
+        source.receive(said.sensor, value(said.on), said.time)
+    elif said.sensors is not _UNSET:
+        if said.sensors != source.sensors:
             rule = "must be those the run began with"
-            raise InvalidValueError("sensors", rule, reading.sensors)
+            raise InvalidValueError("sensors", rule, said.sensors)
     else:
-        for name in reading.strangers(source.sensors):
+        readings = said.in_order(source.sensors)
+        named = said.bits if isinstance(said.bits, dict) else {}
+        for name in named.keys() - set(source.sensors):
             source.receive(name, None)
-        source.receive_whole(reading.in_order(source.sensors), reading.at, spare=spare)
+        source.receive_whole(readings, said.time, spare=spare)

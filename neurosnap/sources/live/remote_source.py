@@ -10,7 +10,7 @@ import socket
 import struct
 import threading
 import time
-from typing import TypeAlias
+from typing import BinaryIO, TypeAlias
 
 import msgspec
 
@@ -83,6 +83,7 @@ class RemoteSource:
         self.actions = actions
         self._address = address
         self._socket: socket.socket | None = None
+        self._stream: BinaryIO | None = None
         self._asking = threading.Lock()  # held while an answer is waited for
         self._closed = False
 
@@ -142,7 +143,8 @@ class RemoteSource:
             with contextlib.suppress(OSError):  # the other end may be faster
                 self._socket.shutdown(socket.SHUT_RDWR)
         with self._asking:
-            if self._socket is not None:
+            if self._socket is not None and self._stream is not None:
+                self._stream.close()
                 self._socket.close()
 
     def _ask(self, question: Question) -> Reply:
@@ -153,6 +155,7 @@ class RemoteSource:
         try:
             if self._socket is None:
                 self._socket = self._connected()
+                self._stream = self._socket.makefile("rb")
             if self._closed:
                 return Over()
             self._socket.sendall(encoded(question))
@@ -184,12 +187,7 @@ class RemoteSource:
         Raises:
             EOFError: They do not come any more.
         """
-        if self._socket is None:
+        data = b"" if self._stream is None else self._stream.read(count)
+        if len(data) < count:
             raise EOFError
-        data = bytearray()
-        while len(data) < count:
-            piece = self._socket.recv(count - len(data))
-            if not piece:
-                raise EOFError
-            data += piece
-        return bytes(data)
+        return data

@@ -12,11 +12,12 @@ import select
 import threading
 from collections.abc import Iterator
 
+import msgspec
+
 from neurosnap.errors import FabricError, InvalidValueError, within
+from neurosnap.sensorium import Sensorium
 from neurosnap.sources.live.json_reading import (
     LIMIT,
-    Names,
-    Single,
     hand_in,
     read,
     too_long,
@@ -140,9 +141,9 @@ def names_in(line: bytes) -> tuple[str, ...]:
     """
     try:
         reading = read(line.strip())
-        if isinstance(reading, Names):
-            return reading.sensors
-        if isinstance(reading, Single) or not isinstance(reading.bits, dict):
+        if not isinstance(reading.sensors, msgspec.UnsetType):
+            return Sensorium(reading.sensors).names
+        if not isinstance(reading.bits, dict):
             rule = (
                 "must name all sensors ({'sensors': [...]} or {'bits': {...}};"
                 " or name them: sensors)"

@@ -322,16 +322,11 @@ def _close_failed_socket(error: Exception) -> None:
 
 def _first(group: ExceptionGroup[Exception]) -> Exception:
     """Return the library's error in a group, or the first one if it has none."""
-    errors = list(_leaves(group))
-    ours = (error for error in errors if isinstance(error, aiomqtt.MqttError))
-    return next(ours, errors[0])
-
-
-def _leaves(group: ExceptionGroup[Exception]) -> list[Exception]:
-    leaves: list[Exception] = []
-    for error in group.exceptions:
-        leaves += _leaves(error) if isinstance(error, ExceptionGroup) else [error]
-    return leaves
+    ours, _ = group.split(aiomqtt.MqttError)
+    error: Exception = ours or group
+    while isinstance(error, ExceptionGroup):
+        error = error.exceptions[0]
+    return error
 
 
 class Backoff:

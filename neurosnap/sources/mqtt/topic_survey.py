@@ -12,7 +12,7 @@ publishes, and attributes beside a state of Home Assistant's statestream.
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import msgspec
@@ -218,30 +218,18 @@ def _name_parts(levels: list[str], field: str) -> tuple[str, ...]:
     return (*named[:-1], last or "sensor")
 
 
-def _names(places: Iterable[tuple[str, ...]]) -> list[str]:
-    """Return the shortest endings of `places` that are all different.
+def _names(places: list[tuple[str, ...]]) -> list[str]:
+    """Return the last part of each place, or all of them where others have that, too.
 
     Where two are the same to their beginning, the later ones get a number.
     """
-    parts = list(places)
-    used = [1] * len(parts)
-    while True:
-        names = ["_".join(part[-k:]) for part, k in zip(parts, used, strict=True)]
-        often = Counter(names)
-        longer = [
-            k
-            for k, name in enumerate(names)
-            if often[name] > 1 and used[k] < len(parts[k])
-        ]
-        if not longer:
-            break
-        for k in longer:
-            used[k] += 1
-    taken: set[str] = set()
-    for k, name in enumerate(names):
+    often = Counter(parts[-1] for parts in places)
+    names: list[str] = []
+    for parts in places:
+        name = found = parts[-1] if often[parts[-1]] == 1 else "_".join(parts)
         number = 2
-        while names[k] in taken:
-            names[k] = f"{name}_{number}"
+        while found in names:
+            found = f"{name}_{number}"
             number += 1
-        taken.add(names[k])
+        names.append(found)
     return names

@@ -95,10 +95,10 @@ def test_the_states_of_statestream_are_sensors_and_their_attributes_are_not() ->
     assert {sensor.name for sensor in sensors} == {"front_door", "ann", "kettle"}
 
 
-def test_names_grow_until_they_differ() -> None:
+def test_names_are_long_where_they_must_be() -> None:
     names = {
-        "home/kitchen/motion": "kitchen_motion",
-        "home/bath/motion": "bath_motion",
+        "home/kitchen/motion": "home_kitchen_motion",
+        "home/bath/motion": "home_bath_motion",
         "home/door": "door",
         "x/a b": "x_a_b",
         "x/a/b": "b",
