@@ -222,5 +222,5 @@ def _opened(data: Path, context: typer.Context) -> "Recording | Readings":
     given = context.params
     comparisons = tuple(map(parse_comparison, given["when"] or ()))
     wanted = Wanted(tuple(given["sensors"] or ()), comparisons, given["time"])
-    with progress("reading") as on_progress:
-        return open_data(data, wanted, on_progress)
+    with progress("reading"):
+        return open_data(data, wanted)

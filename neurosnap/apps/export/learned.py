@@ -37,15 +37,12 @@ _BYTES_A_PAIR = 100
 """Of two sensors: their counts and what is judged of them. Measured: 85, of 2,000."""
 
 
-def open_data(
-    data: Path, wanted: Wanted = _ALL, on_progress: OnProgress | None = None
-) -> Recording | Readings:
+def open_data(data: Path, wanted: Wanted = _ALL) -> Recording | Readings:
     """Return the recording in a file, or else the readings in it.
 
     Args:
         data: The file.
         wanted: Which sensors to read, and how.
-        on_progress: Called with how much is read, and of how much.
 
     Raises:
         InvalidValueError: The file cannot be read, or breaks a rule; or it is a
@@ -54,7 +51,7 @@ def open_data(
     """
     recorded = data.suffix.lower() == ".mcap"
     if not recorded and not first_bytes(str(data)).startswith(MAGIC):
-        return open_readings(str(data), wanted, on_progress)
+        return open_readings(str(data), wanted)
     if wanted != _ALL:
         rule = "must not go with a recording, whose sensors are known"
         raise InvalidValueError("sensors, when or time", rule, str(data))

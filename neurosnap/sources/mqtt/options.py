@@ -236,9 +236,7 @@ class MqttOptions(
     sensors: Annotated[tuple[MqttSensor, ...], msgspec.Meta(min_length=1)]
     """The sensors, in order."""
     actions: tuple[MqttAction, ...] = ()
-    """The actions, one of which is taken at every tick, or none."""
-    no_action: Text = "none"
-    """What it is called when none is taken; only where there are actions."""
+    """The actions, one of which is taken at every tick, or ``none``."""
     stale_after: Seconds | None = None
     """Seconds after which a reading no longer counts and the sensor is unknown; None:
     a reading counts until the next one."""
@@ -250,14 +248,14 @@ class MqttOptions(
     def __post_init__(self) -> None:
         Sensorium([sensor.name for sensor in self.sensors])
         if self.actions:
-            Sensorium([self.no_action, *(action.name for action in self.actions)])
+            Sensorium(self.action_names)
 
     @property
     def action_names(self) -> tuple[str, ...]:
         """The actions' names, doing nothing first; none if there are none."""
         if not self.actions:
             return ()
-        return (self.no_action, *(action.name for action in self.actions))
+        return ("none", *(action.name for action in self.actions))
 
 
 def is_filter(topic: str) -> bool:

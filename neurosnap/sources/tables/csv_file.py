@@ -9,9 +9,9 @@ go over several lines: no name and no reading does.
 """
 
 import csv
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple, Protocol, TypeAlias
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,15 +21,10 @@ from neurosnap.sensorium import Sensorium
 from neurosnap.sources.meaning import WORDS, Reader, Wanted
 from neurosnap.system.csv_text import as_written
 
-OnProgress: TypeAlias = Callable[[int, int], object]
-"""Told how much is read, and of how much."""
-
 _BITS = frozenset({"0", "1"})
 _ZERO, _ONE = ord("0"), ord("1")
 _HEADER = "must be a header of sensor names"
 _MARK = b"\xef\xbb\xbf"
-_REPORT = 1 << 20
-"""Bytes between two reports."""
 
 
 class TableFile(Protocol):
@@ -40,9 +35,7 @@ class TableFile(Protocol):
     delimiter: str
     """What stands between the cells of a line; empty where lines are cells."""
 
-    def lines(
-        self, on_progress: OnProgress | None = None
-    ) -> Iterator[tuple[int, bytes | list[str]]]:
+    def lines(self) -> Iterator[tuple[int, bytes | list[str]]]:
         """Yield the number of each line below the header, and its text or its cells."""
 
     def cells(self, line: int, data: bytes | list[str]) -> list[str]:
@@ -80,16 +73,14 @@ class CsvFile:
             # Readings without a header would lose their first row unnoticed.
             raise InvalidValueError(f"{path}:1", _HEADER, self.header)
 
-    def lines(
-        self, on_progress: OnProgress | None = None
-    ) -> Iterator[tuple[int, bytes]]:
+    def lines(self) -> Iterator[tuple[int, bytes]]:
         """Yield the number and the text of each line below the header.
 
         Raises:
             InvalidValueError: While iterating: a line is blank, and not at the end, or
                 the file cannot be read.
         """
-        lines = _lines(self.path, on_progress)
+        lines = _lines(self.path)
         next(lines, None)
         return lines
 
@@ -120,19 +111,12 @@ class CsvFile:
             raise InvalidValueError(where, "must be CSV", str(error)) from error
 
 
-def _lines(
-    path: str, on_progress: OnProgress | None = None
-) -> Iterator[tuple[int, bytes]]:
+def _lines(path: str) -> Iterator[tuple[int, bytes]]:
     """Yield line numbers and stripped lines, down to the blank lines at the end."""
-    blank = done = told = 0
+    blank = 0
     try:
         with Path(path).open("rb") as file:
-            size = Path(path).stat().st_size
             for line, raw in enumerate(file, start=1):
-                done += len(raw)
-                if on_progress is not None and done >= told + _REPORT:
-                    told = done
-                    on_progress(done, size)
                 data = raw.removeprefix(_MARK) if line == 1 else raw
                 # Not tabs: they stand between cells, of which any may be empty.
                 if not (data := data.strip(b"\r\n ")).strip():
@@ -193,7 +177,7 @@ class TableRows:
         except InvalidValueError as error:
             raise within(where, error) from error
 
-    def rows(self, on_progress: OnProgress | None = None) -> Iterator[TableRow]:
+    def rows(self) -> Iterator[TableRow]:
         """Yield the rows below the header.
 
         Raises:
@@ -202,7 +186,7 @@ class TableRows:
         readers = self._readers()
         words = all(reader.comparison is None for _, reader in readers)
         all_of_them = words and len(readers) == len(self._names)
-        for line, data in self._file.lines(on_progress):
+        for line, data in self._file.lines():
             row = None
             if all_of_them and isinstance(data, bytes):
                 row = self._plain(data)

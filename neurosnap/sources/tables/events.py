@@ -17,7 +17,7 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.columns import GrowingColumns
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.meaning import Reader, Wanted
-from neurosnap.sources.tables.csv_file import OnProgress, TableFile
+from neurosnap.sources.tables.csv_file import TableFile
 from neurosnap.sources.tables.readings import Readings, utc
 
 _UNKNOWN = -1
@@ -119,10 +119,7 @@ def roles(header: list[str], time: str | None = None) -> tuple[int, int, int] | 
 
 
 def read_event_log(
-    file: TableFile,
-    places: tuple[int, int, int],
-    wanted: Wanted,
-    on_progress: OnProgress | None = None,
+    file: TableFile, places: tuple[int, int, int], wanted: Wanted
 ) -> Readings:
     """Return the readings of a log.
 
@@ -130,7 +127,6 @@ def read_event_log(
         file: The log.
         places: As `roles` returns them.
         wanted: Which sensors to read.
-        on_progress: Told how much is read.
 
     Raises:
         InvalidValueError: A line breaks a rule.
@@ -138,7 +134,7 @@ def read_event_log(
     events = Events()
     readers: dict[str, list[Reader]] = {}
     when, who, what = places
-    for line, data in file.lines(on_progress):
+    for line, data in file.lines():
         cells = file.cells(line, data)
         name = cells[who]
         if name not in readers:

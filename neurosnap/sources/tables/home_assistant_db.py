@@ -5,7 +5,6 @@ themselves; others if they are asked for.
 """
 
 import sqlite3
-from collections.abc import Iterator
 from contextlib import closing, suppress
 from pathlib import Path
 
@@ -13,13 +12,11 @@ import msgspec
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.sources.meaning import Wanted, plain_unit
-from neurosnap.sources.tables.csv_file import OnProgress
 from neurosnap.sources.tables.events import Events
 from neurosnap.sources.tables.readings import Readings
 
 MAGIC = b"SQLite format 3\x00"
 _BINARY = "binary_sensor."
-_REPORT = 10_000
 _STATES = """
     SELECT metadata_id, state, last_updated_ts FROM states
     WHERE metadata_id IS NOT NULL AND last_updated_ts IS NOT NULL
@@ -41,15 +38,12 @@ class _Attributes(msgspec.Struct):
     unit: str | None = msgspec.field(name="unit_of_measurement", default=None)
 
 
-def read_home_assistant(
-    path: str, wanted: Wanted, on_progress: OnProgress | None = None
-) -> Readings:
+def read_home_assistant(path: str, wanted: Wanted) -> Readings:
     """Return what the sensors of a home read.
 
     Args:
         path: Where the database is.
         wanted: Which entities to read; by themselves binary sensors are.
-        on_progress: Told how many states are read.
 
     Raises:
         InvalidValueError: It is no such database, lacks an entity that is wanted, or
@@ -61,18 +55,13 @@ def read_home_assistant(
         uri += "&immutable=1"
     try:
         with closing(sqlite3.connect(uri, uri=True)) as database:
-            return _read(database, path, wanted, on_progress)
+            return _read(database, path, wanted)
     except sqlite3.Error as error:
         rule = "must be a database of Home Assistant 2023.4 or newer"
         raise InvalidValueError(path, rule, str(error)) from error
 
 
-def _read(
-    database: sqlite3.Connection,
-    path: str,
-    wanted: Wanted,
-    on_progress: OnProgress | None,
-) -> Readings:
+def _read(database: sqlite3.Connection, path: str, wanted: Wanted) -> Readings:
     entities: dict[int, str] = dict(
         database.execute("SELECT metadata_id, entity_id FROM states_meta")
     )
@@ -92,7 +81,7 @@ def _read(
         rule = "must have binary sensors; name others with --sensors or --when"
         raise InvalidValueError(path, rule, sorted(entities.values()))
     events = Events()
-    for number, state, time in _states(database, on_progress):
+    for number, state, time in database.execute(_STATES):
         for reader in readers.get(number, ()):
             # An entity that was removed has no state.
             events.read(time, reader, state or "", f"{path}: {entities[number]}")
@@ -110,13 +99,3 @@ def _units(database: sqlite3.Connection, entity: str) -> set[str]:
             unit = msgspec.json.decode(text or "{}", type=_Attributes).unit
             units |= {plain_unit(unit)} if unit else set()
     return units
-
-
-def _states(
-    database: sqlite3.Connection, on_progress: OnProgress | None
-) -> Iterator[tuple[int, str | None, float]]:
-    (total,) = database.execute("SELECT count(*) FROM states").fetchone()
-    for done, row in enumerate(database.execute(_STATES), start=1):
-        if on_progress is not None and done % _REPORT == 0:
-            on_progress(done, total)
-        yield row

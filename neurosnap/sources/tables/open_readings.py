@@ -11,7 +11,7 @@ from neurosnap.poc.learning.columns import GrowingColumns
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.tables import home_assistant_db
-from neurosnap.sources.tables.csv_file import CsvFile, OnProgress, TableFile, TableRows
+from neurosnap.sources.tables.csv_file import CsvFile, TableFile, TableRows
 from neurosnap.sources.tables.events import read_event_log, roles
 from neurosnap.sources.tables.readings import Readings
 from neurosnap.system.distribution import must_have
@@ -20,9 +20,7 @@ _PARQUET = b"PAR1"
 _ROWS = 4096  # of a Parquet file that are read at a time
 
 
-def open_readings(
-    path: str, wanted: Wanted | None = None, on_progress: OnProgress | None = None
-) -> Readings:
+def open_readings(path: str, wanted: Wanted | None = None) -> Readings:
     """Return the readings in a file.
 
     What a file is, is told by its first bytes: a database of Home Assistant, Parquet,
@@ -32,7 +30,6 @@ def open_readings(
     Args:
         path: Where it is.
         wanted: Which sensors to read, and how; if None, all there are.
-        on_progress: Told how much is read, and of how much.
 
     Raises:
         MissingExtraError: pyarrow is needed, and not installed.
@@ -42,14 +39,14 @@ def open_readings(
     wanted = wanted or Wanted()
     beginning = first_bytes(path)
     if beginning.startswith(home_assistant_db.MAGIC):
-        readings = home_assistant_db.read_home_assistant(path, wanted, on_progress)
+        readings = home_assistant_db.read_home_assistant(path, wanted)
     elif beginning.startswith(_PARQUET):
         parquet = _ParquetFile(path)
         if wanted.time is None and parquet.time is not None:
             wanted = replace(wanted, time=parquet.time)
-        readings = _read_table(parquet, wanted, on_progress)
+        readings = _read_table(parquet, wanted)
     else:
-        readings = _read_table(CsvFile(path), wanted, on_progress)
+        readings = _read_table(CsvFile(path), wanted)
     if not readings.columns.ticks:
         raise InvalidValueError(path, "must hold readings", "none")
     return readings
@@ -69,14 +66,12 @@ def first_bytes(path: str) -> bytes:
         raise InvalidValueError("source", rule, path) from error
 
 
-def _read_table(
-    file: TableFile, wanted: Wanted, on_progress: OnProgress | None
-) -> Readings:
+def _read_table(file: TableFile, wanted: Wanted) -> Readings:
     if places := roles(file.header, wanted.time):
-        return read_event_log(file, places, wanted, on_progress)
+        return read_event_log(file, places, wanted)
     rows = TableRows(file, wanted)
     growing, times = GrowingColumns(Sensorium(rows.sensors)), list[str]()
-    for row in rows.rows(on_progress):
+    for row in rows.rows():
         growing.append(row.bits, row.known)
         times.append(row.time)
     return Readings(growing.columns(), times if rows.timed else None)
@@ -117,23 +112,19 @@ class _ParquetFile:
         self.time: str | None = next(iter(dates), None)
         self.header = [name for name in schema.names if name not in dates[1:]]
 
-    def lines(
-        self, on_progress: OnProgress | None = None
-    ) -> Iterator[tuple[int, list[str]]]:
+    def lines(self) -> Iterator[tuple[int, list[str]]]:
         """Yield the number of each row, from 1, and its cells.
 
         Raises:
             InvalidValueError: While iterating: it cannot be read.
         """
-        done, total = 0, self._file.metadata.num_rows
+        done = 0
         try:
             for batch in self._file.iter_batches(_ROWS, columns=self.header):
                 columns = [batch.column(name).to_pylist() for name in self.header]
                 for cells in zip(*columns, strict=True):
                     done += 1
                     yield done, [_text(cell) for cell in cells]
-                if on_progress is not None:
-                    on_progress(done, total)
         except self._failures as error:
             raise self._wrong(error) from error
 
