@@ -136,5 +136,9 @@ async def browser() -> AsyncIterator[None]:
     expect.set_options(timeout=PATIENCE * 1000)
     async with started() as browser:
         pages.shared.append(browser)
+        pages.servers.append(pages.KeptServers())
         yield
+        await pages.kept_open.aclose()
+        await pages.servers.pop().end()
+        pages.kept.clear()
         pages.shared.clear()

@@ -2,18 +2,16 @@
 
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from playwright.async_api import Page, expect
 
 from neurosnap import wire
-from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.replay import Replay
 from neurosnap.sensorium import unpack
-from tests.support.browser_pages import IN_BROWSER, go_to, opened
+from tests.support.browser_pages import IN_BROWSER, go_to, opened, page_at
 from tests.support.recorded_runs import (
     TICKS,
     told,
@@ -31,9 +29,7 @@ LAID = """() => [...document.querySelectorAll("#drawing [data-sensor]")]
     .map(({ dataset }) => Number(dataset.sensor)).sort((a, b) => a - b)"""
 EDGES = """() => [...document.querySelectorAll("#drawing [data-edge]")]
     .map(({ dataset }) => dataset.edge.split("-").map(Number))"""
-SVG = "{http://www.w3.org/2000/svg}"
-READ = 31  # of the run with silent sensors: one is predicted, one unknown
-WAYS = [[1, 5, 14, 20], [TICKS, 5, 20, 21, 20]]
+WAY = [1, 5, 14, 20, TICKS, 5, 20, 21, 20]
 
 
 def between_classes(hasse: frozenset[tuple[int, int]]) -> set[tuple[int, int]]:
@@ -55,34 +51,34 @@ async def test_the_order_and_its_height_are_those_a_replay_derives(
     planner_log: Path,
 ) -> None:
     truth = told(planner_log)
-    async with opened(planner_log) as page:
-        for tick in (3, 17, TICKS):
-            await go_to(page, tick)
-            drawn = await page.evaluate(EDGES)
-            both = {pair for a, b in drawn for pair in ((a, b), (b ^ 1, a ^ 1))}
-            assert both == between_classes(truth[tick].hasse)
-            facts = await page.inner_text("#diagram-facts")
-            assert facts.endswith(f"height {truth[tick].height}")
+    page = await page_at(planner_log, 1)
+    for tick in (3, 17, TICKS):
+        await go_to(page, tick)
+        drawn = await page.evaluate(EDGES)
+        both = {pair for a, b in drawn for pair in ((a, b), (b ^ 1, a ^ 1))}
+        assert both == between_classes(truth[tick].hasse)
+        facts = await page.inner_text("#diagram-facts")
+        assert facts.endswith(f"height {truth[tick].height}")
 
 
 @pytest.mark.slow
 async def test_no_two_nodes_overlap_and_what_is_implied_stands_above(
     planner_log: Path,
 ) -> None:
-    async with opened(planner_log, f"#t={TICKS}") as page:
-        places, edges = await page.evaluate(
-            """async () => {
-                const { diagram } = (await import("/main.js")).page.order;
-                const places = diagram._laid.places;
-                const of = (item) => places.get(item.sensor).y;
-                return [
-                    [...places.values()].map(({ x, y, width }) => [x, y, width]),
-                    diagram._lines.map(({ link }) => link).filter(({ edge }) =>
-                        edge.source % 2 === 0 && edge.target % 2 === 0,
-                    ).map(({ from, to }) => [of(from), of(to)]),
-                ];
-            }"""
-        )
+    page = await page_at(planner_log, TICKS)
+    places, edges = await page.evaluate(
+        """async () => {
+            const { diagram } = (await import("/main.js")).page.order;
+            const places = diagram._laid.places;
+            const of = (item) => places.get(item.sensor).y;
+            return [
+                [...places.values()].map(({ x, y, width }) => [x, y, width]),
+                diagram._lines.map(({ link }) => link).filter(({ edge }) =>
+                    edge.source % 2 === 0 && edge.target % 2 === 0,
+                ).map(({ from, to }) => [of(from), of(to)]),
+            ];
+        }"""
+    )
     for k, (x, y, width) in enumerate(places):
         for other_x, other_y, other_width in places[:k]:
             aside = abs(x - other_x) >= (width + other_width) / 2
@@ -99,18 +95,18 @@ async def test_whatever_is_equivalent_says_to_what(planner_log: Path) -> None:
     sensorium = replay.core.snapshot.sensorium
     first, *others = max(replay.core.graph.classes(), key=len)
     assert len(others) > 10
-    async with opened(planner_log, f"#t={TICKS}") as page:
-        await page.click("#tab-sensors")
-        implies = page.locator("#outline td.implies")
-        for literal in others:
-            said = f"{sensorium.name(literal)} ≡ {sensorium.name(first)}"
-            await expect(implies.nth(literal >> 1)).to_contain_text(said)
-        more = f" and {len(others) - 8} more"
-        await expect(implies.nth(first >> 1)).to_contain_text(more)
-        await page.locator("#outline tbody button").nth(others[0] >> 1).click()
-        await expect(page.locator("#choice-body")).to_contain_text(
-            f"Its edges are those of {sensorium.name(first & ~1)}."
-        )
+    page = await page_at(planner_log, TICKS)
+    await page.click("#tab-sensors")
+    implies = page.locator("#outline td.implies")
+    for literal in others:
+        said = f"{sensorium.name(literal)} ≡ {sensorium.name(first)}"
+        await expect(implies.nth(literal >> 1)).to_contain_text(said)
+    more = f" and {len(others) - 8} more"
+    await expect(implies.nth(first >> 1)).to_contain_text(more)
+    await page.locator("#outline tbody button").nth(others[0] >> 1).click()
+    await expect(page.locator("#choice-body")).to_contain_text(
+        f"Its edges are those of {sensorium.name(first & ~1)}."
+    )
 
 
 async def test_an_edge_that_is_clicked_shows_its_weights(path_log: Path) -> None:
@@ -121,35 +117,35 @@ async def test_an_edge_that_is_clicked_shows_its_weights(path_log: Path) -> None
             if isinstance(each.message, wire.Observation)
         ]
     )
-    async with opened(path_log, "#t=30") as page:
-        source, target, x, y = await page.evaluate(
-            """() => {
-                for (const line of document.querySelectorAll("#drawing .near")) {
-                    const at = line.getPointAtLength(line.getTotalLength() / 2);
-                    const { x, y } = at.matrixTransform(line.getScreenCTM());
-                    const { edge } = line.parentNode.dataset;
-                    // Not one that passes behind a node or another line there.
-                    const there = document.elementFromPoint(x, y);
-                    if (there.closest("[data-edge]") === line.parentNode)
-                        return [...edge.split("-").map(Number), x, y];
-                }
-            }"""
-        )
-        await page.mouse.click(x, y)
-        for tick in (30, 12):
-            await go_to(page, tick)
-            await page.wait_for_selector(f'#choice-body[data-tick="{tick}"]')
-            seen = await page.locator("#edge td").all_inner_texts()
-            a, b = (rows[:tick, end >> 1] ^ bool(end & 1) for end in (source, target))
-            counts = [a & b, a & ~b, ~a & b, ~a & ~b]
-            assert seen[:4] == [str(int(each.sum())) for each in counts]
-            assert float(seen[4]) == pytest.approx(0.08 * tick, abs=1e-4)
-        await page.wait_for_selector("#choice .uplot canvas")
-        await page.keyboard.press("Escape")
+    page = await page_at(path_log, 30)
+    source, target, x, y = await page.evaluate(
+        """() => {
+            for (const line of document.querySelectorAll("#drawing .near")) {
+                const at = line.getPointAtLength(line.getTotalLength() / 2);
+                const { x, y } = at.matrixTransform(line.getScreenCTM());
+                const { edge } = line.parentNode.dataset;
+                // Not one that passes behind a node or another line there.
+                const there = document.elementFromPoint(x, y);
+                if (there.closest("[data-edge]") === line.parentNode)
+                    return [...edge.split("-").map(Number), x, y];
+            }
+        }"""
+    )
+    await page.mouse.click(x, y)
+    for tick in (30, 12):
+        await go_to(page, tick)
+        await page.wait_for_selector(f'#choice-body[data-tick="{tick}"]')
+        seen = await page.locator("#edge td").all_inner_texts()
+        a, b = (rows[:tick, end >> 1] ^ bool(end & 1) for end in (source, target))
+        counts = [a & b, a & ~b, ~a & b, ~a & ~b]
+        assert seen[:4] == [str(int(each.sum())) for each in counts]
+        assert float(seen[4]) == pytest.approx(0.08 * tick, abs=1e-4)
+    await page.wait_for_selector("#choice .uplot canvas")
+    await page.keyboard.press("Escape")
+    await expect(page.locator("#choice")).to_be_hidden()
+    for button in ("right", "middle"):
+        await page.mouse.click(x, y, button=button)
         await expect(page.locator("#choice")).to_be_hidden()
-        for button in ("right", "middle"):
-            await page.mouse.click(x, y, button=button)
-            await expect(page.locator("#choice")).to_be_hidden()
 
 
 def related(log: Path, tick: int, sensor: int) -> list[int]:
@@ -174,102 +170,70 @@ async def test_a_selected_sensor_leaves_clear_what_is_above_and_below_it(
 ) -> None:
     sensor = 3
     truth = related(planner_log, TICKS, sensor)
-    async with opened(planner_log, f"#t={TICKS}") as page:
-        assert await page.evaluate(SEEN) is None
-        await expect(page.locator("#focus-depth")).to_be_disabled()
-        await pick(page, sensor)
-        assert await page.evaluate(SEEN) == truth
-        await page.select_option("#focus-depth", "1")
-        near = await page.evaluate(SEEN)
-        await page.select_option("#focus-depth", "2")
-        farther = await page.evaluate(SEEN)
-        assert sensor in near
-        assert set(near) < set(farther) <= set(truth) < set(range(40))
-        dim = await page.locator("#drawing .node.dim").evaluate_all(
-            "(all) => all.map(({ dataset }) => Number(dataset.sensor))"
-        )
-        assert set(dim) == set(range(40)) - set(farther)
-        await page.select_option("#focus-depth", "Infinity")
-        chips = page.locator("#focus-edges button")
-        for chip, (kind, word) in enumerate(
-            [("excite", "excites"), ("inhibit", "inhibits")]
-        ):
-            count = await page.locator(f"#drawing .link.{kind}").count()
-            await expect(chips.nth(chip)).to_have_text(f"{word} {count}")
-        await chips.first.focus()
-        await page.keyboard.press("Enter")
-        await expect(chips.first).to_have_attribute("aria-pressed", "false")
-        assert set(await page.evaluate(SEEN)) < set(truth)
-        await page.keyboard.press("Escape")
-        assert await page.evaluate(SEEN) is None
+    page = await page_at(planner_log, TICKS)
+    assert await page.evaluate(SEEN) is None
+    await expect(page.locator("#focus-depth")).to_be_disabled()
+    await pick(page, sensor)
+    assert await page.evaluate(SEEN) == truth
+    await page.select_option("#focus-depth", "1")
+    near = await page.evaluate(SEEN)
+    await page.select_option("#focus-depth", "2")
+    farther = await page.evaluate(SEEN)
+    assert sensor in near
+    assert set(near) < set(farther) <= set(truth) < set(range(40))
+    dim = await page.locator("#drawing .node.dim").evaluate_all(
+        "(all) => all.map(({ dataset }) => Number(dataset.sensor))"
+    )
+    assert set(dim) == set(range(40)) - set(farther)
+    await page.select_option("#focus-depth", "Infinity")
+    chips = page.locator("#focus-edges button")
+    for chip, (kind, word) in enumerate(
+        [("excite", "excites"), ("inhibit", "inhibits")]
+    ):
+        count = await page.locator(f"#drawing .link.{kind}").count()
+        await expect(chips.nth(chip)).to_have_text(f"{word} {count}")
+    await chips.first.focus()
+    await page.keyboard.press("Enter")
+    await expect(chips.first).to_have_attribute("aria-pressed", "false")
+    assert set(await page.evaluate(SEEN)) < set(truth)
+    await page.keyboard.press("Escape")
+    assert await page.evaluate(SEEN) is None
 
 
 @pytest.mark.slow
 async def test_what_is_looked_at_is_laid_out_alone(planner_log: Path) -> None:
     sensor = 3
     truth = related(planner_log, TICKS, sensor)
-    async with opened(planner_log, f"#t={TICKS}") as page:
-        await page.locator(f"#drawing [data-sensor='{sensor}']").dblclick()
-        assert await page.evaluate(LAID) == truth
-        shown = f"{len(truth)} of them shown"
-        await expect(page.locator("#diagram-facts")).to_contain_text(shown)
-        await page.press("body", "f")
-        assert await page.evaluate(LAID) == list(range(40))
-        await page.press("body", "f")
-        assert await page.evaluate(LAID) == truth
-        await page.keyboard.press("Escape")
-        assert await page.evaluate(LAID) == list(range(40))
+    page = await page_at(planner_log, TICKS)
+    await page.locator(f"#drawing [data-sensor='{sensor}']").dblclick()
+    assert await page.evaluate(LAID) == truth
+    shown = f"{len(truth)} of them shown"
+    await expect(page.locator("#diagram-facts")).to_contain_text(shown)
+    await page.press("body", "f")
+    assert await page.evaluate(LAID) == list(range(40))
+    await page.press("body", "f")
+    assert await page.evaluate(LAID) == truth
+    await page.keyboard.press("Escape")
+    assert await page.evaluate(LAID) == list(range(40))
 
 
 @pytest.mark.slow
 async def test_only_what_is_predicted_or_contradicted_is_kept(
     unread_log: Path,
 ) -> None:
-    async with opened(unread_log, "#t=31") as page:
-        chip = page.locator("#focus-only button")
-        there = page.locator("#focus-only button:visible")
-        await expect(there).to_have_text(["on 2", "predicted 1"])  # of others is none
-        await chip.nth(2).click()
-        assert await page.evaluate(SEEN) == [1]
-        await page.click("#focus-alone")
-        assert await page.evaluate(LAID) == [1]
-        await chip.nth(2).click()
-        await page.press("body", "ArrowRight")
-        await wait_shown(page, 32)
-        await chip.nth(1).click()
-        assert await page.evaluate(LAID) == [0, 1]  # each says the other is wrong
-
-
-async def saved(page: Page, button: str, folder: Path) -> Path:
-    """Click a button and keep the file it gives."""
-    async with page.expect_download() as coming:
-        await page.click(button)
-    download = await coming.value
-    path = folder / download.suggested_filename
-    await download.save_as(path)
-    return path
-
-
-@pytest.mark.slow
-async def test_the_svg_names_every_sensor_and_is_the_same_again(
-    unread_log: Path, tmp_path: Path
-) -> None:
-    names = RunView(unread_log).options.sensors
-    async with opened(unread_log, f"#t={READ}") as page:
-        first = (await saved(page, "#save-svg", tmp_path)).read_bytes()
-        assert (await saved(page, "#save-svg", tmp_path)).read_bytes() == first
-    root = ElementTree.fromstring(first)
-    title = root.find(f"{SVG}title")
-    assert title is not None
-    assert title.text == f"Learned order of {unread_log.name}, tick {READ}"
-    texts = [text.text for text in root.iter(f"{SVG}text")]
-    assert set(names) <= set(texts)
-    assert "?" in texts  # of what is unknown
-    (tile,) = root.iter(f"{SVG}pattern")
-    paints = [path.get("fill") for path in root.iter(f"{SVG}path")]
-    assert paints.count(f"url('#{tile.get('id')}')") == 1  # what is predicted
-    assert not any("var(" in str(mark.attrib) for mark in root.iter())
-    assert all("NaN" not in str(mark.attrib) for mark in root.iter())
+    page = await page_at(unread_log, 31)
+    chip = page.locator("#focus-only button")
+    there = page.locator("#focus-only button:visible")
+    await expect(there).to_have_text(["on 2", "predicted 1"])  # of others is none
+    await chip.nth(2).click()
+    assert await page.evaluate(SEEN) == [1]
+    await page.click("#focus-alone")
+    assert await page.evaluate(LAID) == [1]
+    await chip.nth(2).click()
+    await page.press("body", "ArrowRight")
+    await wait_shown(page, 32)
+    await chip.nth(1).click()
+    assert await page.evaluate(LAID) == [0, 1]  # each says the other is wrong
 
 
 async def places(page: Page, tick: int) -> dict[str, Any]:
@@ -297,10 +261,10 @@ async def places(page: Page, tick: int) -> dict[str, Any]:
 @pytest.mark.slow
 async def test_it_is_the_same_whichever_way_one_came(planner_log: Path) -> None:
     seen: dict[int, list[Any]] = {}
-    for way in WAYS:
-        async with opened(planner_log, f"#t={way[0]}") as page:
-            for tick in way:
-                seen.setdefault(tick, []).append(await places(page, tick))
+    page = await page_at(planner_log, TICKS)
+    await page.click("#fit")
+    for tick in WAY:
+        seen.setdefault(tick, []).append(await places(page, tick))
     for tick, found in seen.items():
         assert all(each == found[0] for each in found), tick
     assert len(seen[20][0]) > 1

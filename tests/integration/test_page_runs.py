@@ -22,6 +22,7 @@ from tests.support.browser_pages import (
     go_to,
     looked_at,
     opened,
+    page_at,
     shown_tick,
     states,
 )
@@ -373,8 +374,6 @@ async def test_a_recording_without_a_tick_says_so(empty_log: Path) -> None:
         await page.goto(address.url)
         await expect(page.locator("#notice")).to_have_text("no tick was recorded")
         await expect(page.locator("#what")).to_contain_text("standard input, 3 sensors")
-        await page.click("#save-svg")
-        await expect(page.locator("#said")).to_have_text("there is no tick to save")
 
 
 async def plots_are_there(page: Page) -> None:
@@ -457,33 +456,33 @@ async def test_what_is_wrong_is_said_until_it_is_no_longer_so(
 
 @pytest.mark.slow
 async def test_the_plot_of_an_edge_is_one_and_is_taken_away(path_log: Path) -> None:
-    async with opened(path_log, "#t=20") as page:
-        session = await page.context.new_cdp_session(page)
+    page = await page_at(path_log, 20)
+    session = await page.context.new_cdp_session(page)
 
-        async def listening() -> int:
-            found = await session.send("Runtime.evaluate", {"expression": "window"})
-            window = {"objectId": found["result"]["objectId"]}
-            all_ = await session.send("DOMDebugger.getEventListeners", window)
-            return sum(each["type"] == "dppxchange" for each in all_["listeners"])
+    async def listening() -> int:
+        found = await session.send("Runtime.evaluate", {"expression": "window"})
+        window = {"objectId": found["result"]["objectId"]}
+        all_ = await session.send("DOMDebugger.getEventListeners", window)
+        return sum(each["type"] == "dppxchange" for each in all_["listeners"])
 
-        await plots_are_there(page)
-        alone = await listening()
-        for source, target in [(0, 2), (2, 4)]:
-            await page.evaluate(
-                """async (edge) => {
-                    document.querySelector("#choice-body").dataset.tick = "";
-                    (await import("/main.js")).page.choose({ edge });
-                }""",
-                {"source": source, "target": target, "kind": "excite"},
-            )
-            for tick in (20, 21, 22):
-                await go_to(page, tick)
-                await page.wait_for_selector(f'#choice-body[data-tick="{tick}"]')
-                assert await listening() == alone + 1
-        await page.emulate_media(color_scheme="dark")
-        assert await listening() == alone + 1
-        await page.click("#choice-close")
-        assert await listening() == alone
+    await plots_are_there(page)
+    alone = await listening()
+    for source, target in [(0, 2), (2, 4)]:
+        await page.evaluate(
+            """async (edge) => {
+                document.querySelector("#choice-body").dataset.tick = "";
+                (await import("/main.js")).page.choose({ edge });
+            }""",
+            {"source": source, "target": target, "kind": "excite"},
+        )
+        for tick in (20, 21, 22):
+            await go_to(page, tick)
+            await page.wait_for_selector(f'#choice-body[data-tick="{tick}"]')
+            assert await listening() == alone + 1
+    await page.emulate_media(color_scheme="dark")
+    assert await listening() == alone + 1
+    await page.click("#choice-close")
+    assert await listening() == alone
 
 
 @pytest.mark.slow
@@ -665,7 +664,7 @@ ALONE = {
 
 @pytest.mark.slow
 async def test_each_part_does_its_own(path_log: Path) -> None:
-    async with opened(path_log) as page:
-        for what, (script, expected) in ALONE.items():
-            found = await page.evaluate(f"async () => {{ {script} }}")
-            assert found == expected, what
+    page = await page_at(path_log, 1)
+    for what, (script, expected) in ALONE.items():
+        found = await page.evaluate(f"async () => {{ {script} }}")
+        assert found == expected, what

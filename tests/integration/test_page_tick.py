@@ -13,7 +13,14 @@ from playwright.async_api import Page, expect
 from neurosnap import wire
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.recording.read.recording import Recording
-from tests.support.browser_pages import IN_BROWSER, derived, go_to, opened, states
+from tests.support.browser_pages import (
+    IN_BROWSER,
+    derived,
+    go_to,
+    opened,
+    page_at,
+    states,
+)
 from tests.support.home_runs import FLUSH
 from tests.support.lamp import BIRTH, GROWN
 from tests.support.recorded_runs import (
@@ -39,11 +46,11 @@ async def test_the_slider_restores_what_a_replay_derives(csv_log: Path) -> None:
     assert "contradicted" in {word for words in truth.values() for word in words}
     chosen = [1, 2, 13, 24, 25, 26, TICKS]
     random.Random(1).shuffle(chosen)
-    async with opened(csv_log) as page:
-        await page.click("#tab-sensors")
-        for tick in chosen:
-            await go_to(page, tick)
-            assert await states(page, tick) == truth[tick]
+    page = await page_at(csv_log, 1)
+    await page.click("#tab-sensors")
+    for tick in chosen:
+        await go_to(page, tick)
+        assert await states(page, tick) == truth[tick]
 
 
 async def test_a_wave_goes_hop_by_hop(planner_log: Path) -> None:
@@ -65,22 +72,18 @@ async def test_a_wave_goes_hop_by_hop(planner_log: Path) -> None:
     assert depth >= 2
     tick, first = ticks[wave]
     names = log.options.sensors
-    async with opened(planner_log, f"#t={tick}") as page:
-        await page.select_option("#wave-which", names[first >> 1] + "*" * (first & 1))
-        assert await page.get_attribute("#wave-hop", "max") == str(depth)
-        for hop in range(depth + 1):
-            await page.fill("#wave-hop", str(hop))
-            there = sum(at <= hop for at in hops[wave])
-            says = (
-                f"Hop {hop} of {depth}: {there} of {len(hops[wave])} literals reached"
-            )
-            await expect(page.locator("#wave-says")).to_contain_text(says)
-        await page.click("#wave-play")  # back to the state
-        await page.keyboard.press("Escape")
-        await page.press("body", "w")
-        await expect(page.locator("#wave-says")).to_contain_text(
-            f"Hop {depth} of {depth}"
-        )
+    page = await page_at(planner_log, tick)
+    await page.select_option("#wave-which", names[first >> 1] + "*" * (first & 1))
+    assert await page.get_attribute("#wave-hop", "max") == str(depth)
+    for hop in range(depth + 1):
+        await page.fill("#wave-hop", str(hop))
+        there = sum(at <= hop for at in hops[wave])
+        says = f"Hop {hop} of {depth}: {there} of {len(hops[wave])} literals reached"
+        await expect(page.locator("#wave-says")).to_contain_text(says)
+    await page.click("#wave-play")  # back to the state
+    await page.keyboard.press("Escape")
+    await page.press("body", "w")
+    await expect(page.locator("#wave-says")).to_contain_text(f"Hop {depth} of {depth}")
 
 
 @pytest.mark.slow
@@ -103,21 +106,21 @@ async def test_the_world_is_drawn_with_its_target_and_place(planner_log: Path) -
     assert stage is not None
     assert stage.target is not None
     target = f"({', '.join(map(str, stage.coordinates[stage.target]))})"
-    async with opened(planner_log) as page:
-        world = page.locator("#world svg")
-        assert await world.locator("rect").count() == 9
-        assert await world.locator("circle.target").count() == 2  # a ring in a ring
-        agent = world.locator("circle.agent")
-        begins = page.locator("#now-begins")
-        for frame in run_view.frames(1, 12):
-            await go_to(page, frame.tick)
-            assert frame.place is not None
-            x, y = stage.coordinates[frame.place]
-            place = f"({x}, {y})"
-            said = f"A grid of 9 places: at {place}, target {target}"
-            await expect(world).to_have_attribute("aria-label", said)
-            await expect(agent).to_have_attribute("cx", f"{x + 0.5}")
-            assert await begins.is_visible() == frame.begins
+    page = await page_at(planner_log, 1)
+    world = page.locator("#world svg")
+    assert await world.locator("rect").count() == 9
+    assert await world.locator("circle.target").count() == 2  # a ring in a ring
+    agent = world.locator("circle.agent")
+    begins = page.locator("#now-begins")
+    for frame in run_view.frames(1, 12):
+        await go_to(page, frame.tick)
+        assert frame.place is not None
+        x, y = stage.coordinates[frame.place]
+        place = f"({x}, {y})"
+        said = f"A grid of 9 places: at {place}, target {target}"
+        await expect(world).to_have_attribute("aria-label", said)
+        await expect(agent).to_have_attribute("cx", f"{x + 0.5}")
+        assert await begins.is_visible() == frame.begins
 
 
 async def test_what_was_not_read_and_what_is_contradicted_is_said_and_drawn(
@@ -186,58 +189,58 @@ async def test_a_sensor_says_what_would_follow_if_it_were_on_or_off(
     view = RunView(planner_log)
     names = view.options.sensors
     graph = view.snapshot(TICKS).poc_graph()
-    async with opened(planner_log, f"#t={TICKS}") as page:
-        told = await page.evaluate(
-            """async () => {
-                const { consequences } = await import("/tick/belief.js");
-                const { page } = await import("/main.js");
-                const ids = [...Array(2 * page.names.length).keys()];
-                const far = page.names.map((_, sensor) => `s${sensor}`);
-                return ids.map((literal) => consequences(literal, page.order.graph, far));
-            }"""
-        )
-        for literal, words in enumerate(told):
-            above = np.zeros(2 * len(names), np.bool_)
-            above[literal] = True
-            above = graph.up(above)
-            above[[literal, literal ^ 1]] = False
-            expected = {
-                word: {f"s{sensor}" for sensor in np.flatnonzero(above[half::2])}
-                for half, word in enumerate(("on", "off"))
-            }
-            groups = [] if words == "nothing follows" else words.split("; ")
-            found = dict(group.split(": ") for group in groups)
-            assert set(found) == {word for word, some in expected.items() if some}
-            for word, text in found.items():
-                first, _, more = text.partition(" and ")
-                named = first.split(", ")
-                assert set(named) <= expected[word]
-                left = int(more.split()[0]) if more else 0
-                assert len(named) + left == len(expected[word])
-        await page.click("#tab-sensors")
-        await page.locator("#outline tbody button").first.click()
-        body = page.locator("#choice-body")
-        await expect(body).to_contain_text("if on")
-        await expect(body).to_contain_text("if off")
+    page = await page_at(planner_log, TICKS)
+    told = await page.evaluate(
+        """async () => {
+            const { consequences } = await import("/tick/belief.js");
+            const { page } = await import("/main.js");
+            const ids = [...Array(2 * page.names.length).keys()];
+            const far = page.names.map((_, sensor) => `s${sensor}`);
+            return ids.map((literal) => consequences(literal, page.order.graph, far));
+        }"""
+    )
+    for literal, words in enumerate(told):
+        above = np.zeros(2 * len(names), np.bool_)
+        above[literal] = True
+        above = graph.up(above)
+        above[[literal, literal ^ 1]] = False
+        expected = {
+            word: {f"s{sensor}" for sensor in np.flatnonzero(above[half::2])}
+            for half, word in enumerate(("on", "off"))
+        }
+        groups = [] if words == "nothing follows" else words.split("; ")
+        found = dict(group.split(": ") for group in groups)
+        assert set(found) == {word for word, some in expected.items() if some}
+        for word, text in found.items():
+            first, _, more = text.partition(" and ")
+            named = first.split(", ")
+            assert set(named) <= expected[word]
+            left = int(more.split()[0]) if more else 0
+            assert len(named) + left == len(expected[word])
+    await page.click("#tab-sensors")
+    await page.locator("#outline tbody button").first.click()
+    body = page.locator("#choice-body")
+    await expect(body).to_contain_text("if on")
+    await expect(body).to_contain_text("if off")
 
 
 @pytest.mark.slow
 async def test_two_that_exclude_each_other_say_so_both(planner_log: Path) -> None:
     view = RunView(planner_log)
     names = view.options.sensors
-    async with opened(planner_log, f"#t={TICKS}") as page:
-        await page.click("#tab-sensors")
-        rows = page.locator("#outline tbody tr")
-        pairs = [
-            (arrow.source >> 1, arrow.target >> 1)
-            for arrow in view.graph(TICKS).edges
-            if not arrow.source & 1 and arrow.target & 1
-        ]
-        assert pairs
-        for one, other in pairs:
-            for here, there in ((one, other), (other, one)):
-                told = await rows.nth(here).locator(".implies").inner_text()
-                assert f"⊣ {names[there]}" in told.split("; ")
+    page = await page_at(planner_log, TICKS)
+    await page.click("#tab-sensors")
+    rows = page.locator("#outline tbody tr")
+    pairs = [
+        (arrow.source >> 1, arrow.target >> 1)
+        for arrow in view.graph(TICKS).edges
+        if not arrow.source & 1 and arrow.target & 1
+    ]
+    assert pairs
+    for one, other in pairs:
+        for here, there in ((one, other), (other, one)):
+            told = await rows.nth(here).locator(".implies").inner_text()
+            assert f"⊣ {names[there]}" in told.split("; ")
 
 
 @pytest.mark.slow
@@ -269,15 +272,15 @@ async def test_a_suspect_is_not_said_to_be_believed_without_a_doubt(
     frame = next(one for one in view.frames(1, TICKS) if one.anomaly)
     assert frame.anomaly is not None
     suspects = {*frame.anomaly.culprits, *frame.anomaly.others}
-    async with opened(broken_log, f"#t={frame.tick}") as page:
-        await page.click("#tab-sensors")
-        buttons = page.locator("#outline tbody button")
-        for sensor in range(len(view.options.sensors)):
-            await buttons.nth(sensor).click()
-            doubted = "may be wrong" in await page.inner_text("#choice-body")
-            assert doubted == (sensor in suspects)
-        await go_to(page, frame.tick - 1)
-        await expect(page.locator("#choice-body")).not_to_contain_text("may be wrong")
+    page = await page_at(broken_log, frame.tick)
+    await page.click("#tab-sensors")
+    buttons = page.locator("#outline tbody button")
+    for sensor in range(len(view.options.sensors)):
+        await buttons.nth(sensor).click()
+        doubted = "may be wrong" in await page.inner_text("#choice-body")
+        assert doubted == (sensor in suspects)
+    await go_to(page, frame.tick - 1)
+    await expect(page.locator("#choice-body")).not_to_contain_text("may be wrong")
 
 
 @pytest.mark.slow
@@ -289,60 +292,60 @@ async def test_a_wave_that_goes_nowhere_does_not_hide_the_state(
         page.wave.run(0.5);
         return page.wave.shown !== null;
     }"""
-    async with opened(path_log, "#t=9") as page:
-        assert not await page.evaluate(shown)
-    async with opened(unread_log, "#t=31") as page:  # a sensor is predicted
-        await wait_shown(page, 31)
-        assert await page.evaluate(shown)
+    page = await page_at(path_log, 9)
+    assert not await page.evaluate(shown)
+    page = await page_at(unread_log, 31)  # a sensor is predicted
+    await wait_shown(page, 31)
+    assert await page.evaluate(shown)
 
 
 async def test_a_sensor_is_drawn_and_listed_from_its_birth_on(lamp_log: Path) -> None:
-    async with opened(lamp_log, f"#t={BIRTH - 1}") as page:
-        facts = page.locator("#diagram-facts")
-        await expect(facts).to_contain_text("24 sensors,")
-        await expect(page.locator("#what")).to_contain_text(
-            "24 sensors, 1 grown, room for 2 more"
-        )
-        await page.click("#tab-sensors")
-        rows = page.locator("#outline tbody tr:visible")
-        await expect(rows).to_have_count(24)
-        await go_to(page, BIRTH)
-        await expect(facts).to_contain_text("25 sensors,")
-        await expect(rows).to_have_count(25)
-        await expect(rows.last.locator("th")).to_have_text(GROWN)
-        await expect(page.locator("#now")).to_contain_text(f"grew {GROWN}")
-        await expect(page.locator("#said")).to_contain_text(f"grew {GROWN}")
-        await rows.last.locator("button").click()
-        await expect(page.locator("#choice-title")).to_have_text(GROWN)
-        await go_to(page, 5)
-        await expect(page.locator("#choice-body")).to_contain_text("not grown yet")
-        for text, found in (("grown", "none"), (GROWN, "1 found")):
-            await page.fill("#search-text", text)
-            await expect(page.locator("#search-found")).to_have_text(found)
+    page = await page_at(lamp_log, BIRTH - 1)
+    facts = page.locator("#diagram-facts")
+    await expect(facts).to_contain_text("24 sensors,")
+    await expect(page.locator("#what")).to_contain_text(
+        "24 sensors, 1 grown, room for 2 more"
+    )
+    await page.click("#tab-sensors")
+    rows = page.locator("#outline tbody tr:visible")
+    await expect(rows).to_have_count(24)
+    await go_to(page, BIRTH)
+    await expect(facts).to_contain_text("25 sensors,")
+    await expect(rows).to_have_count(25)
+    await expect(rows.last.locator("th")).to_have_text(GROWN)
+    await expect(page.locator("#now")).to_contain_text(f"grew {GROWN}")
+    await expect(page.locator("#said")).to_contain_text(f"grew {GROWN}")
+    await rows.last.locator("button").click()
+    await expect(page.locator("#choice-title")).to_have_text(GROWN)
+    await go_to(page, 5)
+    await expect(page.locator("#choice-body")).to_contain_text("not grown yet")
+    for text, found in (("grown", "none"), (GROWN, "1 found")):
+        await page.fill("#search-text", text)
+        await expect(page.locator("#search-found")).to_have_text(found)
 
 
 @pytest.mark.slow
 async def test_one_goes_to_a_birth_by_the_keyboard(lamp_log: Path) -> None:
-    async with opened(lamp_log, "#t=3") as page:
-        mark = page.locator("#strip .born")
-        await expect(mark).to_have_count(1)
-        line, at = await page.locator("#time").bounding_box(), await mark.bounding_box()
-        assert line is not None
-        assert at is not None
-        share = (at["x"] + at["width"] / 2 - line["x"] - 8) / (line["width"] - 16)
-        assert share == pytest.approx((BIRTH - 0.5) / SCENES, abs=0.01)
-        await page.focus("#tab-plots")
-        for tab in ("raster", "sensors", "grown"):
-            await page.keyboard.press("ArrowRight")
-            await expect(page.locator(f"#tab-{tab}")).to_be_focused()
-        row = page.locator("#grown-list tbody tr")
-        await expect(row).to_contain_text(f"{BIRTH} ticks")
-        await row.locator("td button").focus()
-        await page.keyboard.press("Enter")
-        await wait_shown(page, BIRTH)
-        await row.locator("th button").focus()
-        await page.keyboard.press("Enter")
-        await expect(page.locator("#choice-title")).to_have_text(GROWN)
+    page = await page_at(lamp_log, 3)
+    mark = page.locator("#strip .born")
+    await expect(mark).to_have_count(1)
+    line, at = await page.locator("#time").bounding_box(), await mark.bounding_box()
+    assert line is not None
+    assert at is not None
+    share = (at["x"] + at["width"] / 2 - line["x"] - 8) / (line["width"] - 16)
+    assert share == pytest.approx((BIRTH - 0.5) / SCENES, abs=0.01)
+    await page.focus("#tab-plots")
+    for tab in ("raster", "sensors", "grown"):
+        await page.keyboard.press("ArrowRight")
+        await expect(page.locator(f"#tab-{tab}")).to_be_focused()
+    row = page.locator("#grown-list tbody tr")
+    await expect(row).to_contain_text(f"{BIRTH} ticks")
+    await row.locator("td button").focus()
+    await page.keyboard.press("Enter")
+    await wait_shown(page, BIRTH)
+    await row.locator("th button").focus()
+    await page.keyboard.press("Enter")
+    await expect(page.locator("#choice-title")).to_have_text(GROWN)
 
 
 @pytest.mark.slow
@@ -384,26 +387,26 @@ async def test_an_imagined_wave_is_told_apart_and_the_plan_is_shown(
 async def test_a_page_of_a_run_that_grows_nothing_has_none_of_it(
     path_log: Path,
 ) -> None:
-    async with opened(path_log, "#t=3") as page:
-        for what in ("#tab-grown", "#grown", ".plan", "#tab-health", "#health"):
-            await expect(page.locator(what)).to_have_count(0)
-        await expect(page.locator("#now")).not_to_contain_text("grown")
+    page = await page_at(path_log, 3)
+    for what in ("#tab-grown", "#grown", ".plan", "#tab-health", "#health"):
+        await expect(page.locator(what)).to_have_count(0)
+    await expect(page.locator("#now")).not_to_contain_text("grown")
 
 
 @pytest.mark.slow
 async def test_the_alarms_are_counted_on_the_tab_and_told_behind_it(
     home_log: Path,
 ) -> None:
-    async with opened(home_log) as page:
-        tab = page.locator("#tab-health")
-        await expect(tab).to_have_text("Health: 1 alarm")
-        await tab.click()
-        home = page.locator("#health")
-        await expect(home).to_contain_text("; 8 of 8 sensors known")
-        await expect(home.locator(".alarm")).to_contain_text("flush: silent since ")
-        rows = home.locator("tbody tr")
-        await expect(rows).to_have_count(8)
-        await expect(rows.nth(FLUSH)).to_contain_text("in alarm")
+    page = await page_at(home_log, 1)
+    tab = page.locator("#tab-health")
+    await expect(tab).to_have_text("Health: 1 alarm")
+    await tab.click()
+    home = page.locator("#health")
+    await expect(home).to_contain_text("; 8 of 8 sensors known")
+    await expect(home.locator(".alarm")).to_contain_text("flush: silent since ")
+    rows = home.locator("tbody tr")
+    await expect(rows).to_have_count(8)
+    await expect(rows.nth(FLUSH)).to_contain_text("in alarm")
 
 
 @pytest.fixture(scope="module")
@@ -466,59 +469,57 @@ async def test_the_latest_image_is_shown_with_its_tick(
 async def test_a_word_is_explained_by_pointer_keyboard_and_touch(
     planner_log: Path,
 ) -> None:
-    async with opened(planner_log, "#t=30") as page:
-        tip = page.locator("#tip")
-        height = page.locator("#now .term", has_text="height")
-        await height.hover()
-        await expect(tip).to_contain_text("longest chain of implications")
-        await tip.hover()  # one may read it at leisure
-        await expect(tip).to_be_visible()
-        await page.mouse.move(400, 400)
-        await expect(tip).to_be_hidden()
-        await height.focus()
-        await expect(tip).to_be_visible()
-        assert await height.get_attribute("aria-describedby") == "tip"
-        await page.keyboard.press("Escape")
-        await expect(tip).to_be_hidden()
+    page = await page_at(planner_log, 30)
+    tip = page.locator("#tip")
+    height = page.locator("#now .term", has_text="height")
+    await height.hover()
+    await expect(tip).to_contain_text("longest chain of implications")
+    await tip.hover()  # one may read it at leisure
+    await expect(tip).to_be_visible()
+    await page.mouse.move(400, 400)
+    await expect(tip).to_be_hidden()
+    await height.focus()
+    await expect(tip).to_be_visible()
+    assert await height.get_attribute("aria-describedby") == "tip"
+    await page.keyboard.press("Escape")
+    await expect(tip).to_be_hidden()
 
 
 @pytest.mark.slow
 async def test_every_word_that_is_marked_is_explained(planner_log: Path) -> None:
-    async with opened(planner_log, "#t=30") as page:
-        await page.click("#tab-sensors")
-        await page.locator("#outline th[scope=row] button").first.click()
-        await page.locator("#choice .edges button").first.click()
-        await page.wait_for_selector("#choice .term")
-        marked = await page.locator(".term").evaluate_all(
-            "(all) => all.map((one) => one.dataset.term)"
-        )
-        await page.click("#help")
-        known = await page.locator("#words-list dt").all_inner_texts()
-        assert len(set(marked)) > 20
-        assert set(marked) <= set(known)
+    page = await page_at(planner_log, 30)
+    await page.click("#tab-sensors")
+    await page.locator("#outline th[scope=row] button").first.click()
+    await page.locator("#choice .edges button").first.click()
+    await page.wait_for_selector("#choice .term")
+    marked = await page.locator(".term").evaluate_all(
+        "(all) => all.map((one) => one.dataset.term)"
+    )
+    await page.click("#help")
+    known = await page.locator("#words-list dt").all_inner_texts()
+    assert len(set(marked)) > 20
+    assert set(marked) <= set(known)
 
 
 @pytest.mark.slow
 async def test_sensors_are_found_by_what_is_believed_and_read(unread_log: Path) -> None:
-    async with opened(unread_log, "#t=31") as page:
-        for asked, found in {
-            "is:predicted": ["s1"],
-            "is:on": ["s0", "s1"],
-            "is:unknown": ["s2"],
-            "reads:unknown": ["s1", "s2"],
-            "reads:unknown is:on": ["s1"],
-            "s2 is:on": [],
-        }.items():
-            await page.fill("#search-text", asked)
-            said = f"{len(found)} found" if found else "none"
-            await expect(page.locator("#search-found")).to_have_text(said)
-            for name in found:
-                await page.press("#search-text", "Enter")
-                await expect(page.locator("#choice-title")).to_have_text(name)
-        await page.fill("#search-text", "is:warm")
-        await expect(page.locator("#search-found")).to_contain_text(
-            "is: one of on, off"
-        )
+    page = await page_at(unread_log, 31)
+    for asked, found in {
+        "is:predicted": ["s1"],
+        "is:on": ["s0", "s1"],
+        "is:unknown": ["s2"],
+        "reads:unknown": ["s1", "s2"],
+        "reads:unknown is:on": ["s1"],
+        "s2 is:on": [],
+    }.items():
+        await page.fill("#search-text", asked)
+        said = f"{len(found)} found" if found else "none"
+        await expect(page.locator("#search-found")).to_have_text(said)
+        for name in found:
+            await page.press("#search-text", "Enter")
+            await expect(page.locator("#choice-title")).to_have_text(name)
+    await page.fill("#search-text", "is:warm")
+    await expect(page.locator("#search-found")).to_contain_text("is: one of on, off")
 
 
 @pytest.mark.slow
@@ -526,57 +527,57 @@ async def test_a_tick_without_a_decision_is_not_said_to_do_nothing(
     path_log: Path, csv_log: Path
 ) -> None:
     last = RunView(path_log).last
-    async with opened(path_log, f"#t={last - 1}") as page:
-        did = page.locator("#now dd").first
-        await expect(did).not_to_contain_text("not decided")
-    async with opened(csv_log, "#t=9") as page:
-        facts = await page.locator("#now dt").all_inner_texts()
-        assert "did" not in facts  # nobody decides anything
-        assert "why" not in facts
+    page = await page_at(path_log, last - 1)
+    did = page.locator("#now dd").first
+    await expect(did).not_to_contain_text("not decided")
+    page = await page_at(csv_log, 9)
+    facts = await page.locator("#now dt").all_inner_texts()
+    assert "did" not in facts  # nobody decides anything
+    assert "why" not in facts
 
 
 @pytest.mark.slow
 async def test_a_state_wave_that_goes_nowhere_says_why_and_offers_another(
     planner_log: Path,
 ) -> None:
-    async with opened(planner_log, f"#t={TICKS - 1}") as page:
-        depths = await page.evaluate(
-            """async () => (await import("/main.js")).page.frame.waves
-                .filter(({ imagined }) => !imagined).map(({ depth }) => depth)"""
-        )
-        why = "All 40 sensors were read: nothing to infer."
-        await expect(page.locator("#wave-why")).to_have_text(why)
-        deepest = max(depths)
-        assert deepest > 2
-        await expect(page.locator("#wave-deepest")).to_contain_text(f"{deepest} hops")
-        await page.press("#wave-deepest", "Enter")
-        assert await page.get_attribute("#wave-hop", "max") == str(deepest)
-        await expect(page.locator("#wave-why")).to_be_hidden()
-        await expect(page.locator("#wave-which")).to_be_focused()
+    page = await page_at(planner_log, TICKS - 1)
+    depths = await page.evaluate(
+        """async () => (await import("/main.js")).page.frame.waves
+            .filter(({ imagined }) => !imagined).map(({ depth }) => depth)"""
+    )
+    why = "All 40 sensors were read: nothing to infer."
+    await expect(page.locator("#wave-why")).to_have_text(why)
+    deepest = max(depths)
+    assert deepest > 2
+    await expect(page.locator("#wave-deepest")).to_contain_text(f"{deepest} hops")
+    await page.press("#wave-deepest", "Enter")
+    assert await page.get_attribute("#wave-hop", "max") == str(deepest)
+    await expect(page.locator("#wave-why")).to_be_hidden()
+    await expect(page.locator("#wave-which")).to_be_focused()
 
 
 @pytest.mark.slow
 async def test_edges_are_listed_by_what_they_say(planner_log: Path) -> None:
-    async with opened(planner_log, f"#t={TICKS}") as page:
-        sensor, count = await page.evaluate(
-            """async () => {
-                const { page } = await import("/main.js");
-                const counts = new Map();
-                for (const { source, target } of page.order.graph.edges) {
-                    for (const one of [source >> 1, target >> 1]) {
-                        counts.set(one, (counts.get(one) ?? 0) + 1);
-                    }
+    page = await page_at(planner_log, TICKS)
+    sensor, count = await page.evaluate(
+        """async () => {
+            const { page } = await import("/main.js");
+            const counts = new Map();
+            for (const { source, target } of page.order.graph.edges) {
+                for (const one of [source >> 1, target >> 1]) {
+                    counts.set(one, (counts.get(one) ?? 0) + 1);
                 }
-                return [...counts].reduce((a, b) => (b[1] > a[1] ? b : a));
-            }"""
-        )
-        await page.click("#tab-sensors")
-        await page.locator("#outline tbody button").nth(sensor).click()
-        titles = await page.locator("#choice h3").all_inner_texts()
-        counts = [int(title.rpartition(" ")[2]) for title in titles]
-        assert sum(counts) == count
-        known = ("implies", "implied by", "excludes", "one of the two is on")
-        assert {title.rpartition(" ")[0] for title in titles} <= set(known)
-        for more in await page.locator("#choice button", has_text="Show all").all():
-            await more.click()
-        assert await page.locator("#choice .edges button").count() == count
+            }
+            return [...counts].reduce((a, b) => (b[1] > a[1] ? b : a));
+        }"""
+    )
+    await page.click("#tab-sensors")
+    await page.locator("#outline tbody button").nth(sensor).click()
+    titles = await page.locator("#choice h3").all_inner_texts()
+    counts = [int(title.rpartition(" ")[2]) for title in titles]
+    assert sum(counts) == count
+    known = ("implies", "implied by", "excludes", "one of the two is on")
+    assert {title.rpartition(" ")[0] for title in titles} <= set(known)
+    for more in await page.locator("#choice button", has_text="Show all").all():
+        await more.click()
+    assert await page.locator("#choice .edges button").count() == count

@@ -16,6 +16,7 @@ from tests.support.browser_pages import (
     derived,
     go_to,
     opened,
+    page_at,
     shown_tick,
     states,
 )
@@ -42,86 +43,86 @@ MARKED = 60  # ticks of the run in which a rule is broken
 
 async def test_playing_goes_on_and_stops_at_the_end(path_log: Path) -> None:
     truth = derived(path_log)
-    async with opened(path_log, "#t=20") as page:
-        await page.click("#tab-sensors")
-        play = page.locator("#play")
-        await page.select_option("#speed", "5")
-        await play.click()
-        await expect(play).to_have_attribute("aria-label", "Pause")
-        await wait_until(page, "document.querySelector('#drawing').dataset.tick > 25")
-        await play.click()
-        await expect(play).to_have_attribute("aria-label", "Play")
-        tick = await shown_tick(page)
-        await wait_shown(page, tick)
-        assert await states(page, tick) == truth[tick]
-        await page.click("#on")
-        await wait_shown(page, tick + 1)
-        await page.click("#back")
-        await wait_shown(page, tick)
-        await page.select_option("#speed", "20")
-        await play.click()
-        await wait_shown(page, TICKS)
-        await expect(play).to_have_attribute("aria-label", "Play")
-        await page.click("#start")
-        await wait_shown(page, 1)
-        await page.evaluate("location.hash = 't=9'")
-        await wait_shown(page, 9)
+    page = await page_at(path_log, 20)
+    await page.click("#tab-sensors")
+    play = page.locator("#play")
+    await page.select_option("#speed", "5")
+    await play.click()
+    await expect(play).to_have_attribute("aria-label", "Pause")
+    await wait_until(page, "document.querySelector('#drawing').dataset.tick > 25")
+    await play.click()
+    await expect(play).to_have_attribute("aria-label", "Play")
+    tick = await shown_tick(page)
+    await wait_shown(page, tick)
+    assert await states(page, tick) == truth[tick]
+    await page.click("#on")
+    await wait_shown(page, tick + 1)
+    await page.click("#back")
+    await wait_shown(page, tick)
+    await page.select_option("#speed", "20")
+    await play.click()
+    await wait_shown(page, TICKS)
+    await expect(play).to_have_attribute("aria-label", "Play")
+    await page.click("#start")
+    await wait_shown(page, 1)
+    await page.evaluate("location.hash = 't=9'")
+    await wait_shown(page, 9)
 
 
 async def test_everything_goes_by_keyboard(path_log: Path) -> None:
-    async with opened(path_log) as page:
-        keys = page.keyboard
-        steps = [
-            ("End", TICKS),
-            ("ArrowLeft", TICKS - 1),
-            ("Shift+ArrowLeft", TICKS - 11),
-            ("ArrowRight", TICKS - 10),
-            ("Shift+ArrowRight", TICKS),
-            ("Home", 1),
-        ]
-        for key, tick in steps:
-            await keys.press(key)
-            await wait_shown(page, tick)
-        await page.focus("#time")
-        await keys.press("ArrowRight")  # our step, and not one more of the slider's own
-        await wait_shown(page, 2)
-        label = await page.get_attribute("#time", "aria-valuetext")
-        assert label == f"tick 2 of {TICKS}"
-        await page.evaluate("document.activeElement.blur()")
-        await keys.press("Space")
-        await expect(page.locator("#play")).to_have_attribute("aria-label", "Pause")
-        await keys.press("Space")
-        await expect(page.locator("#play")).to_have_attribute("aria-label", "Play")
-        await keys.press("?")
-        await expect(page.locator("dialog#keys")).to_be_visible()
-        await keys.press("Escape")
-        await expect(page.locator("dialog#keys")).to_be_hidden()
-        await keys.press("t")
-        await expect(page.locator("#taller")).to_have_attribute("aria-pressed", "true")
-        await page.focus("#tab-raster")
-        await keys.press("ArrowRight")
-        await expect(page.locator("#sensors")).to_be_visible()
-        words = await page.locator("#outline thead .term").count()
-        assert words == 5
-        buttons = await page.locator("#dock > .bar .buttons button:visible").count()
-        for _ in range(buttons + 1 + words + 1):  # past the panel, too
-            await keys.press("Tab")
-        await keys.press("Enter")  # the first sensor of the table
-        await expect(page.locator("#choice-title")).to_have_text("below_1")
+    page = await page_at(path_log, 1)
+    keys = page.keyboard
+    steps = [
+        ("End", TICKS),
+        ("ArrowLeft", TICKS - 1),
+        ("Shift+ArrowLeft", TICKS - 11),
+        ("ArrowRight", TICKS - 10),
+        ("Shift+ArrowRight", TICKS),
+        ("Home", 1),
+    ]
+    for key, tick in steps:
+        await keys.press(key)
+        await wait_shown(page, tick)
+    await page.focus("#time")
+    await keys.press("ArrowRight")  # our step, and not one more of the slider's own
+    await wait_shown(page, 2)
+    label = await page.get_attribute("#time", "aria-valuetext")
+    assert label == f"tick 2 of {TICKS}"
+    await page.evaluate("document.activeElement.blur()")
+    await keys.press("Space")
+    await expect(page.locator("#play")).to_have_attribute("aria-label", "Pause")
+    await keys.press("Space")
+    await expect(page.locator("#play")).to_have_attribute("aria-label", "Play")
+    await keys.press("?")
+    await expect(page.locator("dialog#keys")).to_be_visible()
+    await keys.press("Escape")
+    await expect(page.locator("dialog#keys")).to_be_hidden()
+    await keys.press("t")
+    await expect(page.locator("#taller")).to_have_attribute("aria-pressed", "true")
+    await page.focus("#tab-raster")
+    await keys.press("ArrowRight")
+    await expect(page.locator("#sensors")).to_be_visible()
+    words = await page.locator("#outline thead .term").count()
+    assert words == 5
+    buttons = await page.locator("#dock > .bar .buttons button:visible").count()
+    for _ in range(buttons + 1 + words + 1):  # past the panel, too
+        await keys.press("Tab")
+    await keys.press("Enter")  # the first sensor of the table
+    await expect(page.locator("#choice-title")).to_have_text("below_1")
 
 
 @pytest.mark.slow
 async def test_the_slider_of_the_wave_goes_to_its_own_ends(planner_log: Path) -> None:
-    async with opened(planner_log, f"#t={TICKS - 1}") as page:
-        await page.select_option("#wave-which", "x_below_1")
-        depth = await page.get_attribute("#wave-hop", "max")
-        assert depth != "0"
-        await page.focus("#wave-hop")
-        for key, hop in [("Home", "0"), ("End", depth)]:
-            await page.keyboard.press(key)
-            assert await page.input_value("#wave-hop") == hop
-            label = await page.get_attribute("#time", "aria-valuetext")
-            assert label == f"tick {TICKS - 1} of {TICKS}"
+    page = await page_at(planner_log, TICKS - 1)
+    await page.select_option("#wave-which", "x_below_1")
+    depth = await page.get_attribute("#wave-hop", "max")
+    assert depth != "0"
+    await page.focus("#wave-hop")
+    for key, hop in [("Home", "0"), ("End", depth)]:
+        await page.keyboard.press(key)
+        assert await page.input_value("#wave-hop") == hop
+        label = await page.get_attribute("#time", "aria-valuetext")
+        assert label == f"tick {TICKS - 1} of {TICKS}"
 
 
 @pytest.mark.slow
@@ -145,24 +146,24 @@ async def test_a_tick_is_said_to_whoever_cannot_see_it(csv_log: Path) -> None:
 
 @pytest.mark.slow
 async def test_a_sensor_is_found_by_a_part_of_its_name(planner_log: Path) -> None:
-    async with opened(planner_log) as page:
-        await page.keyboard.press("/")
-        await page.keyboard.type("X_below_2")
-        found = page.locator("#search-found")
-        names = Recording.open(planner_log).options.sensors
-        count = sum("x_below_2" in name for name in names)
-        await expect(found).to_have_text(f"{count} found")
-        await page.keyboard.press("Enter")
-        await expect(page.locator("#choice-title")).to_have_text("x_below_2")
-        await page.keyboard.press("Enter")
-        title = page.locator("#choice-title")
-        await expect(title).not_to_have_text("x_below_2")
-        await expect(title).to_contain_text("x_below_2")
-        await page.keyboard.press("Control+a")
-        await page.keyboard.type("nothing")
-        await expect(found).to_have_text("none")
-        await page.keyboard.press("Escape")
-        await expect(found).to_have_text("")
+    page = await page_at(planner_log, 1)
+    await page.keyboard.press("/")
+    await page.keyboard.type("X_below_2")
+    found = page.locator("#search-found")
+    names = Recording.open(planner_log).options.sensors
+    count = sum("x_below_2" in name for name in names)
+    await expect(found).to_have_text(f"{count} found")
+    await page.keyboard.press("Enter")
+    await expect(page.locator("#choice-title")).to_have_text("x_below_2")
+    await page.keyboard.press("Enter")
+    title = page.locator("#choice-title")
+    await expect(title).not_to_have_text("x_below_2")
+    await expect(title).to_contain_text("x_below_2")
+    await page.keyboard.press("Control+a")
+    await page.keyboard.type("nothing")
+    await expect(found).to_have_text("none")
+    await page.keyboard.press("Escape")
+    await expect(found).to_have_text("")
 
 
 async def test_a_live_run_appears_and_grows(planner_log: Path, tmp_path: Path) -> None:
@@ -244,30 +245,30 @@ async def drawn(page: Page, first: int, last: int) -> None:
 
 @pytest.mark.slow
 async def test_dragging_over_the_strip_chooses_a_range(path_log: Path) -> None:
-    async with opened(path_log, "#t=30") as page:
-        strip = page.locator("#strip")
-        box = await strip.bounding_box()
-        assert box is not None
-        a_tick = (box["width"] - 2 * END) / TICKS
-        # From the middle of tick 5 to the middle of tick 12, backwards.
-        await drag(page, strip, (END + 11.5 * a_tick, END + 4.5 * a_tick))
-        await chosen(page, 5, 12)
-        assert await page.locator("#time").input_value() == "30"
-        band = page.locator("#strip .range")
-        left = float(await band.get_attribute("x") or 0)
-        width = float(await band.get_attribute("width") or 0)
-        assert [left, width] == pytest.approx([END + 4 * a_tick, 8 * a_tick], abs=1)
-        await page.click("#tab-raster")
-        await expect(page.locator("#raster canvas")).to_have_attribute(
-            "aria-label", "7 sensors over ticks 5 to 12. Arrows move, Enter goes there."
-        )
-        await page.wait_for_url("**/*range=5-12*")
-        await page.click("#range")
-        await expect(page.locator("#range")).to_be_hidden()
-        await expect(page.locator("#raster canvas")).to_have_attribute(
-            "aria-label", "7 sensors over ticks 1 to 40. Arrows move, Enter goes there."
-        )
-        await page.wait_for_url(lambda url: "range" not in url)
+    page = await page_at(path_log, 30)
+    strip = page.locator("#strip")
+    box = await strip.bounding_box()
+    assert box is not None
+    a_tick = (box["width"] - 2 * END) / TICKS
+    # From the middle of tick 5 to the middle of tick 12, backwards.
+    await drag(page, strip, (END + 11.5 * a_tick, END + 4.5 * a_tick))
+    await chosen(page, 5, 12)
+    assert await page.locator("#time").input_value() == "30"
+    band = page.locator("#strip .range")
+    left = float(await band.get_attribute("x") or 0)
+    width = float(await band.get_attribute("width") or 0)
+    assert [left, width] == pytest.approx([END + 4 * a_tick, 8 * a_tick], abs=1)
+    await page.click("#tab-raster")
+    await expect(page.locator("#raster canvas")).to_have_attribute(
+        "aria-label", "7 sensors over ticks 5 to 12. Arrows move, Enter goes there."
+    )
+    await page.wait_for_url("**/*range=5-12*")
+    await page.click("#range")
+    await expect(page.locator("#range")).to_be_hidden()
+    await expect(page.locator("#raster canvas")).to_have_attribute(
+        "aria-label", "7 sensors over ticks 1 to 40. Arrows move, Enter goes there."
+    )
+    await page.wait_for_url(lambda url: "range" not in url)
 
 
 @pytest.mark.slow
@@ -297,31 +298,31 @@ async def test_playing_repeats_the_range(path_log: Path) -> None:
 
 @pytest.mark.slow
 async def test_keys_choose_a_range_and_leave_it(path_log: Path) -> None:
-    async with opened(path_log, "#t=10") as page:
-        await page.keyboard.press("[")
-        await chosen(page, 10, TICKS)
-        await go_to(page, 20)
-        await page.keyboard.press("]")
-        await chosen(page, 10, 20)
-        await go_to(page, 25)
-        await page.keyboard.press("[")  # behind its end
-        await chosen(page, 25, TICKS)
-        await go_to(page, 3)
-        await page.keyboard.press("]")
-        await chosen(page, 1, 3)
-        await page.keyboard.press("x")
-        await expect(page.locator("#range")).to_be_hidden()
+    page = await page_at(path_log, 10)
+    await page.keyboard.press("[")
+    await chosen(page, 10, TICKS)
+    await go_to(page, 20)
+    await page.keyboard.press("]")
+    await chosen(page, 10, 20)
+    await go_to(page, 25)
+    await page.keyboard.press("[")  # behind its end
+    await chosen(page, 25, TICKS)
+    await go_to(page, 3)
+    await page.keyboard.press("]")
+    await chosen(page, 1, 3)
+    await page.keyboard.press("x")
+    await expect(page.locator("#range")).to_be_hidden()
 
 
 @pytest.mark.slow
 async def test_a_link_brings_a_range_as_far_as_there_is_one(path_log: Path) -> None:
     links = {"30-99": (30, 40), "7-7": (7, 7), "98-99": (40, 40)}
-    async with opened(path_log, "#t=9") as page:
-        for link, range_ in links.items():
-            await page.evaluate("(link) => { location.hash = link; }", f"range={link}")
-            text = f"↻ {link.replace('-', ' to ')} ×"
-            await expect(page.locator("#range")).to_have_text(text)
-            await drawn(page, *range_)
+    page = await page_at(path_log, 9)
+    for link, range_ in links.items():
+        await page.evaluate("(link) => { location.hash = link; }", f"range={link}")
+        text = f"↻ {link.replace('-', ' to ')} ×"
+        await expect(page.locator("#range")).to_have_text(text)
+        await drawn(page, *range_)
 
 
 @pytest.mark.slow
@@ -349,32 +350,32 @@ async def test_dragging_over_a_curve_shows_each_of_its_ticks(long_log: Path) -> 
 @pytest.mark.slow
 async def test_what_is_under_the_pointer_is_told_in_all_plots(path_log: Path) -> None:
     view = RunView(path_log)
-    async with opened(path_log, "#t=9") as page:
-        await expect(page.locator("#plots .u-over")).to_have_count(5)
-        over = page.locator("#plots .u-over").first
-        box = await over.bounding_box()
-        assert box is not None
-        tick = 30
-        x = box["width"] * (tick - 1) / (TICKS - 1)
-        await over.hover(position={"x": x, "y": box["height"] / 2})
-        at = page.locator("#plots-at")
-        await expect(at).to_have_text(f"under the pointer: tick {tick}")
-        (frame,) = view.frames(tick, tick)
-        captions = page.locator("#plots figcaption")
-        for k, told in enumerate(
-            [
-                f"Edges {frame.edges}",
-                "Err ",
-                f"Depth {frame.depth} Longest {frame.longest} Height {frame.height}",
-                f"Pulses a tick {frame.pulses}",
-                f"On {frame.state.count(1)} Predicted 0 Contradicted 0 Unknown 0",
-            ]
-        ):
-            await expect(captions.nth(k)).to_contain_text(told)
-        await page.mouse.move(1, 1)
-        await expect(at).to_have_text("")
-        (frame,) = view.frames(9, 9)
-        await expect(captions.first).to_have_text(f"Edges {frame.edges}")
+    page = await page_at(path_log, 9)
+    await expect(page.locator("#plots .u-over")).to_have_count(5)
+    over = page.locator("#plots .u-over").first
+    box = await over.bounding_box()
+    assert box is not None
+    tick = 30
+    x = box["width"] * (tick - 1) / (TICKS - 1)
+    await over.hover(position={"x": x, "y": box["height"] / 2})
+    at = page.locator("#plots-at")
+    await expect(at).to_have_text(f"under the pointer: tick {tick}")
+    (frame,) = view.frames(tick, tick)
+    captions = page.locator("#plots figcaption")
+    for k, told in enumerate(
+        [
+            f"Edges {frame.edges}",
+            "Err ",
+            f"Depth {frame.depth} Longest {frame.longest} Height {frame.height}",
+            f"Pulses a tick {frame.pulses}",
+            f"On {frame.state.count(1)} Predicted 0 Contradicted 0 Unknown 0",
+        ]
+    ):
+        await expect(captions.nth(k)).to_contain_text(told)
+    await page.mouse.move(1, 1)
+    await expect(at).to_have_text("")
+    (frame,) = view.frames(9, 9)
+    await expect(captions.first).to_have_text(f"Edges {frame.edges}")
 
 
 @pytest.mark.slow
@@ -410,36 +411,36 @@ async def test_the_pointer_tells_each_value_and_a_click_goes_there(
 ) -> None:
     view = RunView(unread_log)
     names = view.options.sensors
-    async with opened(unread_log, "#t=2") as page:
-        await open_raster(page)
-        canvas = page.locator("#raster canvas")
-        await expect(canvas).to_have_attribute(
-            "aria-label",
-            f"3 sensors over ticks 1 to {view.last}. Arrows move, Enter goes there.",
-        )
-        box = await canvas.bounding_box()
-        assert box is not None
-        wide = (box["width"] - NAMES) / view.last
-        says = page.locator("#raster [aria-live]")
-        for tick, sensor, words in [
-            (READ, 0, "on"),
-            (READ, 1, "on, predicted"),
-            (READ, 2, "unknown"),
-            (READ + 1, 1, "contradicted"),
-        ]:
-            x, y = NAMES + wide * (tick - 0.5), HIGH * (sensor + 0.5)
-            await canvas.hover(position={"x": x, "y": y})
-            await expect(says).to_have_text(f"{names[sensor]}, tick {tick}: {words}")
-        await canvas.click(position={"x": NAMES + wide * (READ - 0.5), "y": HIGH * 1.5})
-        await wait_shown(page, READ)
-        assert await page.inner_text("#choice-title") == names[1]
-        await page.focus("#raster canvas")
-        await page.keyboard.press("ArrowDown")
-        await page.keyboard.press("ArrowLeft")
-        await expect(says).to_contain_text(f"{names[2]}, tick {READ - 1}: ")
-        await page.keyboard.press("Enter")
-        await wait_shown(page, READ - 1)
-        assert await page.inner_text("#choice-title") == names[2]
+    page = await page_at(unread_log, 2)
+    await open_raster(page)
+    canvas = page.locator("#raster canvas")
+    await expect(canvas).to_have_attribute(
+        "aria-label",
+        f"3 sensors over ticks 1 to {view.last}. Arrows move, Enter goes there.",
+    )
+    box = await canvas.bounding_box()
+    assert box is not None
+    wide = (box["width"] - NAMES) / view.last
+    says = page.locator("#raster [aria-live]")
+    for tick, sensor, words in [
+        (READ, 0, "on"),
+        (READ, 1, "on, predicted"),
+        (READ, 2, "unknown"),
+        (READ + 1, 1, "contradicted"),
+    ]:
+        x, y = NAMES + wide * (tick - 0.5), HIGH * (sensor + 0.5)
+        await canvas.hover(position={"x": x, "y": y})
+        await expect(says).to_have_text(f"{names[sensor]}, tick {tick}: {words}")
+    await canvas.click(position={"x": NAMES + wide * (READ - 0.5), "y": HIGH * 1.5})
+    await wait_shown(page, READ)
+    assert await page.inner_text("#choice-title") == names[1]
+    await page.focus("#raster canvas")
+    await page.keyboard.press("ArrowDown")
+    await page.keyboard.press("ArrowLeft")
+    await expect(says).to_contain_text(f"{names[2]}, tick {READ - 1}: ")
+    await page.keyboard.press("Enter")
+    await wait_shown(page, READ - 1)
+    assert await page.inner_text("#choice-title") == names[2]
 
 
 def read(log: Path) -> RunHistory:
@@ -452,44 +453,44 @@ def read(log: Path) -> RunHistory:
 @pytest.mark.slow
 async def test_the_strip_shows_what_happened(broken_log: Path) -> None:
     marks = read(broken_log).marks(1, MARKED, MARKED)
-    async with opened(broken_log) as page:
-        await page.wait_for_selector("#strip .anomalies")
-        drawn = await page.evaluate(
-            """() => [".anomalies", ".rewired", ".begins"].map(
-                (kind) => document.querySelectorAll(`#strip ${kind}`).length)"""
-        )
-        some = (marks.anomalies, marks.rewired, marks.begins)
-        assert drawn == [sum(map(bool, counts)) for counts in some]
-        said = await page.get_attribute("#strip", "aria-label")
-        assert f"{sum(marks.anomalies)} tick" in str(said)
-        box = await page.locator("#strip").bounding_box()
-        assert box is not None
-        first = marks.anomalies.index(1) + 1
-        across = 8 + (box["width"] - 16) * (first - 0.5) / MARKED
-        await page.locator("#strip").hover(position={"x": across, "y": 5})
-        title = await page.locator("#strip title").text_content()
-        assert str(title).startswith(f"tick {first}, ")
-        assert "1 tick with an anomaly" in str(title)
-        await page.locator("#strip").click(position={"x": across, "y": 5})
-        await wait_shown(page, first)
+    page = await page_at(broken_log, 1)
+    await page.wait_for_selector("#strip .anomalies")
+    drawn = await page.evaluate(
+        """() => [".anomalies", ".rewired", ".begins"].map(
+            (kind) => document.querySelectorAll(`#strip ${kind}`).length)"""
+    )
+    some = (marks.anomalies, marks.rewired, marks.begins)
+    assert drawn == [sum(map(bool, counts)) for counts in some]
+    said = await page.get_attribute("#strip", "aria-label")
+    assert f"{sum(marks.anomalies)} tick" in str(said)
+    box = await page.locator("#strip").bounding_box()
+    assert box is not None
+    first = marks.anomalies.index(1) + 1
+    across = 8 + (box["width"] - 16) * (first - 0.5) / MARKED
+    await page.locator("#strip").hover(position={"x": across, "y": 5})
+    title = await page.locator("#strip title").text_content()
+    assert str(title).startswith(f"tick {first}, ")
+    assert "1 tick with an anomaly" in str(title)
+    await page.locator("#strip").click(position={"x": across, "y": 5})
+    await wait_shown(page, first)
 
 
 async def test_n_and_p_go_from_anomaly_to_anomaly(broken_log: Path) -> None:
     every = read(broken_log).marks(1, MARKED, MARKED).anomalies
     ticks = [tick for tick, some in enumerate(every, 1) if some]
-    async with opened(broken_log, "#t=1") as page:
-        await page.wait_for_selector("#strip .anomalies")
-        for tick in ticks:
-            await page.keyboard.press("n")
-            await wait_shown(page, tick)
+    page = await page_at(broken_log, 1)
+    await page.wait_for_selector("#strip .anomalies")
+    for tick in ticks:
         await page.keyboard.press("n")
-        await expect(page.locator("#said")).to_have_text(
-            "no anomaly or alarm after this tick"
-        )
-        await go_to(page, MARKED)
-        for tick in reversed(ticks):
-            await page.click("#anomaly-back")
-            await wait_shown(page, tick)
+        await wait_shown(page, tick)
+    await page.keyboard.press("n")
+    await expect(page.locator("#said")).to_have_text(
+        "no anomaly or alarm after this tick"
+    )
+    await go_to(page, MARKED)
+    for tick in reversed(ticks):
+        await page.click("#anomaly-back")
+        await wait_shown(page, tick)
 
 
 @pytest.mark.slow
@@ -529,22 +530,22 @@ async def test_an_alarm_is_marked_and_gone_to(home_log: Path) -> None:
     *_, alarm = raised
     assert alarm.sensor == FLUSH
     assert alarm.until is None
-    async with opened(home_log, "#t=1") as page:
-        signs = page.locator("#strip .alarm")
-        await expect(signs).to_have_count(len(raised))
-        said = await page.get_attribute("#strip", "aria-label")
-        assert f"{len(raised)} alarm" in str(said)
-        await go_to(page, alarm.tick - 1)
-        told = history.marks(1, 10**6, 10**6).anomalies
-        assert alarm.tick not in [at for at, some in enumerate(told, 1) if some]
-        await page.keyboard.press("n")
-        await wait_shown(page, alarm.tick)
-        card = page.locator("#alarms")
-        await expect(card).to_contain_text(alarm.line)
-        await card.get_by_role("button", name="flush").click()
-        await expect(page.locator("#choice-title")).to_have_text("flush")
-        await go_to(page, alarm.tick - 1)
-        await expect(card).to_be_hidden()
+    page = await page_at(home_log, 1)
+    signs = page.locator("#strip .alarm")
+    await expect(signs).to_have_count(len(raised))
+    said = await page.get_attribute("#strip", "aria-label")
+    assert f"{len(raised)} alarm" in str(said)
+    await go_to(page, alarm.tick - 1)
+    told = history.marks(1, 10**6, 10**6).anomalies
+    assert alarm.tick not in [at for at, some in enumerate(told, 1) if some]
+    await page.keyboard.press("n")
+    await wait_shown(page, alarm.tick)
+    card = page.locator("#alarms")
+    await expect(card).to_contain_text(alarm.line)
+    await card.get_by_role("button", name="flush").click()
+    await expect(page.locator("#choice-title")).to_have_text("flush")
+    await go_to(page, alarm.tick - 1)
+    await expect(card).to_be_hidden()
 
 
 @pytest.mark.slow
@@ -555,16 +556,16 @@ async def test_the_card_names_what_may_be_wrong(
     frame = next(one for one in view.frames(1, MARKED) if one.anomaly)
     assert frame.anomaly is not None
     names = view.options.sensors
-    async with opened(broken_log, f"#t={frame.tick}") as page:
-        card = page.locator("#anomaly")
-        text = await card.inner_text()
-        for sensor in (*frame.anomaly.culprits, *frame.anomaly.others):
-            assert names[sensor] in text
-        assert frame.anomaly.broken[0].evidence in text
-        await card.locator("p button").first.click()
-        first = (*frame.anomaly.culprits, *frame.anomaly.others)[0]
-        assert await page.inner_text("#choice-title") == names[first]
-        await card.locator("li button").first.click()
-        assert await page.inner_text("#choice-title") == "Selected edge"
-        await go_to(page, frame.tick - 1)
-        await expect(card).to_be_hidden()
+    page = await page_at(broken_log, frame.tick)
+    card = page.locator("#anomaly")
+    text = await card.inner_text()
+    for sensor in (*frame.anomaly.culprits, *frame.anomaly.others):
+        assert names[sensor] in text
+    assert frame.anomaly.broken[0].evidence in text
+    await card.locator("p button").first.click()
+    first = (*frame.anomaly.culprits, *frame.anomaly.others)[0]
+    assert await page.inner_text("#choice-title") == names[first]
+    await card.locator("li button").first.click()
+    assert await page.inner_text("#choice-title") == "Selected edge"
+    await go_to(page, frame.tick - 1)
+    await expect(card).to_be_hidden()

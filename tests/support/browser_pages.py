@@ -1,9 +1,13 @@
 """The page in a real browser, and what it should say: a replay, in the page's words."""
 
+import asyncio
 import re
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Callable, Coroutine
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
+from threading import Barrier, Thread
+from typing import Any, TypeVar
 
 import numpy as np
 import pytest
@@ -17,6 +21,8 @@ from neurosnap.recording.replay.replay import Replay
 from neurosnap.sensorium import unpack
 from tools.browser import NO_BROWSER, Scheme, chromium, new_page, wait_shown
 
+T = TypeVar("T")
+
 IN_BROWSER = [
     pytest.mark.skipif(chromium() is None, reason=NO_BROWSER),
     # One browser, and so one loop; each test has pages of its own.
@@ -27,6 +33,72 @@ IN_BROWSER = [
 
 shared: list[Browser] = []
 """The browser of all tests, while there is one."""
+kept: dict[Path, Page] = {}
+"""The pages that several tests look at, by their recordings."""
+kept_open = AsyncExitStack()
+
+
+class KeptServers:
+    """Serves recordings to `kept` pages as long as the tests last.
+
+    In a thread and a loop of its own: those of a test must be as before at its end.
+    """
+
+    def __init__(self) -> None:
+        self._loop = asyncio.new_event_loop()
+        # All threads begin here: one that began later would outlive a test.
+        pool, begun = ThreadPoolExecutor(4), Barrier(5)
+        for _ in range(4):
+            pool.submit(begun.wait)
+        begun.wait()
+        self._loop.set_default_executor(pool)
+        self._thread = Thread(target=self._loop.run_forever)
+        self._thread.start()
+        self._open = AsyncExitStack()
+
+    async def serve(self, log: Path) -> str:
+        """Serve a recording; return where."""
+        entering = self._open.enter_async_context(serving(ViewSession(log)))
+        return (await self._done(entering)).url
+
+    async def end(self) -> None:
+        """End all of them."""
+        await self._done(self._open.aclose())
+        await self._done(self._loop.shutdown_default_executor())
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()
+
+    async def _done(self, work: Coroutine[Any, Any, T]) -> T:
+        """Return what comes of work that is done in that loop."""
+        ended = asyncio.run_coroutine_threadsafe(work, self._loop)  # noqa: TID251
+        return await asyncio.wrap_future(ended)
+
+
+servers: list[KeptServers] = []
+
+_REST = """async () => {
+    const { page } = await import("/main.js");
+    const { player, range } = page.time;
+    player.pause();
+    player.setSpeed(2);
+    range.set(null);
+    page.choose(null);
+    page.wave.take("");
+    page.order.focus.layOut(false);
+    const depth = document.querySelector("#focus-depth");
+    depth.value = "Infinity";
+    depth.dispatchEvent(new Event("change"));
+    for (const [home, pressed] of [["edges", "true"], ["only", "false"]]) {
+        for (const chip of document.querySelectorAll(`#focus-${home} button`)) {
+            if (chip.ariaPressed !== pressed) chip.click();
+        }
+    }
+    if (document.querySelector("main.tall")) document.querySelector("#taller").click();
+    document.querySelector("#tab-plots").click();
+    document.querySelector("#keys").close();
+    document.activeElement.blur();
+}"""
 
 
 @asynccontextmanager
@@ -86,6 +158,25 @@ async def looked_at(
         yield page
     # Pytest rewrites no asserts here: without a message it would not say what.
     assert strange == [], f"strange: {strange}"
+
+
+async def page_at(log: Path, tick: int) -> Page:
+    """Return the page of a recording at a tick, with nothing selected or sought.
+
+    Tests that leave nothing else behind share it: to load it anew takes five times the
+    work of the test.
+    """
+    if log not in kept:
+        url = await servers[-1].serve(log)
+        kept[log] = await kept_open.enter_async_context(looked_at(url))
+        await kept[log].goto(f"{url}#t={tick}")
+        await wait_shown(kept[log], tick)
+    page = kept[log]
+    await page.mouse.move(0, 0)
+    await page.fill("#search-text", "")
+    await page.evaluate(_REST)
+    await go_to(page, tick)
+    return page
 
 
 async def go_to(page: Page, tick: int) -> None:

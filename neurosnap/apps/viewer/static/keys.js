@@ -21,7 +21,6 @@ export function bind(page) {
     ["fit", () => diagram.fit()],
     ["nearer", () => diagram.zoom(1.3)],
     ["farther", () => diagram.zoom(1 / 1.3)],
-    ["save-svg", () => savePicture(page)],
     ["taller", toggleTaller],
     ["help", help],
     ["range-compare", () => page.compareRange()],
@@ -67,15 +66,6 @@ export function bind(page) {
     { keys: ["Escape"], says: "select nothing", act: () => page.choose(null) },
     { keys: ["?"], says: "this help", act: help },
   ]);
-}
-
-/** Save the picture of the order at the tick that is shown. */
-function savePicture({ run: { log }, frame, order, voice }) {
-  if (frame === null) voice.tell("there is no tick to save");
-  else {
-    const name = `${log.replace(/\.mcap$/, "")}-tick-${frame.tick}.svg`;
-    order.diagram.save(`Learned order of ${log}, tick ${frame.tick}`, name);
-  }
 }
 
 /** Copy the address of what is shown: it holds no token. */

@@ -35,7 +35,7 @@ const TERMS = {
   inhibits: "Where the first is on, the second is off.",
   did: "The action that was decided on at this tick. It shows in what is read at the next.",
   why: "Why this action was decided on.",
-  plan: "The actions that the decision follows: those taken, this one in bold, those to come.",
+  plan: "The actions that the decision follows: this one in bold, and those to come.",
   grown: "Sensors that the memory has made for itself, out of an action and what was on before it.",
   "not read": "Sensors that gave no reading at this tick.",
   edges: "The implications that the cells use as wires. An edge and its contrapositive count as two.",

@@ -1,7 +1,7 @@
 // The diagram: the learned order in layers, the state in its nodes, and a wave on its way
 // over them. Nothing is laid out again while the order is the same.
 
-import { keep, make, shape } from "../base/dom.js";
+import { keep, shape } from "../base/dom.js";
 import { drawn } from "../base/literals.js";
 import { MOST, restricted } from "./focus.js";
 import { drawingOf, layOut } from "./layered_drawing.js";
@@ -246,26 +246,6 @@ export class Diagram {
     const said = thing?.sensor === undefined ? "" : this._on.tell(thing.sensor);
     if (this._home.title !== said) this._home.title = said;
   }
-
-  // A picture that is kept -----------------------------------------------------------
-
-  /** Save all that is laid out as an SVG file, at the size its names are read at. */
-  save(what, name) {
-    const { left, right, top, bottom } = this._laid.box;
-    const [x, y] = [left - NUMBERS - MARGIN, top - MARGIN];
-    const [width, height] = [right + MARGIN - x, bottom + MARGIN - y];
-    const file = shape("svg", { viewBox: `${x} ${y} ${width} ${height}`, width, height });
-    const title = shape("title");
-    title.textContent = what;
-    const copy = this._view.cloneNode(true);
-    copy.removeAttribute("transform");
-    inked(this._view, copy);
-    file.append(title, copy);
-    const text = new XMLSerializer().serializeToString(file);
-    const address = URL.createObjectURL(new Blob([text], { type: "image/svg+xml" }));
-    make("a", { href: address, download: name }).click();
-    URL.revokeObjectURL(address);
-  }
 }
 
 /** What an element of the drawing stands for: `{sensor}`, `{edge}`, or null. */
@@ -273,22 +253,4 @@ function thingAt(element) {
   const { sensor, edge } = element?.closest("[data-sensor], [data-edge]")?.dataset ?? {};
   if (sensor !== undefined) return { sensor: Number(sensor) };
   return edge === undefined ? null : { edge: drawn(...edge.split("-").map(Number)) };
-}
-
-// What the style sheet says of a drawing, as a file by itself has to say it.
-const INKS = [
-  "fill", "stroke", "stroke-width", "stroke-dasharray", "fill-opacity", "stroke-opacity", "marker-end",
-  "font-family", "font-size", "text-anchor", "text-decoration", "dominant-baseline",
-];
-
-/** Give a copy of a drawing the colours of the drawing itself; leave out what is not seen. */
-function inked(original, copy) {
-  const style = getComputedStyle(original);
-  if (style.display === "none" || style.visibility === "hidden") {
-    copy.remove();
-    return;
-  }
-  for (const name of INKS) copy.setAttribute(name, style.getPropertyValue(name).replaceAll('"', "'"));
-  const copies = [...copy.children];
-  [...original.children].forEach((child, k) => inked(child, copies[k]));
 }
