@@ -21,7 +21,6 @@ from neurosnap.fabric.events import Failure
 from neurosnap.fabric.protocol import (
     Handler,
     PresenceHandler,
-    check_polled,
 )
 
 _TURN = 256  # deliveries before other tasks of the loop get their turn
@@ -259,8 +258,6 @@ class MemoryFabric:
         self, keys: Sequence[str], handler: Handler, *, poll: float | None = None
     ) -> None:
         """Hand every message under `keys` to `handler`; there is no waiting here."""
-        if poll is not None:
-            check_polled(keys)
         self.listen(keys, handler)
 
     async def announce(self) -> None:

@@ -17,7 +17,6 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from neurosnap import wire
-from neurosnap.errors import InvalidValueError
 
 Handler = Callable[[list[wire.Delivery]], None]
 PresenceHandler = Callable[[str, bool], None]
@@ -54,11 +53,9 @@ class Fabric(Protocol):
             handler: Called on the thread the module names. What it raises comes out of
                 `serve`.
             poll: Collect for this many seconds rather than waking at once, for those
-                who need throughput and not latency. On the event loop, always.
-
-        Raises:
-            InvalidValueError: Several keys are to be polled. What is collected under
-                each is apart from the others, so no sender's order would be kept.
+                who need throughput and not latency. On the event loop, always. Under
+                one key only: what is collected under each is apart from the others, so
+                no sender's order would be kept.
         """
         ...
 
@@ -110,9 +107,3 @@ class Fabric(Protocol):
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None: ...
-
-
-def check_polled(keys: Sequence[str]) -> None:
-    """Refuse to poll under several keys; see `Fabric.subscribe`."""
-    if len(keys) != 1:
-        raise InvalidValueError("keys", "must be one where it is polled", keys)

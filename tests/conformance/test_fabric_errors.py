@@ -9,7 +9,7 @@ import psutil
 import pytest
 
 from neurosnap import wire
-from neurosnap.errors import FabricError, InvalidValueError
+from neurosnap.errors import FabricError
 from neurosnap.fabric.security.hub_address import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.hub import open_hub
@@ -71,12 +71,6 @@ async def test_what_fails_a_part_comes_out_of_serve_once_first(
         end.fail(TroubleError("second"))
         with pytest.raises(TroubleError, match=r"^first$"):
             await end.serve(asyncio.Event())
-
-
-async def test_only_one_key_can_be_polled(network: Network) -> None:
-    async with network.end("part") as end:
-        with pytest.raises(InvalidValueError, match=r"^keys: must be one where it is"):
-            await end.subscribe(("state", "decision"), Heard(), poll=0.01)
 
 
 # The hub ------------------------------------------------------------------------------

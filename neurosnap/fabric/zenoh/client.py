@@ -26,7 +26,6 @@ from neurosnap.fabric.events import Failure
 from neurosnap.fabric.protocol import (
     Handler,
     PresenceHandler,
-    check_polled,
 )
 from neurosnap.fabric.security.hub_address import HubAddress
 from neurosnap.fabric.security.roles import DESCRIPTION, FLUSHED
@@ -169,7 +168,6 @@ class ZenohFabric:
         """Hand every message under `keys` to `handler`; see the protocol."""
         cut = len(self._prefix)
         if poll is not None:
-            check_polled(keys)
             channel: Any = zenoh.handlers.FifoChannel(_CHANNEL)
             (subscriber,) = await self._off_loop(self._declare, keys, channel)
             channel = subscriber.handler

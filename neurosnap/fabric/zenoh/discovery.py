@@ -6,6 +6,7 @@ another prefix, since the numbers of its waves begin anew. ``demo`` goes on as
 """
 
 import asyncio
+from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Any, Self
 
@@ -51,17 +52,14 @@ def is_of(name: str, swarm: str) -> bool:
     return base == swarm and number.isdecimal() == bool(dash)
 
 
+@dataclass(eq=False)
 class FoundSwarm:
-    """A swarm that came.
+    """A swarm that came."""
 
-    Attributes:
-        name: What it is called on the wire.
-        gone: Set once its coordinator has gone.
-    """
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-        self.gone = asyncio.Event()
+    name: str
+    """What it is called on the wire."""
+    gone: asyncio.Event = field(default_factory=asyncio.Event)
+    """Set once its coordinator has gone."""
 
 
 class Discovery:
