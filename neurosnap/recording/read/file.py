@@ -28,7 +28,7 @@ from neurosnap.recording.format.records import (
     damaged_in,
     opened,
 )
-from neurosnap.recording.format.scan import scan, scan_growth, scan_index
+from neurosnap.recording.format.scan import scan, scan_index
 from neurosnap.recording.read.chunk_messages import (
     ChunkMessages,
     Recorded,
@@ -87,14 +87,6 @@ class RecordingFile:
             RecordingError: There is no such file, or it is no recording of ours.
         """
         return cls(path, scan(path) if verify else scan_index(path))
-
-    def grow(self) -> bool:
-        """Look at what the file has gained; return whether that is anything.
-
-        Raises:
-            RecordingError: The file cannot be read.
-        """
-        return scan_growth(self.path, self.layout)
 
     def _verify_run(self) -> None:
         """Refuse a recording that says nothing of its run, or is of another schema."""

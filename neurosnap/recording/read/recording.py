@@ -28,6 +28,7 @@ from neurosnap.recording.format.completeness import (
     added_up,
 )
 from neurosnap.recording.format.records import CLOSING, Chunk, Cut
+from neurosnap.recording.format.scan import scan_growth
 from neurosnap.recording.read.chunk_messages import Recorded, decoded
 from neurosnap.recording.read.file import Noted, RecordingFile, identity
 
@@ -344,7 +345,7 @@ class Recording:
         dropped = self._drop_deleted()
         before = self.chunks
         # All of them, and not only up to the first that has grown.
-        gains = [file.grow() for file in self.files]
+        gains = [scan_growth(file.path, file.layout) for file in self.files]
         fresh = self._fresh() if self.part is not None else []
         self.files += tuple(fresh)
         self._identities |= {file.path: identity(file.path) for file in fresh}
