@@ -55,7 +55,7 @@ def noted(swarm: str, source: str, endpoint: str, log: Path | None) -> Iterator[
         log="" if log is None else str(log.resolve()),
     )
     # Nothing keeps two launchers from taking the same id, each with its hub.
-    path = own_folder() / f"{swarm}-{process.pid}{_ENTRY}"
+    path = _own_folder() / f"{swarm}-{process.pid}{_ENTRY}"
     replace_file(path, msgspec.json.encode(note))
     try:
         yield
@@ -71,7 +71,7 @@ def recorded_in(log: Path) -> list[Note]:
 def swarms() -> list[Note]:
     """Return the swarms whose launchers are alive, by id."""
     found = []
-    for path in sorted(own_folder().glob(f"*{_ENTRY}")):
+    for path in sorted(_own_folder().glob(f"*{_ENTRY}")):
         with suppress(OSError, msgspec.MsgspecError):
             note = msgspec.json.decode(path.read_bytes(), type=Note)
             if _launcher(note) is None:
@@ -149,7 +149,7 @@ def _launcher(note: Note) -> psutil.Process | None:
     return None
 
 
-def own_folder() -> Path:
+def _own_folder() -> Path:
     """Return where notes are, made if it is not there, entered by this user alone.
 
     It is on this machine, as a home need not be: a note names a process of it.
