@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.errors import FabricError, InvalidValueError
-from neurosnap.sources.live.json_reading import LIMIT
 from neurosnap.sources.live.latest_readings import LatestReadings
 from neurosnap.sources.live.live_source import WAITING, LiveSource, Timing
 from neurosnap.sources.live.stdin_source import Lines, StdinFeeder, first_line, names_in
@@ -90,20 +89,6 @@ def test_bad_lines_are_told_of_with_their_number_and_the_run_goes_on(
     assert source.statistics().refused == 4
     first = caplog.records[0].getMessage()
     assert first.startswith("standard input:2: reading: must be a reading in JSON (")
-
-
-def test_a_line_too_long_names_the_limit(
-    pipe: Pipe, source: LiveSource, caplog: pytest.LogCaptureFixture
-) -> None:
-    writing = threading.Thread(target=pipe.write, args=(b"[" * (LIMIT + 1) + b"\n",))
-    writing.start()
-    ticking = threading.Thread(target=source.first)
-    ticking.start()
-    writing.join()
-    pipe.end()
-    ticking.join()
-    rule = f"must be up to {LIMIT} bytes, got 'more'"
-    assert caplog.messages == [f"standard input:1: reading: {rule}"]
 
 
 def test_the_pipe_holds_back_who_writes_and_nothing_is_lost(pipe: Pipe) -> None:
