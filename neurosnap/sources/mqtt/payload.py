@@ -97,7 +97,9 @@ class PayloadReader:
         self._words: dict[str, bool | None] = dict.fromkeys(UNKNOWN)
         self._words |= {word.casefold(): True for word in sensor.on}
         self._words |= {word.casefold(): False for word in sensor.off}
+        self._several = sensor.combines and sensor.comparison is not None
         self._readers: dict[str, Reader] = {}  # by topic, the latest one last
+        self._one = self._new_reader()
 
     def read(self, payload: Payload) -> bool | None:
         """Return whether `payload` says on or off; None if it says unknown.
@@ -113,16 +115,17 @@ class PayloadReader:
         if sensor.field is not None:
             value = payload.field(sensor.field)
         try:
-            return self._reader(payload.topic).read(_as_text(value))
+            reader = self._reader(payload.topic) if self._several else self._one
+            return reader.read(value if isinstance(value, str) else _as_text(value))
         except ValueError as error:
             place = sensor.field or "payload"
             raise payload.wrong(f"{place} {error}") from None
 
+    def _new_reader(self) -> Reader:
+        return Reader(self._sensor.name, self._sensor.comparison, self._words)
+
     def _reader(self, topic: str) -> Reader:
-        reader = self._readers.pop(topic, None)
-        if reader is None:
-            sensor = self._sensor
-            reader = Reader(sensor.name, sensor.comparison, self._words)
+        reader = self._readers.pop(topic, None) or self._new_reader()
         self._readers[topic] = reader
         if len(self._readers) > REMEMBERED:
             del self._readers[next(iter(self._readers))]
@@ -132,14 +135,12 @@ class PayloadReader:
 def _as_text(value: object) -> str:
     """Return the JSON value `value` as the text it would be in a plain payload."""
     match value:
-        case str():
-            return value
         case None:
             return "null"
         case bool():
             return "true" if value else "false"
-        case float() if value.is_integer():
-            return str(int(value))
+        case float():
+            return str(int(value)) if value.is_integer() else repr(value)
         case int():
             return str(value)
         case _:
