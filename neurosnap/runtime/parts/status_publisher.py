@@ -43,15 +43,8 @@ def has_status(options: RunOptions) -> bool:
     Raises:
         InvalidValueError: The options of its source are wrong.
     """
-    return options.alarms != NEVER or _publishes(options)
-
-
-def _publishes(options: RunOptions) -> bool:
-    """Tell whether a run is published over MQTT.
-
-    Raises:
-        InvalidValueError: The options of its source are wrong.
-    """
+    if options.alarms != NEVER:
+        return True
     if options.source != MQTT:
         return False
     return mqtt_options(options.arguments).publish is not None
@@ -129,7 +122,7 @@ async def publish_status(
     """
     from neurosnap.runtime.parts.health_listener import HealthListener, Past
 
-    publisher = _publisher(options) if _publishes(options) else None
+    publisher = _publisher(options)
     body, tasks, over = options.body, [], asyncio.Event()
     health = listener = None
     if options.alarms != NEVER:
@@ -172,13 +165,15 @@ async def publish_status(
             task.cancel()
 
 
-def _publisher(options: RunOptions) -> "MqttPublisher":
-    """Return what publishes a run at the broker of its source."""
-    from neurosnap.sources.mqtt.publisher import MqttPublisher
-
+def _publisher(options: RunOptions) -> "MqttPublisher | None":
+    """Return what publishes a run at the broker of its source; None if it is not."""
+    if options.source != MQTT:
+        return None
     given = mqtt_options(options.arguments)
     if given.publish is None:
-        raise InvalidValueError("publish", "must be a table of the source", None)
+        return None
+    from neurosnap.sources.mqtt.publisher import MqttPublisher
+
     body = options.body
     return MqttPublisher(
         given.broker,
