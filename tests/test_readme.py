@@ -258,7 +258,7 @@ def test_commands_and_their_options_exist(page: Path) -> None:
 @pytest.mark.parametrize("page", LINKED, ids=name_of)
 def test_what_a_page_names_exists(page: Path) -> None:
     text = page.read_text()
-    for name in re.findall(r"(?<![/\w])((?:tools|examples|tests)/\w+\.\w+)", text):
+    for name in re.findall(r"(?<![/\w])((?:tools|examples|tests)/[\w.]+\.\w+)", text):
         assert (ROOT / name).is_file(), name
     for name in re.findall(r"\bneurosnap/\w+-v0", text):
         assert name in gymnasium.registry, name

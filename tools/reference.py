@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Write the pages of docs that are made from the code.
+"""Write the pages of docs, and the schema, that are made from the code.
 
 The commands and their options come from the command line's own parser, the keys of the
 TOML file from its JSON Schema, and the messages from the structs on the wire. A test
@@ -23,9 +23,9 @@ import typer
 
 from neurosnap import wire
 from neurosnap.apps.cli import app
-from neurosnap.apps.config.json_schema import schema, texts_below
 from neurosnap.apps.config.validate import either
 from neurosnap.recording.format import schemas
+from tools.json_schema import schema, texts_below
 
 PAGES = Path(__file__).resolve().parents[1] / "docs"
 _NOTE = "<!-- Made by tools/reference.py: change the code, and run that. -->"
@@ -121,13 +121,19 @@ def toml() -> str:
     """Return the page of all keys of the TOML file."""
     text = (
         "This page has every table and key of the TOML file that describes a run."
-        " `neurosnap check` reports what is wrong with a file, and `neurosnap"
-        " init schema` prints the same as JSON Schema, for editors;"
+        " `neurosnap check` reports what is wrong with a file;"
+        " `examples/swarm.schema.json` is the same as JSON Schema, for editors, and"
         " `examples/swarm.toml` has every table. [sensors.md](../sensors.md) says how"
         " to connect sensors. A key without a default must be given, unless it may be"
         " left out."
     )
     return _page("The TOML file", text, _tables(schema()["$defs"]))
+
+
+def schema_text() -> str:
+    """Return the JSON Schema of the TOML file, as text."""
+    text = msgspec.json.format(msgspec.json.encode(schema()), indent=2)
+    return f"{text.decode()}\n"
 
 
 def _tables(found: dict[str, Any]) -> Iterator[str]:
@@ -288,6 +294,7 @@ MADE = types.MappingProxyType(
         "commands.md": commands,
         "reference/toml.md": toml,
         "reference/messages.md": messages,
+        "../examples/swarm.schema.json": schema_text,
     }
 )
 

@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator  # type: ignore[import-untyped]
 from msgspec import inspect
 
-from neurosnap.apps.config.json_schema import schema
 from neurosnap.apps.config.load import load
 from neurosnap.apps.config.problems import Keys, LineNumbers, dotted
 from neurosnap.apps.config.sources import CsvTable, WorldTable
 from neurosnap.apps.config.tables import AgentTable, Config, HealthTable
 from neurosnap.apps.config.validate import problems
+from tools.json_schema import schema
 
 BARE = ["a", "b1", "c-d", "true", "7"]
 QUOTED = {

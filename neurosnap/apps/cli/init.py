@@ -1,4 +1,4 @@
-"""``neurosnap init``: the files that a swarm begins with: topics, keys, a schema."""
+"""``neurosnap init``: the files that a swarm begins with: from topics, and keys."""
 
 import asyncio
 from collections.abc import Iterator
@@ -34,8 +34,7 @@ _SHOWN = 3  # values of a topic in a line
 _EXAMPLE = "Example: neurosnap init topics homeassistant.local --out home.toml"
 
 init = typer.Typer(
-    help="Write what a swarm begins with: a TOML file from a broker's topics, keys, or"
-    " the schema of these files.",
+    help="Write what a swarm begins with: a TOML file from a broker's topics, or keys.",
     no_args_is_help=True,
 )
 app.add_typer(init, name="init", rich_help_panel=SET_UP)
@@ -257,13 +256,3 @@ def keys(
             "another machine needs ca.pem and the .pem and .key of its parts' roles",
         )
         print_facts(form, made)
-
-
-@init.command()
-def schema() -> None:
-    """Print the JSON Schema of these TOML files, which editors use to check them."""
-    from neurosnap.apps.config.json_schema import schema as schema_of_config
-
-    with errors():
-        text = msgspec.json.format(msgspec.json.encode(schema_of_config()), indent=2)
-        typer.echo(text)

@@ -67,9 +67,10 @@ async def look(
     def writer_of(log: Path) -> Callable[[], bool]:
         return lambda: bool(recorded_in(log))
 
-    _refuse_twice(logs)
-    sessions = []
-    for log in logs:
+    sessions: list[ViewSession] = []
+    for number, log in enumerate(logs):
+        if log.resolve() in {other.resolve() for other in logs[:number]}:
+            raise InvalidValueError("log", "must be named once", str(log))
         writes = grows or writer_of(log)
         opened = partial(ViewSession, log, writes)
         sessions.append(await _begun(opened, writes, stop))
@@ -86,14 +87,6 @@ async def look(
             with contextlib.suppress(webbrowser.Error):
                 await asyncio.to_thread(webbrowser.open, address.url)
         await stop.wait()
-
-
-def _refuse_twice(logs: Sequence[Path]) -> None:
-    known: set[Path] = set()
-    for log in logs:
-        if log.resolve() in known:
-            raise InvalidValueError("log", "must be named once", str(log))
-        known.add(log.resolve())
 
 
 async def _begun(

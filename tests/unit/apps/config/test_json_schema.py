@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 from jsonschema import Draft202012Validator  # type: ignore[import-untyped]
 
-from neurosnap.apps.config.json_schema import schema
 from neurosnap.apps.config.load import load
 from neurosnap.apps.config.prepare import prepare
 from neurosnap.apps.config.problems import dotted
@@ -21,6 +20,7 @@ from neurosnap.poc.learning.kinds import DiscountedSnapshot
 from neurosnap.protocol.option import declared
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.sensorium import Sensorium
+from tools.json_schema import schema
 
 EXAMPLES = Path(__file__).parents[4] / "examples"
 
@@ -79,12 +79,6 @@ def test_the_schema_is_one_and_everything_in_it_is_described() -> None:
         for name, key in table["properties"].items():
             assert name == "kind" or key["description"], (table["title"], name)
     assert '"null"' not in json.dumps(made)
-
-
-def test_the_schema_beside_the_example_is_the_one() -> None:
-    # Made by: neurosnap init schema > examples/swarm.schema.json
-    text = (EXAMPLES / "swarm.schema.json").read_text(encoding="utf-8")
-    assert json.loads(text) == schema()
 
 
 def test_the_example_is_right_and_has_every_table() -> None:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from neurosnap.apps.config.json_schema import schema
 from neurosnap.apps.config.load import load
 from neurosnap.apps.config.prepare import FOREVER, prepare
 from neurosnap.apps.config.problems import ConfigError
@@ -246,10 +245,6 @@ def test_check_says_what_is_wrong_and_where(file: Path) -> None:
         "key": "run",
         "said": "must be a table, got [{}]",
     }
-
-
-def test_the_schema_is_printed() -> None:
-    assert json.loads(call("init", "schema").stdout) == schema()
 
 
 # Where it is recorded -----------------------------------------------------------------
