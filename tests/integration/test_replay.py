@@ -13,6 +13,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.protocol.cell import Cell
+from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.run_options import RunOptions, SnapshotKind, WiringKind
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
@@ -20,7 +21,7 @@ from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.recording.replay.verify import Verdict, verify
 from neurosnap.recording.write.writer import Writer
 from tests.support.inline_runs import recorded_run
-from tests.support.lossy_runs import LOST, Simulation, lost_once
+from tests.support.lossy_runs import LOST, lossy_run
 from tests.support.recorded_messages import assert_true_run, course, first, of_type
 from tests.support.replayed_runs import TICKS, Runs, every_run, options_for, readings
 from tests.support.rewritten_recordings import (
@@ -135,21 +136,20 @@ def test_a_run_ends_in_order_where_its_source_does(runs: Runs, tmp_path: Path) -
     assert verdict.ticks == outcome.totals.ticks == len(readings())
 
 
-STOPS: dict[str, Callable[[Simulation], bool]] = {
-    "between two ticks": lambda s: s.core.tick >= 9 and not s.core.in_flight,
-    "in the middle of a tick": lambda s: s.core.tick >= 9 and bool(s.core.in_flight),
-    "where a key-frame is due": lambda s: s.core.tick == 7,
-    "before the first": lambda s: True,
+STOPS: dict[str, Callable[[Coordinator], bool]] = {
+    "between two ticks": lambda core: core.tick >= 9 and not core.in_flight,
+    "in the middle of a tick": lambda core: core.tick >= 9 and bool(core.in_flight),
+    "where a key-frame is due": lambda core: core.tick == 7,
+    "before the first": lambda _: True,
 }
 
 
 @pytest.mark.parametrize("when", STOPS)
 def test_a_run_may_stop_anywhere(runs: Runs, tmp_path: Path, when: str) -> None:
     log = tmp_path / "log"
-    simulation = Simulation(options_for(runs.csv), log, 0)
-    simulation.run(STOPS[when])
+    core = lossy_run(options_for(runs.csv), log, 0, stop=STOPS[when])
     verdict = assert_true_run(log)
-    assert verdict.ticks == simulation.core.tick < TICKS
+    assert verdict.ticks == core.tick < TICKS
 
 
 # What was changed ---------------------------------------------------------------------
@@ -386,7 +386,7 @@ def test_a_run_with_a_repeated_wave_comes_out_the_same(
 ) -> None:
     log = tmp_path / "log"
     options = options_for(runs.csv, wiring)
-    Simulation(options, log, seed, lost_once(LOST[what])).run()
+    lossy_run(options, log, seed, LOST[what])
     repeated = [start for start in of_type(log, wire.WaveStart) if start.repeats]
     assert repeated
     assert_true_run(log, ticks=TICKS)
@@ -426,7 +426,7 @@ def test_a_cell_that_forgets_an_edge_is_told_again_and_found_if_it_never_has_it(
     """Another cell waits for its pulse: so the wave is repeated."""
     log = tmp_path / "log"
     options = forgetting(monkeypatch, options_for(runs.csv), times)
-    Simulation(options, log, seed).run()
+    lossy_run(options, log, seed)
     assert [start for start in of_type(log, wire.WaveStart) if start.repeats]
     if times == 1:
         assert_true_run(log)
@@ -439,7 +439,7 @@ def test_a_cell_that_forgets_an_edge_is_told_again_and_found_if_it_never_has_it(
 
 def test_a_repeat_that_names_another_wave_is_found(runs: Runs, tmp_path: Path) -> None:
     log = tmp_path / "log"
-    Simulation(options_for(runs.csv), log, 0, lost_once(LOST["pulse"])).run()
+    lossy_run(options_for(runs.csv), log, 0, LOST["pulse"])
     tamper = changing(
         wire.WaveStart, lambda w: w.repeats > 0, lambda w: {"repeats": w.repeats - 1}
     )
@@ -491,7 +491,7 @@ def test_a_cut_recording_of_a_repeated_wave_is_never_different(
     runs: Runs, tmp_path: Path, what: str
 ) -> None:
     log = tmp_path / "log"
-    Simulation(options_for(runs.csv), log, 1, lost_once(LOST[what])).run()
+    lossy_run(options_for(runs.csv), log, 1, LOST[what])
     recording = Recording.open(log)
     recorded = list(recording.messages())
     repeat, _ = first(recorded, wire.WaveStart, lambda w: w.repeats > 0)

@@ -22,7 +22,7 @@ from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.writer import Writer
 from neurosnap.sensorium import unpack
 from tests.support.inline_runs import recorded_run, resumed_run
-from tests.support.lossy_runs import LOST, Simulation, lost_once
+from tests.support.lossy_runs import LOST, lossy_run
 from tests.support.recorded_messages import M, assert_true_run, course, first, of_type
 from tests.support.replayed_runs import PATH, TICKS, Run, Runs, every_run, options_for
 from tests.support.rewritten_recordings import (
@@ -147,7 +147,7 @@ def test_a_cut_run_goes_on_and_is_cut_and_goes_on(
 def test_a_run_with_a_repeated_wave_goes_on(runs: Runs, tmp_path: Path) -> None:
     log, new = tmp_path / "log", tmp_path / "new"
     options = options_for(runs.csv, ticks=15)
-    Simulation(options, log, 4, lost_once(LOST["pulse"])).run()
+    lossy_run(options, log, 4, LOST["pulse"])
     resumed_run(log, new, TICKS)
     assert_went_on(new, runs.of("csv"), [15])
 
