@@ -36,14 +36,6 @@ def settled(wave: int, literal: int, *credit: int, epoch: int = 0) -> wire.CellR
 # Waves --------------------------------------------------------------------------------
 
 
-def test_a_state_wave_starts_in_every_cell() -> None:
-    control = WaveControl(SENSORS)
-    start = begin(control, "state", 7)
-    assert start == wire.WaveStart(1, 7, "state", 2, 1, fence=1)
-    done = [control.report(settled(1, 2 * s, 2)) for s in range(SENSORS)]
-    assert [wave is None for wave in done] == [True, True, True, False]
-
-
 def test_a_state_wave_starts_in_the_cells_whose_reading_is_known() -> None:
     control = WaveControl(SENSORS)
     (start,) = control.start("state", 7, seeds=2)
@@ -210,14 +202,6 @@ def test_a_wave_sent_often_enough_is_lost_and_the_error_says_where() -> None:
         control.repeat(3, observed)
 
 
-def test_credit_can_be_missing_while_nobody_is_silent() -> None:
-    control = WaveControl(SENSORS, repeats=0)
-    control.start("signal", 0, (0,))
-    control.report(settled(1, 0, 1))
-    with pytest.raises(AnswerLostError, match=r"0\.5, silent cells: none$"):
-        control.repeat(1, ())
-
-
 # Workers ------------------------------------------------------------------------------
 
 
@@ -226,22 +210,6 @@ def by_worker(
 ) -> wire.WorkerReport:
     hops = packed(*fired.values())
     return wire.WorkerReport(1, worker, part, packed(*fired), hops, credit, 0, epoch)
-
-
-def test_a_wave_settles_by_the_reports_of_workers() -> None:
-    control = WaveControl(7, workers=3)
-    control.start("signal", 0, (0, 6))
-    assert control.report(by_worker(0, {0: 0, 3: 5}, 2)) is None
-    assert control.report(by_worker(0, {0: 0, 3: 5}, 2)) is None  # once more
-    with pytest.raises(
-        MessageError, match=r"^workerreport: must report on wave 1, own"
-    ):
-        control.report(by_worker(1, {4: 0}, 1))
-    assert control.report(by_worker(1, {6: 0}, 1)) is None
-    wave = control.report(by_worker(0, {}, 2, part=1))
-    assert wave is not None
-    assert wave.hops == {0: 0, 3: 5, 6: 0}
-    assert control.in_flight == ()
 
 
 def test_a_lost_wave_names_the_workers_that_owe_a_report() -> None:

@@ -1,7 +1,6 @@
 """Learning in a worker: what it learns, says again, refuses, and begins with."""
 
 import msgspec
-import numpy as np
 import pytest
 
 from neurosnap import wire
@@ -9,7 +8,6 @@ from neurosnap.errors import MessageError
 from neurosnap.poc.learning.bands import head_of
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.protocol.key_frames import bands_of
-from neurosnap.protocol.learn_control import pairs_in
 from neurosnap.protocol.worker_learning import WorkerLearning
 
 SHARES = [range(4), range(4, 6)]
@@ -34,19 +32,6 @@ def learn(tick: int, **changes: object) -> wire.Learn:
 
 def said(worker: WorkerLearning, message: wire.Learn) -> list[wire.Learned]:
     return [each for each in worker.learn(message) if isinstance(each, wire.Learned)]
-
-
-def test_it_says_what_its_learning_changed() -> None:
-    worker, order = new(), EmpiricalSnapshot(6, 0.25, range(0))
-    for tick in range(1, 6):
-        (piece,) = said(worker, learn(tick))
-        latter, former, codes = pairs_in(piece, SHARES[1])
-        order.learn([ROWS[tick - 1] >> k & 1 for k in range(6)])
-        order.relate(latter, former, codes)
-        edges = whole(tick).poc_graph().edges
-        own = np.arange(12) >> 1 >= 4  # of whose pairs it has any
-        either = own[:, None] | own[None, :]
-        np.testing.assert_array_equal(order.poc_graph().edges, edges & either)
 
 
 def test_what_is_learned_is_said_again_and_not_learned_again() -> None:
@@ -102,17 +87,6 @@ def test_it_begins_with_the_bands_of_its_share_whatever_their_order() -> None:
     assert worker.learn(learn(4, begins=head)) == first
     assert worker.learn(learn(4, begins=head)) == first, "and does not begin again"
     assert [*worker.bands()] == [*straight.bands()]
-
-
-def test_it_says_at_once_what_it_began_with() -> None:
-    worker, bands = new(), [*bands_of(whole(3), 3, 4, "it", SHARES)]
-    for band in bands:
-        worker.receive_band(band)
-    message = wire.Learn(3, frame=3, begins=head_of(whole(3)))
-    *said, answer = worker.learn(message)
-    own = [band.offset for band in bands if band.offset >= 6]
-    assert [one.offset for one in said if isinstance(one, wire.Band)] == own
-    assert answer == wire.Learned(1, 3, 3)
 
 
 @pytest.mark.parametrize(
