@@ -67,7 +67,8 @@ async def follow(run: Verb, page: Page, address: str) -> dict[int, list[str]]:
 async def test_a_swarm_is_followed_to_its_end(tmp_path: Path, way: str) -> None:
     log = tmp_path / "run.mcap"
     names = ("--set", f"sensors={','.join(NAMES)}", "--threshold", "0.1")
-    options = ("run", "-", *names, "--out", str(log))
+    spread = ("--workers", "2") if way == "view" else ()
+    options = ("run", "-", *names, *spread, "--out", str(log))
     async with asyncio.timeout(PATIENCE):
         if way == "run --view":
             async with verb(tmp_path, *options, "--view") as run:
