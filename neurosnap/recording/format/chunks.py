@@ -116,11 +116,6 @@ class ChunkIndex(NamedTuple):
     registered: dict[int, Channel]
     """The channels that are registered in the chunk."""
 
-    def present(self) -> list[int]:
-        """Return the channels that have messages here, ascending."""
-        numbers: list[int] = np.flatnonzero(np.bincount(self.channels)).tolist()
-        return numbers
-
 
 def index_chunk(path: Path, file: BinaryIO, chunk: Chunk) -> ChunkIndex:
     """Unpack and verify a chunk, and find its messages.

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import BinaryIO, Self
 
 import msgspec
+import numpy as np
 from mcap.records import Channel
 
 from neurosnap import wire
@@ -261,7 +262,7 @@ class RecordingFile:
         """Return the messages of a chunk; channels registered in it go first."""
         found = index_chunk(self.path, file, chunk)
         topics = {**self.topics, **self._named(found.registered.values())}
-        for number in found.present():
+        for number in np.flatnonzero(np.bincount(found.channels)).tolist():
             if number not in topics:
                 rule = "channel must be registered"
                 raise damaged_in(self.path, chunk, rule, number)
