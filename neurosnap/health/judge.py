@@ -1,6 +1,5 @@
 """Judges sensors step by step by what was learned, within a budget of alarms."""
 
-import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +23,6 @@ from neurosnap.health.expectation import REACH, WINDOWS, features
 from neurosnap.health.learning import LearnedRates, heard, per_step
 from neurosnap.health.steps import DAY, STEP, WEEK
 from neurosnap.health.tail import weekly
-from neurosnap.poc.learning.archive import Arrays
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -37,12 +35,6 @@ _CALM = DAY
 """Steps for which it must be."""
 _ACCEPTED = 2 * WEEK
 """Steps after which a changed rate is how the home is now."""
-
-
-_STATE = (
-    *("recent", "clocks", "sums", "evidence", "since", "strain"),
-    *("kind", "raised_at", "calm", "raised"),
-)
 
 
 class RateChanges(NamedTuple):
@@ -82,10 +74,6 @@ class Judge:
         self.raised = np.zeros(0, np.int64)
         """The steps in which alarms were raised lately."""
 
-    def copy(self) -> "Judge":
-        """Return one that goes on by itself from here."""
-        return copy.deepcopy(self)
-
     def remember(self, came_on: NDArray[np.int32], valid: Flags) -> None:
         """Remember which sensors came on in a step; judge nothing.
 
@@ -94,23 +82,6 @@ class Judge:
             valid: ``(sensors,)``, which readings are known.
         """
         self.recent = np.concatenate([self.recent[1:], ((came_on > 0) & valid)[None]])
-
-    def arrays(self) -> Arrays:
-        """Return the state by name."""
-        return {f"judge_{name}": getattr(self, name) for name in _STATE}
-
-    def restore(self, arrays: Arrays) -> None:
-        """Take the state that `arrays` gave.
-
-        Raises:
-            KeyError: Something is missing.
-            ValueError: It is of another number of sensors.
-        """
-        for name in _STATE:
-            mine, given = getattr(self, name), arrays[f"judge_{name}"]
-            if name != "raised" and mine.shape != given.shape:
-                raise ValueError(f"{name} must be {mine.shape}, got {given.shape}")
-            setattr(self, name, given.astype(mine.dtype))
 
     def step(
         self,

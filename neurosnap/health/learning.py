@@ -19,7 +19,6 @@ from neurosnap.health.evidence import (
 from neurosnap.health.expectation import WINDOWS
 from neurosnap.health.steps import DAY, WEEK, Steps
 from neurosnap.health.tail import tail_of
-from neurosnap.poc.learning.archive import Arrays
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -31,9 +30,6 @@ OCCASIONS = 5
 LEAST_STEPS = 3 * DAY
 _LATELY = 6
 """Steps in which another sensor must have come on for silence to count."""
-
-
-_ARRAYS = ("weights", "scales", "tails", "known")
 
 
 @dataclass(frozen=True)
@@ -50,21 +46,6 @@ class LearnedRates:
     """``(sensors,)``, which sensors are known well enough to be judged."""
     least: float
     """The least rate a step that is ever expected."""
-
-    def arrays(self) -> Arrays:
-        """Return all of it by name."""
-        made = {name: np.asarray(getattr(self, name)) for name in _ARRAYS}
-        return made | {"least": np.array(self.least)}
-
-    @classmethod
-    def from_arrays(cls, arrays: Arrays) -> "LearnedRates":
-        """Return what has these arrays.
-
-        Raises:
-            KeyError: One is missing.
-        """
-        named = {name: arrays[name] for name in _ARRAYS}
-        return cls(**named, least=float(arrays["least"]))
 
 
 def learn(steps: Steps, valid: Flags) -> LearnedRates:

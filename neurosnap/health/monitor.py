@@ -7,7 +7,6 @@ is not.
 """
 
 from collections.abc import Sequence
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,6 @@ from neurosnap.health.judge import WELL, Judge
 from neurosnap.health.learning import ACTIVATIONS, LEAST_STEPS, LearnedRates, learn
 from neurosnap.health.steps import DAY, WEEK, Steps
 from neurosnap.health.tail import weekly
-from neurosnap.poc.learning.archive import Archived, Arrays
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -32,24 +30,19 @@ _SLACK = WEEK
 """Steps that may be kept beyond, so that dropping old ones costs little."""
 
 
-class HealthMonitor(Archived):
+class HealthMonitor:
     """The health of the sensors of a home.
 
     Args:
         names: Of the sensors.
         alarms: The budget, such as ``1/week``.
-        learns: Whether it learns by itself as time passes; else by `relearn` alone.
 
     Raises:
         InvalidValueError: The budget has another form.
     """
 
-    def __init__(
-        self, names: Sequence[str], alarms: str = "1/week", *, learns: bool = True
-    ) -> None:
+    def __init__(self, names: Sequence[str], alarms: str = "1/week") -> None:
         self._names = list(names)
-        self._budget = alarms
-        self._learns = learns
         count = len(self._names)
         self._first = 0
         self._kept = 0
@@ -131,11 +124,11 @@ class HealthMonitor(Archived):
             else:
                 self.judge.remember(steps.came_on[at], known)
             self._seen += 1
-            if self._learns and self._seen >= self._next:
-                self.relearn()
+            if self._seen >= self._next:
+                self._learn()
         return begun, ended
 
-    def relearn(self) -> None:
+    def _learn(self) -> None:
         """Learn from what was kept."""
         self.learned = learn(self.history(), self._valid[: self._kept])
         self._next = self._seen + (DAY if self._seen < 2 * WEEK else WEEK)
@@ -145,12 +138,6 @@ class HealthMonitor(Archived):
         return Steps(
             self._came_on[: self._kept], self._longest[: self._kept], self._first
         )
-
-    def alarm(self, sensor: int) -> Alarm | None:
-        """Return the alarm that a sensor is in, with what is known now."""
-        if self.judge.kind[sensor] == WELL:
-            return None
-        return self._told(sensor, self.now - 1)
 
     def _keep(
         self, came_on: NDArray[np.int32], longest: NDArray[np.float32], known: Flags
@@ -205,46 +192,6 @@ class HealthMonitor(Archived):
         if kind == CHATTER:
             return float(np.log(self._came_on[:until, sensor][valid].max(initial=1)))
         return 0.0
-
-    def arrays(self) -> Arrays:
-        """Return its whole state as arrays, by name."""
-        kept = slice(self._kept)
-        head = {
-            "names": np.array(self._names),
-            "budget": np.array(self._budget),
-            "counts": np.array(
-                [self._first, self._kept, self._seen, self._next, self._learns],
-                np.int64,
-            ),
-            "came_on": self._came_on[kept],
-            "longest": self._longest[kept],
-            "valid": self._valid[kept],
-            "activations": self._activations,
-        }
-        learned = {} if self.learned is None else self.learned.arrays()
-        return head | self.judge.arrays() | learned
-
-    @classmethod
-    def from_arrays(cls, arrays: Arrays) -> Self:
-        """Return what has these arrays.
-
-        Raises:
-            ValueError: They make no sense.
-        """
-        try:
-            names = [str(name) for name in arrays["names"]]
-            first, kept, seen, later, learns = map(int, arrays["counts"])
-            made = cls(names, str(arrays["budget"]), learns=bool(learns))
-            for own in ("came_on", "longest", "valid"):
-                getattr(made, f"_{own}")[:kept] = arrays[own]
-            made._first, made._kept, made._seen, made._next = first, kept, seen, later
-            made._activations[:] = arrays["activations"]
-            made.judge.restore(arrays)
-            if "weights" in arrays:
-                made.learned = LearnedRates.from_arrays(arrays)
-        except (KeyError, TypeError, IndexError) as error:
-            raise ValueError(f"must be whole, {error!r} is missing or wrong") from error
-        return made
 
 
 _HOUR = WINDOWS[1]

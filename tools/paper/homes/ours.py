@@ -1,6 +1,7 @@
 """The health monitor as a method: it follows the home once, and faults branch off."""
 
 import bisect
+from copy import deepcopy
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +44,7 @@ class Watched:
             now = float((self.steps.first + at) * STEP)
             if now >= start and (now - start) % SEGMENT == 0 and monitor.learned:
                 self.begins.append(now)
-                self.judges.append(monitor.judge.copy())
+                self.judges.append(deepcopy(monitor.judge))
                 self.learned.append(monitor.learned)
             monitor.follow(part(self.steps, at, at + 1))
             _note(monitor.judge, now + STEP, open_, self.mentions)
@@ -53,7 +54,7 @@ class Watched:
     def at(self, begin: float) -> tuple[Judge, LearnedRates]:
         """Return the state at the beginning of a segment."""
         place = bisect.bisect_left(self.begins, begin)
-        return self.judges[place].copy(), self.learned[place]
+        return deepcopy(self.judges[place]), self.learned[place]
 
 
 def part(steps: Steps, low: int, high: int) -> Steps:
@@ -96,7 +97,7 @@ class Ours:
         watched = self._watched
         judge, learned = watched.at(begin)
         found = [
-            self._alone(judge.copy(), learned, each, sensor, begin, end)
+            self._alone(deepcopy(judge), learned, each, sensor, begin, end)
             for each in (home, watched.home)
         ]
         alarm = np.flatnonzero(found[0] & ~found[1])
