@@ -62,8 +62,7 @@ class Source(Protocol):
     def step(self, action: int) -> Observed | None:
         """Return the observation that follows a choice; None if it is over, for good.
 
-        Choices count from 0: where actions exclude each other, a choice is an action;
-        otherwise its bits say which are taken. A live source may make its caller wait.
+        Choices count from 0. A live source may make its caller wait.
         """
 
     def close(self) -> None:
