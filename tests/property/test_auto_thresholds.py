@@ -137,7 +137,7 @@ def has_cycle(edges: set[tuple[int, int]]) -> bool:
     return False
 
 
-@examples(30)
+@examples(15)
 @given(noisy_walks(), st.integers(1, 1400))
 def test_it_is_what_its_observations_say(walk: tuple[Bits, Bits], cut: int) -> None:
     bits, known = walk
@@ -199,55 +199,6 @@ def _turned(found: object) -> object:
     values = {name: getattr(found, name) for name in type(found).__slots__}  # type: ignore[attr-defined]
     values["both"], values["neither"] = values["neither"], values["both"]
     return type(found)(**values)
-
-
-def learned(bits: Bits) -> EmpiricalSnapshot:
-    snapshot = EmpiricalSnapshot(bits.shape[1], "auto")
-    for now in bits:
-        snapshot.learn(now)
-    return snapshot
-
-
-def test_one_exception_does_not_undo_what_was_confirmed_often() -> None:
-    rng = np.random.default_rng(1)
-    level = rng.random(2400)
-    bits = np.stack([level < 0.3, level < 0.6], axis=1)
-    bits[2000] = True, False
-    snapshot = learned(bits[:2000])
-    for now in bits[2000:]:
-        snapshot.learn(now)
-        assert snapshot.evidence(0, 2).holds
-    assert snapshot.evidence(0, 2).since < 100
-    strict = EmpiricalSnapshot(2, 1e-5)
-    for now in bits:
-        strict.learn(now)
-    assert not strict.evidence(0, 2).holds
-
-
-def test_what_is_rare_is_not_believed_because_it_is_rare() -> None:
-    rng = np.random.default_rng(2)
-    bits = rng.random((6000, 2)) < 0.04
-    bits[100] = True
-    assert (bits[:, 0] & bits[:, 1]).sum() < EmpiricalSnapshot.THRESHOLD * 6000
-    usual = EmpiricalSnapshot(2)
-    for now in bits:
-        usual.learn(now)
-    assert usual.evidence(0, 3).holds
-    assert not learned(bits).evidence(0, 3).holds
-
-
-def test_ticks_at_which_nothing_changes_are_no_evidence() -> None:
-    rng = np.random.default_rng(3)
-    level = rng.random(30)
-    short = np.stack([level < 0.3, level < 0.6], axis=1)
-    long = short.repeat(100, axis=0)
-    long[[7, 70]] = True, False
-    bits = np.concatenate([rng.random((3000, 1))] * 2, axis=1) < [0.3, 0.6]
-    bits[[7, 70]] = True, False
-    assert learned(bits).evidence(0, 2).holds
-    found = learned(long).evidence(0, 2)
-    assert (found.total, found.against < found.both / 100) == (3000, True)
-    assert not found.holds
 
 
 def test_a_grown_sensor_is_as_it_was_after_it_is_saved() -> None:

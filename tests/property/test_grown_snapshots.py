@@ -13,6 +13,7 @@ from neurosnap.poc.learning.history import History, Newborn, conjunction
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.poc.learning.search import answered
 from neurosnap.sensorium import Sensorium
+from tests.support.hypothesis_settings import examples
 
 Bits = NDArray[np.bool_]
 Members = tuple[tuple[int, ...], tuple[int, ...]]
@@ -95,6 +96,7 @@ def newborn_of(
 
 
 @pytest.mark.parametrize("kind", ["empirical", "discounted"])
+@examples(60)
 @given(walks())
 def test_it_is_as_if_it_had_been_there_as_long_as_the_history_goes_back(
     kind: str, walk: tuple[Bits, Bits, Members, int]

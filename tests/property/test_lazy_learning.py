@@ -151,7 +151,7 @@ def sources(draw: st.DrawFn) -> Bits:
     sensors = draw(st.integers(1, 70))
     lengths = st.sampled_from([1, 31, 64, 200, 900])
     stretches = draw(
-        st.lists(st.tuples(st.sampled_from(KINDS), lengths), min_size=1, max_size=5)
+        st.lists(st.tuples(st.sampled_from(KINDS), lengths), min_size=1, max_size=3)
     )
     rows = np.vstack(
         [readings_of(kind, sensors, ticks, rng) for kind, ticks in stretches]

@@ -1,6 +1,5 @@
 """Snapshots of observations with unknown readings equal counts kept pair by pair."""
 
-import dataclasses
 import itertools
 from collections import Counter
 from fractions import Fraction
@@ -237,42 +236,6 @@ def test_vectors_do_not_show_in_larger_snapshots(
         edges = derived(w, share)
         assert (weighted.poc_graph().edges == edges).all()
         w = truncated(w, edges)
-
-
-@KINDS
-@given(run=partial_runs(), tau=SHARES, data=st.data())
-def test_pairs_with_an_unknown_reading_are_not_touched(
-    kind: type[Snapshot],
-    run: tuple[int, list[Reading]],
-    tau: float,
-    data: st.DataObject,
-) -> None:
-    sensors = run[0]
-    snapshot = made(kind, run, tau)
-    twin = Snapshot.from_bytes(snapshot.to_bytes())
-    some = bit_rows(sensors)
-    bits, known = data.draw(some), data.draw(some)
-    snapshot.learn(bits, known)
-    for a, b in oracles.proper_pairs(2 * sensors):
-        if not (known[a // 2] and known[b // 2]):
-            then, now = twin.evidence(a, b), snapshot.evidence(a, b)
-            seldom = 2 * now.total < snapshot.clock and now.limit < 1
-            if kind is EmpiricalSnapshot and seldom:  # too much so, by now
-                then = dataclasses.replace(then, holds=False, since=now.since)
-            assert now == then
-
-
-@KINDS
-@given(run=partial_runs(), tau=SHARES)
-def test_bits_of_unknown_readings_mean_nothing(
-    kind: type[Snapshot], run: tuple[int, list[Reading]], tau: float
-) -> None:
-    other = [
-        ([on if k else not on for on, k in zip(bits, known, strict=True)], known)
-        for bits, known in run[1]
-    ]
-    twin = made(kind, (run[0], other), tau)
-    assert twin.to_bytes() == made(kind, run, tau).to_bytes()
 
 
 @KINDS

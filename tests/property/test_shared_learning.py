@@ -34,7 +34,7 @@ def readings(
     """Sensors that stay for a while, some copies of others, some never known."""
     rng = np.random.default_rng(seed)
     bits, some = rng.integers(0, 2, sensors), []
-    for tick in range(rng.integers(60, 200)):
+    for tick in range(rng.integers(50, 100)):
         bits = np.where(rng.random(sensors) < 0.2, rng.integers(0, 2, sensors), bits)
         bits[1::3] = bits[: len(bits[1::3])]
         lacks = unknown and tick > 40

@@ -7,7 +7,6 @@ import pytest
 
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.dual.homology import CellComplex, cubes_among
-from tests.support.simplices import simplicial
 
 # The projective plane with six vertices: over GF(2) it has homology in dimension 2.
 PLANE = [
@@ -22,22 +21,6 @@ PLANE = [
     (2, 4, 5),
     (3, 4, 5),
 ]
-
-
-@pytest.mark.parametrize(
-    ("simplices", "betti"),
-    [
-        ([(0,)], (1,)),
-        ([(0,), (1,)], (2,)),
-        ([(0, 1), (1, 2), (0, 2)], (1, 1)),
-        ([(0, 1, 2)], (1, 0, 0)),
-        ([(0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)], (1, 0, 1)),
-        (PLANE, (1, 1, 1)),
-        ([], ()),
-    ],
-)
-def test_shapes_of_simplices(simplices: list[tuple[int, ...]], betti: Any) -> None:
-    assert simplicial(simplices).betti_numbers() == betti
 
 
 def test_the_surface_of_a_cube_and_the_cube() -> None:

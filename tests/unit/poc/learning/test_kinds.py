@@ -24,20 +24,6 @@ def test_nothing_seen_means_no_edges_and_no_state(kind: Kind) -> None:
     assert not kind.from_bytes(snapshot.to_bytes()).poc_graph().edges.any()
 
 
-def test_the_first_weights_are_none_or_uniform() -> None:
-    assert EmpiricalSnapshot(2).weight(0, 3) == 0
-    assert DiscountedSnapshot(2).weight(1, 3) == 0.25
-
-
-@KINDS
-@pytest.mark.parametrize("sensors", [0, 1])
-def test_few_sensors_are_a_snapshot_too(kind: Kind, sensors: int) -> None:
-    snapshot = kind(sensors)
-    assert snapshot.observe([True] * sensors).tolist() == [True, False] * sensors
-    assert not snapshot.observe([True] * sensors, [False] * sensors).any()
-    assert kind.from_bytes(snapshot.to_bytes()).to_bytes() == snapshot.to_bytes()
-
-
 @KINDS
 def test_learning_leaves_the_state_to_whoever_adopts_one(kind: Kind) -> None:
     snapshot = kind(2)
@@ -137,17 +123,6 @@ def test_the_clock_stops_where_counts_would_overflow() -> None:
     with pytest.raises(InvalidValueError, match=r"^clock: must stay below 2\*\*32, "):
         snapshot.observe([True, False])
     assert snapshot.to_bytes() == before
-
-
-@KINDS
-def test_observations_of_any_memory_layout_do(kind: Kind) -> None:
-    wide = np.array([True, False, False, True])
-    strided, frozen = wide[::3], wide[1:3].copy()
-    frozen.flags.writeable = False
-    snapshot = kind(2)
-    assert snapshot.observe(strided).tolist() == [True, False, True, False]
-    assert snapshot.learn(frozen) in (True, False)
-    assert snapshot.clock == 2
 
 
 def test_a_discounted_weight_is_zero_from_the_tolerance_down() -> None:

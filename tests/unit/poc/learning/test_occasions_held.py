@@ -45,11 +45,3 @@ def test_they_are_those_of_the_last_ticks(rows: list[list[float]]) -> None:
 
     expected = [min(runs(a, b), runs(a ^ 1, b ^ 1)) for a, b in links]
     assert held.tolist() == expected
-
-
-def test_a_door_that_stays_open_is_one_occasion() -> None:
-    shut, ajar = [0.0, 0.0, 0.0], [1.0, 1.0, 0.0]
-    history = history_of([shut, *[ajar] * 5, shut, ajar])
-    (held,) = history.occasions_held(np.array([0]), np.array([2]))
-    assert held == 2
-    assert history.occasions_held(np.array([0]), np.array([1])).tolist() == [0]
