@@ -5,7 +5,6 @@ import contextlib
 import re
 import signal
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import msgspec
 import pytest
@@ -17,8 +16,7 @@ from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime import remote_parts
 from neurosnap.runtime.network import Network
 from neurosnap.runtime.parts.job import Job, PartConnection
-from neurosnap.runtime.request import RunRequest, Site, Supervision, Watcher
-from neurosnap.runtime.run import run
+from neurosnap.runtime.request import Site
 from neurosnap.runtime.service import serve
 from neurosnap.runtime.supervisor import RunningPart, Supervisor
 from tests.support.disturbed_runs import (
@@ -29,11 +27,6 @@ from tests.support.disturbed_runs import (
 )
 from tests.support.hanging_worlds import SILENT, ending_world
 from tests.support.ports import free_port
-
-if TYPE_CHECKING:
-    import psutil
-
-    from neurosnap.runtime.request import Restart
 
 pytestmark = [
     pytest.mark.zenoh,
@@ -49,15 +42,6 @@ def test_a_run_that_dies_too_often_is_given_up(tmp_path: Path) -> None:
         disturbed.run((20, ("world",)), (20, ("world",)))
     assert len(disturbed.restarts) == 1
     assert verify(log).ticks >= disturbed.flushed[-1] - 1 > disturbed.restarts[0].tick
-
-
-def test_a_run_is_not_continued_unless_wanted(tmp_path: Path) -> None:
-    log = tmp_path / "log"
-    disturbed = Disturbed(options_for(ENDLESS), log, restart="never")
-    with pytest.raises(PartDiedError, match=r"^cell/0: must not end before"):
-        disturbed.run((20, ("cell/0",)))
-    assert not disturbed.restarts
-    assert verify(log).ticks >= disturbed.flushed[0] - 1 > 0
 
 
 def test_a_run_given_up_before_a_tick_of_its_own_keeps_what_there_was(
@@ -121,31 +105,6 @@ def test_a_world_that_hangs_is_named_and_treated_like_one_that_died(
         disturbed.run()
     assert [event.tick for event in disturbed.restarts] == [6]
     assert verify(log).ticks == 6
-
-
-def test_a_run_whose_world_is_held_goes_on_with_another(tmp_path: Path) -> None:
-    options = msgspec.structs.replace(options_for(ENDLESS), deadline=1.0)
-    held: list[psutil.Process] = []
-    restarts: list[Restart] = []
-    stop = asyncio.Event()
-
-    def hold(tick: int) -> None:
-        if not held and tick > 50:
-            held.extend(one for one in parts() if one.name() == "world")
-            held[0].send_signal(signal.SIGSTOP)
-        elif restarts and tick > restarts[0].tick:
-            stop.set()
-
-    log = tmp_path / "log"
-    request = RunRequest(options, log, supervision=Supervision())
-    running = run(request, stop, Watcher(hold, on_restart=restarts.append))
-    outcome = asyncio.run(running)
-    said = r"^coordinator: world: must answer the decision of tick \d+ within 3 s"
-    assert re.search(said, restarts[0].why)
-    assert outcome.restarts == len(restarts)
-    verdict = verify(log)
-    assert verdict.same
-    assert verdict.complete
 
 
 def test_a_world_elsewhere_that_hangs_is_named(
