@@ -13,14 +13,7 @@ from contextlib import suppress
 from typing import Any
 
 import msgspec
-from msgspec.inspect import (
-    ListType,
-    Metadata,
-    StructType,
-    Type,
-    UnionType,
-    VarTupleType,
-)
+from msgspec.inspect import StructType
 
 from neurosnap.apps.config.tables import Config
 from neurosnap.protocol.option import declared
@@ -34,13 +27,12 @@ def schema() -> dict[str, Any]:
         table["description"] = inspect.getdoc(kind)
         # Unknown keys are refused, whatever a struct does with them elsewhere.
         table["additionalProperties"] = False
-        for name, text in (*texts_below(kind), *_option_texts(kind)):
+        texts = dict(texts_below(kind))
+        for one in declared(kind):
+            default = f" Default: {one.shown.default}." if one.shown.default else ""
+            texts[one.field] = one.shown.text + default
+        for name, text in texts.items():
             table["properties"][name]["description"] = text
-        # What a table itself declares stands before what it has from elsewhere.
-        own = inspect.get_annotations(kind)
-        table["properties"] = dict(
-            sorted(table["properties"].items(), key=lambda key: key[0] not in own)
-        )
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "A run of neurosnap",
@@ -68,29 +60,15 @@ def _in_toml(value: Any) -> Any:  # noqa: ANN401 - any part of a schema
     return kept
 
 
-def _structs(kind: Type) -> Iterator[type[msgspec.Struct]]:
-    """Return the structs that a type is made of."""
-    match kind:
-        case Metadata():
-            yield from _structs(kind.type)
-        case StructType():
-            yield kind.cls
-            for field in kind.fields:
-                yield from _structs(field.type)
-        case UnionType():
-            for one in kind.types:
-                yield from _structs(one)
-        case ListType() | VarTupleType():
-            yield from _structs(kind.item_type)
-        case _:
-            return
-
-
-def _option_texts(kind: type[msgspec.Struct]) -> Iterator[tuple[str, str]]:
-    """Return the fields that are options of a run, and the help of each."""
-    for one in declared(kind):
-        default = f" Default: {one.shown.default}." if one.shown.default else ""
-        yield one.field, one.shown.text + default
+def _structs(kind: Any) -> Iterator[type[msgspec.Struct]]:  # noqa: ANN401 - its parts
+    """Return the structs that a type of `msgspec.inspect` is made of."""
+    if isinstance(kind, StructType):
+        yield kind.cls
+    inner = [getattr(kind, name, None) for name in ("type", "item_type")]
+    inner += [field.type for field in getattr(kind, "fields", ())]
+    for one in (*inner, *getattr(kind, "types", ())):
+        if one is not None:
+            yield from _structs(one)
 
 
 def texts_below(kind: type[msgspec.Struct]) -> Iterator[tuple[str, str]]:

@@ -24,7 +24,7 @@ from neurosnap.apps.cli.shared import (
 from neurosnap.errors import NeurosnapError
 
 if TYPE_CHECKING:
-    from neurosnap.apps.export.learned import Learned
+    from neurosnap.apps.export.learned import Findings
     from neurosnap.recording.read.recording import Recording
     from neurosnap.sources.tables.readings import Readings
 
@@ -146,7 +146,7 @@ def learn(
             end_by(found)
 
 
-def _lines(learned: "Learned", most: int, more: str) -> Iterator[str]:
+def _lines(learned: "Findings", most: int, more: str) -> Iterator[str]:
     """Yield the strongest relations as a table, and where the others are."""
     from neurosnap.apps.export.learned import HEADS
 

@@ -59,7 +59,7 @@ def open_data(data: Path, wanted: Wanted = _ALL) -> Recording | Readings:
 
 
 @dataclass(frozen=True)
-class Learned:
+class Findings:
     """The relations of some sensors, and the order, if one was learned."""
 
     source: str
@@ -203,7 +203,7 @@ def learned_from(
     at: int | None = None,
     every: bool = False,
     on_progress: OnProgress | None = None,
-) -> Learned:
+) -> Findings:
     """Return what readings say, or what the run of a recording has learned.
 
     Args:
@@ -243,7 +243,7 @@ def learned_from(
             )
             how = f"threshold {threshold}"
     rows = tabulate(columns, snapshot, every, on_progress)
-    return Learned(source, readings, how, rows, snapshot, births)
+    return Findings(source, readings, how, rows, snapshot, births)
 
 
 def _check_room(sensors: int) -> None:
