@@ -35,12 +35,6 @@ def test_no_sensors_and_no_edges_are_graphs_too() -> None:
     assert PocGraph.from_implications(2, []).height() == 0
 
 
-def test_the_diagonal_is_ignored_and_the_argument_left_alone() -> None:
-    edges = np.eye(4, dtype=np.bool_)
-    assert not PocGraph(edges).edges.any()
-    assert edges.trace() == 4
-
-
 def test_what_a_graph_hands_out_cannot_change_it() -> None:
     for array in (CHAIN.edges, CHAIN.hasse(), CHAIN.heights(), CHAIN.representative):
         with pytest.raises(ValueError, match="read-only"):
@@ -113,16 +107,6 @@ def test_a_set_is_of_literals(given: Any, rule: str) -> None:
     for closure in (CHAIN.up, CHAIN.down):
         with pytest.raises(InvalidValueError, match=f"^{re.escape(rule)}"):
             closure(given)
-
-
-def test_sets_are_bool_arrays_or_literals() -> None:
-    chosen = np.zeros(6, np.bool_)
-    chosen[0] = True
-    assert (CHAIN.up(chosen) == CHAIN.up([0])).all()
-    assert (CHAIN.up(np.array([0, 0])) == CHAIN.up({0})).all()
-    assert chosen.sum() == 1
-    with pytest.raises(InvalidValueError, match=r"^b: must be a literal, .* got 6$"):
-        CHAIN.leq(0, 6)
 
 
 def test_an_unknown_kind_of_wiring_is_refused() -> None:

@@ -83,16 +83,6 @@ def test_a_graph_with_names_and_without() -> None:
         PocSet.from_graph(given)
 
 
-def test_fields_give_their_inclusions() -> None:
-    rows = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 1, 0], [1, 1, 1]]
-    poc = PocSet.of_realization(rows, ["none", "a", "b", "same", "all"])
-    assert poc.negligible[poc.element("none")]
-    assert poc.ubiquitous[poc.element("all")]
-    assert poc.leq("none", "a")
-    assert poc.leq("a", "b")
-    assert poc.equal("b", "same")
-
-
 @pytest.mark.parametrize(
     ("rows", "names", "message"),
     [
@@ -190,14 +180,6 @@ def test_sums_keep_names_apart() -> None:
     given: Any = "c"
     with pytest.raises(InvalidValueError, match=r"^summand: must be a PocSet"):
         one.direct_sum(given)
-
-
-def test_parts_keep_what_holds_among_them() -> None:
-    poc = PocSet.parse("a, b, c, d : a < b < c*, d <= d*")
-    assert str(poc.restricted(["c", "a"])) == "c, a : c < a*"
-    assert poc.restricted(["d"]).negligible.tolist() == [True, False]
-    with pytest.raises(UnknownSensorError):
-        poc.restricted(["x"])
 
 
 def test_what_is_given_out_cannot_be_changed() -> None:
