@@ -30,6 +30,10 @@ if TYPE_CHECKING:
     from neurosnap.sources.mqtt.options import MqttSensor
     from neurosnap.sources.mqtt.topic_survey import HeardTopic, Survey
 
+from collections.abc import Mapping, Sequence
+
+from neurosnap.sources.mqtt.options import MqttSensor
+
 _SHOWN = 3  # values of a topic in a line
 _EXAMPLE = "Example: neurosnap init topics homeassistant.local --out home.toml"
 
@@ -128,8 +132,6 @@ def _broker(host: str, given: dict[str, Any]) -> MqttBroker:
 
 def _write(out: Path, broker: MqttBroker, survey: "Survey", *, force: bool) -> None:
     """Write a file that runs on the topics that look like sensors."""
-    from neurosnap.apps.config.mqtt_file import mqtt_file
-
     if not (sensors := survey.sensors()):
         rule = "must have a topic that looks like a sensor"
         raise NeurosnapError(f"broker: {rule}, got none in what came")
@@ -256,3 +258,62 @@ def keys(
             "another machine needs ca.pem and the .pem and .key of its parts' roles",
         )
         print_facts(form, made)
+
+
+_BEGIN = """\
+# What `neurosnap init topics` found at {address}. Delete what is of no use, name the rest as
+# you like, and then: neurosnap run THIS_FILE
+
+[source]
+kind = "mqtt"
+#stale_after = 3600          # seconds; a sensor that is silent for longer is unknown
+
+[source.broker]
+{broker}
+
+[source.tick]                # a tick whenever a reading has changed, or
+min_interval = 0.5           # seconds
+max_interval = 60.0
+{sensors}
+[source.publish]             # beliefs, anomalies; Home Assistant sees them
+prefix = "neurosnap"
+
+[supervision]
+restart = "always"
+"""
+
+
+def mqtt_file(
+    broker: MqttBroker, sensors: Sequence[MqttSensor], said: Mapping[str, str]
+) -> str:
+    """Return the text of a file that describes a run on `sensors`.
+
+    Args:
+        broker: Where they are.
+        sensors: One at least.
+        said: What was heard of each, by its name, for a comment.
+    """
+    tables = "".join(
+        f"\n[[source.sensors]]  # {_plain(said[sensor.name])}\n{_keys(sensor)}\n"
+        for sensor in sensors
+    )
+    return _BEGIN.format(address=broker.address, broker=_keys(broker), sensors=tables)
+
+
+def _keys(table: msgspec.Struct) -> str:
+    """Return a line for each key that is not what it would be anyway."""
+    lines = []
+    for field in msgspec.structs.fields(table):
+        value = getattr(table, field.name)
+        if value != field.default or field.name == "host":
+            lines.append(f"{field.name} = {_value(value)}")
+    return "\n".join(lines)
+
+
+def _value(value: object) -> str:
+    # JSON's texts, numbers, lists and booleans are TOML's, but for one character.
+    return msgspec.json.encode(value).decode().replace("\x7f", "\\u007f")
+
+
+def _plain(text: str) -> str:
+    return "".join(letter if letter.isprintable() else "?" for letter in text)

@@ -23,9 +23,9 @@ from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.runtime.preflight import free_memory
 from neurosnap.sensorium import visible
 from neurosnap.sources.meaning import Wanted
+from neurosnap.sources.tables.csv_file import as_text
 from neurosnap.sources.tables.open_readings import first_bytes, open_readings
 from neurosnap.sources.tables.readings import Readings
-from neurosnap.system.csv_text import as_text
 
 HEADS = ("relation", "tested", "failed", "held in", "since", "last failure")
 """What stands above the cells of a row."""

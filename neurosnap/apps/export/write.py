@@ -1,7 +1,8 @@
 """Exports the ticks of a recording as CSV or Parquet, whole or not at all.
 
 CSV is UTF-8, with times in UTC, bits as 1 and 0, and unknown values empty; what a
-spreadsheet would run as a formula is marked as text, see `neurosnap.system.csv_text`.
+spreadsheet would run as a formula is marked as text, as
+`neurosnap.sources.tables.csv_file` says.
 Parquet has typed columns; unknown values are null.
 """
 
@@ -20,7 +21,7 @@ from neurosnap.errors import InvalidValueError, MissingExtraError
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.ticks import ticks
 from neurosnap.recording.replay.births import births_of
-from neurosnap.system.csv_text import as_text
+from neurosnap.sources.tables.csv_file import as_text
 from neurosnap.system.distribution import must_have
 
 WriteTable: TypeAlias = Callable[

@@ -6,9 +6,15 @@ read as it is gone through, and never held in memory.
 In a CSV file cells stand between commas, semicolons or tabs, in UTF-8. Rows of nothing
 but 0 and 1 are read without a look at each cell. A cell may be in quotes, but may not
 go over several lines: no name and no reading does.
+
+Names come from files and programs of other people. A spreadsheet that opens a CSV file
+runs what begins with ``=``, ``+``, ``-`` or ``@``, however it is quoted. An apostrophe
+in front stops that. It is taken off again when the file is read here, and text that
+begins with apostrophes and such a sign gets one more, so no name is changed on its way.
 """
 
 import csv
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple, Protocol
@@ -19,7 +25,6 @@ from numpy.typing import NDArray
 from neurosnap.errors import InvalidValueError, ShapeError, within
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.meaning import WORDS, Reader, Wanted
-from neurosnap.system.csv_text import as_written
 
 _BITS = frozenset({"0", "1"})
 _ZERO, _ONE = ord("0"), ord("1")
@@ -255,3 +260,29 @@ def _skipped(header: list[str], wanted: Wanted, where: str) -> int | None:
         if (header[0] in ("time", "") and len(header) > 1) or header == ["time"]
         else None
     )
+
+
+# Also as wide letters, which some spreadsheets take for the same; and behind what they
+# skip at the beginning.
+_FORMULA = re.compile(r"'*[\t\r\n]*[=+\-@＝＋－＠]")
+
+
+def as_text(text: str) -> str:
+    """Return `text` with an apostrophe before it if a spreadsheet would run it.
+
+    Example:
+        >>> as_text("=1+1"), as_text("door"), as_text("-")
+        ("'=1+1", 'door', '-')
+    """
+    # A lone sign is no formula; as a decision it says that nothing was done.
+    return f"'{text}" if len(text) > 1 and _FORMULA.match(text) else text
+
+
+def as_written(text: str) -> str:
+    """Return what `as_text` was given.
+
+    Example:
+        >>> as_written("'=1+1"), as_written("'tis")
+        ('=1+1', "'tis")
+    """
+    return text[1:] if text.startswith("'") and _FORMULA.match(text) else text

@@ -14,7 +14,7 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import visible
 from neurosnap.sources.csv_source import CsvSource
 from neurosnap.sources.open import open_source
-from neurosnap.system.csv_text import as_text, as_written
+from neurosnap.sources.tables.csv_file import as_text, as_written
 
 EVIL = "=cmd|'/c calc'!A1"
 TEXTS = st.text(st.sampled_from("'=+-@＝\t\r\nab"), max_size=6) | st.text()

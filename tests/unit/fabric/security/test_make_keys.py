@@ -13,7 +13,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.serialization import load_pem_private_key
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
-from neurosnap.apps.doctor import check_keys
+from neurosnap.apps.cli.check import check_keys
 from neurosnap.errors import FabricError, InvalidValueError, NeurosnapError
 from neurosnap.fabric.security.hub_address import Credentials
 from neurosnap.fabric.security.load_keys import read_credentials

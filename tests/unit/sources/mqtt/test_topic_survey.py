@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from neurosnap.apps.config.mqtt_file import mqtt_file
+from neurosnap.apps.cli.init import mqtt_file
 from neurosnap.apps.config.sources import MqttTable
 from neurosnap.sources.mqtt import topic_survey
 from neurosnap.sources.mqtt.options import MqttBroker, MqttSensor

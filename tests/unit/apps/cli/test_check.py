@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from neurosnap.apps import doctor
-from neurosnap.apps.doctor import examine
+import neurosnap.apps.cli.check as doctor
+from neurosnap.apps.cli.check import examine
 from neurosnap.runtime import preflight
 
 KERNELS = "NUMBA_CACHE_DIR"
