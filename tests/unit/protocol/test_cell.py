@@ -10,11 +10,9 @@ from neurosnap import wire
 from neurosnap.protocol.cell import Cell
 from tests.support import swarm_parts
 from tests.support.cell_messages import (
-    COMPLEMENT,
     OWN,
     ask,
     given_out,
-    observation,
     pulse,
     reports,
     sent,
@@ -299,58 +297,6 @@ def test_what_it_sends_for_what_it_receives(name: str) -> None:
     for batch, expected in scenes()[name]:
         said = cell.receive([received(text) for text in batch.split("; ")])
         assert "; ".join(map(shown, said)) == expected, batch
-
-
-@given(
-    own=st.sets(st.integers(4, 40), max_size=6),
-    complement=st.sets(st.integers(4, 40), max_size=6),
-    signal=st.sets(st.sampled_from([OWN, COMPLEMENT])),
-    signal_credit=st.integers(0, 5),
-    pulses=st.lists(
-        st.tuples(st.integers(4, 40), st.sampled_from([2, 3]), st.integers(0, 80)),
-        unique_by=lambda p: p[:2],
-        max_size=12,
-    ),
-    cut=st.integers(0, 12),
-)
-def test_what_credit_comes_in_goes_out_in_the_same_batch(
-    own: set[int],
-    complement: set[int],
-    signal: set[int],
-    signal_credit: int,
-    pulses: list[tuple[int, int, int]],
-    cut: int,
-) -> None:
-    cell = wired(*sorted(own), complement=sorted(complement))
-    out = cell.receive([start(1, *sorted(signal), credit=signal_credit)])
-    assert given_out(out) == len(signal) * share(signal_credit)
-    for batch in (pulses[:cut], pulses[cut:]):
-        came = sum((share(credit) for _, _, credit in batch), Fraction(0))
-        out = cell.receive([pulse(s, t, credit=e) for s, t, e in batch])
-        assert given_out(out) == came
-        assert sum(r.pulses for r in reports(out)) == len(sent(out))
-
-
-def test_a_message_that_comes_again_changes_nothing() -> None:
-    messages = [
-        wire.Wiring(1, 2, 1, add=(6,)),
-        observation(1, on=True),
-        wire.WaveStart(1, 1, "state", 2, 1, fence=1),
-        pulse(0, credit=2),
-        pulse(0, COMPLEMENT, credit=2),
-        wire.WaveStart(2, 1, "signal", 1, 1, (0, 3), fence=1, cell=1),
-        pulse(4, wave=2, fence=1),
-        pulse(4, wave=3, fence=1),
-        wire.Wiring(1, 3, 2, drop=(6,)),
-        observation(2, on=False),
-        wire.WaveStart(4, 2, "state", 2, 3, fence=4),
-    ]
-    once, often = wired(4), wired(4)
-    for number, message in enumerate(messages):
-        expected = once.receive([message])
-        assert often.receive([message]) == expected
-        for earlier in messages[: number + 1]:
-            assert often.receive([earlier]) == []
 
 
 # What is not for it -------------------------------------------------------------------

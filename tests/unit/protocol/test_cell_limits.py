@@ -75,34 +75,6 @@ def test_what_cannot_be_right_is_a_fault_and_changes_nothing(
         assert tried.receive([message]) == clean.receive([message])
 
 
-@pytest.mark.parametrize(
-    "right",
-    [
-        start(FAR - 1),
-        pulse(FAR - 1),
-        start(8, tick=13),
-        wire.Wiring(1, FAR - 1, 0),
-        start(8, settled_below=8),
-    ],
-    ids=["wave", "pulse", "tick", "epoch", "settled"],
-)
-def test_what_is_only_just_right_is_taken(right: wire.Message) -> None:
-    said = under_way().receive([right])
-    assert not any(isinstance(one, wire.Fault) for one in said)
-
-
-def test_readings_of_ticks_to_come_do_not_displace_the_one_that_is_due() -> None:
-    cell = Cell(1)
-    for tick in range(LARGEST - 9, LARGEST):
-        cell.receive([wire.Observation(tick, b"\0")])
-    cell.receive([start(1, tick=1)])
-    for tick in (2, 3):
-        state = wire.WaveStart(tick, tick, "state", 0, 1, fence=tick)
-        (report,) = cell.receive([wire.Observation(tick, b"\2"), state])
-        assert isinstance(report, wire.CellReport)
-        assert report.literals == (OWN,)
-
-
 def flood(cell: Cell, messages: Callable[[int], wire.Message], most: int) -> list[str]:
     """Send until the cell complains; return what it says of the last few."""
     said: list[str] = []

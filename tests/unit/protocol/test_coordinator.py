@@ -10,7 +10,6 @@ from tests.support.coordinator_runs import (
     SENSORS,
     Asks,
     Swarm,
-    above,
     bits,
     new,
     observed,
@@ -19,23 +18,6 @@ from tests.support.coordinator_runs import (
 )
 
 # A run --------------------------------------------------------------------------------
-
-
-def test_an_observation_against_what_was_learned_is_marked() -> None:
-    states = only(wire.State, Swarm(new()).run(ROWS))
-    contradicted = [s.incoherent for s in states]
-    assert contradicted[-1]
-    assert not any(contradicted[:-1])
-    # Sensors 0 and 1 contradict each other and drop out; sensor 2 stays.
-    assert unpack(states[-1].literals, 6).tolist() == [False] * 5 + [True]
-
-
-def test_it_opens_with_a_decision_and_takes_one_a_tick() -> None:
-    decisions = only(wire.Decision, Swarm(new(Asks())).run(ROWS))
-    assert decisions[0] == wire.Decision(0, -1, "the run begins")
-    assert [(d.tick, d.action) for d in decisions[1:]] == [
-        (tick, tick) for tick in range(1, len(ROWS))
-    ]
 
 
 def test_the_last_tick_ends_the_run_with_a_whole_snapshot() -> None:
@@ -119,20 +101,6 @@ def test_everything_known_is_the_same_said_or_not() -> None:
 
 
 # Planning waves -----------------------------------------------------------------------
-
-
-def test_questions_are_answered_before_it_decides() -> None:
-    policy = Asks((0,), (2, 5), (3,))
-    said = Swarm(new(policy)).run(ROWS[:4])
-    assert [type(m) for m in said[-8:]] == [
-        wire.State,
-        *[wire.WaveStart] * 3,
-        *[wire.Reached] * 3,
-        wire.Decision,
-    ]
-    answers = [answer.tolist() for answer in policy.answers[-1]]
-    assert answers == above(ROWS[:4], (0,), (2, 5), (3,))
-    assert sum(answers[0]) > 1
 
 
 def test_answers_come_in_the_order_of_the_questions_however_waves_settle() -> None:

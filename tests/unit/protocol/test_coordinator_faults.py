@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from neurosnap import wire
-from neurosnap.errors import AnswerLostError
 from neurosnap.sensorium import complete
 from tests.support.coordinator_runs import (
     ROWS,
@@ -22,23 +21,10 @@ from tests.support.coordinator_runs import (
 # Out of turn --------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("tick", [1, 2, 4, 9])
-def test_an_observation_out_of_turn_is_a_fault_and_changes_nothing(tick: int) -> None:
-    swarm, other = Swarm(new()), Swarm(new())
-    swarm.run(ROWS[:2])
-    other.run(ROWS[:2])
-    fault = wire.Fault(
-        "coordinator", f"observation: must be tick 3, once, got tick {tick}"
-    )
-    assert swarm.core.receive(observed(tick, "111")) == [fault]
-    assert swarm.core.receive(fault) == []  # as it comes back to it
-    assert swarm.core.totals.faults == 1
-    assert swarm.observe(3, ROWS[2]) == other.observe(3, ROWS[2])
-
-
 @pytest.mark.parametrize(
     ("message", "what"),
     [
+        (wire.Observation(3, b"\0"), "observation: must be tick 1, once, got tick 3"),
         (
             wire.Observation(1, b"\0\0"),
             "observation: packed bits: must be 1 bytes long for 3 bits, got 2",
@@ -136,22 +122,6 @@ def test_an_overdue_planning_wave_still_answers_its_question() -> None:
     assert (reached.wave, reached.signal) == (late + 2, (0,))
     answers = [answer.tolist() for answer in policy.answers[-1]]
     assert answers == above([*ROWS[:4], "000"], (0,), (3,))
-
-
-def test_a_wave_that_stays_lost_names_credit_and_silent_cells() -> None:
-    swarm = Swarm(
-        new(Asks(), repeats=1),
-        lost=lambda m: isinstance(m, wire.CellReport) and m.cell == 2,
-    )
-    swarm.run(ROWS[:1])
-    assert swarm.core.in_flight == (1,)
-    assert only(wire.State, swarm.say(swarm.core.overdue(1))) == []
-    expected = (
-        r"^wave 2 \(tick 1\): must settle within its deadline, got 2 tries;"
-        r" missing credit 0\.\d+, silent cells: cell/2$"
-    )
-    with pytest.raises(AnswerLostError, match=expected):
-        swarm.core.overdue(2)
 
 
 def test_a_late_wave_is_repeated_with_what_is_known() -> None:

@@ -11,7 +11,6 @@ from neurosnap.agent.body import Body
 from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.run_options import RunOptions, SnapshotKind
-from neurosnap.protocol.wave_control import WaveControl
 from tests.support.swarm_parts import AnsweringSwarm, observation
 
 SENSORS = ("a", "b", "c", "d")
@@ -116,12 +115,3 @@ def test_a_key_frame_of_another_run_is_refused() -> None:
         Coordinator.from_key_frame(
             given, msgspec.structs.replace(frame, snapshot=b"none")
         )
-
-
-def test_waves_go_on_being_numbered() -> None:
-    control = WaveControl(3)
-    control.start_at(41, (7,))
-    assert (control.waves, control.wiring.epochs) == (41, (7,))
-    (start,) = control.start("state", 5)
-    assert isinstance(start, wire.WaveStart)
-    assert (start.wave, start.fence, start.settled_below) == (42, 42, 42)

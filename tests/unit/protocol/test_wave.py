@@ -45,18 +45,6 @@ def signal_wave(*signal: int) -> Wave:
     return Wave(1, 0, "signal", len(signal), signal)
 
 
-def test_it_settles_when_all_credit_is_back() -> None:
-    wave = signal_wave(0)
-    seen: list[tuple[bool, Fraction]] = []
-    assert wave.depth == 0
-    give(wave, report(1, [3, 2], [2, 2], hops=[2, 1], pulses=4))
-    seen.append((wave.is_settled, wave.missing))
-    give(wave, report(0, [0], [1], pulses=3))
-    seen.append((wave.is_settled, wave.missing))
-    assert seen == [(False, Fraction(1, 2)), (True, 0)]
-    assert (wave.hops, wave.depth, wave.pulses) == ({0: 0, 2: 1, 3: 2}, 2, 7)
-
-
 @pytest.mark.parametrize(
     ("seeds", "credit"), [(1, 0), (2, 1), (3, 2), (4, 2), (5, 3), (1000, 10)]
 )

@@ -36,17 +36,6 @@ def settled(wave: int, literal: int, *credit: int, epoch: int = 0) -> wire.CellR
 # Waves --------------------------------------------------------------------------------
 
 
-def test_a_state_wave_starts_in_the_cells_whose_reading_is_known() -> None:
-    control = WaveControl(SENSORS)
-    (start,) = control.start("state", 7, seeds=2)
-    assert start == wire.WaveStart(1, 7, "state", 1, 1, fence=1)
-    assert control.report(settled(1, 0, 1)) is None
-    (start,) = control.repeat(1, (0, 5))
-    assert start == wire.WaveStart(2, 7, "state", 1, 2, (0, 5), 1, 2)
-    assert control.report(settled(2, 0, 1)) is None
-    assert control.report(settled(2, 5, 1)) is not None
-
-
 def test_cells_are_told_which_waves_they_can_forget() -> None:
     control = WaveControl(SENSORS)
     assert begin(control, "signal", 0, (0,)).settled_below == 1

@@ -101,24 +101,6 @@ def test_a_recording_whose_length_is_damaged_is_no_cut_one(
     assert kept.read_bytes() == bad
 
 
-def test_what_the_recording_holds_is_not_kept(
-    log: Path, recordings: Recordings
-) -> None:
-    log.write_bytes(recordings[30, 3])
-    lives = RestartFiles(log)
-    past = gone_on(lives, options_of(30))
-    assert past is not None
-    assert (past.tick, names(log.parent)) == (29, ["run.mcap.broken"])
-    # A life that got no further leaves nothing.
-    log.write_bytes(recordings[5, 3])
-    assert gone_on(lives, options_of(5), past) == past
-    assert names(log.parent) == ["run.mcap.broken"]
-    log.write_bytes(recordings[60, 3])
-    lives.finish()
-    assert names(log.parent) == ["run.mcap"]
-    assert lives.kept == []
-
-
 def test_readings_that_another_life_did_not_see_are_kept(
     log: Path, recordings: Recordings
 ) -> None:

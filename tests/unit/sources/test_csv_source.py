@@ -85,32 +85,23 @@ def test_time_is_a_sensor_like_any_other_when_it_is_not_first(tmp_path: Path) ->
             'a,b\n0,1\n0,"1\n',
             "{}:3: must be CSV, got 'unexpected end of data'",
         ),
+        ("Tür,b\n0,1\n".encode("latin-1"), "{}: must be UTF-8 text, got b'"),
+        (README.encode("utf-16"), "{}: must be UTF-8 text, got b'"),
+        (
+            README.encode() + 999 * b"1,1\n" + b"\xff,1\n",
+            "{}: must be UTF-8 text, got b'",
+        ),
     ],
 )
 def test_a_bad_file_is_refused_with_row_and_column(
-    tmp_path: Path, text: str, message: str
+    tmp_path: Path, text: str | bytes, message: str
 ) -> None:
     path = written(tmp_path, text)
     with pytest.raises((InvalidValueError, ShapeError)) as caught:
         open_source(str(path), seed=0)
-    assert str(caught.value) == message.format(path)
-
-
-@pytest.mark.parametrize(
-    "data",
-    [
-        "Tür,b\n0,1\n".encode("latin-1"),
-        README.encode("utf-16"),
-        README.encode() + 999 * b"1,1\n" + b"\xff,1\n",
-    ],
-    ids=["latin-1", "utf-16", "late"],
-)
-def test_other_encodings_are_refused(tmp_path: Path, data: bytes) -> None:
-    path = written(tmp_path, data)
-    with pytest.raises(
-        InvalidValueError, match=r"readings\.csv: must be UTF-8 text, got b'"
-    ):
-        open_source(str(path), seed=0)
+    said = str(caught.value)
+    assert said.startswith(message.format(path))
+    assert said == message.format(path) or isinstance(text, bytes)
 
 
 def test_what_is_no_file_is_named(tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.errors import ShapeError
 from neurosnap.health.alarm import Standing
 from neurosnap.health.follower import Follower
 from neurosnap.health.steps import STEP
@@ -126,9 +125,3 @@ async def test_what_it_cannot_follow_ends_it(monkeypatch: pytest.MonkeyPatch) ->
     with pytest.raises(OverflowError, match="no more room"):
         async with asyncio.timeout(PATIENCE):
             await listener.serve(asyncio.Event())
-
-
-def test_an_observation_of_other_sensors_is_refused() -> None:
-    listener = HealthListener(BODY, "1/week", lambda _: None)
-    with pytest.raises(ShapeError):
-        listener.receive(wire.Observation(1, b"\x01\x01\x01"), 10**18)

@@ -220,16 +220,20 @@ async def test_others_go_on_while_a_live_source_is_waited_for() -> None:
         world.stop.set()
 
 
-async def test_a_live_source_that_is_over_ends_it() -> None:
-    source = Live(ROWS[:1])
-    source.let_go(2)
+@pytest.mark.parametrize("kind", [Live, Scripted])
+async def test_a_source_that_is_over_ends_it_and_is_closed_if_it_is_live(
+    kind: type[Scripted],
+) -> None:
+    source = kind(ROWS[:1])
+    if isinstance(source, Live):
+        source.let_go(2)
     async with running(source) as (world, task):
         world.decide(0)
         assert await world.hear() == wire.Observation(1, b"\x01", True)
         world.decide(1)
         async with asyncio.timeout(PATIENCE):
             await asyncio.wait([task])
-    assert source.closed
+    assert bool(source.closed) is (kind is Live)
 
 
 async def test_a_live_source_that_fails_says_why() -> None:
@@ -244,17 +248,6 @@ async def test_a_live_source_that_fails_says_why() -> None:
     assert isinstance(error, NeurosnapError)
     assert str(error) == "sensors: must answer, got nothing"
     assert source.closed
-
-
-async def test_a_source_that_is_not_live_is_closed_by_whoever_opened_it() -> None:
-    source = Scripted(ROWS[:1])
-    async with running(source) as (world, task):
-        world.decide(0)
-        world.decide(1)
-        async with asyncio.timeout(PATIENCE):
-            await asyncio.wait([task])
-    assert await world.hear() == wire.Observation(1, b"\x01", True)
-    assert not source.closed
 
 
 # In one process with all the others ---------------------------------------------------

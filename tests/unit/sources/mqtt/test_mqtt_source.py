@@ -2,7 +2,6 @@
 
 import re
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -35,11 +34,6 @@ def test_a_topic_feeds_every_sensor_whose_filter_it_matches(
     for topic in topics * 2:
         expected = [k for k, wildcard in enumerate(filters) if matches(wildcard, topic)]
         assert list(routes.of(topic)) == expected
-
-
-@pytest.mark.parametrize("topic", ["sport", "sport/tennis", "sport/tennis/player1"])
-def test_a_hash_means_the_level_above_it_too(topic: str) -> None:
-    assert Routes(["sport/#"]).of(topic) == (0,)
 
 
 def test_topics_without_end_are_not_all_remembered() -> None:

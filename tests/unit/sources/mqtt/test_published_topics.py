@@ -26,11 +26,8 @@ def test_slugs_are_plain_and_all_different(names: list[str]) -> None:
     made = slugs(names)
     assert len(set(made)) == len(names)
     assert all(re.fullmatch("[A-Za-z0-9_-]+", slug) for slug in made)
-
-
-@given(names=st.lists(st.text("ab09-", min_size=1, max_size=4), unique=True))
-def test_a_plain_name_is_its_own_slug(names: list[str]) -> None:
-    assert slugs(names) == tuple(names)
+    plain = [name for name in names if re.fullmatch("[ab0-9-]+", name)]
+    assert slugs(plain) == tuple(plain)
 
 
 def told(
