@@ -91,6 +91,15 @@ def last_of(recorded: Sequence[Recorded], tick: int) -> int:
     )
 
 
+def silenced(recorded: Iterable[Recorded], lost: Recorded) -> list[Recorded]:
+    """Return what was recorded without a message and all its sender says later."""
+    return [
+        one
+        for one in recorded
+        if one.message.sender != lost.message.sender or one.sequence < lost.sequence
+    ]
+
+
 NOW = 10**18
 
 

@@ -1,9 +1,9 @@
 """What can be derived of a run that is damaged, or grows, in one file or in several."""
 
 import asyncio
+import random
 import shutil
 from pathlib import Path
-from typing import NamedTuple
 
 import msgspec
 import pytest
@@ -14,20 +14,17 @@ from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.depth.measure import from_recording
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.recording.format.records import Chunk
-from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording, part_path, part_paths
-from neurosnap.recording.read.stretches import stretches
 from neurosnap.recording.read.ticks import ticks
 from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.recording.replay.resume import find_resume_point, whole_ticks
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.copying import salvage
 from neurosnap.recording.write.rotation import Split, SplitWriter
-from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from tests.support.recorded_runs import csv_run, in_chunks, path_run, recorded
-from tests.support.rewritten_recordings import changing, write_again
+from tests.support.rewritten_recordings import changing, overtaken, write_again
 
 EVERY = 7  # ticks from key-frame to key-frame
 TICKS = 40
@@ -55,13 +52,7 @@ def flip(log: Path, chunk: Chunk, *, end: int | None = None) -> None:
 
 
 def spoil(log: Path, tick: int, *, cut: bool = False) -> Chunk:
-    """Change a byte of the chunk in which a tick was observed; return the chunk.
-
-    Args:
-        log: A recording.
-        tick: The tick.
-        cut: Take away its end as well.
-    """
+    """Damage the chunk in which a tick was observed, and perhaps the end; return it."""
     recording = Recording.open(log)
     found = next(
         chunk
@@ -73,23 +64,13 @@ def spoil(log: Path, tick: int, *, cut: bool = False) -> Chunk:
     return found
 
 
-class Spoiled(NamedTuple):
-    """A recording, and its chunk that is damaged: that of tick 17."""
-
-    log: Path
-    chunk: Chunk
-
-
 @pytest.fixture(scope="module")
-def spoiled(whole: Path, tmp_path_factory: pytest.TempPathFactory) -> Spoiled:
+def spoiled(
+    whole: Path, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, Chunk]:
+    """Return a recording, and its chunk that is damaged: that of tick 17."""
     log = Path(shutil.copy(whole, tmp_path_factory.mktemp("spoiled") / "run.mcap"))
-    return Spoiled(log, spoil(log, 17))
-
-
-def test_an_intact_recording_is_one_stretch(whole: Path) -> None:
-    recording = Recording.open(whole)
-    assert stretches(recording) == [recording]
-    assert recording.whole
+    return log, spoil(log, 17)
 
 
 @pytest.mark.parametrize("cut", [False, True])
@@ -122,7 +103,7 @@ def test_what_was_changed_behind_the_damage_is_found(whole: Path, log: Path) -> 
     assert "tick 30" in str(verdict.difference)
 
 
-def test_info_says_what_is_missing(whole: Path, spoiled: Spoiled) -> None:
+def test_info_says_what_is_missing(whole: Path, spoiled: tuple[Path, Chunk]) -> None:
     log, chunk = spoiled
     found = describe(Recording.open(log))
     there = list(Recording.open(log).messages())
@@ -138,9 +119,9 @@ def test_info_says_what_is_missing(whole: Path, spoiled: Spoiled) -> None:
 
 
 def test_what_was_learned_is_known_behind_the_damage(
-    whole: Path, spoiled: Spoiled
+    whole: Path, spoiled: tuple[Path, Chunk]
 ) -> None:
-    recording, true = Recording.open(spoiled.log), Recording.open(whole)
+    recording, true = Recording.open(spoiled[0]), Recording.open(whole)
     for tick in (None, 10, 21, 30):
         now, snapshot = snapshot_at(recording, tick)
         assert snapshot.to_bytes() == snapshot_at(true, now)[1].to_bytes()
@@ -161,9 +142,9 @@ def test_the_last_tick_known_may_lie_before_the_damage(log: Path) -> None:
 
 
 def test_what_was_lost_is_neither_measured_nor_read(
-    whole: Path, spoiled: Spoiled
+    whole: Path, spoiled: tuple[Path, Chunk]
 ) -> None:
-    recording, true = Recording.open(spoiled.log), Recording.open(whole)
+    recording, true = Recording.open(spoiled[0]), Recording.open(whole)
     # Waves of which the start is lost have no depth.
     assert 0 < len(from_recording(recording)) < len(from_recording(true))
     all_ticks = {tick.number: tick for tick in ticks(true)}
@@ -201,10 +182,10 @@ def test_a_run_that_needs_no_actions_goes_on_from_behind_the_damage(
 
 
 def test_a_run_whose_actions_are_lost_goes_on_from_before_the_damage(
-    spoiled: Spoiled,
+    spoiled: tuple[Path, Chunk],
 ) -> None:
-    before = verify(spoiled.log).ranges[0][1]
-    _, past = find_resume_point(spoiled.log)
+    before = verify(spoiled[0]).ranges[0][1]
+    _, past = find_resume_point(spoiled[0])
     assert past.tick == before
     assert len(past.actions) == before - 1
 
@@ -292,86 +273,43 @@ def test_what_is_salvaged_without_one_of_its_files_is_not_whole(
 # In several files that a view shows ---------------------------------------------------
 
 
-SPLIT = (14, 28)
-"""Ticks whose key-frames begin a file."""
-
-
-def shares(log: Path) -> list[list[Recorded]]:
-    """Return the messages of each file, a key-frame first in all but the first."""
-    parts: list[list[Recorded]] = [[]]
-    for each in Recording.open(log).messages():
-        if isinstance(each.message, wire.KeyFrame) and each.message.tick in SPLIT:
-            parts.append([])
-        parts[-1].append(each)
-    return parts
-
-
-def write_part(log: Path, part: int, messages: list[Recorded], target: Path) -> Writer:
-    path = part_path(target, part)
-    path.unlink(missing_ok=True)
-    writer = Writer(path, chunk=2000)
-    begins = str((0, *SPLIT)[part])
-    facts = {**Recording.open(log).metadata, "part": str(part), "begins": begins}
-    writer.start(facts)
-    for each in messages:
-        writer.add(each.delivery, each.log_time)
-    writer.flush()
-    return writer
-
-
-@pytest.fixture(scope="module")
-def three(whole: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    target = tmp_path_factory.mktemp("three") / "run.mcap"
-    for part, messages in enumerate(shares(whole)):
-        write_part(whole, part, messages, target).finish({}, {})
-    return target
-
-
-def test_all_files_are_looked_at_as_one(whole: Path, three: Path) -> None:
-    one, several = RunView(whole), RunView(three)
+def test_all_files_are_looked_at_as_one(whole: Path, split: Path) -> None:
+    one, several = RunView(whole), RunView(split)
     assert (several.first, several.last, several.cut) == (1, TICKS, None)
     assert several.frames(1, TICKS) == one.frames(1, TICKS)
     for tick in (40, 0, 13, 14, 15, 28, 29):
         assert several.graph(tick) == one.graph(tick)
 
 
-def test_a_later_file_stands_for_itself(whole: Path, three: Path) -> None:
-    one, later = RunView(whole), RunView(part_path(three, 1))
-    first, last = SPLIT
-    assert (later.first, later.last) == (first + 1, last)
-    assert later.frames(1, TICKS) == [
-        # The decision that ends the last tick is in the next file.
-        frame
-        for frame in later.frames(first + 1, last)
-        if frame == one.frames(frame.tick, frame.tick)[0] or frame.tick == last
-    ]
-    assert later.graph(first + 1) == one.graph(first + 1)
-    with pytest.raises(InvalidValueError, match=r"^tick: must be in \[15, 28\], got 9"):
+def test_a_later_file_stands_for_itself(whole: Path, split: Path) -> None:
+    one, later = RunView(whole), RunView(part_path(split, 2))
+    first, last = 2 * EVERY + 1, 3 * EVERY
+    assert (later.first, later.last) == (first, last)
+    # The key-frame that opens the next file holds the decision of the last tick.
+    assert later.frames(1, TICKS) == one.frames(first, last)
+    assert later.graph(first) == one.graph(first)
+    with pytest.raises(InvalidValueError, match=r"^tick: must be in \[15, 21\], got 9"):
         later.graph(9)
 
 
 def test_files_that_come_and_grow_are_followed(whole: Path, tmp_path: Path) -> None:
-    target = tmp_path / "run.mcap"
-    parts = shares(whole)
-    view, writers = None, []
-    for part, messages in enumerate(parts):
-        late = messages[-5:]  # they come once the next file was begun
-        if view is not None:  # a file in which nothing is written yet is waited for
-            part_path(target, part).touch()
+    recording, log, view = Recording.open(whole), tmp_path / "run.mcap", None
+    with SplitWriter(log, recording.metadata, split=Split(1)) as writer:
+        mixed = overtaken(list(recording.messages()), random.Random(1), reach=40)
+        for count, each in enumerate(mixed, start=1):
+            writer.add(each.delivery, count)
+            if count % 25:
+                continue
+            writer.flush(count)
+            view = view or RunView(log)
+            view.grow()
+            # A file in which nothing is written yet is waited for.
+            blank = part_path(log, len(part_paths(log)))
+            blank.touch()
             assert not view.grow()
-        writers.append(write_part(whole, part, messages[:-5], target))
-        if view is None:
-            view = RunView(target)
-        else:
-            assert view.grow()
-            assert not view.grow()
-        assert view.frames(1, TICKS) == RunView(target).frames(1, TICKS)
-        if part:
-            writers[part - 1].finish({}, {})
-            assert view.grow()
-        for each in late:
-            writers[part].add(each.delivery, each.log_time)
-    writers[-1].finish({}, {})
+            blank.unlink()
+            assert view.frames(1, TICKS) == RunView(log).frames(1, TICKS)
+        writer.finish({}, recording.noted().expected)
     assert view is not None
     assert view.grow()
     assert not view.grow()
@@ -381,21 +319,18 @@ def test_files_that_come_and_grow_are_followed(whole: Path, tmp_path: Path) -> N
 
 
 def test_files_deleted_before_or_while_they_are_looked_at_are_left_out(
-    whole: Path, three: Path, tmp_path: Path
+    whole: Path, split: Path
 ) -> None:
-    target = tmp_path / "run.mcap"
-    for part in (0, 1, 2):
-        part_path(target, part).write_bytes(part_path(three, part).read_bytes())
-    view = RunView(target)
+    view, begin = RunView(split), split.read_bytes()
     assert view.first == 1
-    target.unlink()
+    split.unlink()
     assert not view.recording.replaced()
     assert view.grow()
-    assert (view.first, view.last) == (SPLIT[0] + 1, TICKS)
+    assert (view.first, view.last) == (EVERY + 1, TICKS)
     assert view.frames(1, TICKS) == RunView(whole).frames(view.first, TICKS)
     assert not view.grow()
-    afresh = RunView(target)
+    afresh = RunView(split)
     assert (afresh.first, afresh.last) == (view.first, view.last)
     assert afresh.frames(1, TICKS) == view.frames(1, TICKS)
-    target.write_bytes(three.read_bytes())  # the run was taken up again from the start
+    split.write_bytes(begin)  # the run was taken up again from the start
     assert view.recording.replaced()

@@ -44,6 +44,31 @@ def add(writer: SplitWriter, number: int) -> None:
     writer.add(wire.Delivery(leave.key, number, NOW, wire.encode(leave)), NOW)
 
 
+class Disk:
+    """A disk that takes nothing before it is told to."""
+
+    def __init__(self, patch: pytest.MonkeyPatch) -> None:
+        self.asked = threading.Event()
+        self.takes = threading.Event()
+        self.error: OSError | None = None
+        self.threads: list[int] = []
+        patch.setattr("os.fsync", self._sync)
+
+    def _sync(self, _: int) -> None:
+        self.threads.append(threading.get_ident())
+        self.asked.set()
+        assert self.takes.wait(10)
+        if self.error is not None:
+            raise self.error
+
+
+@pytest.fixture
+def disk(monkeypatch: pytest.MonkeyPatch) -> Iterator[Disk]:
+    made = Disk(monkeypatch)
+    yield made
+    made.takes.set()
+
+
 async def test_the_first_whole_tick_is_flushed_at_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -101,28 +126,6 @@ async def test_a_recording_is_synced_as_often_as_its_run_wants(
             flushing.cancel()
             await asyncio.wait((flushing,))
             assert len(synced) <= most
-
-
-async def test_a_slow_disk_holds_nobody_up(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    log, going, called = tmp_path / "log.mcap", threading.Event(), list[int]()
-    fsync = os.fsync
-
-    def wait(descriptor: int) -> None:
-        called.append(descriptor)
-        assert going.wait(60)
-        fsync(descriptor)
-
-    monkeypatch.setattr(os, "fsync", wait)
-    with SplitWriter(log, {}, sync_every=1.0) as writer:
-        for number in range(10):
-            add(writer, number)
-            writer.flush(NOW)
-            writer.sync()
-        assert len(list(Recording.open(log).messages())) == 10
-        going.set()
-    assert len(called) in (1, 2)  # one sync, of the file and its folder
 
 
 def full(_: int) -> None:
@@ -184,29 +187,15 @@ def add_all(writer: SplitWriter, several: Iterable[Recorded], first: int = 0) ->
         writer.add(one.delivery, 10**18 + count)
 
 
-class Disk:
-    """A disk that takes nothing before it is told to."""
-
-    def __init__(self, patch: pytest.MonkeyPatch) -> None:
-        self.asked = threading.Event()
-        self.takes = threading.Event()
-        self.error: OSError | None = None
-        self.threads: list[int] = []
-        patch.setattr("os.fsync", self._sync)
-
-    def _sync(self, _: int) -> None:
-        self.threads.append(threading.get_ident())
-        self.asked.set()
-        assert self.takes.wait(10)
-        if self.error is not None:
-            raise self.error
-
-
-@pytest.fixture
-def disk(monkeypatch: pytest.MonkeyPatch) -> Iterator[Disk]:
-    made = Disk(monkeypatch)
-    yield made
-    made.takes.set()
+def test_a_slow_disk_holds_nobody_up(log: Path, disk: Disk) -> None:
+    with SplitWriter(log, {}, sync_every=1.0) as writer:
+        for number in range(10):
+            add(writer, number)
+            writer.flush(NOW)
+            writer.sync()
+        assert len(list(Recording.open(log).messages())) == 10
+        disk.takes.set()
+    assert len(disk.threads) in (1, 2)  # one sync, of the file and its folder
 
 
 def test_recording_goes_on_while_the_disk_takes_a_file(

@@ -15,11 +15,7 @@ from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.read.chunk_messages import Recorded
-from neurosnap.recording.read.recording import (
-    Recording,
-    part_path,
-    part_paths,
-)
+from neurosnap.recording.read.recording import Recording, part_path, part_paths
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.rotation import LATE, Split, SplitWriter
@@ -37,19 +33,16 @@ from tests.support.split_runs import (
     options,
     options_workers,
     said,
+    silenced,
     upto,
     write,
 )
 
 
-def added(
-    writer: SplitWriter, heard: Iterable[Recorded | wire.Delivery], first: int = NOW
-) -> int:
-    """Record what was heard, a nanosecond apart; return the time of what is next."""
+def added(writer: SplitWriter, heard: Iterable[wire.Delivery]) -> None:
+    """Record what was heard."""
     for one in heard:
-        writer.add(one.delivery if isinstance(one, Recorded) else one, first)
-        first += 1
-    return first
+        writer.add(one, NOW)
 
 
 def ended(
@@ -271,8 +264,7 @@ def test_what_answers_nothing_is_on_disk_after_a_while_or_at_the_end(
 ) -> None:
     deliveries = never_started()
     with SplitWriter(log, {}, split=SMALL) as writer:
-        for delivery in deliveries:
-            writer.add(delivery, NOW)
+        added(writer, deliveries)
         writer.flush(NOW + LATE)
         assert list(Recording.open_file(log).messages()) == []
         if not ends:
@@ -318,13 +310,9 @@ def test_what_a_file_lacks_at_its_beginning_may_be_of_the_one_before(
 ) -> None:
     """A sender is lost from before one key-frame until after the next."""
     lost = messages[last_of(messages, 2 * EVERY)]
-    who, until = lost.message.sender, len(upto(messages, 3 * EVERY)) + 1
-    heard = [
-        one
-        for place, one in enumerate(upto(messages, 4 * EVERY))
-        if place > until or one.message.sender != who or one.sequence < lost.sequence
-    ]
-    ended(whole, log, heard)
+    who, until = lost.message.sender, len(upto(messages, 3 * EVERY)) + 2
+    later = upto(messages, 4 * EVERY)[until:]
+    ended(whole, log, [*silenced(messages[:until], lost), *later])
     assert list(part_paths(log)) == [0, 1, 2, 3]
     lacking = missing(log)[2]
     assert lacking.keys() == {who}
@@ -342,11 +330,7 @@ def test_who_died_behind_a_key_frame_may_lack_in_the_file_before(
 ) -> None:
     """Its last report was on the way when all ended, and it never said another word."""
     lost = messages[last_of(messages, 20)]
-    heard = [
-        one
-        for one in messages[: len(upto(messages, 2 * EVERY)) + 1]
-        if one.message.sender != lost.message.sender or one.sequence < lost.sequence
-    ]
+    heard = silenced(messages[: len(upto(messages, 2 * EVERY)) + 1], lost)
     parts_there = {one.message.sender for one in messages}
     balance = ended(whole, log, heard, more=parts_there)
     assert list(part_paths(log)) == [0, 1, 2]
@@ -397,19 +381,16 @@ def test_faults_go_where_their_sender_is(
     place = last_of(messages, 20)
     who, sequence = messages[place].message.sender, messages[place].sequence
     fault = wire.Fault(who, "odd")
-    order = []
-    for number, one in enumerate(messages):
-        mine = one.message.sender == who and one.sequence >= sequence
-        if number == place:  # between two reports on the last waves before
-            order.append(
-                one._replace(message=fault, payload=wire.encode(fault), log_time=0)
-            )
-        order.append(one._replace(sequence=one.sequence + mine))
-    write(whole, log, order)
-    held = [
-        file.part
-        for file in each_file(log)
-        if any(one.message == fault for one in file.messages(("fault",)))
+    order = [
+        one._replace(
+            sequence=one.sequence
+            + (one.message.sender == who and one.sequence >= sequence)
+        )
+        for one in messages
     ]
-    assert held == [1]
+    # Between two reports on the last waves before the key-frame.
+    odd = messages[place]._replace(message=fault, payload=wire.encode(fault))
+    write(whole, log, [*order[:place], odd, *order[place:]])
+    held = [list(file.messages(("fault",))) != [] for file in each_file(log)]
+    assert [part for part, holds in enumerate(held) if holds] == [1]
     assert verify(log).same
