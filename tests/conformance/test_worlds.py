@@ -75,23 +75,22 @@ def test_a_walk_follows_from_seed_and_actions_and_shows_the_fields(
 
 
 @pytest.mark.parametrize("name", IDS)
-def test_starts_differ_and_cover_the_places(name: str) -> None:
-    env = started(name)
-    starts = {env.reset()[1]["place"] for _ in range(2000)}
-    assert starts == set(range(env.fields.shape[1]))
-
-
-@pytest.mark.parametrize("name", IDS)
 def test_every_place_can_be_reached_from_every_other_and_back(name: str) -> None:
     # The paper's convergence needs the walk's moves reversible and the space connected.
-    moves = make(name).moves
-    joined = {(p, int(q)) for row in moves for p, q in enumerate(row)}
+    env = started(name)
+    joined = {(p, int(q)) for row in env.moves for p, q in enumerate(row)}
     assert joined == {(q, p) for p, q in joined}
     reached, frontier = {0}, {0}
     while frontier:
         frontier = {q for p, q in joined if p in frontier} - reached
         reached |= frontier
-    assert reached == set(range(moves.shape[1]))
+    assert reached == set(range(env.moves.shape[1]))
+    # Starts differ and cover the places.
+    assert {env.reset()[1]["place"] for _ in range(2000)} == reached
+    # The truth cannot be written to.
+    for array in (env.fields, env.moves):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0, 0] = 1
 
 
 @pytest.mark.parametrize(("name", "arguments"), NAMED)
@@ -110,17 +109,12 @@ def test_implications_are_those_found_by_looking_at_every_place(
     ]
 
 
-def test_the_fields_of_the_path_are_one_chain() -> None:
-    env = make("neurosnap/Path-v0", places=4)
-    np.testing.assert_array_equal(
-        env.fields, [[1, 0, 0, 0], [1, 1, 0, 0], [1, 1, 1, 0]]
-    )
-
-
 def test_the_path_stops_at_its_ends_and_the_cycle_goes_around() -> None:
     path, cycle = (make(f"neurosnap/{kind}-v0", places=4) for kind in ("Path", "Cycle"))
+    assert path.fields.tolist() == [[1, 0, 0, 0], [1, 1, 0, 0], [1, 1, 1, 0]]
     assert path.moves.tolist() == [[1, 2, 3, 3], [0, 0, 1, 2]]
     assert cycle.moves.tolist() == [[1, 2, 3, 0], [3, 0, 1, 2]]
+    assert path.actions == cycle.actions == ("forward", "back")
 
 
 def test_far_beacons_of_the_default_cycle_exclude_each_other_and_no_more() -> None:
@@ -140,16 +134,17 @@ def test_the_grid_is_two_chains_with_nothing_between_hole_or_no_hole(name: str) 
     assert len(env.implications) == 2 * (10 * 9)
     observation, info = env.reset(seed=1)
     on = dict(zip(env.sensors, observation, strict=True))
-    assert [on[f"x_below_{k}"] for k in range(1, 11)] == [
-        info["x"] < k for k in range(1, 11)
-    ]
-    assert [on[f"y_below_{k}"] for k in range(1, 11)] == [
-        info["y"] < k for k in range(1, 11)
-    ]
+    for axis, k in itertools.product("xy", range(1, 11)):
+        assert on[f"{axis}_below_{k}"] == (info[axis] < k)
+    assert env.actions == ("up", "down", "left", "right")
 
 
 def test_random_fields_are_a_function_of_the_seed_of_the_reset() -> None:
-    env = started("neurosnap/RandomFields-v0", seed=1)
+    env = make("neurosnap/RandomFields-v0")
+    for unread in (lambda: env.fields, lambda: env.implications):
+        with pytest.raises(ResetNeeded, match=r"^fields: "):
+            unread()
+    env.reset(seed=1)
     first = env.fields
     env.reset()
     np.testing.assert_array_equal(env.fields, first)
@@ -165,22 +160,12 @@ def test_random_fields_are_a_function_of_the_seed_of_the_reset() -> None:
     assert 0.4 < first.mean() < 0.6  # all subsets alike: half of all is on
 
 
-def test_random_fields_do_not_exist_before_a_reset() -> None:
-    env = make("neurosnap/RandomFields-v0")
-    with pytest.raises(ResetNeeded, match=r"^fields: "):
-        _ = env.fields
-    with pytest.raises(ResetNeeded, match=r"^fields: "):
-        _ = env.implications
-
-
-def test_a_step_needs_a_reset() -> None:
-    with pytest.raises(ResetNeeded):
-        make("neurosnap/Path-v0").step(0)
-
-
 @pytest.mark.parametrize("action", [-1, 2, 1.0, "0", None])
 def test_an_unknown_action_is_refused_and_moves_nothing(action: Any) -> None:
-    env, twin = started("neurosnap/Path-v0"), started("neurosnap/Path-v0")
+    env, twin = started("neurosnap/Path-v0"), make("neurosnap/Path-v0")
+    with pytest.raises(ResetNeeded):
+        twin.step(0)
+    twin.reset(seed=7)
     with pytest.raises(InvalidValueError, match=r"^action: must be .*, got "):
         env.step(action)
     np.testing.assert_array_equal(env.step(0)[0], twin.step(0)[0])
@@ -219,15 +204,6 @@ def test_a_bad_argument_is_named(name: str, argument: str, value: Any) -> None:
         gymnasium.make(name, **{argument: value})
 
 
-def test_the_truth_cannot_be_written_to() -> None:
-    for name in IDS:
-        env = started(name)
-        with pytest.raises(ValueError, match="read-only"):
-            env.fields[0, 0] = True
-        with pytest.raises(ValueError, match="read-only"):
-            env.moves[0, 0] = 0
-
-
 def test_importing_again_registers_nothing_twice() -> None:
     before = {name: gymnasium.spec(name) for name in IDS}
     importlib.reload(world)  # a second registration would warn, and so fail
@@ -245,15 +221,6 @@ def test_waiting_is_the_last_action_and_changes_nothing_else(name: str) -> None:
     np.testing.assert_array_equal(env.fields, bare.fields)
     for _ in range(20):
         assert env.reset()[1] == bare.reset()[1]
-
-
-def test_actions_are_named_in_the_order_of_their_numbers() -> None:
-    for kind in ("Path", "Cycle", "RandomFields"):
-        assert make(f"neurosnap/{kind}-v0").actions == ("forward", "back")
-    for kind in ("Grid", "PuncturedGrid"):
-        named = make(f"neurosnap/{kind}-v0").actions
-        assert named == ("up", "down", "left", "right")
-    assert make("neurosnap/Rail-v0").actions == ("forward", "back", "wait")
 
 
 # With a target ------------------------------------------------------------------------
@@ -283,36 +250,26 @@ def test_what_a_target_says_of_itself_is_reached_through_all_wrappers(
     env.reset(seed=2)
     world = env.unwrapped
     assert isinstance(world, PlacesWorld)
-    count = len(world.sensors)
+    count, places = len(world.sensors), world.moves.shape[1]
     assert env.observation_space == MultiBinary(count + 2)
     assert env.action_space == Discrete(len(world.actions))
-    assert env.get_wrapper_attr("sensors") == (*world.sensors, "better", "worse")
-    assert env.get_wrapper_attr("orders") == (0,) * count + (1, 1)
-    assert env.get_wrapper_attr("actions") == world.actions
-    assert env.get_wrapper_attr("moves") is world.moves
-    assert env.get_wrapper_attr("fields") is world.fields
-    places = world.moves.shape[1]
-    assert env.get_wrapper_attr("distances").shape == (places,)
-    assert 0 <= env.get_wrapper_attr("target") < places
-
-
-@pytest.mark.parametrize(("name", "arguments"), TARGETS)
-def test_a_world_with_a_target_is_made_again_from_its_spec(
-    name: str, arguments: dict[str, Any]
-) -> None:
-    env = gymnasium.make(name, **arguments)
+    said = env.get_wrapper_attr
+    assert said("sensors") == (*world.sensors, "better", "worse")
+    assert said("orders") == (0,) * count + (1, 1)
+    assert said("actions") == world.actions
+    assert said("moves") is world.moves
+    assert said("fields") is world.fields
+    assert said("distances").shape == (places,)
+    assert 0 <= said("target") < places
+    # It is made again from its spec.
     assert env.spec is not None
     again = gymnasium.make(env.spec)
     assert str(again) == str(env)
-    for one in (env, again):
-        one.reset(seed=6)
-    assert again.get_wrapper_attr("target") == env.get_wrapper_attr("target")
-
-
-def test_a_target_put_around_a_made_world_is_in_its_spec() -> None:
-    spec = Target(gymnasium.make("neurosnap/Path-v0", places=6), 4).spec
+    again.reset(seed=2)
+    assert again.get_wrapper_attr("target") == said("target")
+    spec = Target(gymnasium.make(name, **{**arguments, "target": None}), 1).spec
     assert spec is not None
-    assert gymnasium.make(spec).get_wrapper_attr("target") == 4
+    assert gymnasium.make(spec).get_wrapper_attr("target") == 1
 
 
 def test_a_world_without_a_target_is_bare_and_with_one_waits() -> None:

@@ -3,10 +3,9 @@
 import re
 from typing import Any
 
-import gymnasium
 import numpy as np
 import pytest
-from gymnasium.spaces import Discrete, MultiBinary, Space
+from gymnasium.spaces import Discrete
 
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body
@@ -16,36 +15,10 @@ from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.sensorium import Sensorium
 from tests.support.strategies import as_set
+from world.line import PathWorld
+from world.target import Target
 
 BODY = Body.full(["a", "b"], ["x", "y"])
-
-
-class Line(gymnasium.Env[Any, Any]):
-    """Five places in a line; the actions count from 7."""
-
-    sensors = ("below_2", "below_4", "better", "worse")
-    orders = (0, 0, 1, 1)
-    actions = ("left", "right")
-
-    def __init__(self) -> None:
-        self.observation_space: Space[Any] = MultiBinary(4)
-        self.action_space: Space[Any] = Discrete(2, start=7)
-        self.place = 2
-
-    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
-        super().reset(seed=seed)
-        self.place = 2
-        return self._seen(0), {}
-
-    def step(self, action: Any) -> Any:
-        assert self.action_space.contains(action)
-        after = min(4, max(0, self.place + (-1, 1)[action - 7]))
-        change, self.place = after - self.place, after
-        return self._seen(change), 0.0, False, False, {}
-
-    def _seen(self, change: int) -> Any:
-        bits = [self.place < 2, self.place < 4, change > 0, change < 0]
-        return np.array(bits, np.int8)
 
 
 def agent(kind: AgentKind = "walker", seed: int = 0, body: Body = BODY) -> Agent:
@@ -126,22 +99,11 @@ class TestConsequences:
 
 class TestOf:
     def test_it_takes_names_orders_and_actions_from_the_environment(self) -> None:
-        env = Line()
-        body = Body.full(env.sensors, env.actions, env.orders)
+        env: Any = Target(PathWorld(), 0)
+        body = Body.full(env.sensors, env.get_wrapper_attr("actions"), env.orders)
         assert Agent.of(env, "excited").body == body
         env.observation_space = Discrete(4)
-        with pytest.raises(InvalidValueError, match=r"^Line: observation space: must"):
+        with pytest.raises(
+            InvalidValueError, match=r"^PathWorld: observation space: m"
+        ):
             Agent.of(env, "walker")
-
-    def test_an_agent_that_smells_the_target_learns_to_keep_to_it(self) -> None:
-        env = Line()  # better is to the right
-        snapshot = EmpiricalSnapshot(Sensorium(Agent.of(env, "walker").body.sensors))
-        acting = Agent.of(env, "excited", seed=1, snapshot=snapshot)
-        bits, _ = env.reset(seed=0)
-        places = []
-        for _ in range(1000):
-            bits, *_ = env.step(7 + acting.act(bits).action)
-            places.append(env.place)
-        # A random walk is at either of the two places on the right 2 times in 5.
-        assert np.mean(np.array(places[600:]) >= 3) > 0.9
-        assert snapshot.clock == 1000

@@ -61,36 +61,25 @@ class TestBody:
     @pytest.mark.parametrize(
         ("given", "says"),
         [
-            (
-                {"own": ("a", "b"), "orders": (0,)},
-                "orders: must be one for each of 2 sensors, got (0,)",
+            *(
+                ({"context": (pair,)}, f"context: must be of {rule}, got {pair}")
+                for rule, pairs in [
+                    ("one of 1 actions", ((1, 0), (-1, 0))),
+                    ("a literal of 1 sensors", ((0, 2), (0, -1))),
+                ]
+                for pair in pairs
             ),
             (
-                {"own": ("a",), "actions": ("x",), "context": ((1, 0),)},
-                "context: must be of one of 1 actions, got (1, 0)",
+                {"orders": (0, 0)},
+                "orders: must be one for each of 1 sensors, got (0, 0)",
             ),
             (
-                {"own": ("a",), "actions": ("x",), "context": ((-1, 0),)},
-                "context: must be of one of 1 actions, got (-1, 0)",
-            ),
-            (
-                {"own": ("a",), "actions": ("x",), "context": ((0, 2),)},
-                "context: must be of a literal of 1 sensors, got (0, 2)",
-            ),
-            (
-                {"own": ("a",), "actions": ("x",), "context": ((0, -1),)},
-                "context: must be of a literal of 1 sensors, got (0, -1)",
-            ),
-            (
-                {"own": ("a",), "actions": ("x", "x")},
+                {"actions": ("x", "x")},
                 "actions: must have different names, got ('x', 'x')",
             ),
+            ({"context": ((0, 1), (0, 1))}, "names: must be unique, got 'x&~a'"),
             (
-                {"own": ("a",), "actions": ("x",), "context": ((0, 1), (0, 1))},
-                "names: must be unique, got 'x&~a'",
-            ),
-            (
-                {"own": ("a", "x"), "actions": ("x",), "senses_actions": True},
+                {"own": ("a", "x"), "senses_actions": True},
                 "names: must be unique, got 'x'",
             ),
             ({"own": ("a*",)}, "sensor name: must not end with *, got 'a*'"),
@@ -100,7 +89,7 @@ class TestBody:
         self, given: dict[str, Any], says: str
     ) -> None:
         with pytest.raises(InvalidValueError, match=f"^{re.escape(says)}$"):
-            Body(**given)
+            Body(**{"own": ("a",), "actions": ("x",), **given})
 
 
 @st.composite
@@ -217,13 +206,16 @@ def test_one_that_is_grown_again_is_another_sensor() -> None:
 @pytest.mark.parametrize(
     ("context", "rule"),
     [
-        ((0, (0,)), "must be of literals of two or more sensors, ascending"),
-        ((0, (2, 0)), "must be of literals of two or more sensors, ascending"),
-        ((0, (0, 1)), "must be of literals of two or more sensors, ascending"),
-        ((0, (0, 7)), "must say of the step before what was on, of what is not grown"),
-        (
-            (0, (0, 2 * FIRST)),
-            "must say of the step before what was on, of what is not grown",
+        *(
+            ((0, literals), "must be of literals of two or more sensors, ascending")
+            for literals in ((0,), (2, 0), (0, 1))
+        ),
+        *(
+            (
+                (0, (0, a)),
+                "must say of the step before what was on, of what is not grown",
+            )
+            for a in (7, 2 * FIRST)
         ),
         ((2, (6,)), "must be of one of 2 actions"),
         ((2, (0, 2)), "must be of literals that are sensed in the action's context"),
@@ -249,13 +241,8 @@ def grown_bodies(draw: st.DrawFn) -> Body:
     for _ in range(draw(st.integers(0, 4))):
         last = draw(st.sets(st.integers(len(GROWING.own), FIRST - 1), max_size=2))
         least = 1 if last else 2
-        chosen = sorted(
-            draw(
-                st.sets(
-                    st.integers(0, len(GROWING.own) - 1), min_size=least, max_size=3
-                )
-            )
-        )
+        of_own = st.integers(0, len(GROWING.own) - 1)
+        chosen = sorted(draw(st.sets(of_own, min_size=least, max_size=3)))
         literals = (
             *(2 * s + draw(st.integers(0, 1)) for s in chosen),
             *(2 * s for s in sorted(last)),
@@ -266,13 +253,11 @@ def grown_bodies(draw: st.DrawFn) -> Body:
     return body
 
 
+THREE = st.lists(st.booleans(), min_size=3, max_size=3)
+
+
 @given(
-    grown_bodies(),
-    st.lists(st.booleans(), min_size=3, max_size=3),
-    st.lists(st.booleans(), min_size=3, max_size=3),
-    st.lists(st.booleans(), min_size=3, max_size=3),
-    st.integers(-1, 1),
-    st.integers(0, 2**32 - 1),
+    grown_bodies(), THREE, THREE, THREE, st.integers(-1, 1), st.integers(0, 2**32 - 1)
 )
 def test_it_reads_what_the_single_ones_read_together(
     body: Body,
@@ -315,7 +300,7 @@ def test_it_reads_what_the_single_ones_read_together(
             assert told[sensor] == (off or sure)
 
 
-@given(grown_bodies(), st.lists(st.booleans(), min_size=3, max_size=3))
+@given(grown_bodies(), THREE)
 def test_an_action_switches_on_those_that_hold(body: Body, now: list[bool]) -> None:
     state = np.zeros(2 * len(body.sensors), np.bool_)
     for sensor, on in enumerate((*now, *(k % 2 for k in range(FIRST - len(now))))):

@@ -18,6 +18,7 @@ from tests.support.deliberations import asked, decided
 from tests.support.hypothesis_settings import examples
 
 Bits = NDArray[np.bool_]
+LARGEST = 2**63 - 1
 BODY = Body.full(["a", "better", "worse"], ["x", "y"], [0, 1, 1])
 KINDS: dict[AgentKind, type] = {
     "walker": Walker,
@@ -94,11 +95,15 @@ def walked(walker: Walker, tick: int) -> tuple[int, list[Any]]:
     return decided(walker, tick, here, [])[0], asked(walker, tick, here)
 
 
-def test_the_same_seed_walks_the_same_way_in_any_order() -> None:
+def test_the_same_seed_walks_the_same_way_in_any_order_whatever_is_answered() -> None:
     one, other = Walker(3, 7), Walker(3, 7)
     forwards = [walked(one, tick) for tick in range(1, 200)]
     backwards = [walked(other, tick) for tick in range(199, 0, -1)]
     assert backwards[::-1] == forwards
+    for tick, (action, _) in enumerate(forwards, 1):
+        assert decided(one, tick, state(1, 2), [state(1, 2, 4)])[0] == action
+    no_action = (-1, "the source takes no actions")
+    assert decided(Walker(0, LARGEST), 1, state(0), []) == no_action
 
 
 def test_it_asks_for_one_literal_of_the_state_whatever_it_does() -> None:
@@ -116,37 +121,16 @@ def test_it_asks_for_one_literal_of_the_state_whatever_it_does() -> None:
     assert asked(walker, 5, state()) == []
 
 
-def test_what_it_does_depends_on_no_state_and_no_answer() -> None:
-    walker = Walker(5, 3)
-    for tick in range(50):
-        plain = decided(walker, tick, state(0), [])
-        assert plain == decided(walker, tick, state(1, 2), [state(1, 2, 4)])
-
-
-@pytest.mark.parametrize("seed", [0, 2**63 - 1])
-def test_a_source_without_actions_gets_none(seed: int) -> None:
-    here = state(0)
-    no_action = (-1, "the source takes no actions")
-    assert decided(Walker(0, seed), 1, here, []) == no_action
-
-
 # What is drawn -----------------------------------------------------------------------
 
-LARGEST = 2**63 - 1
 
-
-@pytest.mark.parametrize("count", [1, 2, 3, 5, 7, 1000, 1023, 1024])
-def test_the_ends_of_the_range_pick_the_first_and_the_last(count: int) -> None:
-    options = np.arange(10, 10 + count)
-    assert pick(options, 0.0) == 10
-    assert pick(options, 1 - 2.0**-53) == 9 + count
-
-
-@pytest.mark.parametrize("count", [1, 2, 3, 4, 6])
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 6, 1000, 1023, 1024])
 def test_equal_shares_of_the_range_pick_each(count: int) -> None:
     options = np.arange(count) * 3
-    picked = [pick(options, (k + 0.5) / 12) for k in range(12)]
-    assert picked == np.repeat(options, 12 // count).tolist()
+    picked = [pick(options, (k + 0.5) / (2 * count)) for k in range(2 * count)]
+    assert picked == np.repeat(options, 2).tolist()
+    ends = pick(options, 0.0), pick(options, 1 - 2.0**-53)
+    assert ends == (0, options[-1])
 
 
 @examples(30)

@@ -42,10 +42,13 @@ def test_a_hole_is_walked_around_and_changes_nothing_there_is_to_learn(
 ) -> None:
     env, whole = PuncturedGridWorld(width, height, hole), GridWorld(width, height)
     check_steps(env, set(itertools.product(range(width), range(height))) - {hole})
-    reached = {0}
-    while (grown := reached | set(env.moves[:, sorted(reached)].flat)) != reached:
-        reached = grown
-    assert reached == set(range(width * height - 1))
+    env.reset(seed=1)
+    told = set()
+    for action in np.random.default_rng(1).integers(4, size=100 * width * height):
+        _, _, _, _, info = env.step(action)
+        assert env.coordinates[info["place"]].tolist() == [info["x"], info["y"]]
+        told.add(info["place"])
+    assert told == set(range(width * height - 1))
     assert env.sensors == whole.sensors
     assert env.implications == whole.implications
 
@@ -58,14 +61,3 @@ def test_the_hole_is_the_middle_unless_said(
 ) -> None:
     env = PuncturedGridWorld(width, height)
     assert middle not in [tuple(row) for row in env.coordinates]
-
-
-def test_a_walk_is_told_where_it_is_and_never_in_the_hole() -> None:
-    env = PuncturedGridWorld(4, 3, hole=(1, 1))
-    _, info = env.reset(seed=1)
-    seen = set()
-    for action in np.random.default_rng(1).integers(4, size=400):
-        _, _, _, _, info = env.step(action)
-        assert env.coordinates[info["place"]].tolist() == [info["x"], info["y"]]
-        seen.add((info["x"], info["y"]))
-    assert seen == set(itertools.product(range(4), range(3))) - {(1, 1)}

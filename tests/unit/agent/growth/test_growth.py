@@ -6,12 +6,10 @@ import msgspec
 import pytest
 
 from neurosnap import wire
-from neurosnap.agent.agent import Agent
 from neurosnap.agent.memory import AgentMemory
 from neurosnap.sources.open import open_source
 from tests.golden.drive import drive
 from tests.support.lamp import LIMITED, lamp_options
-from world.toy_text import cliff_walking
 
 
 def test_nothing_is_known_of_a_newborn_with_one_that_retired() -> None:
@@ -34,21 +32,6 @@ def test_nothing_is_known_of_a_newborn_with_one_that_retired() -> None:
     assert weights == [0, 0, 0, 0]
     others = [snapshot.weight(2 * born[1], 2 * k) for k in range(born[0])]
     assert any(others)
-
-
-def test_a_sensor_whose_whole_past_is_remembered_may_retire() -> None:
-    """All ticks at which it was on are in the history, so others can be seen to do."""
-    env = cliff_walking()
-    agent = Agent.of(env, "walker", grow=True, seed=2)
-    bits, _ = env.reset(seed=2)
-    begins, retired = True, 0
-    for _ in range(400):
-        decision = agent.act(bits, begins)
-        retired += decision.retires >= 0
-        bits, _, over, cut, _ = env.step(decision.action)
-        if begins := over or cut:
-            bits, _ = env.reset()
-    assert retired > 0
 
 
 def test_an_action_led_nowhere_where_the_world_was_cut_off(

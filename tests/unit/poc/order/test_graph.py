@@ -11,7 +11,6 @@ from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.literals import to_words
 from neurosnap.sensorium import Sensorium
 
-SHAPES = [(4,), (2, 4), (3, 3), (2, 2, 2)]
 CHAIN = PocGraph.from_implications(3, [(0, 2), (2, 4), (0, 4)])
 
 
@@ -41,19 +40,52 @@ def test_what_a_graph_hands_out_cannot_change_it() -> None:
             array[0] = 1
 
 
+PAIR = "implication: must be a pair of literals, got"
+
+
 @pytest.mark.parametrize(
-    ("edges", "rule"),
+    ("make", "given", "rule"),
     [
         *(
-            (np.zeros(shape, np.bool_), r"must be \(2N, 2N\), got \(")
-            for shape in SHAPES
+            (PocGraph, (np.zeros(shape, np.bool_),), "edges: must be (2N, 2N), got (")
+            for shape in [(4,), (2, 4), (3, 3), (2, 2, 2)]
         ),
-        (np.zeros((2, 2)), "must be bool, got dtype"),
+        (PocGraph, (np.zeros((2, 2)),), "edges: must be bool, got dtype"),
+        *(
+            (PocGraph.from_implications, (sensors, [pair]), rule)
+            for sensors, pair, rule in [
+                *(
+                    (
+                        2,
+                        pair,
+                        "implication: must be a literal, a whole number in [0, 4)",
+                    )
+                    for pair in [(0, 4), (-1, 0), (0.0, 1), (True, 0)]
+                ),
+                (2, 3, f"{PAIR} 3"),
+                (2, (0, 1, 2), f"{PAIR} (0, 1, 2)"),
+                (-1, (0, 1), "sensors: must be 0 or more, got -1"),
+                (1.5, (0, 1), "sensors: must be a whole number"),
+            ]
+        ),
+        *(
+            (closure, (given,), f"literals: must be {rule}")
+            for closure in (CHAIN.up, CHAIN.down)
+            for given, rule in [
+                (np.zeros(4, np.bool_), "(6,), got (4,)"),
+                ([6], "a literal, a whole number in [0, 6), got 6"),
+                ([True, False], "a literal, a whole number in [0, 6), got T"),
+                (0, "(6,) bool or "),
+            ]
+        ),
+        (CHAIN.wiring, ("all",), 'kind: must be "hasse" or "derived", got \'all\''),
     ],
 )
-def test_edges_that_are_none_are_refused(edges: Any, rule: str) -> None:
-    with pytest.raises(InvalidValueError, match=f"^edges: {rule}"):
-        PocGraph(edges)
+def test_what_is_no_graph_or_none_of_its_literals_is_refused(
+    make: Any, given: tuple[Any, ...], rule: str
+) -> None:
+    with pytest.raises(InvalidValueError, match=f"^{re.escape(rule)}"):
+        make(*given)
 
 
 def test_an_edge_without_its_contrapositive_is_named() -> None:
@@ -72,47 +104,6 @@ def test_a_literal_may_be_negligible_but_not_its_own_complement() -> None:
         InvalidValueError, match=r"^literal: must not be equiv.* got 0$"
     ):
         PocGraph.from_implications(2, [(0, 2), (2, 1), (1, 0)])
-
-
-@pytest.mark.parametrize(
-    ("sensors", "pair", "rule"),
-    [
-        *(
-            (2, pair, "implication: must be a literal, a whole number in [0, 4), got")
-            for pair in [(0, 4), (-1, 0), (0.0, 1), (True, 0)]
-        ),
-        (2, 3, "implication: must be a pair of literals, got 3"),
-        (2, (0, 1, 2), "implication: must be a pair of literals, got (0, 1, 2)"),
-        (-1, (0, 1), "sensors: must be 0 or more, got -1"),
-        (1.5, (0, 1), "sensors: must be a whole number"),
-    ],
-)
-def test_an_implication_is_a_pair_of_literals(
-    sensors: Any, pair: Any, rule: str
-) -> None:
-    with pytest.raises(InvalidValueError, match=f"^{re.escape(rule)}"):
-        PocGraph.from_implications(sensors, [pair])
-
-
-@pytest.mark.parametrize(
-    ("given", "rule"),
-    [
-        (np.zeros(4, np.bool_), "literals: must be (6,), got (4,)"),
-        ([6], "literals: must be a literal, a whole number in [0, 6), got 6"),
-        ([True, False], "literals: must be a literal, a whole number in [0, 6), got T"),
-        (0, "literals: must be (6,) bool or "),
-    ],
-)
-def test_a_set_is_of_literals(given: Any, rule: str) -> None:
-    for closure in (CHAIN.up, CHAIN.down):
-        with pytest.raises(InvalidValueError, match=f"^{re.escape(rule)}"):
-            closure(given)
-
-
-def test_an_unknown_kind_of_wiring_is_refused() -> None:
-    rule = r'^kind: must be "hasse" or "derived", got \'all\'$'
-    with pytest.raises(InvalidValueError, match=rule):
-        CHAIN.wiring("all")  # type: ignore[arg-type]
 
 
 def test_a_derived_class_that_is_its_own_complement_breaks_nothing() -> None:

@@ -83,67 +83,74 @@ def test_a_graph_with_names_and_without() -> None:
         PocSet.from_graph(given)
 
 
-@pytest.mark.parametrize(
-    ("rows", "names", "message"),
-    [
-        (
-            [[1, 0], [1]],
-            None,
-            "field of s1: must have 2 points as the first has, got (1,)",
-        ),
-        ([[1, 0], [1, 2]], ["a", "b"], "field of b: must be made of bits, 0 or 1, got"),
-        ([[]], None, "fields: must be over at least one point, got (1, 0)"),
-        ([[1]], ["a", "b"], "fields: must be 2, one a sensor, got 1"),
-        ([["x"]], None, "field of s0: must be made of bits, 0 or 1, got ['x']"),
-        ("ab", None, "fields: must be one row of bits a sensor, got 'ab'"),
-        ([3], None, "field of s0: must have 0 points as the first has, got ()"),
-    ],
-)
-def test_bad_fields_are_refused(rows: Any, names: Any, message: str) -> None:
-    with pytest.raises(InvalidValueError, match=f"^{re.escape(message)}"):
-        PocSet.of_realization(rows, names)
+CYCLE = "relations: must have no cycle through a strict one, got"
+JOINED = "relation: must be literals joined by <, <= or =, got"
+FORM = "relation: must be (a, b), (a, sign, b) or text, got"
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("make", "given", "message"),
     [
-        (
-            "a, b : a < b, b < a",
-            "relations: must have no cycle through a strict one, got",
+        *(
+            (PocSet.parse, text, message)
+            for text, message in [
+                ("a, b : a < b, b < a", CYCLE),
+                ("a, b : a < b, b <= a", CYCLE),
+                ("a : a < a", f"{CYCLE} 'a < a'"),
+                ("a, b, c : a < b <= c, c <= a", f"{CYCLE} 'a < b <= c <= a'"),
+                (
+                    "a, b : a <= b, b < a*, a* <= b*, b* <= a",
+                    "relations: must not make a literal equal to its complement, got "
+                    "'a <= b < a* <= b* <= a'",
+                ),
+                (
+                    "a : a = a*",
+                    "relations: must not make a literal equal to its complement, got",
+                ),
+                ("a, b : a <", f"{JOINED} 'a <'"),
+                ("a, b : a b", f"{JOINED} 'a b'"),
+                ("a, b : a < < b", JOINED),
+                ("a < b", "generator: must hold no <, ≤ or =; relations follow a colo"),
+                ("a, , b", "sensor name: must not be empty, got ''"),
+                ("a, a*", "sensor name: must not end with *, got 'a*'"),
+                ("a, a", "names: must be unique, got 'a'"),
+            ]
         ),
-        (
-            "a, b : a < b, b <= a",
-            "relations: must have no cycle through a strict one, got",
+        *(
+            (PocSet, (2, relations), message)
+            for relations, message in [
+                ([(0, ">", 2)], "relation sign: must be <, <= or =, got '>'"),
+                ([(0,)], f"{FORM} (0,)"),
+                ([7], f"{FORM} 7"),
+                ("a < b", "relations: must be several, not one text"),
+                ([(0, 4)], "literal: must be a literal"),
+            ]
         ),
-        (
-            "a : a < a",
-            "relations: must have no cycle through a strict one, got 'a < a'",
+        *(
+            (PocSet.of_realization, (rows, names), message)
+            for rows, names, message in [
+                (
+                    [[1, 0], [1]],
+                    None,
+                    "field of s1: must have 2 points as the first has, got (1,)",
+                ),
+                (
+                    [[1, 0], [1, 2]],
+                    ["a", "b"],
+                    "field of b: must be made of bits, 0 or 1, go",
+                ),
+                ([[]], None, "fields: must be over at least one point, got (1, 0)"),
+                ([[1]], ["a", "b"], "fields: must be 2, one a sensor, got 1"),
+                ([["x"]], None, "field of s0: must be made of bits, 0 or 1, got ['x']"),
+                ("ab", None, "fields: must be one row of bits a sensor, got 'ab'"),
+                ([3], None, "field of s0: must have 0 points as the first has, got ()"),
+            ]
         ),
-        (
-            "a, b, c : a < b <= c, c <= a",
-            "relations: must have no cycle through a strict one, got 'a < b <= c <= a'",
-        ),
-        (
-            "a, b : a <= b, b < a*, a* <= b*, b* <= a",
-            "relations: must not make a literal equal to its complement, got "
-            "'a <= b < a* <= b* <= a'",
-        ),
-        (
-            "a : a = a*",
-            "relations: must not make a literal equal to its complement, got",
-        ),
-        ("a, b : a <", "relation: must be literals joined by <, <= or =, got 'a <'"),
-        ("a, b : a b", "relation: must be literals joined by <, <= or =, got 'a b'"),
-        ("a, b : a < < b", "relation: must be literals joined by <, <= or =, got"),
-        ("a < b", "generator: must hold no <, ≤ or =; relations follow a colon, got"),
-        ("a, , b", "sensor name: must not be empty, got ''"),
-        ("a, a*", "sensor name: must not end with *, got 'a*'"),
-        ("a, a", "names: must be unique, got 'a'"),
     ],
 )
-def test_bad_text_is_refused_with_what_is_wrong(text: str, message: str) -> None:
+def test_what_makes_no_poc_set_is_refused(make: Any, given: Any, message: str) -> None:
     with pytest.raises(InvalidValueError, match=f"^{re.escape(message)}"):
-        PocSet.parse(text)
+        make(*given) if isinstance(given, tuple) else make(given)
 
 
 def test_unknown_names_and_numbers_are_refused() -> None:
@@ -154,22 +161,6 @@ def test_unknown_names_and_numbers_are_refused() -> None:
         poc.leq("a", "c")
     with pytest.raises(InvalidValueError, match=r"^element: must be .* got 6"):
         poc.leq(0, 6)
-    with pytest.raises(InvalidValueError, match=r"^literal: must be a literal"):
-        PocSet(2, [(0, 4)])
-
-
-@pytest.mark.parametrize(
-    ("relations", "message"),
-    [
-        ([(0, ">", 2)], "relation sign: must be <, <= or =, got '>'"),
-        ([(0,)], "relation: must be (a, b), (a, sign, b) or text, got (0,)"),
-        ([7], "relation: must be (a, b), (a, sign, b) or text, got 7"),
-        ("a < b", "relations: must be several, not one text"),
-    ],
-)
-def test_bad_relations_are_refused(relations: Any, message: str) -> None:
-    with pytest.raises(InvalidValueError, match=f"^{re.escape(message)}"):
-        PocSet(2, relations)
 
 
 def test_sums_keep_names_apart() -> None:
