@@ -235,23 +235,6 @@ def test_what_is_lost_is_missing_once_and_what_comes_again_is_left_out(
     assert not verify(lacking).complete
 
 
-def test_a_file_does_not_wait_for_whoever_is_silent(
-    whole: Path, messages: Sequence[Recorded], log: Path
-) -> None:
-    """What comes long after the next file began is the next one's."""
-    heard = list(messages)
-    late = heard.pop(last_of(heard, 20))
-    resumed = next(
-        place
-        for place, one in enumerate(heard)
-        if one.message.sender == late.message.sender and one.sequence > late.sequence
-    )
-    # All between the key-frame and the late one takes longer than anybody waits.
-    write(whole, log, [*heard[:resumed], late, *heard[resumed:]], step=LATE)
-    assert all(file.completeness().whole for file in each_file(log))
-    assert_true_run(log)
-
-
 def never_started(wave: int = 2**31 - 1) -> list[wire.Delivery]:
     """What a cell says of a wave that nobody has heard of, and then."""
     settled = wire.CellReport(wave, 0, 0, (), (), (0,), 0)
@@ -379,18 +362,24 @@ def test_faults_go_where_their_sender_is(
     whole: Path, messages: Sequence[Recorded], log: Path
 ) -> None:
     place = last_of(messages, 20)
-    who, sequence = messages[place].message.sender, messages[place].sequence
-    fault = wire.Fault(who, "odd")
+    late = messages[place]
+    fault = wire.Fault(late.message.sender, "odd")
+    behind = 1 + next(
+        number
+        for number, one in enumerate(messages)
+        if isinstance(one.message, wire.KeyFrame) and one.message.tick == 20
+    )
     order = [
         one._replace(
             sequence=one.sequence
-            + (one.message.sender == who and one.sequence >= sequence)
+            + (one.message.sender == fault.sender and one.sequence >= late.sequence)
         )
         for one in messages
     ]
-    # Between two reports on the last waves before the key-frame.
-    odd = messages[place]._replace(message=fault, payload=wire.encode(fault))
-    write(whole, log, [*order[:place], odd, *order[place:]])
+    # Behind the key-frame, before a report on the last wave before it.
+    odd = late._replace(message=fault, payload=wire.encode(fault))
+    overtook = [*order[:place], *order[place + 1 : behind]]
+    write(whole, log, [*overtook, odd, order[place], *order[behind:]])
     held = [list(file.messages(("fault",))) != [] for file in each_file(log)]
     assert [part for part, holds in enumerate(held) if holds] == [1]
     assert verify(log).same
