@@ -103,11 +103,8 @@ def test_a_plan_is_told_and_kept_without_another_wave_until_a_surprise() -> None
     assert walk.asked == asked > 0
     assert walk.decide(7) == ("back", "in 2: back, back")
     assert walk.asked > asked
-
-
-def test_a_long_plan_is_not_told_whole() -> None:
-    _, why = Walk(7).decide(0)
-    assert why == f"in 7: {', '.join(['forward'] * 6)}, …"
+    long = f"in 7: {', '.join(['forward'] * 6)}, …"
+    assert Walk(7).decide(0) == ("forward", long)  # not told whole
 
 
 def test_a_round_asks_for_all_states_of_one_distance() -> None:
@@ -134,28 +131,24 @@ def test_where_no_way_can_be_imagined_it_does_what_the_greedy_planner_does(
     assert walk.decide(2)[1].startswith(("guarantees", "at random"))
 
 
-def calm(walk: Walk) -> None:
-    """Let what it knew have been so, each time that it tried."""
-    for action in range(2):
-        for _ in range(20):
-            walk.experience.surprises.count(action, False)
-
-
-def test_the_curious_go_to_the_nearest_action_they_know_nothing_of() -> None:
-    walk = Walk(None)
-    calm(walk)
-    walk.unmeet(["back&~a7"])  # only on at the last place
-    assert walk.decide(5) == (
-        "forward",
-        "to learn what back does there, in 3: forward, forward, back",
-    )
-
-
-def test_the_curious_go_to_the_nearest_action_that_guarantees_too_little() -> None:
-    walk = Walk(None, unsure_of("forward&a2"))
-    calm(walk)
-    learn = "to learn what forward does there, in 3: back, back, forward"
-    assert walk.decide(3) == ("back", learn)
+@pytest.mark.parametrize(
+    ("graph", "unmet", "place", "learned", "way"),
+    [
+        # On at the last place only, and never met.
+        (GRAPH, ["back&~a7"], 5, "back", ["forward", "forward", "back"]),
+        # It guarantees too little.
+        (unsure_of("forward&a2"), [], 3, "forward", ["back", "back", "forward"]),
+    ],
+)
+def test_the_curious_go_to_the_nearest_action_of_which_they_know_too_little(
+    graph: PocGraph, unmet: list[str], place: int, learned: str, way: list[str]
+) -> None:
+    walk = Walk(None, graph)
+    for action in [0, 1] * 20:  # what it knew was so, each time that it tried
+        walk.experience.surprises.count(action, False)
+    walk.unmeet(unmet)
+    learn = f"to learn what {learned} does there, in 3: {', '.join(way)}"
+    assert walk.decide(place) == (way[0], learn)
 
 
 def test_with_a_target_what_is_left_to_chance_is_not_for_learning() -> None:

@@ -96,14 +96,10 @@ def test_an_edge_without_its_contrapositive_is_named() -> None:
         PocGraph(edges)
 
 
-def test_a_literal_may_be_negligible_but_not_its_own_complement() -> None:
+def test_a_literal_may_be_negligible() -> None:
     negligible = PocGraph.from_implications(1, [(0, 1)])
     assert not negligible.is_coherent([0])
     assert not negligible.coherent_projection([0])[0]
-    with pytest.raises(
-        InvalidValueError, match=r"^literal: must not be equiv.* got 0$"
-    ):
-        PocGraph.from_implications(2, [(0, 2), (2, 1), (1, 0)])
 
 
 def test_a_derived_class_that_is_its_own_complement_breaks_nothing() -> None:
