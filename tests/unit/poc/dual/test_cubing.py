@@ -84,6 +84,9 @@ def test_convex_sets_are_values() -> None:
     assert half != "a"
     with pytest.raises(InvalidValueError, match=r"^convex set: must not be empty"):
         empty.first()
+    nothing = Cubing(PocSet(0))
+    assert nothing.distance([], []) == 0
+    assert repr(nothing) == "Cubing(PocSet.parse(''))"
     other = Cubing(PocSet(2)).convex_set([])
     mixed: list[Any] = [lambda: cubing.project(other, []), lambda: half & other]
     for mix in mixed:
@@ -137,13 +140,6 @@ def test_what_cannot_be_flipped_or_projected_to_is_refused() -> None:
         cubing.convex_hull([])
     with pytest.raises(ShapeError, match=r"^literals: must be \(4,\)"):
         cubing.convex_set(np.zeros(6, np.bool_))
-
-
-def test_the_dual_of_nothing_is_a_point() -> None:
-    cubing = Cubing(PocSet(0))
-    assert [v.tolist() for v in cubing.vertices()] == [[]]
-    assert cubing.distance([], []) == 0
-    assert repr(cubing) == "Cubing(PocSet.parse(''))"
 
 
 def test_a_listing_stops_where_an_estimate_was_too_low(
