@@ -130,6 +130,7 @@ class TestSenses:
             return on != bool(literal % 2)
 
         senses, own = Senses(body), np.array(now, np.bool_)
+        assert senses.looks_back == (len(body.sensors) > count)
         # At the beginning no action and no context is on, and all of that is known.
         for taken in range(-1, len(body.actions)):
             expected: list[bool | None] = [True if known else None for known in now]
@@ -142,18 +143,6 @@ class TestSenses:
             assert told.tolist() == [value is not None for value in expected]
             seen = senses.observe(own, taken, state)
             assert seen.tolist() == [value is True for value in expected]
-
-    @pytest.mark.parametrize(
-        ("body", "back"),
-        [
-            (Body(own=("a",)), False),
-            (Body(own=("a",), actions=("go",)), False),
-            (Body(own=("a",), actions=("go",), senses_actions=True), True),
-            (Body(own=("a",), actions=("go",), context=((0, 0),)), True),
-        ],
-    )
-    def test_it_looks_back_iff_it_senses_the_step(self, body: Body, back: bool) -> None:
-        assert Senses(body).looks_back is back
 
 
 # Bodies that grow ---------------------------------------------------------------------

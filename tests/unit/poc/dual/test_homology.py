@@ -8,20 +8,6 @@ import pytest
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.dual.homology import CellComplex, cubes_among
 
-# The projective plane with six vertices: over GF(2) it has homology in dimension 2.
-PLANE = [
-    (0, 1, 4),
-    (0, 1, 5),
-    (0, 2, 3),
-    (0, 2, 5),
-    (0, 3, 4),
-    (1, 2, 3),
-    (1, 2, 4),
-    (1, 3, 5),
-    (2, 4, 5),
-    (3, 4, 5),
-]
-
 
 def test_the_surface_of_a_cube_and_the_cube() -> None:
     corners = np.array(list(np.ndindex(2, 2, 2)), np.bool_)
