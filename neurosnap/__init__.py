@@ -17,7 +17,13 @@ if TYPE_CHECKING:
     from neurosnap.agent.growth.birth import Birth
     from neurosnap.agent.sensor import Sensor
     from neurosnap.apps.drawing.order_plot import plot_order
-    from neurosnap.apps.library import Recording, measure_depth, run
+    from neurosnap.apps.library import (
+        Recording,
+        load_snapshot,
+        measure_depth,
+        run,
+        save_snapshot,
+    )
     from neurosnap.poc.dual.cubing import Cubing
     from neurosnap.poc.dual.morphism import PocMorphism
     from neurosnap.poc.dual.realization import Realization
@@ -25,7 +31,6 @@ if TYPE_CHECKING:
     from neurosnap.poc.learning.relation_table import implications
     from neurosnap.poc.order.graph import PocGraph
     from neurosnap.poc.order.pocset import PocSet
-    from neurosnap.recording.snapshot_file import load_snapshot, save_snapshot
     from neurosnap.sensorium import Sensorium
 
 __all__ = [
@@ -67,11 +72,11 @@ _HOMES = {
     "Sensor": "neurosnap.agent.sensor",
     "Sensorium": "neurosnap.sensorium",
     "implications": "neurosnap.poc.learning.relation_table",
-    "load_snapshot": "neurosnap.recording.snapshot_file",
+    "load_snapshot": "neurosnap.apps.library",
     "measure_depth": "neurosnap.apps.library",
     "plot_order": "neurosnap.apps.drawing.order_plot",
     "run": "neurosnap.apps.library",
-    "save_snapshot": "neurosnap.recording.snapshot_file",
+    "save_snapshot": "neurosnap.apps.library",
 }
 
 if _NAMESAKE := namesake():

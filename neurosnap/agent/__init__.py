@@ -1,1 +1,1 @@
-"""What an agent does with its memory, over any propagator."""
+"""The agent: how it senses, plans and grows sensors, in one process or in a swarm."""

@@ -1,4 +1,4 @@
-"""What an agent has met so far, as far as imagining needs to know it."""
+"""What followed which action in which state so far, for imagining."""
 
 from typing import Final
 

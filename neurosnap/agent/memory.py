@@ -1,4 +1,4 @@
-"""What an agent knows besides its snapshot: how its body grew, and what it has met.
+"""All that an agent has learned: its snapshot, its body, its experience.
 
 It is the same in one process and in a swarm, where the coordinator has it: so the same
 observations lead to the same births.

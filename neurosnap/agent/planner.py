@@ -1,4 +1,4 @@
-"""Greedy reactive planning: the action that guarantees the most subgoals.
+"""Greedy planning: the closest point to the target, and an action that leads nearer.
 
 The subgoals are the projection of the state onto the target in the model space: what
 would be sensed at the closest point of the target.

@@ -18,7 +18,6 @@ from neurosnap.depth.measure import Sweep, from_recording, measure
 from neurosnap.depth.probe import Measured
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.relation_table import Relation, tabulate
-from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.option import declared
 from neurosnap.protocol.run_options import RunOptions
@@ -36,6 +35,10 @@ from neurosnap.sources.protocol import Argument
 
 if TYPE_CHECKING:
     import networkx
+
+
+from neurosnap.poc.learning.kinds import Snapshot
+from neurosnap.system.durable import replace_file
 
 T = TypeVar("T")
 
@@ -265,3 +268,22 @@ def _awaited(work: Callable[[], Coroutine[Any, Any, T]]) -> T:
     if failed:
         raise failed[0]
     return found[0]
+
+
+def save_snapshot(snapshot: Snapshot, path: str | Path) -> None:
+    """Write a snapshot to a file, whole or not at all.
+
+    Raises:
+        OSError: It cannot be written; what was at `path` is still there.
+    """
+    replace_file(Path(path), snapshot.to_bytes())
+
+
+def load_snapshot(path: str | Path) -> Snapshot:
+    """Return the snapshot of either kind that `save_snapshot` wrote, bit for bit.
+
+    Raises:
+        OSError: The file cannot be read.
+        InvalidValueError: It is damaged, or holds no snapshot.
+    """
+    return Snapshot.read(str(path), Path(path).read_bytes())

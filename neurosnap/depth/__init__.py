@@ -1,1 +1,1 @@
-"""Propagation depth against the height of the order."""
+"""How many hops a wave takes, against the longest chain of implications."""

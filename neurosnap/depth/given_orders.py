@@ -1,4 +1,4 @@
-"""Given (not learned) orders as edge lists, up to very large ones."""
+"""Orders from a file of edges, not learned, of up to millions of sensors."""
 
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""The probe: wires a swarm to given orders and times waves, without learning.
+"""A swarm that learns nothing: it is wired to given orders, and its waves are timed.
 
 It conducts in the coordinator's place. What it measures is what the cells did: hops and
 pulses are from their reports, the time is from the wave's start to its last credit.

@@ -34,7 +34,7 @@ from neurosnap.agent.tick import Mind, Sensed, Step, Steps, tick
 from neurosnap.errors import MessageError, ShapeError
 from neurosnap.poc.learning.search import Question
 from neurosnap.protocol.anomaly import AnomalyDetector
-from neurosnap.protocol.anomaly_messages import with_support
+from neurosnap.protocol.anomaly_words import with_support
 from neurosnap.protocol.host import check_readings
 from neurosnap.protocol.key_frames import order_of, snapshot_of, with_snapshot
 from neurosnap.protocol.learn_control import LearnControl

@@ -1,4 +1,4 @@
-"""Something asked of several parts, until all have answered or it is given up.
+"""A question to several parts: asked again until all answer, or given up by name.
 
 A wave, a question to the histories of cells, and what workers learn are asked, gathered
 and asked again in the same way. They differ in how an answer is checked, and in what

@@ -1,4 +1,4 @@
-"""A wave as the coordinator sees it: reached literals and returned credit.
+"""When a wave has settled: each message carries credit, and all of it is back.
 
 A wave starts with credit 1. Every pulse and every report carries a share, and a cell
 sends on exactly what it got, so the credit in the reports and the credit still under

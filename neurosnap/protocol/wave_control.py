@@ -1,4 +1,4 @@
-"""The coordinator's view of the network: wirings sent, and which waves have settled.
+"""The coordinator's side of the network: wirings sent, and waves in flight.
 
 A wave has settled once all of its credit is back, as `neurosnap.protocol.wave` counts
 it. A wiring goes out as the change against what the cell was told before; a wave that

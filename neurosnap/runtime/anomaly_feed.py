@@ -16,7 +16,7 @@ from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.zenoh.discovery import FoundSwarm
 from neurosnap.health.alarm import News, Standing, news
 from neurosnap.health.budget import NEVER
-from neurosnap.protocol.anomaly_messages import (
+from neurosnap.protocol.anomaly_words import (
     NamedAnomaly,
     named_anomaly,
     with_support,

@@ -69,7 +69,7 @@ def open_source(
     if is_live(name):
         opened = open_live(name, arguments, hub)
     elif name.lower().endswith(".csv") or _is_file(name):
-        from neurosnap.sources.csv_source import CsvSource
+        from neurosnap.sources.tables.csv_file import CsvSource
 
         if arguments:
             rule = "must not be given for a file"

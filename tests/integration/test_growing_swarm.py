@@ -12,7 +12,7 @@ from neurosnap import wire
 from neurosnap.agent.growth.changed import Changed
 from neurosnap.errors import RecordingError
 from neurosnap.poc.learning.kinds import Snapshot
-from neurosnap.protocol.anomaly_messages import NamedAnomaly
+from neurosnap.protocol.anomaly_words import NamedAnomaly
 from neurosnap.protocol.run_options import SMALLEST, CellKind, RunOptions
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.births import births_of

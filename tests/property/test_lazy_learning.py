@@ -18,10 +18,10 @@ from neurosnap.poc.learning.automatic_threshold import (
     is_tolerated,
     share_of_changes,
 )
+from neurosnap.poc.learning.counting_kernels import CALM, DENSE, FREE
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.poc.learning.one_pair import AUTO
 from neurosnap.poc.learning.pairs import rows_of
-from neurosnap.poc.learning.update_kernels_lazy import CALM, DENSE, FREE
 from neurosnap.poc.order.literals import from_words
 
 _CELLS = ((0, 0, 4), (0, 1, 1), (1, 0, 2), (1, 1, 8))

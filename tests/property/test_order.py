@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
-from neurosnap.poc.order.generated_order import order_of
+from neurosnap.poc.order.closure_and_reduction import order_of
 from neurosnap.poc.order.graph import PocGraph, WiringKind
 from neurosnap.poc.order.literals import Words, from_words, to_words
 from neurosnap.protocol.wave_control import WaveControl

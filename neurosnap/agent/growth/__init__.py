@@ -1,1 +1,1 @@
-"""Sensors that are grown: which, when, and how a snapshot takes them in."""
+"""Growing sensors: which, when, and what they weigh at birth."""

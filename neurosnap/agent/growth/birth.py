@@ -1,4 +1,4 @@
-"""Sensors that are grown by a script: at given ticks, whatever the agent meets."""
+"""Sensors that a script grows at given ticks."""
 
 from collections.abc import Sequence
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""A sensor that comes or goes, as people are told of it."""
+"""The news that a sensor was grown, or retired."""
 
 import msgspec
 

@@ -1,4 +1,4 @@
-"""Finds which sensors to grow: contexts that guarantee what no single one does.
+"""Finds the contexts in which an action guarantees more than is known: new sensors.
 
 Something came that the action taken did not guarantee. The *counterexamples* are the
 ticks at which the same action was taken and the opposite came. A *cover* is a set of

@@ -1,4 +1,4 @@
-"""The history an agent grows sensors from, and who looks for covers in it.
+"""Decides at each tick which sensor to grow or to retire, from past readings.
 
 A scripted sensor is grown at its tick, or at the first tick from then on at which no
 other one is. It stays: it never retires.

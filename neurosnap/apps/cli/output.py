@@ -20,7 +20,7 @@ from rich.progress import (
 )
 
 from neurosnap.health.alarm import Newsreader
-from neurosnap.protocol.anomaly_messages import few
+from neurosnap.protocol.anomaly_words import few
 from neurosnap.runtime.request import Restart, Watcher
 from neurosnap.sensorium import visible
 

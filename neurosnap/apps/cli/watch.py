@@ -94,7 +94,7 @@ def watch(
 
 def _watch_recording(log: Path, support: int | None, form: str) -> None:
     from neurosnap.apps.library import Recording
-    from neurosnap.protocol.anomaly_messages import NamedAnomaly
+    from neurosnap.protocol.anomaly_words import NamedAnomaly
     from neurosnap.runtime.anomaly_feed import without_anomalies
 
     recording = Recording(log)
@@ -135,7 +135,7 @@ def _report(told: "Fed", form: str) -> None:
     """Print an anomaly, news of health, or a change of the sensors."""
     from neurosnap.agent.growth.changed import Changed
     from neurosnap.health.alarm import News
-    from neurosnap.protocol.anomaly_messages import anomaly_line
+    from neurosnap.protocol.anomaly_words import anomaly_line
 
     if form == "json":
         print_json(told)

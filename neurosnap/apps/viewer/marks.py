@@ -1,7 +1,7 @@
 """What happened at which ticks of a run, and which of its sensors seem broken.
 
 For the strip over the slider, and for the health of a home. Both are filled by
-`neurosnap.apps.viewer.history`.
+`neurosnap.apps.viewer.session`.
 """
 
 import math
@@ -23,7 +23,7 @@ from neurosnap.errors import MessageError, RecordingError, ShapeError
 from neurosnap.health.alarm import Alarm
 from neurosnap.health.budget import NEVER
 from neurosnap.health.follower import Follower
-from neurosnap.protocol.anomaly_messages import with_support
+from neurosnap.protocol.anomaly_words import with_support
 from neurosnap.recording.read.chunk_messages import ChunkMessages
 from neurosnap.recording.read.observations import own_readings
 

@@ -28,7 +28,7 @@ from neurosnap.errors import (
 )
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.protocol.anomaly_messages import evidence, named_anomaly, with_support
+from neurosnap.protocol.anomaly_words import evidence, named_anomaly, with_support
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.tick_index import TickIndex
 from neurosnap.recording.replay.learning import Learning

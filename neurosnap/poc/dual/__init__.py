@@ -1,1 +1,1 @@
-"""The dual of a poc set: its vertices, cubes, maps and topology."""
+"""All coherent states that an order allows (its dual), as a space made of cubes."""

@@ -1,4 +1,4 @@
-"""Convex sets of a dual: all vertices that contain given literals.
+"""All coherent states in which given literals hold.
 
 A convex set is kept as what its vertices share, so that it takes no more room than one
 vertex however many it holds, and two are equal iff these literals are.

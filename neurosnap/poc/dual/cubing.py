@@ -1,4 +1,4 @@
-"""The dual of a poc set, with its vertices walked one at a time.
+"""The space of all coherent states: its states, distances, medians and projections.
 
 A vertex is a complete coherent *-selection, one literal of every sensor. The walk
 decides one element after another: what is coherent so far always extends to a vertex,

@@ -1,4 +1,4 @@
-"""Cell complexes and their homology over the field of two elements.
+"""Counts the holes of a space made of cells (homology over two elements).
 
 A complex is, for every dimension, a list of cells and for each cell the numbers of its
 faces one dimension lower: enough for Betti numbers, whatever the cells are. Boundaries

@@ -1,4 +1,4 @@
-"""The dual on integer bit masks, used by `Cubing` and `ConvexSet`.
+"""The coherent states of an order as bit masks, for `Cubing` and `ConvexSet`.
 
 Sets of literals are masks (`neurosnap.poc.order.masks`). A *closed* mask holds
 everything above its literals and all ubiquitous literals, and is coherent; closed masks

@@ -1,1 +1,1 @@
-"""Snapshots: weights learned from observations, and the poc graph they derive."""
+"""Learns which sensor readings imply which, by counting pairs of sensors."""

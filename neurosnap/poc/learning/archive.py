@@ -1,4 +1,4 @@
-"""Archives of named arrays: deterministic ``.npz`` bytes, read without unpickling.
+"""Saves named arrays as the same bytes each time; loads them without unpickling.
 
 Members are stored, not deflated, in the order given and with one fixed date, so that
 neither the clock nor the zlib at hand shows in the file. Reading checks every

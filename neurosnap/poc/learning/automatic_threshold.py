@@ -40,7 +40,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.poc.learning.archive import Arrays, entry
-from neurosnap.poc.learning.update_kernels import Row
+from neurosnap.poc.learning.graph_kernels import Row
 from neurosnap.system.compiled import njit
 
 SHARE: Final = 1 / 32

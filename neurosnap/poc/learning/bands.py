@@ -1,4 +1,4 @@
-"""Cuts the archive of a large snapshot into pieces, and joins them.
+"""Cuts a large snapshot into messages of bounded size, and joins them.
 
 What grows with the square of the sensors are the arrays with a number a pair. In the
 *head* they are there, and empty; their numbers are in *bands*, stretches of one array.

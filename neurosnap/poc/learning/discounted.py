@@ -1,4 +1,4 @@
-"""Discounted snapshots: exponentially weighted learning."""
+"""Learning that forgets: the present weighs more than the past."""
 
 from typing import ClassVar, Self
 
@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.archive import Arrays, entry
+from neurosnap.poc.learning.discounting_kernels import (
+    discount_squares,
+    learn_discounted,
+)
 from neurosnap.poc.learning.one_pair import AUTO
 from neurosnap.poc.learning.pairs import Weights, excluded
 from neurosnap.poc.learning.search import Question, Search, Weighing
 from neurosnap.poc.learning.snapshot import Snapshot
-from neurosnap.poc.learning.update_kernels_discounted import (
-    discount_squares,
-    learn_discounted,
-)
 from neurosnap.poc.order.literals import Words
 from neurosnap.sensorium import Sensorium
 

@@ -1,4 +1,4 @@
-"""Empirical snapshots: learning by counting, without forgetting."""
+"""Learning by counting: nothing is forgotten."""
 
 import math
 from bisect import bisect_left
@@ -18,13 +18,13 @@ from neurosnap.poc.learning.automatic_threshold import (
     share_of_changes,
 )
 from neurosnap.poc.learning.columns import Columns
+from neurosnap.poc.learning.counting_kernels import Lag, learn_lazily, settle_all
+from neurosnap.poc.learning.counting_unknown_kernels import count_newborn, count_squares
 from neurosnap.poc.learning.one_pair import AUTO
 from neurosnap.poc.learning.pair_counts import OnProgress, count_pairs
 from neurosnap.poc.learning.pairs import Weights
 from neurosnap.poc.learning.search import Count, Question, Search
 from neurosnap.poc.learning.snapshot import Snapshot
-from neurosnap.poc.learning.update_kernels_lazy import Lag, learn_lazily, settle_all
-from neurosnap.poc.learning.update_kernels_partial import count_newborn, count_squares
 from neurosnap.poc.order.literals import Words
 from neurosnap.sensorium import Sensorium, complete
 

@@ -1,4 +1,4 @@
-"""The last readings of every sensor, as bits.
+"""The last readings of every sensor, as bits, and counts over them.
 
 A sensor that is grown later is a function of what was read before. With the history its
 weights can start as if it had been there as long as the history goes back.
@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.archive import Arrays, entry
+from neurosnap.poc.learning.discounting_kernels import discount_newborn
 from neurosnap.poc.learning.one_pair import LENGTH as LENGTH
 from neurosnap.poc.learning.search import Answer, Count, Question, Weighed, Weighing
-from neurosnap.poc.learning.update_kernels_discounted import discount_newborn
 from neurosnap.poc.order.literals import Words
 
 _ONE, _TOP = np.uint64(1), np.uint64(63)

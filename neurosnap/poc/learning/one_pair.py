@@ -1,4 +1,4 @@
-"""What the weights of one pair of sensors say of it, and its discounted weights.
+"""Decides from the four weights of two sensors which of them implies the other.
 
 `code_of` is the one derivation of a code: all kernels of learning compile it into their
 loops. A cell, whose process loads neither numpy nor numba, runs it as plain Python:

@@ -1,4 +1,4 @@
-"""Counts of all pairs of sensors in readings that are there as a whole.
+"""Counts how often each two sensors read what together, in a whole table.
 
 An *occasion* is a maximal run of consecutive ticks at which two sensors, both known,
 have the same two readings. A door that stays open for a night is one occasion, however

@@ -1,4 +1,4 @@
-"""Numbers, codes and weights of all pairs of sensors.
+"""Numbers the pairs of sensors, and stores what is known of each.
 
 Pairs of sensors ``j < i`` are packed row by row: pair ``(i, j)`` is entry
 ``i (i - 1) / 2 + j``. A pair's *code* is the set of its implications, one bit each,
@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.poc.learning.archive import Arrays, entry
-from neurosnap.poc.learning.update_kernels import draw
+from neurosnap.poc.learning.graph_kernels import draw
 from neurosnap.poc.order.literals import Words
 
 _EQUAL, _OPPOSITE = 3, 12

@@ -1,4 +1,4 @@
-"""Searches of a history: what is asked of it, what it answers, and how they go on.
+"""Questions asked of past readings, whether one process or many cells keep them.
 
 A search is a coroutine that yields a question and is sent the answer. So it does not
 matter who has the history: one object, or the cells, each that of its own sensor.

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.poc.learning import update_kernels as kernels
+from neurosnap.poc.learning import graph_kernels as kernels
 from neurosnap.poc.learning.archive import Archived, Arrays, entry
+from neurosnap.poc.learning.graph_kernels import Pairs
 from neurosnap.poc.learning.history import Newborn
 from neurosnap.poc.learning.pairs import (
     Evidence,
@@ -24,7 +25,6 @@ from neurosnap.poc.learning.pairs import (
     strict,
 )
 from neurosnap.poc.learning.search import Search
-from neurosnap.poc.learning.update_kernels import Pairs
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.literals import Words, as_literal
 from neurosnap.sensorium import Sensorium, as_known, complete, pack, unpack

@@ -1,1 +1,1 @@
-"""Poc graphs and poc sets: literals in an order, and what follows from it."""
+"""Orders of implications between sensors, and what follows from them."""

@@ -1,4 +1,4 @@
-"""Which sensors of an observation clash, and by which implications: compiled loops.
+"""Which sensors of an observation contradict each other, and by which implications.
 
 Sets are packed as in `neurosnap.poc.order.literals`. A conflict graph has a vertex for
 each literal that clashes, in ascending order; its rows are packed the same way, a bit

@@ -1,4 +1,4 @@
-"""Explains why an observation contradicts an order.
+"""Explains why an observation contradicts what was learned, and names suspects.
 
 An observation is incoherent iff it holds some ``a`` and ``b`` with ``a <= b*``: the
 order says ``a`` implies ``b*``, and ``b`` is what was seen. The pairs of sensors that

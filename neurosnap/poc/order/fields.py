@@ -1,4 +1,4 @@
-"""Truth tables of sensors over points, and their containments."""
+"""Where sensors are on over a set of points, and which of them lie within others."""
 
 from collections.abc import Iterable
 

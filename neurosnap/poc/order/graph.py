@@ -1,4 +1,4 @@
-"""Poc graphs: relations on literals, closed under contraposition.
+"""The graph of implications between sensors: with a → b it also has b* → a*.
 
 ``a <= b`` iff a directed path leads from ``a`` to ``b``; every edge ``a -> b`` comes
 with ``b* -> a*``. A graph never changes: costly results are computed on first use and
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.order import kernels
-from neurosnap.poc.order.generated_order import Order, order_of, wired
+from neurosnap.poc.order.closure_and_reduction import Order, order_of, wired
 from neurosnap.poc.order.literals import (
     Literals,
     Words,

@@ -1,4 +1,4 @@
-"""Compiled loops over packed sets; their docstrings give the equivalent plain lines."""
+"""Compiled loops over sets of literals, 64 literals a word."""
 
 import numpy as np
 from numpy.typing import NDArray

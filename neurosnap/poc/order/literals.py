@@ -1,4 +1,4 @@
-"""Sets of literals as users give them and as the kernels need them.
+"""Checks and packs sets of literals: sensors that are on, and sensors that are off.
 
 A set is a bool array with a place a literal. Packed, it is a row of 64-bit words, the
 lowest bit first, zero beyond the last literal: literal ``a`` is bit ``a % 64`` of word

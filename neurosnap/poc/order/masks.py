@@ -1,4 +1,4 @@
-"""Sets of literals as integer bit masks.
+"""Sets of literals as whole numbers: bit k is literal k.
 
 A Python int is a set of any size with fast union, intersection and hashing, which is
 what walking a dual takes: one set in hand at a time, never a matrix of them. Where

@@ -1,4 +1,4 @@
-"""Weak poc sets: orders on literals that complementation reverses.
+"""The order of "implies" on sensors and their complements, which turns it round.
 
 The elements of a poc set on ``N`` sensors are its ``2N`` literals and two more: the
 minimum, number ``2N``, and the maximum, number ``2N + 1``, so that ``^ 1`` is the
@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
+from neurosnap.poc.order.closure_and_reduction import covers, width
 from neurosnap.poc.order.fields import as_fields, inclusions
-from neurosnap.poc.order.generated_order import covers, width
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.literals import Literals, as_literal, as_literals
 from neurosnap.poc.order.relations import (

@@ -1,4 +1,4 @@
-"""Parses relations between literals, and the graphs they generate.
+"""Reads implications such as "a < b*" and makes the graph of them.
 
 A generated order must keep every literal apart from its own complement, and a strict
 relation must stay strict: what breaks that is refused with the chain of relations

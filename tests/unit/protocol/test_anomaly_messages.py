@@ -5,7 +5,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
-from neurosnap.protocol.anomaly_messages import Link, named_anomaly, with_support
+from neurosnap.protocol.anomaly_words import Link, named_anomaly, with_support
 
 NAMES = ("door", "motion", "light")
 

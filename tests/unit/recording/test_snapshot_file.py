@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from neurosnap.apps.library import load_snapshot, save_snapshot
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
-from neurosnap.recording.snapshot_file import load_snapshot, save_snapshot
 from neurosnap.sensorium import Sensorium
 
 KINDS = pytest.mark.parametrize("kind", [EmpiricalSnapshot, DiscountedSnapshot])

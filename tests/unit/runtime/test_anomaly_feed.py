@@ -11,7 +11,7 @@ from neurosnap.agent.growth.changed import Changed
 from neurosnap.agent.memory import AgentMemory
 from neurosnap.fabric.protocol import Handler
 from neurosnap.fabric.zenoh.discovery import FoundSwarm
-from neurosnap.protocol.anomaly_messages import NamedAnomaly
+from neurosnap.protocol.anomaly_words import NamedAnomaly
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.anomaly_feed import Fed, _Alarms, _Incarnation
 from neurosnap.runtime.parts.coordinator_process import RunDescription

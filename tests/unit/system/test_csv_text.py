@@ -12,9 +12,8 @@ from neurosnap.apps.export.columns import Column, Table
 from neurosnap.apps.export.write import write_csv
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import visible
-from neurosnap.sources.csv_source import CsvSource
 from neurosnap.sources.open import open_source
-from neurosnap.sources.tables.csv_file import as_text, as_written
+from neurosnap.sources.tables.csv_file import CsvSource, as_text, as_written
 
 EVIL = "=cmd|'/c calc'!A1"
 TEXTS = st.text(st.sampled_from("'=+-@＝\t\r\nab"), max_size=6) | st.text()

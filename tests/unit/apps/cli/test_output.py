@@ -10,7 +10,7 @@ from neurosnap.agent.body import Body
 from neurosnap.apps.cli.output import outcome_lines, say
 from neurosnap.apps.cli.shared import errors
 from neurosnap.errors import NeurosnapError
-from neurosnap.protocol.anomaly_messages import Link, NamedAnomaly, anomaly_line
+from neurosnap.protocol.anomaly_words import Link, NamedAnomaly, anomaly_line
 from neurosnap.protocol.coordinator import Totals
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness

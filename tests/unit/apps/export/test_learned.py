@@ -8,8 +8,7 @@ import networkx
 import numpy as np
 import pytest
 
-from neurosnap.apps.export.graph_text import Diagram, diagram, dot, graphml
-from neurosnap.apps.export.learned import learned_from
+from neurosnap.apps.export.learned import Diagram, diagram, dot, graphml, learned_from
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.recording.read.recording import Recording

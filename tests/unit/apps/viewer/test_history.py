@@ -10,9 +10,9 @@ from msgspec.structs import replace
 
 from neurosnap import wire
 from neurosnap.apps.viewer.api import COUNTED, RaisedAlarm
-from neurosnap.apps.viewer.history import RunHistory
 from neurosnap.apps.viewer.marks import Found
 from neurosnap.apps.viewer.run_view import RunView
+from neurosnap.apps.viewer.session import RunHistory
 from neurosnap.apps.viewer.tick_messages import (
     CONTRADICTED,
     NOT_RECORDED,
@@ -25,7 +25,7 @@ from neurosnap.apps.viewer.tick_messages import (
 from neurosnap.apps.viewer.time_series import thinned
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.order.literals import from_words
-from neurosnap.protocol.anomaly_messages import evidence, named_anomaly, with_support
+from neurosnap.protocol.anomaly_words import evidence, named_anomaly, with_support
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.replay import Replay
 from tests.support.lamp import LIMITED, lamp_options

@@ -1,4 +1,4 @@
-"""Anomalies in words, and without what rests on too little."""
+"""Anomalies in words, and without rules that rest on too little evidence."""
 
 from collections.abc import Sequence
 

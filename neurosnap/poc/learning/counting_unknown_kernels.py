@@ -1,11 +1,11 @@
-"""Compiled loops of counting where readings may be unknown: four weights a pair.
+"""Compiled loops that count pairs of sensors where readings may be unknown.
 
-What `neurosnap.poc.learning.update_kernels_lazy` does with one joint weight a pair
+What `neurosnap.poc.learning.counting_kernels` does with one joint weight a pair
 takes every reading at every tick. Here the pairs of an unknown reading are not touched,
 and so each pair has a total of its own.
 
 The loops over a row are written for vector instructions, as those of
-`neurosnap.poc.learning.update_kernels`.
+`neurosnap.poc.learning.graph_kernels`.
 """
 
 from typing import Any
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.poc.learning.automatic_threshold import MARK, START, Spells, withstand
-from neurosnap.poc.learning.update_kernels import (
+from neurosnap.poc.learning.graph_kernels import (
     Pairs,
     Row,
     difference,

@@ -1,4 +1,4 @@
-"""Compiled loops that all kinds of learning share: from codes of pairs to the graph.
+"""Compiled loops that write the implications found between sensors into the graph.
 
 Pairs of sensors, and the code of each pair, are as in
 `neurosnap.poc.learning.pairs`. Nothing here is compiled with fast-math: results

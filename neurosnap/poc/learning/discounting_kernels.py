@@ -1,10 +1,10 @@
-"""Compiled loops of discounted learning: the present weighs more than the past.
+"""Compiled loops of learning that forgets.
 
 Where every reading is known a joint weight a pair is stored; where readings may be
 unknown, four weights a pair, of which those of an unknown reading are not touched.
 
 The loops over a row are written for vector instructions, as those of
-`neurosnap.poc.learning.update_kernels`.
+`neurosnap.poc.learning.graph_kernels`.
 """
 
 from typing import Any, NamedTuple
@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.poc.learning.one_pair import SLACK, TINY
-from neurosnap.poc.learning.update_kernels import (
+from neurosnap.poc.learning.graph_kernels import (
     Pairs,
     Row,
     difference,
@@ -23,6 +22,7 @@ from neurosnap.poc.learning.update_kernels import (
     rewire,
     row_of,
 )
+from neurosnap.poc.learning.one_pair import SLACK, TINY
 from neurosnap.system.compiled import njit
 
 Floats = NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""Compiled loops of learning that judge a pair only where its code might change.
+"""Compiled loops that count pairs, and judge a pair only where its code may change.
 
 Most pairs cannot change their code for many observations to come. These are left alone,
 and codes, dates and graph are after every observation as if all had been judged.
@@ -56,7 +56,7 @@ from neurosnap.poc.learning.automatic_threshold import (
     Spells,
     withstand,
 )
-from neurosnap.poc.learning.update_kernels import (
+from neurosnap.poc.learning.graph_kernels import (
     Pairs,
     Row,
     difference,
