@@ -56,6 +56,17 @@ def test_what_was_asked_is_from_before_it_was_learned() -> None:
     assert piece.since == tuple(one.since for one in found)
 
 
+def test_bands_go_before_the_answer_that_is_asked_for_them() -> None:
+    worker = new()
+    for tick in (1, 2, 3):
+        worker.learn(learn(tick))
+    *bands, answer = worker.learn(learn(3, frame=3))
+    assert isinstance(answer, wire.Learned)
+    assert answer.frame == 3
+    expected = bands_of(whole(3), 3, 4, "worker/1", SHARES)
+    assert bands == [band for band in expected if band.offset >= 6]
+
+
 def test_it_begins_with_the_bands_of_its_share_whatever_their_order() -> None:
     head, bands = head_of(whole(3)), [*bands_of(whole(3), 3, 4, "it", SHARES)]
     worker, straight = new(), new()
