@@ -85,6 +85,7 @@ def facts(recorded: Path) -> dict[str, Any]:
     return happy("health", recorded)
 
 
+@pytest.mark.exhaustive
 def test_a_recording_says_what_its_readings_said(
     table: Path, facts: dict[str, Any]
 ) -> None:
@@ -122,6 +123,7 @@ def test_the_page_shows_what_is_said(recorded: Path, facts: dict[str, Any]) -> N
     ]
 
 
+@pytest.mark.exhaustive
 async def test_one_who_catches_up_knows_what_it_knew(
     recorded: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

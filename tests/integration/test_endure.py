@@ -44,6 +44,7 @@ def test_a_run_of_which_parts_die_together_comes_to_the_same(tmp_path: Path) -> 
     assert sorted(path.name for path in tmp_path.iterdir()) == ["calm", "log"]
 
 
+@pytest.mark.exhaustive
 def test_a_run_in_several_files_comes_to_the_same(tmp_path: Path) -> None:
     options = msgspec.structs.replace(
         options_for(ENDLESS), keyframe_every=50, split=SMALLEST

@@ -282,6 +282,7 @@ async def test_in_one_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.zenoh
+@pytest.mark.exhaustive
 async def test_in_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found: asyncio.Future[tuple[str, str]] = asyncio.get_running_loop().create_future()
 

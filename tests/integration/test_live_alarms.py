@@ -69,6 +69,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return sent_at(log, folder / "then.mcap", [each.at + shift for each in rows])
 
 
+@pytest.mark.exhaustive
 async def test_a_run_that_is_resumed_tells_an_alarm_once_and_so_do_those_who_look_on(
     recorded: Path, tmp_path: Path
 ) -> None:

@@ -65,6 +65,7 @@ def test_over_three_hubs_the_run_comes_to_the_same(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_a_seed_repeats_its_schedule(tmp_path: Path) -> None:
     said: list[list[tuple[str, int, bytes]]] = []
     tallies: list[list[Tally]] = []

@@ -57,6 +57,7 @@ def test_the_first_start_says_that_it_compiles(tmp_path: Path, program: Path) ->
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_a_folder_for_numba_comes_first(tmp_path: Path, program: Path) -> None:
     chosen, cache = tmp_path / "chosen", tmp_path / "cache"
     said = start(program, XDG_CACHE_HOME=str(cache), NUMBA_CACHE_DIR=str(chosen))
@@ -66,6 +67,7 @@ def test_a_folder_for_numba_comes_first(tmp_path: Path, program: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_without_a_cache_folder_numba_chooses(tmp_path: Path, program: Path) -> None:
     (tmp_path / "cache").write_text("a file")
     assert start(program, XDG_CACHE_HOME=str(tmp_path / "cache")) == ""
@@ -73,6 +75,7 @@ def test_without_a_cache_folder_numba_chooses(tmp_path: Path, program: Path) -> 
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_what_is_called_and_what_is_counted_with_may_change(tmp_path: Path) -> None:
     program, helper = tmp_path / "program.py", tmp_path / "helper.py"
     program.write_text(

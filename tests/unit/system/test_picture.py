@@ -24,6 +24,7 @@ sys.stdout.buffer.write(encoded(figure, sys.argv[1]))
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.exhaustive
 def test_a_picture_has_the_same_bytes_in_every_process(kind: str) -> None:
     """A clip path's name and a hatch's follow from a random number without a salt."""
     one, two = (
