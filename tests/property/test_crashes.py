@@ -6,8 +6,6 @@ names the seed, and ``tools/simulate --only SEED`` repeats it.
 
 import asyncio
 import random
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -27,7 +25,6 @@ from neurosnap.runtime.run import run
 from tests.support.hypothesis_settings import cases
 from tools.simulate.__main__ import gathered
 from tools.simulate.case import live_on, random_options
-from tools.simulate.case import simulate as schedule
 from tools.simulate.check import WrongError, check
 from tools.simulate.schedules import outcomes
 from tools.simulate.simulated_hub import Faults, SimulatedHub
@@ -64,25 +61,6 @@ def test_over_three_hubs_the_run_comes_to_the_same(tmp_path: Path) -> None:
     assert min(total.parted, total.hubs_lost, total.restarts, total.deaf) > 0
 
 
-@pytest.mark.slow
-@pytest.mark.exhaustive
-def test_a_seed_repeats_its_schedule(tmp_path: Path) -> None:
-    said: list[list[tuple[str, int, bytes]]] = []
-    tallies: list[list[Tally]] = []
-    for folder in (tmp_path / "first", tmp_path / "again"):
-        tallies.append([])
-        said.append([])
-        for seed in range(3):
-            own = folder / str(seed)
-            own.mkdir(parents=True)
-            tallies[-1].append(schedule(seed, own))
-            for log in sorted(own.glob("*.mcap")):
-                said[-1] += heard(log)
-    assert tallies[0] == tallies[1]
-    assert sum(tally.restarts for tally in tallies[0]) > 0
-    assert said[0] == said[1]
-
-
 def heard(log: Path) -> list[tuple[str, int, bytes]]:
     """Return what a recording holds, in order; nothing where it was cut too early."""
     try:
@@ -102,21 +80,6 @@ def test_what_fails_names_its_seed_and_how_to_see_it_again() -> None:
         gathered(outcomes(5, 5, 1, third))
 
 
-@pytest.mark.exhaustive
-def test_several_processes_find_what_one_does() -> None:
-    said = [
-        subprocess.run(
-            [sys.executable, TOOL, "--schedules", "6", "--processes", processes],
-            check=True,
-            capture_output=True,
-            text=True,
-        ).stdout
-        for processes in ("1", "2")
-    ]
-    one, two = (text.rpartition("seconds")[0] for text in said)
-    assert one == two != ""
-
-
 class _Deleting(RestartFiles):
     """Deletes what a run cannot go on from, whatever is in it."""
 
@@ -125,6 +88,7 @@ class _Deleting(RestartFiles):
 
 
 @pytest.mark.exhaustive
+@pytest.mark.slow
 def test_a_restart_that_deletes_a_damaged_recording_is_found(tmp_path: Path) -> None:
     """Some run in twelve comes to it, and which depends on every byte of the files."""
 
@@ -202,6 +166,7 @@ def test_a_message_that_nobody_misses_is_missed(whole: Path) -> None:
 # Going back ---------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_run_is_taken_up_no_later_than_asked(whole: Path) -> None:
     options, last = find_resume_point(whole)
     assert last.tick == options.ticks

@@ -66,6 +66,7 @@ def test_a_discounted_snapshot_is_what_its_definition_says(
 
 
 @pytest.mark.parametrize(("tau", "decay"), [(0.02, 0.9), (1 / 8000, 63 / 64)])
+@pytest.mark.slow
 def test_a_long_discounted_walk_keeps_to_exact_arithmetic(
     tau: float, decay: float
 ) -> None:

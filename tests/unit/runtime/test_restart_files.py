@@ -134,6 +134,7 @@ def test_what_is_kept_gets_the_next_free_name(
     assert earlier.read_bytes() == b"of an earlier run"
 
 
+@pytest.mark.slow
 def test_a_file_behind_a_damaged_one_is_gone_on_from(log: Path) -> None:
     options = options_of(900, split=SMALLEST)
     asyncio.run(run(RunRequest(options, log), asyncio.Event()))
@@ -226,6 +227,7 @@ def test_of_two_lives_that_saw_other_things_none_is_deleted(
 
 
 @pytest.mark.parametrize("content", [b"", bytes(300)], ids=["empty", "zeros"])
+@pytest.mark.slow
 def test_a_newest_file_that_a_power_cut_left_blank_is_passed_over(
     content: bytes, log: Path
 ) -> None:

@@ -16,6 +16,7 @@ pytest.importorskip("minigrid")
 
 
 @pytest.mark.parametrize("layout", ["Empty-5x5", "DoorKey-5x5", "DoorKey-6x6"])
+@pytest.mark.slow
 def test_a_walk_is_the_one_minigrid_makes_and_draws(layout: str) -> None:
     """Through the door: whatever happened before, the state alone is drawn."""
     from minigrid import envs

@@ -85,6 +85,7 @@ def test_the_options_of_a_run_are_few_and_stand_in_groups() -> None:
     assert defaults["--threshold"] == "auto; discounted, 0.000125"
 
 
+@pytest.mark.slow
 def test_names_of_options_are_whole_on_a_narrow_terminal() -> None:
     told = subprocess.run(
         [sys.executable, "-m", "neurosnap", "run", "--help"],

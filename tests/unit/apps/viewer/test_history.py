@@ -330,6 +330,7 @@ def test_err_is_what_a_walk_through_all_pairs_counts(path_log: Path) -> None:
         assert value == wrong
 
 
+@pytest.mark.slow
 def test_distance_falls_to_zero_at_the_target_only(tmp_path: Path) -> None:
     log = recorded(planner_run(), tmp_path / "run.mcap")
     run_view, history = RunView(log), read(log)

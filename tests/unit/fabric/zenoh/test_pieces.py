@@ -104,6 +104,7 @@ def test_a_run_whose_key_frames_could_not_be_sent_is_refused() -> None:
 
 
 @pytest.mark.parametrize("kind", ["empirical", "discounted"])
+@pytest.mark.slow
 def test_the_largest_key_frame_that_is_allowed_can_be_sent(kind: SnapshotKind) -> None:
     sensors = MOST // 16
     chosen = options(sensors, kind)

@@ -189,6 +189,7 @@ def test_what_is_gained_is_found_from_where_the_walk_stopped(
     assert seen.cut is None
 
 
+@pytest.mark.slow
 def test_no_byte_can_be_wrong_unnoticed_in_what_is_not_verified_at_once(
     finished: bytes, tmp_path: Path
 ) -> None:

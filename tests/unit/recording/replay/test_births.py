@@ -104,6 +104,7 @@ def test_info_lists_what_a_run_has_grown(log: Path) -> None:
     assert f"  tick {BIRTH}  sensor 24  {GROWN}  from {BIRTH} ticks\n" in text
 
 
+@pytest.mark.slow
 def test_a_later_file_alone_says_by_when(tmp_path: Path) -> None:
     log = tmp_path / "log.mcap"
     # Enough for several chunks: only they count towards the size of a file.

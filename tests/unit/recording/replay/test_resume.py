@@ -88,6 +88,7 @@ def test_a_key_frame_counts_once_every_cell_has_reported_on_a_later_wave(
 
 @pytest.mark.usefixtures("small")
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.95])
+@pytest.mark.slow
 def test_a_run_goes_on_in_its_last_file(
     whole: Path, messages: Sequence[Recorded], log: Path, share: float
 ) -> None:

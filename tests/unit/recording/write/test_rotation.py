@@ -71,6 +71,7 @@ def missing(log: Path) -> list[dict[str, int]]:
 
 
 @pytest.mark.parametrize("seed", [None, 0, 1])
+@pytest.mark.slow
 def test_every_file_is_a_run_and_all_together_are_the_run(
     whole: Path, messages: Sequence[Recorded], log: Path, seed: int | None
 ) -> None:

@@ -65,6 +65,7 @@ async def followed(course: Course) -> list[Standing]:
     return heard
 
 
+@pytest.mark.slow
 async def test_that_a_door_stays_open_is_told_although_nothing_is_read_any_more(
     home: Home, monkeypatch: pytest.MonkeyPatch
 ) -> None:
