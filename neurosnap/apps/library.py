@@ -17,6 +17,7 @@ from neurosnap.apps.new_files import free_path, new_path
 from neurosnap.depth.measure import Sweep, from_recording, measure
 from neurosnap.depth.probe import Measured
 from neurosnap.errors import InvalidValueError
+from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.learning.relation_table import Relation, tabulate
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.option import declared
@@ -32,13 +33,10 @@ from neurosnap.runtime.request import SILENT, RunRequest, Watcher
 from neurosnap.runtime.run import resumed
 from neurosnap.runtime.run import run as run_swarm
 from neurosnap.sources.protocol import Argument
+from neurosnap.system.durable import replace_file
 
 if TYPE_CHECKING:
     import networkx
-
-
-from neurosnap.poc.learning.kinds import Snapshot
-from neurosnap.system.durable import replace_file
 
 T = TypeVar("T")
 

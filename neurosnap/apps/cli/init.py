@@ -1,7 +1,7 @@
 """``neurosnap init``: the files that a swarm begins with: from topics, and keys."""
 
 import asyncio
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -23,16 +23,11 @@ from neurosnap.apps.new_files import free_path
 from neurosnap.errors import InvalidValueError, MissingExtraError, NeurosnapError
 from neurosnap.fabric.events import wait_any, wait_at_most
 from neurosnap.sensorium import visible
-from neurosnap.sources.mqtt.options import MqttBroker
+from neurosnap.sources.mqtt.options import MqttBroker, MqttSensor
 from neurosnap.system.distribution import must_have
 
 if TYPE_CHECKING:
-    from neurosnap.sources.mqtt.options import MqttSensor
     from neurosnap.sources.mqtt.topic_survey import HeardTopic, Survey
-
-from collections.abc import Mapping, Sequence
-
-from neurosnap.sources.mqtt.options import MqttSensor
 
 _SHOWN = 3  # values of a topic in a line
 _EXAMPLE = "Example: neurosnap init topics homeassistant.local --out home.toml"
