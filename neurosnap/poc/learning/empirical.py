@@ -8,7 +8,6 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.archive import Arrays, entry
 from neurosnap.poc.learning.automatic_threshold import (
     SHARE,
@@ -21,7 +20,7 @@ from neurosnap.poc.learning.columns import Columns
 from neurosnap.poc.learning.counting_kernels import Lag, learn_lazily, settle_all
 from neurosnap.poc.learning.counting_unknown_kernels import count_newborn, count_squares
 from neurosnap.poc.learning.one_pair import AUTO
-from neurosnap.poc.learning.pair_counts import OnProgress, count_pairs
+from neurosnap.poc.learning.pair_counts import OnProgress
 from neurosnap.poc.learning.pairs import Weights
 from neurosnap.poc.learning.search import Count, Question, Search
 from neurosnap.poc.learning.snapshot import Snapshot
@@ -103,25 +102,21 @@ class EmpiricalSnapshot(Snapshot):
     ) -> Self:
         """Return what a snapshot is after observing all rows of a table, in order.
 
-        Pairs are counted a column at a time, 64 ticks a step, and judged once:
-        `Evidence.since` is the last row for all that holds then. Where thresholds
-        choose themselves it goes row by row, as what is tolerated depends on the order.
-
         Args:
             data: ``(T, N)``: an array of bool or numbers, 0, 1 or NaN for unknown; a
                 data frame whose missing values are unknown; or `Columns`.
             threshold: As of the class.
             names: Of the sensors; if None, those of the data frame, or ``s0``, ``s1``
                 and so on. `Columns` have their own.
-            on_progress: Told how many pairs are done.
+            on_progress: Told how much is done, in pairs.
 
         Returns:
-            A new snapshot. O(N² T / 64) time; O(N² T) for ``"auto"``.
+            A new snapshot. Up to O(N² T) time, as of `learn`.
 
         Raises:
             ShapeError: `data` has not two axes, or there is not one name a column.
             InvalidValueError: An entry is not 0, 1 or unknown; there are too many
-                rows; or a threshold is out of range.
+                rows; or the threshold is out of range.
 
         Example:
             >>> e = EmpiricalSnapshot.fit([[0, 0], [0, 1], [1, 1]], threshold=0.25)
@@ -130,48 +125,17 @@ class EmpiricalSnapshot(Snapshot):
         """
         columns = data if isinstance(data, Columns) else Columns.of(data, names)
         snapshot = cls(columns.sensorium, threshold)
-        if snapshot._persistence is None:
-            snapshot._fit_at_once(columns, on_progress)
-        else:
-            snapshot._fit_by_row(columns, on_progress)
-        return snapshot
-
-    def _fit_by_row(self, columns: Columns, on_progress: OnProgress | None) -> None:
-        """Observe all rows."""
-        pairs = self._pairs.codes.size
+        pairs = snapshot._pairs.codes.size
         for tick in range(columns.ticks):
-            self.learn(*columns.row(tick))
+            snapshot.learn(*columns.row(tick))
             if on_progress is not None and tick % _BATCH == 0:
                 on_progress(pairs * tick // columns.ticks, pairs)
-        self._adopt_last()
+        known = (snapshot._known > 0).repeat(2)
+        read_last = complete(snapshot._bits.view(np.bool_)) & known
+        snapshot.adopt(snapshot.poc_graph().coherent_projection(read_last))
         if on_progress is not None:
             on_progress(pairs, pairs)
-
-    def _fit_at_once(self, columns: Columns, on_progress: OnProgress | None) -> None:
-        """Become what all rows make of a snapshot that has seen nothing."""
-        if columns.ticks >= 2**32:
-            rule = "must be below 2**32, which the counts have room for"
-            raise InvalidValueError("rows", rule, columns.ticks)
-        if not columns.ticks:
-            return
-        self._clock = columns.ticks
-        ticks = count_pairs(columns, on_progress).ticks
-        read_on = np.bitwise_count(columns.on).sum(axis=1)
-        read = read_on + np.bitwise_count(columns.off).sum(axis=1)
-        if (read == columns.ticks).all():
-            self._weights.joints[:] = ticks[0]
-            self._weights.marginals[:] = read_on
-        else:
-            self._weights.widen(0)
-            self._weights.set(slice(None), ticks)
-        self._count(self._clock)  # no bit is known yet: it only derives
-        self._bits[:], self._known[:] = columns.row(columns.ticks - 1)
-        self._adopt_last()
-
-    def _adopt_last(self) -> None:
-        """Adopt the state of the readings at hand."""
-        read_last = complete(self._bits.view(np.bool_)) & (self._known > 0).repeat(2)
-        self.adopt(self.poc_graph().coherent_projection(read_last))
+        return snapshot
 
     def _update(self) -> bool:
         if self._persistence is not None:
