@@ -1,4 +1,4 @@
-"""Reads tables of readings, a column a sensor and a row a tick, and CSV files of them.
+"""Reads tables, a column a sensor and a row a tick: CSV files, also as a source.
 
 Cells are 0 and 1, false and true, off and on, or say that nothing is known. A file is
 read as it is gone through, and never held in memory.
@@ -292,7 +292,7 @@ def as_written(text: str) -> str:
 class CsvSource:
     """The rows of a CSV file of readings, one after the other; actions change nothing.
 
-    What the file may look like is said in `neurosnap.sources.tables`. A row in which
+    What the file may look like is said at the top of this module. A row in which
     nothing is known is left out. The file is read twice, once to check it and once to
     give it out, and never held in memory.
 
