@@ -24,7 +24,7 @@ import typer
 from neurosnap import wire
 from neurosnap.apps.cli import app
 from neurosnap.apps.config.validate import either
-from neurosnap.recording.format.records import schema_name, schema_of
+from neurosnap.recording.format import schemas
 from tools.json_schema import schema, texts_below
 
 PAGES = Path(__file__).resolve().parents[1] / "docs"
@@ -249,11 +249,11 @@ def _message(topic: str) -> Iterator[str]:
     yield from (inspect.cleandoc(kind.__doc__ or ""), "")
     yield from (
         f"Key `{wire.said_by('PART', topic)}`; in a recording channel `/{topic}` with"
-        f" schema `{schema_name(kind)}`.",
+        f" schema `{schemas.name(kind)}`.",
         "",
     )
     rows = []
-    properties = schema_of(kind)["properties"]
+    properties = schemas.schema(kind)["properties"]
     for field in msgspec.structs.fields(kind):
         default = ""
         if not field.required:

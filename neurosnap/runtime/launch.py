@@ -24,6 +24,7 @@ from neurosnap.health.alarm import Standing
 from neurosnap.protocol.resume_point import ResumePoint, first_number
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
+from neurosnap.runtime.inline_tasks import InlineTasks
 from neurosnap.runtime.network import Connections
 from neurosnap.runtime.parts.coordinator_process import (
     CoordinatorJob,
@@ -42,7 +43,7 @@ from neurosnap.runtime.parts.worker_process import WorkerJob
 from neurosnap.runtime.parts.world_process import WorldJob
 from neurosnap.runtime.registry import noted
 from neurosnap.runtime.request import SILENT, Outcome, RunRequest, Site, Watcher
-from neurosnap.runtime.starter import InlineTasks, Starter
+from neurosnap.runtime.starter import Starter
 from neurosnap.runtime.supervisor import RunningPart, Supervisor
 
 _SERVICES = 5  # hub, recorder, coordinator, world, status publisher

@@ -8,8 +8,8 @@ import msgspec
 import pytest
 
 from neurosnap import wire
+from neurosnap.apps.viewer.history import RunHistory
 from neurosnap.apps.viewer.run_view import RunView
-from neurosnap.apps.viewer.session import RunHistory
 from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime.parts import health_listener
 from neurosnap.runtime.parts.health_listener import HealthListener, Past

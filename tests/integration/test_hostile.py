@@ -24,7 +24,7 @@ from neurosnap.fabric.security.hub_address import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.read.recording import Recording
-from neurosnap.runtime import launch, starter
+from neurosnap.runtime import inline_tasks, launch
 from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from neurosnap.sensorium import pack
@@ -265,7 +265,7 @@ async def test_in_one_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
             hubs.append(self)
             made.set()
 
-    monkeypatch.setattr(starter, "MemoryHub", Tapped)
+    monkeypatch.setattr(inline_tasks, "MemoryHub", Tapped)
 
     def disturb(
         stranger: Stranger, options: RunOptions, log: Path, stop: asyncio.Event

@@ -1,7 +1,7 @@
 """What happened at which ticks of a run, and which of its sensors seem broken.
 
 For the strip over the slider, and for the health of a home. Both are filled by
-`neurosnap.apps.viewer.session`.
+`neurosnap.apps.viewer.history`.
 """
 
 import math

@@ -1,6 +1,6 @@
 """Time series of a run: its columns, and what every sensor was at every tick.
 
-Both are filled by `neurosnap.apps.viewer.session`, and thinned out for whom they are
+Both are filled by `neurosnap.apps.viewer.history`, and thinned out for whom they are
 too many.
 """
 

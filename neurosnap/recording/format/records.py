@@ -3,7 +3,6 @@
 The records in a chunk are walked in `neurosnap.recording.format.chunks`, compiled.
 """
 
-import functools
 import io
 import stat
 import struct
@@ -11,7 +10,7 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO, Literal, TypeAlias, TypeVar
+from typing import BinaryIO, Literal, TypeAlias, TypeVar
 
 import msgspec
 from mcap.data_stream import ReadDataStream
@@ -20,7 +19,6 @@ from mcap.opcode import Opcode
 from mcap.records import Header, Metadata
 
 from neurosnap.errors import NoRecordingError, RecordingError
-from neurosnap.wire import Image, Message
 
 PROFILE = "neurosnap"
 RUN = "neurosnap.run"
@@ -293,46 +291,3 @@ def read_facts(body: bytes) -> tuple[str, dict[str, str]]:
     if noted != (computed := checksum(name, facts)):
         raise ValueError(f"checksum {computed} for {noted}")
     return name, facts
-
-
-SCHEMA_ENCODING = "jsonschema"
-_DIALECT = "https://json-schema.org/draft/2020-12/schema"
-
-_FOREIGN: dict[type[Message], str] = {Image: "foxglove.CompressedImage"}
-"""The schemas of others that a message has all fields of; viewers go by the name."""
-
-
-def schema_name(message: type[Message]) -> str:
-    """Return the name a message's schema is recorded under."""
-    return _FOREIGN.get(message, f"neurosnap.{message.__name__}")
-
-
-def schema_of(message: type[Message]) -> dict[str, Any]:
-    """Return the flat JSON schema of a message, as JSON-able objects.
-
-    Foxglove and Lichtblick take a schema only if its root is an object with
-    `properties`, every property names its `type`, arrays name the type of their items,
-    and nothing uses `$ref`, `anyOf`, null or an array of arrays. What msgspec derives
-    has a reference at the root and leaves the type of an enumeration unsaid; both are
-    repaired here.
-    """
-    _, components = msgspec.json.schema_components([message])
-    flat = components[message.__name__]
-    properties = {
-        field: _plain(rule, components) for field, rule in flat["properties"].items()
-    }
-    titled = {**flat, "title": _FOREIGN.get(message, message.__name__)}
-    return {"$schema": _DIALECT, **titled, "properties": properties}
-
-
-def _plain(rule: dict[str, Any], components: dict[str, Any]) -> dict[str, Any]:
-    """Return a property's schema without a reference, and with its type."""
-    if (reference := rule.get("$ref")) is not None:
-        return dict(components[reference.rpartition("/")[2]])
-    return {"type": "string", **rule} if "enum" in rule else rule
-
-
-@functools.cache
-def encoded_schema(message: type[Message]) -> bytes:
-    """Return the flat JSON schema of a message as JSON."""
-    return msgspec.json.encode(schema_of(message))

@@ -24,17 +24,15 @@ from mcap.writer import Writer as McapWriter
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, MessageError, RecordingError
+from neurosnap.recording.format import schemas
 from neurosnap.recording.format.completeness import Completeness, RunningNumbers
 from neurosnap.recording.format.records import (
     GAP,
     LIMIT,
     PROFILE,
     RUN,
-    SCHEMA_ENCODING,
     SHARE,
     TOTALS,
-    encoded_schema,
-    schema_name,
     sealed_facts,
 )
 from neurosnap.system.distribution import version
@@ -105,7 +103,7 @@ class Writer:
         types = dict.fromkeys(wire.TOPICS.values())
         ids = {
             message: self._mcap.register_schema(
-                schema_name(message), SCHEMA_ENCODING, encoded_schema(message)
+                schemas.name(message), schemas.ENCODING, schemas.encoded(message)
             )
             for message in types
         }

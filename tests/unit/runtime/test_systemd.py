@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from neurosnap.apps.cli.run import ServiceManager
+from neurosnap.runtime.systemd import ServiceManager
 
 UP = "READY=1\nWATCHDOG=1\nSTATUS=tick 0"
 

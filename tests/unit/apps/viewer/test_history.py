@@ -10,9 +10,9 @@ from msgspec.structs import replace
 
 from neurosnap import wire
 from neurosnap.apps.viewer.api import COUNTED, RaisedAlarm
+from neurosnap.apps.viewer.history import RunHistory
 from neurosnap.apps.viewer.marks import Found
 from neurosnap.apps.viewer.run_view import RunView
-from neurosnap.apps.viewer.session import RunHistory
 from neurosnap.apps.viewer.tick_messages import (
     CONTRADICTED,
     NOT_RECORDED,
