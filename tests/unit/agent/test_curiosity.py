@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
+from neurosnap.agent.curiosity import Curiosity, Trial
 from neurosnap.agent.experience import BEGINNING, Experience
-from neurosnap.agent.imagining_planner import Curiosity, Trial
 from neurosnap.agent.plan import ImaginedState
 
 BODY = Body.full(["a", "b", "c"], ["go", "stay"])
