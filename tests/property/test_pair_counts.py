@@ -17,7 +17,6 @@ from tests.support.hypothesis_settings import examples
 from tests.support.strategies import tables
 
 Table: TypeAlias = NDArray[np.float64]
-THRESHOLDS = st.sampled_from([0.25, 0.1, 0.03, 0.01])
 
 
 def runs_of(table: Table, i: int, j: int) -> dict[tuple[int, int], list[int]]:
@@ -51,7 +50,7 @@ def test_ticks_and_occasions_are_those_of_the_runs(table: Table) -> None:
 
 
 @examples(60)
-@given(tables(longest=700), THRESHOLDS)
+@given(tables(longest=700), st.sampled_from([0.25, 0.1, 0.03, 0.01]))
 def test_a_fitted_snapshot_is_one_that_saw_row_after_row(
     table: Table, threshold: float
 ) -> None:
