@@ -43,7 +43,7 @@ bench: .venv/installed-dev
 
 # The paper's experiments, or some of them: make figures ONLY=learning-empirical,growth
 figures: .venv/installed-dev
-	$(BIN)/python tools/paper figures $(if $(ONLY),--only $(ONLY))
+	$(BIN)/python tools/paper $(if $(ONLY),--only $(ONLY))
 
 # In an environment of its own: what the pages are made of must not need the rest.
 docs: build/docs/installed

@@ -1,7 +1,6 @@
 """A picture of an order for notebooks: its Hasse diagram."""
 
 import warnings
-from collections.abc import Callable
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -13,7 +12,7 @@ from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.pocset import PocSet
 from neurosnap.sensorium import Sensorium
-from neurosnap.system.picture import canvas_type, ink_on, rgb
+from neurosnap.system.picture import canvas_type
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -61,16 +60,13 @@ def plot_order(
         raise ShapeError("state", f"must be ({2 * len(sensors)},)", lit.shape)
     figure = canvas_type("picture")()
     axes = figure.add_axes((0, 0, 1, 1))
-    size = draw_order(axes, PocSet.from_graph(graph, sensors), lit)
+    size = _draw_order(axes, PocSet.from_graph(graph, sensors), lit)
     figure.set_size_inches(*size)
     return figure
 
 
-def draw_order(
-    axes: "Axes",
-    poc: PocSet,
-    state: NDArray[np.bool_] | None = None,
-    colour_of: Callable[[int], str | None] = lambda literal: None,
+def _draw_order(
+    axes: "Axes", poc: PocSet, state: NDArray[np.bool_] | None
 ) -> tuple[float, float]:
     """Draw a Hasse diagram, in inches; return how wide and how high it is.
 
@@ -81,7 +77,6 @@ def draw_order(
         axes: What is drawn on.
         poc: The order.
         state: ``(2N,)`` bool: literals to be lit; None if none are to be.
-        colour_of: Returns the colour of a representative's box, if it has one.
     """
     hasse = lay_out_hasse(poc, text_width)
     width, height = (2 * _MARGIN + length for length in hasse.size)
@@ -94,11 +89,8 @@ def draw_order(
         wide, proper = float(hasse.wide[k]), bool(poc.proper[literal])
         if state is not None and state[literal]:
             _box(axes, x, y, wide + 0.08, HIGH + 0.08, fc=STATE, ec="none", zorder=1.5)
-        colour = colour_of(literal) if proper else None
-        fill = colour if colour is not None and not literal & 1 else "white"
-        edge, dash = (colour or INK, "-") if proper else (PALE, "--")
-        _box(axes, x, y, wide, HIGH, fc=fill, ec=edge, ls=dash, lw=1.4, zorder=2)
-        ink = ink_on(rgb(fill)) if fill != "white" else INK if proper else PALE
+        ink, dash = (INK, "-") if proper else (PALE, "--")
+        _box(axes, x, y, wide, HIGH, fc="white", ec=ink, ls=dash, lw=1.4, zorder=2)
         axes.text(
             x,
             y,

@@ -10,12 +10,12 @@ from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.dual.cubing import Cubing
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.pocset import PocSet
-from tools.paper.spaces import chain, exclusive, simple
+from tools.paper.spaces import chain, exclusive
 
 
 def test_the_simple_example() -> None:
     """[GK] fig:duality for a simple relation: a square with a tail."""
-    cubing = Cubing(simple().poc)
+    cubing = Cubing(PocSet.parse("a, b, c : a < c*, b < c*"))
     assert cubing.face_vector() == (5, 5, 1)
     assert cubing.dimension == 2
     assert next(cubing.cubes(2))[1] == (0, 2)

@@ -9,7 +9,6 @@ from neurosnap.errors import InvalidValueError, UnknownSensorError
 from neurosnap.poc.dual.cubing import Cubing
 from neurosnap.poc.dual.morphism import PocMorphism, canonical_projection, splitting
 from neurosnap.poc.order.pocset import PocSet
-from tools.paper.spaces import bad_dual, degeneration
 
 P = PocSet.parse("a, b : a < b")
 Q = PocSet.parse("x, y : x* < y")
@@ -60,8 +59,9 @@ def test_compositions_need_matching_ends() -> None:
 
 def test_a_degeneration_only_adds_relations() -> None:
     """[GK] example:degeneration: its inverse is no morphism."""
-    f = degeneration().morphism
-    assert f is not None
+    f = PocMorphism.named(
+        PocSet.parse("a, b, c : a < c, b < c"), PocSet.parse("a, b, c : a < b < c")
+    )
     assert f.is_bijective
     assert not f.is_isomorphism
     with pytest.raises(InvalidValueError, match=r"^morphism: must keep .* a <= b"):
@@ -75,8 +75,11 @@ def test_the_dual_of_the_bad_morphism_sends_an_edge_to_a_diagonal() -> None:
 
     As printed the poc set is a chain, whose dual has no square to have a diagonal.
     """
-    f = bad_dual().morphism
-    assert f is not None
+    source, target = (
+        PocSet.parse("a, b, c : a < c, b < c"),
+        PocSet.parse("x, y : x < y"),
+    )
+    f = PocMorphism(source, target, ["x", "x", "y"])
     here, there = Cubing(f.target), Cubing(f.source)
     (corner, (x,)) = next(cube for cube in here.cubes(1) if cube[1] == (0,))
     u, v = f.dual(corner), f.dual(here.flip(corner, [x]))

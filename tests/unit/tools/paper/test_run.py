@@ -10,7 +10,6 @@ import pytest
 
 from neurosnap.errors import InvalidValueError
 from tests.support.exhaustive import rows
-from tools.paper.__main__ import main
 from tools.paper.figure import FigureOptions
 from tools.paper.run import FIGURES, run_figures
 from tools.paper.table import Entry, Table
@@ -95,16 +94,3 @@ def test_what_cannot_be_made_is_refused(tmp_path: Path) -> None:
         options = msgspec.structs.replace(FigureOptions(out=tmp_path), **changes)
         with pytest.raises(InvalidValueError, match=said):
             run_figures(options)
-
-
-def test_a_model_is_measured_and_drawn(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "arcs.png"
-    assert main(["model", "six-arcs", "--out", str(out)]) == 0
-    told = capsys.readouterr().out
-    assert "dual: 13 vertices · 18 edges · 6 squares" in told
-    assert "punctured: 12 vertices · 12 edges · Betti 1, 1" in told
-    assert out.read_bytes().startswith(b"\x89PNG")
-    assert main(["model", "six-arc"]) == 1
-    assert "did you mean six-arcs" in capsys.readouterr().err
