@@ -80,21 +80,6 @@ class _Kernel(Generic[P, R]):
             return self._dispatcher
 
 
-def kept_in(kernel: Callable[..., object]) -> Path | None:
-    """Return the folder of a compiled function; None if it is not compiled.
-
-    Args:
-        kernel: What `njit` returned.
-
-    Raises:
-        RuntimeError: Numba finds no place to keep it.
-    """
-    if not isinstance(kernel, _Kernel):
-        raise TypeError(f"kernel must be made by njit, got {kernel!r}")
-    statistics = getattr(kernel.dispatcher(), "stats", None)
-    return None if statistics is None else Path(statistics.cache_path)
-
-
 def _made_of(kernel: "_Kernel[Any, Any]", seen: set[object]) -> Iterator[bytes]:
     """Yield all that a compiled function depends on: sources, and numbers by name."""
     if kernel in seen:

@@ -128,19 +128,7 @@ def test_a_recording_has_the_same_table(log: Path) -> None:
     shown = call("learn", log).stdout
     assert "below_18 implies below_19" in shown
     assert "learned by tick 12" in call("learn", log, "--at", 12).stdout
-    assert "relations of 20 sensors in 30 ticks" in call("info", log).stdout
     assert happy("learn", log, "--threshold", 0.01)["ticks"] == 30
-
-
-@pytest.mark.parametrize(
-    ("form", "start"), [("dot", "digraph"), ("graphml", "<graphml")]
-)
-def test_an_order_is_written_for_programs(
-    log: Path, tmp_path: Path, form: str, start: str
-) -> None:
-    out = tmp_path / f"order.{form}"
-    assert call("learn", log, "--out", out, "--at", 12).exit_code == 0
-    assert out.read_text().startswith(start)
 
 
 def test_a_recording_and_its_export_say_the_same(log: Path, tmp_path: Path) -> None:

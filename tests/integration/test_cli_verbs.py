@@ -175,14 +175,6 @@ def test_depth_of_a_recording(log: Path, tmp_path: Path) -> None:
     assert "must not exist yet, or come" in refused("depth", log, "--out", out)
 
 
-def test_check_exits_by_what_it_finds(tmp_path: Path) -> None:
-    result = call("check", "--format", "json", "--tls", tmp_path)
-    assert result.exit_code == 1
-    assert [f["what"] for f in last_json(result.stdout)["findings"] if not f["ok"]] == [
-        "keys"
-    ]
-
-
 # In processes -------------------------------------------------------------------------
 
 

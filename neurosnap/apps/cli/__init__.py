@@ -11,5 +11,4 @@ from neurosnap.apps.cli import depth as depth  # isort: skip
 from neurosnap.apps.cli import watch as watch  # isort: skip
 from neurosnap.apps.cli import serve as serve  # isort: skip
 from neurosnap.apps.cli import init as init  # isort: skip
-from neurosnap.apps.cli import check as check  # isort: skip
 from neurosnap.apps.cli.shared import app as app  # isort: skip

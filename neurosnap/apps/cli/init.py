@@ -1,4 +1,4 @@
-"""``neurosnap init``: the files that a swarm begins with: from topics, and keys."""
+"""``neurosnap init`` and ``check``: the files that a swarm begins with."""
 
 import asyncio
 from collections.abc import Iterator, Mapping, Sequence
@@ -253,6 +253,30 @@ def keys(
             "another machine needs ca.pem and the .pem and .key of its parts' roles",
         )
         print_facts(form, made)
+
+
+@app.command(rich_help_panel=SET_UP)
+def check(
+    file: Annotated[
+        Path,
+        typer.Argument(metavar="FILE", help="A TOML file that describes a run."),
+    ],
+    form: Format = "text",
+) -> None:
+    """Find all that would keep a run from starting, with line numbers."""
+    from neurosnap.apps.config.load import load
+    from neurosnap.apps.config.prepare import prepare
+    from neurosnap.apps.config.problems import ConfigError
+
+    with errors():
+        try:
+            prepare(load(file))
+        except ConfigError as error:
+            faults = {"faults": error.faults, "more": error.more}
+            print_facts(form, {"file": str(file), **faults})
+            raise
+        say(form, f"{file}: no faults")
+        print_facts(form, {"file": str(file), "faults": [], "more": 0})
 
 
 _BEGIN = """\

@@ -21,7 +21,6 @@ from neurosnap.apps.cli.shared import (
     errors,
     unwinding,
 )
-from neurosnap.errors import NeurosnapError
 
 if TYPE_CHECKING:
     from neurosnap.apps.export.learned import Findings
@@ -30,9 +29,6 @@ if TYPE_CHECKING:
 
 _MOST = 40
 """Rows that a terminal is shown; `--out` writes all."""
-_FEW = 10
-_SMALL = 16 << 20
-"""Bytes of a recording of which `info` shows the beginning of the table."""
 _EXAMPLE = "Example: neurosnap learn home-assistant_v2.db --out home.html"
 Data = Annotated[
     Path,
@@ -89,8 +85,7 @@ Out = Annotated[
         "-o",
         metavar="FILE",
         help="Write the whole table to a .csv file, or to a .html file with a picture of"
-        " the order; or the order that was learned to a .dot file (for Graphviz) or a"
-        " .graphml file.",
+        " the order.",
         show_default="the terminal",
     ),
 ]
@@ -134,7 +129,7 @@ def learn(
                 str(data), found, share, at=at, every=every, on_progress=on_progress
             )
         if out is None:
-            say(form, *_lines(learned, _MOST, "--out FILE"), learned.title)
+            say(form, *_lines(learned), learned.title)
         else:
             with unwinding():
                 learned.write(out, force=force, reads=data)
@@ -146,36 +141,14 @@ def learn(
             end_by(found)
 
 
-def _lines(learned: "Findings", most: int, more: str) -> Iterator[str]:
+def _lines(learned: "Findings") -> Iterator[str]:
     """Yield the strongest relations as a table, and where the others are."""
     from neurosnap.apps.export.learned import HEADS
 
-    if rows := [learned.cells(row) for row in learned.rows[:most]]:
+    if rows := [learned.cells(row) for row in learned.rows[:_MOST]]:
         yield from table([HEADS, *rows], numbers=True)
-    if (left := len(learned.rows) - most) > 0:
-        yield f"and {left} more: {more}"
-
-
-def beginning(log: Path, recording: "Recording", size: int) -> Iterator[str]:
-    """Yield the beginning of a run's table, or the command that prints it.
-
-    Only of what is read in a moment; and nothing of a file that cannot be read whole,
-    for then what it lacks is reported.
-    """
-    from neurosnap.apps.export.learned import learned_from
-
-    command = f"neurosnap learn {log}"
-    if "options" not in recording.metadata or not recording.whole:
-        return
-    if size > _SMALL:
-        yield f"relations: {command}"
-        return
-    try:
-        learned = learned_from(str(log), recording)
-    except NeurosnapError:
-        return  # a part of a run whose beginning is elsewhere, for one
-    yield f"relations: {learned.title}"
-    yield from (f"  {line}" for line in _lines(learned, _FEW, command))
+    if (left := len(learned.rows) - _MOST) > 0:
+        yield f"and {left} more: --out FILE"
 
 
 @app.command(

@@ -38,15 +38,14 @@ if TYPE_CHECKING:
 
 @app.command(rich_help_panel=RECORDINGS)
 def info(log: Log, form: Format = "text") -> None:
-    """Show what a recording holds, what it learned, and what is missing from it."""
-    from neurosnap.apps.cli.learn import beginning
+    """Show what a recording holds, and what is missing from it."""
     from neurosnap.apps.cli.recording_info import describe, render
     from neurosnap.recording.read.recording import Recording
 
     with errors():
         recording = Recording.open_file(log)
         found = describe(recording)
-        say(form, *beginning(log, recording, found.size), render(found))
+        say(form, render(found))
         print_facts(form, found)
         if not recording.whole:
             raise typer.Exit(LOST)

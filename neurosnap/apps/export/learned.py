@@ -1,4 +1,4 @@
-"""What readings say, or a run has learned: as a table, and as DOT or GraphML."""
+"""The relations that readings support or a run has learned, as a table or a page."""
 
 import csv
 import io
@@ -12,7 +12,7 @@ import numpy as np
 
 from neurosnap.apps.drawing.relations_page import relations_page
 from neurosnap.apps.new_files import placed
-from neurosnap.errors import InvalidValueError, MissingExtraError
+from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.learning.pair_counts import OnProgress
 from neurosnap.poc.learning.relation_table import Relation, tabulate
@@ -29,7 +29,6 @@ from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.tables.csv_file import as_text
 from neurosnap.sources.tables.open_readings import first_bytes, open_readings
 from neurosnap.sources.tables.readings import Readings
-from neurosnap.system.distribution import must_have
 
 
 class Diagram(msgspec.Struct, frozen=True):
@@ -80,63 +79,12 @@ def diagram(
     )
 
 
-def _equivalent(drawn: Diagram) -> list[tuple[str, str]]:
-    """Return each class of equivalent literals as a star around its first one."""
-    return [
-        (members[0], member) for members in drawn.equivalences for member in members[1:]
-    ]
-
-
-def dot(drawn: Diagram) -> str:
-    """Return the order for Graphviz."""
-    equivalent = _equivalent(drawn)
-    names = dict.fromkeys(n for pair in equivalent + drawn.implications for n in pair)
-    lines = [f"{_quoted(name)};" for name in names]
-    lines += [
-        f"{_quoted(one)} -> {_quoted(other)} [dir=none, style=dashed];"
-        for one, other in equivalent
-    ]
-    lines += [
-        f"{_quoted(below)} -> {_quoted(above)};" for below, above in drawn.implications
-    ]
-    return "\n".join(["digraph neurosnap {", "rankdir=BT;", *lines, "}", ""])
-
-
-def _quoted(name: str) -> str:
-    """Return any name as a DOT identifier; bare, ``a:b`` would be a port of ``a``."""
-    escaped = name.replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{escaped}"'
-
-
-def graphml(drawn: Diagram) -> str:
-    """Return the order as GraphML.
-
-    Raises:
-        MissingExtraError: networkx, which writes it, is not installed.
-    """
-    try:
-        import networkx
-    except ImportError as error:
-        rule = must_have("networkx", "export")
-        raise MissingExtraError(f"out: {rule}") from error
-    graph: networkx.DiGraph[str] = networkx.DiGraph(
-        tick=drawn.tick, height=drawn.height
-    )
-    graph.add_edges_from(_equivalent(drawn), kind="equivalent")
-    graph.add_edges_from(drawn.implications, kind="implies")
-    for birth in drawn.births:
-        for name in (birth.name, f"{birth.name}*"):
-            if name in graph:
-                graph.nodes[name]["born"] = birth.tick
-    return "\n".join(networkx.generate_graphml(graph)) + "\n"
-
-
 HEADS = ("relation", "tested", "failed", "held in", "since", "last failure")
 """What stands above the cells of a row."""
 SURE = "sure"
 """The rule by which a table is made of what readings leave no doubt about."""
 _ALL = Wanted()
-_FORMS = (".csv", ".html", ".dot", ".graphml")
+_FORMS = (".csv", ".html")
 _BYTES_A_PAIR = 100
 """Of two sensors: their counts and what is judged of them. Measured: 85, of 2,000."""
 
@@ -192,15 +140,8 @@ class Findings:
         noun = "relation" if found == 1 else "relations"
         return f"{found} {noun} of {self.sensors} sensors in {ticks} ticks ({self.how})"
 
-    def order(self) -> Diagram:
-        """Return the order that was learned, by name.
-
-        Raises:
-            InvalidValueError: Nothing was learned but what is sure, which is no order.
-        """
-        if (known := self.snapshot) is None:
-            rule = "must be given, or a recording, for an order to be learned"
-            raise InvalidValueError("threshold", rule, SURE)
+    def order(self, known: Snapshot) -> Diagram:
+        """Return the order that was learned, by name."""
         ticks = self.readings.columns.ticks
         return diagram(ticks, known.poc_graph(), known.sensorium, self.births)
 
@@ -213,7 +154,9 @@ class Findings:
             "learned": self.how,
             "relations": [self._fields(row) for row in self.rows],
         }
-        return facts if self.snapshot is None else {**facts, "order": self.order()}
+        if (known := self.snapshot) is None:
+            return facts
+        return {**facts, "order": self.order(known)}
 
     def cells(self, row: Relation) -> tuple[str, ...]:
         """Return what a row shows, in the order of `HEADS`."""
@@ -239,26 +182,16 @@ class Findings:
             reads: The data; nothing replaces these.
 
         Raises:
-            InvalidValueError: A file is there already, or no folder for it; or it is
-                to hold an order, and none was learned.
-            MissingExtraError: What writes it is not installed.
+            InvalidValueError: A file is there already, or no folder for it.
             OSError: It cannot be written.
         """
-        text = self._text(form_of(out))
+        cells = [self.cells(row) for row in self.rows]
+        if form_of(out) == ".csv":
+            text = self._csv()
+        else:
+            text = relations_page(self.source, self.title, HEADS, cells, self.rows)
         with placed(out, force=force, reads=part_paths(reads).values()) as draft:
             draft.write_text(text, encoding="utf-8")
-
-    def _text(self, form: str) -> str:
-        match form:
-            case ".csv":
-                return self._csv()
-            case ".html":
-                cells = [self.cells(row) for row in self.rows]
-                return relations_page(self.source, self.title, HEADS, cells, self.rows)
-            case ".dot":
-                return dot(self.order())
-            case _:
-                return graphml(self.order())
 
     def _csv(self) -> str:
         buffer = io.StringIO()
@@ -288,7 +221,7 @@ class Findings:
 
 
 def form_of(out: Path) -> str:
-    """Return the ending of a file that a table or an order is written to.
+    """Return the ending of a file that a table is written to.
 
     Raises:
         InvalidValueError: Its name ends with something else.

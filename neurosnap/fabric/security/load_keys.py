@@ -62,19 +62,6 @@ def read_credentials(
     return found
 
 
-def expiry(folder: Path) -> datetime:
-    """Return when the first of all certificates in a folder expires, UTC.
-
-    Raises:
-        InvalidValueError: There is none, or one that is not what it must be.
-    """
-    paths = sorted(folder.glob("*.pem"))
-    if not paths:
-        rule = "must be a folder made by `neurosnap init keys`"
-        raise InvalidValueError("tls", rule, str(folder))
-    return min(_until(_certificate(path)) for path in paths)
-
-
 def near(until: datetime, now: datetime) -> str:
     """Return what to say of a certificate that expires soon; empty: nothing yet."""
     left = until - now

@@ -101,7 +101,6 @@ ROWS = {
     "learn readings.csv --when warm": "when: must be like",
     "learn readings.csv --threshold 2": "threshold: must be in",
     "learn log.mcap --time then": "must not go with a recording",
-    "learn readings.csv --out a.dot": "threshold: must be given, or a recording",
     "learn log.mcap -o log.html --at 3 --threshold sure --format png": "'png' is not",
     "learn log.mcap --at 31": "tick: must be in [0, 30], got 31",
     "learn log.mcap --at -1": "tick: must be in [0, 30], got -1",

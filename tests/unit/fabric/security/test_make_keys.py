@@ -13,8 +13,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.serialization import load_pem_private_key
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
-from neurosnap.apps.cli.check import check_keys
-from neurosnap.errors import FabricError, InvalidValueError, NeurosnapError
+from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.security.hub_address import Credentials
 from neurosnap.fabric.security.load_keys import read_credentials
 from neurosnap.fabric.security.make_keys import make_keys
@@ -243,15 +242,3 @@ def test_what_expires_within_thirty_days_is_warned_of_once(
     said = [record.getMessage() for record in caplog.records]
     text = f"keys in {folder}: expires on {made.until:%F %H:%M} UTC, in 28 days; "
     assert [line.startswith(text) for line in said] == [True] * warned
-
-
-def test_the_doctor_looks_at_keys(tmp_path: Path) -> None:
-    make_keys(tmp_path / "long")
-    make_keys(tmp_path / "soon", days=3)
-    make_keys(tmp_path / "old", days=1, now=datetime.now(UTC) - timedelta(days=9))
-    assert "expires on" in check_keys(tmp_path / "long")
-    assert "expires on" in check_keys(tmp_path / "soon")
-    with pytest.raises(NeurosnapError, match=r"^the first expired on .* UTC$"):
-        check_keys(tmp_path / "old")
-    with pytest.raises(NeurosnapError, match="must be a folder made by"):
-        check_keys(tmp_path / "x")
