@@ -1,8 +1,8 @@
 """Opens a source by its name; a new kind of source is added here.
 
-A name is the path of a CSV file, the id of a Gymnasium environment, or that of a live
-source: ``-`` is standard input, ``zenoh:`` the keys of the swarm itself, ``mqtt:`` a
-broker's topics.
+A name is the path of a file of readings, the id of a Gymnasium environment, or that of
+a live source: ``-`` is standard input, ``zenoh:`` the keys of the swarm itself,
+``mqtt:`` a broker's topics.
 
 After k steps a source returns a function of its name, the seed and the actions only;
 live sources cannot: they cannot be brought back to where they were. `open_source`
@@ -49,9 +49,9 @@ def open_source(
     """Return the source called `name`.
 
     Args:
-        name: The path of a CSV file (it ends with ``.csv``, or the file exists), or the
-            id of a Gymnasium environment, ``module:Id`` to import a module first; or a
-            live one, as `open_live` has it.
+        name: The path of a file that `open_readings` reads (it ends with ``.csv``, or
+            the file exists), or the id of a Gymnasium environment, ``module:Id`` to
+            import a module first; or a live one, as `open_live` has it.
         seed: For the environment's reset, from 0 up; a file does not use it.
         arguments: The environment's own; a file takes none.
         hub: The swarm's, for the part that is about to be its world.
@@ -69,12 +69,12 @@ def open_source(
     if is_live(name):
         opened = open_live(name, arguments, hub)
     elif name.lower().endswith(".csv") or _is_file(name):
-        from neurosnap.sources.tables.csv_file import CsvSource
+        from neurosnap.sources.tables.open_readings import FileSource
 
         if arguments:
             rule = "must not be given for a file"
             raise InvalidValueError("arguments", rule, dict(arguments))
-        opened = CsvSource(name)
+        opened = FileSource(name)
     else:
         # Here, not above: every part asks `is_live`, and Gymnasium is large.
         from neurosnap.sources.gymnasium_source import GymnasiumSource

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-import psutil
 from numpy.typing import NDArray
 
 from neurosnap.sources.protocol import Observed, Source
@@ -21,10 +20,6 @@ def written(folder: Path, text: str | bytes, name: str = "readings.csv") -> Path
     path = folder / name
     path.write_bytes(text.encode() if isinstance(text, str) else text)
     return path
-
-
-def opened() -> list[Path]:
-    return [Path(file.path) for file in psutil.Process().open_files()]
 
 
 def readings(seen: Observed) -> list[bool | None]:

@@ -1,4 +1,4 @@
-"""Opens a file of readings, of whatever kind it is."""
+"""Opens a file of readings, of whatever kind it is; also as a source."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -6,10 +6,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from neurosnap.errors import InvalidValueError, MissingExtraError
-from neurosnap.poc.learning.columns import GrowingColumns
+from neurosnap.poc.learning.columns import GrowingColumns, unpacked
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.meaning import Wanted
+from neurosnap.sources.protocol import Observed
 from neurosnap.sources.tables import home_assistant_db
 from neurosnap.sources.tables.csv_file import CsvFile, TableFile, TableRows
 from neurosnap.sources.tables.events import read_event_log, roles
@@ -75,6 +78,51 @@ def _read_table(file: TableFile, wanted: Wanted) -> Readings:
         growing.append(row.bits, row.known)
         times.append(row.time)
     return Readings(growing.columns(), times if rows.timed else None)
+
+
+class FileSource:
+    """The readings in a file, one after the other; actions change nothing.
+
+    A tick at which nothing is known is left out.
+
+    Args:
+        path: Where the file is.
+
+    Raises:
+        MissingExtraError: As `open_readings`.
+        InvalidValueError: As `open_readings`, or nothing in it is ever known.
+    """
+
+    live: bool = False
+    discrete: bool = False
+
+    def __init__(self, path: str) -> None:
+        self._columns = open_readings(path).columns
+        self.sensors: tuple[str, ...] = self._columns.sensorium.names
+        self.orders: tuple[int, ...] = (0,) * len(self.sensors)
+        self.actions: tuple[str, ...] = ()
+        known = np.bitwise_or.reduce(self._columns.on | self._columns.off)
+        self._ticks = np.flatnonzero(unpacked(known, self._columns.ticks))
+        self.length: int | None = len(self._ticks)
+        if not self.length:
+            raise InvalidValueError(path, "must hold readings", "none that is known")
+        self._next = 0
+
+    def first(self) -> Observed | None:
+        """Go to the beginning and return the first observation."""
+        self._next = 0
+        return self.step(-1)
+
+    def step(self, action: int) -> Observed | None:
+        """Return the next observation, or None after the last; `action` is ignored."""
+        if self._next >= len(self._ticks):
+            return None
+        bits, known = self._columns.row(int(self._ticks[self._next]))
+        self._next += 1
+        return Observed(bits, None if known.all() else known, begins=self._next == 1)
+
+    def close(self) -> None:
+        """Do nothing: the file is closed already."""
 
 
 class _ParquetFile:

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from neurosnap.errors import InvalidValueError, NeurosnapError, ShapeError
+from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.sources.meaning import RULE
 from neurosnap.sources.open import open_source
-from tests.support.sources import README, everything, opened, written
+from tests.support.sources import README, everything, written
 
 
 @pytest.mark.parametrize("name", ["readings.csv", "readings.txt"])
@@ -16,8 +16,6 @@ def test_rows_come_out_in_order_whatever_seeds_and_actions_say(
 ) -> None:
     path = written(tmp_path, README, name)  # another ending is found: it exists
     source = open_source(str(path), seed=9)
-    with pytest.raises(NeurosnapError, match="step needs a call of first"):
-        source.step(0)
     assert source.sensors == ("door", "motion")
     assert source.actions == ()
     assert source.length == 3
@@ -58,8 +56,8 @@ def test_time_is_a_sensor_like_any_other_when_it_is_not_first(tmp_path: Path) ->
         ("", "{}: must have a header of sensor names, got 'no text'"),
         ("\n\n", "{}: must have a header of sensor names, got 'no text'"),
         ("\ufeff", "{}: must have a header of sensor names, got 'no text'"),
-        ("a,b\n", "{}: must have rows below its header, got 0"),
-        ("a,b\n\n", "{}: must have rows below its header, got 0"),
+        ("a,b\n", "{}: must hold readings, got 'none'"),
+        ("a,b\n,\n", "{}: must hold readings, got 'none that is known'"),
         ("time\n1\n", "{}:1: must be a header of sensor names, got ['time']"),
         ("0,1\n1,1\n", "{}:1: must be a header of sensor names, got ['0', '1']"),
         ("a,,b\n0,1,1\n", "{}:1: sensor name: must not be empty, got ''"),
@@ -117,29 +115,3 @@ def test_what_is_no_file_is_named(tmp_path: Path) -> None:
     ):
         with pytest.raises(InvalidValueError, match=rule):
             open_source(str(path), seed=0)
-
-
-def test_rows_added_meanwhile_are_left_out(readings: Path) -> None:
-    source = open_source(str(readings), seed=0)
-    with readings.open("a") as file:
-        file.write("0,0\nrubbish\n")
-    assert everything(source) == [[0, 1], [1, 1], [1, 0]]
-
-
-@pytest.mark.parametrize("text", ["door,motion\n0,1\n", "door,other\n0,1\n"])
-def test_rows_or_names_lost_meanwhile_are_an_error(readings: Path, text: str) -> None:
-    source = open_source(str(readings), seed=0)
-    readings.write_text(text)
-    with pytest.raises(
-        InvalidValueError, match=r"readings\.csv: must keep its 3 rows while in use"
-    ):
-        everything(source)
-
-
-def test_closing_gives_the_file_back(readings: Path) -> None:
-    source = open_source(str(readings), seed=0)
-    source.first()
-    assert readings in opened()
-    source.close()
-    source.close()
-    assert readings not in opened()

@@ -13,7 +13,7 @@ from neurosnap.apps.export.write import write_csv
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import visible
 from neurosnap.sources.open import open_source
-from neurosnap.sources.tables.csv_file import CsvSource, as_text, as_written
+from neurosnap.sources.tables.csv_file import as_text, as_written
 
 EVIL = "=cmd|'/c calc'!A1"
 TEXTS = st.text(st.sampled_from("'=+-@＝\t\r\nab"), max_size=6) | st.text()
@@ -39,7 +39,7 @@ def test_an_export_holds_no_formula_and_gives_the_names_back(tmp_path: Path) -> 
     with path.open(encoding="utf-8", newline="") as file:
         header = next(csv.reader(file))
     assert not any(cell[0] in "=+-@" for cell in header)
-    assert CsvSource(str(path)).sensors == names
+    assert open_source(str(path), 0).sensors == names
 
 
 def test_what_a_decision_says_is_no_formula(tmp_path: Path) -> None:
