@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import msgspec
+
 from neurosnap.errors import InvalidValueError
 
 ON = ("on", "true", "1", "yes", "open", "opened", "detected", "home", "online")
@@ -177,12 +179,16 @@ class Reader:
         self._words = words
         self._before: bool | None = None
 
-    def read(self, text: str) -> bool | None:
+    def read(self, value: object) -> bool | None:
         """Return what a value says; None if it is unknown.
+
+        Args:
+            value: A text, or what a JSON document holds.
 
         Raises:
             ValueError: It says nothing; the text is the rule.
         """
+        text = value if isinstance(value, str) else as_text(value)
         word = text.strip().casefold()
         if self.comparison is None:
             try:
@@ -196,13 +202,13 @@ class Reader:
         if unit:
             word = plain_unit(text).strip().removesuffix(unit).rstrip()
         try:
-            value = float(word)
+            number = float(word)
         except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
+            number = math.nan
+        if not math.isfinite(number):
             what = f"a number, or one in {unit}" if unit else "a number"
             raise ValueError(f"must be {what}, or nothing for unknown")
-        self._before = self.comparison.is_on(value, self._before)
+        self._before = self.comparison.is_on(number, self._before)
         return self._before
 
     def _rule(self) -> str:
@@ -211,3 +217,17 @@ class Reader:
             return RULE
         known = [word for word, on in self._words.items() if on is not None]
         return f"must be one of {', '.join(known)}"
+
+
+def as_text(value: object) -> str:
+    """Return a JSON value as the text it would be if it stood alone.
+
+    Example:
+        >>> as_text(True), as_text(1.0), as_text(None)
+        ('true', '1', 'null')
+    """
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)
+    if type(value) is int:
+        return str(value)  # of any size, which JSON is not
+    return msgspec.json.encode(value).decode()

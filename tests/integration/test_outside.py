@@ -285,8 +285,8 @@ def test_a_program_puts_readings_and_reads_what_the_swarm_makes_of_them(
         with hub.session("watcher") as eyes, hub.session("sensor") as mouth:
             said = eyes.declare_subscriber(f"neurosnap/{SWARM}/state")
             publisher = listened_to(mouth, f"neurosnap/{SWARM}/reading")
-            for number, bits in enumerate(readings):
-                publisher.put(json.dumps({"tick": number, "bits": bits}))
+            for bits in readings:
+                publisher.put(json.dumps({"bits": bits}))
                 sample = said.recv()
                 states.append(wire.decode("state", sample.payload.to_bytes()))
         process.send_signal(signal.SIGINT)

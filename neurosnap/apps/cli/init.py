@@ -108,8 +108,6 @@ def topics(
 
 def _broker(host: str, given: dict[str, Any]) -> MqttBroker:
     """Return the broker that was given."""
-    from neurosnap.sources.mqtt.options import is_filter
-
     # A file that is run looks for its own files from its own folder.
     files = {name: given[name] for name in ("password_file", "ca_file")}
     found = {k: str(v.absolute()) for k, v in files.items() if v is not None}
@@ -118,11 +116,7 @@ def _broker(host: str, given: dict[str, Any]) -> MqttBroker:
     if not name or ":" in name or (colon and not port.isdecimal()):
         raise InvalidValueError("broker", "must be HOST or HOST:PORT", host)
     where = {"host": name} | ({"port": int(port)} if colon else {})
-    broker = convert(MqttBroker, **where, **login, **found)
-    if not is_filter(given["topic"]):
-        rule = "must be a topic filter, + or # alone in a level and # in the last"
-        raise InvalidValueError("topic", rule, given["topic"])
-    return broker
+    return convert(MqttBroker, **where, **login, **found)
 
 
 def _write(out: Path, broker: MqttBroker, survey: "Survey", *, force: bool) -> None:
@@ -154,10 +148,17 @@ def _facts(survey: "Survey") -> dict[str, object]:
 def _listened(broker: MqttBroker, topic: str, seconds: float) -> "Survey":
     """Return what came at `broker` in so many seconds, or until Ctrl-C."""
     try:
+        import aiomqtt
+
         from neurosnap.sources.mqtt.connection import MqttLink
     except ImportError as error:  # an extra
         rule = must_have(error.name or "aiomqtt", "mqtt")
         raise MissingExtraError(f"topics: {rule}") from error
+    try:
+        aiomqtt.Wildcard(topic)
+    except ValueError as error:
+        rule = "must be a topic filter, + or # alone in a level and # in the last"
+        raise InvalidValueError("topic", rule, topic) from error
     from neurosnap.sources.mqtt.topic_survey import Survey
 
     survey = Survey()

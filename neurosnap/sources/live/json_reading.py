@@ -7,18 +7,13 @@ A single reading, which replaces the latest of its sensor::
 A whole reading, which gets a tick of its own; what it does not name is unknown::
 
     {"bits": {"door": true, "motion": 0}, "at": 1690000000.0}
-    {"tick": 12, "bits": [1, 0]}
+    {"bits": [1, 0]}
 
-The names, where they are not given to the run; before everything else::
-
-    {"sensors": ["door", "motion"]}
-
-A value is true, false, 1, 0, ``"on"``, ``"off"``, ``"true"``, ``"false"``, ``"1"`` or
-``"0"``, in capitals or not; null where the sensor does not know. On a key of one
-sensor's own it stands alone, or as ``{"on": true, "at": 1690000000.0}``. ``at`` is in
-seconds since the epoch, and may be missing: then it is the time of arrival. ``tick`` is
-the program's own number, for people who read along; nothing depends on it. Another
-field is refused: it might be a misspelt one.
+A value is true, false, 1, 0, or a word of `neurosnap.sources.meaning`; null where the
+sensor does not know. On a key of one sensor's own it stands alone, or as
+``{"on": true, "at": 1690000000.0}``. ``at`` is in seconds since the epoch, and may be
+missing: then it is the time of arrival. Another field is refused: it might be a
+misspelt one.
 """
 
 from collections.abc import Sequence
@@ -28,33 +23,23 @@ import msgspec
 
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.sources.live.live_source import LiveSource
+from neurosnap.sources.meaning import Reader
 
 LIMIT = 1 << 20
 """Bytes of one object, at most."""
 
-_WORDS = {"on": True, "true": True, "1": True, "off": False, "false": False, "0": False}
-_Value: TypeAlias = bool | int | str | None
-_UNSET = msgspec.UNSET
+_Value: TypeAlias = bool | int | float | str | None
 _T = TypeVar("_T")
+_reader = Reader("reading")
 
 
 class Reading(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One object: of a single sensor, of all sensors, or of their names.
+    """One object: of a single sensor, or of all sensors; `read` checks which."""
 
-    Which fields go together is checked by `read`; `value` says what a value means.
-    """
-
-    sensor: str | msgspec.UnsetType = _UNSET
-    on: _Value | msgspec.UnsetType = _UNSET
-    bits: list[_Value] | dict[str, _Value] | msgspec.UnsetType = _UNSET
-    at: float | msgspec.UnsetType | None = _UNSET
-    tick: int | msgspec.UnsetType | None = _UNSET
-    sensors: tuple[str, ...] | msgspec.UnsetType = _UNSET
-
-    @property
-    def time(self) -> float | None:
-        """When it was read; None if it does not say so."""
-        return None if self.at is _UNSET else self.at
+    sensor: str | None = None
+    on: _Value | msgspec.UnsetType = msgspec.UNSET
+    bits: list[_Value] | dict[str, _Value] | None = None
+    at: float | None = None
 
     def in_order(self, sensors: Sequence[str]) -> tuple[bool | None, ...]:
         """Return what is read of each sensor; None if that is unknown.
@@ -65,19 +50,11 @@ class Reading(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """
         if isinstance(self.bits, dict):
             return tuple(value(self.bits.get(name)) for name in sensors)
-        bits = [] if self.bits is _UNSET else self.bits
+        bits = self.bits or []
         if len(bits) != len(sensors):
             rule = f"must be {len(sensors)}, one a sensor"
             raise ShapeError("bits", rule, len(bits))
         return tuple(map(value, bits))
-
-
-_SHAPES: tuple[tuple[set[str], set[str]], ...] = (
-    ({"sensor", "on"}, {"at"}),
-    ({"bits"}, {"at", "tick"}),
-    ({"sensors"}, set()),
-)
-"""Fields that must be there, and that may be."""
 
 
 class _On(msgspec.Struct, forbid_unknown_fields=True):
@@ -101,12 +78,10 @@ def read(payload: bytes) -> Reading:
     if len(payload) > LIMIT:
         raise too_long()
     said = _decoded(_readings, payload, "a reading in JSON")
-    fields = {
-        name for name in said.__struct_fields__ if getattr(said, name) is not _UNSET
-    }
-    if not any(must <= fields <= must | may for must, may in _SHAPES):
-        rule = "must have the fields sensor and on, or bits, or sensors"
-        raise InvalidValueError("reading", rule, sorted(fields))
+    named = said.sensor is not None
+    if named is (said.bits is not None) or named is (said.on is msgspec.UNSET):
+        rule = "must have the fields sensor and on, or bits"
+        raise InvalidValueError("reading", rule, payload[:40])
     return said
 
 
@@ -120,7 +95,7 @@ def read_on(payload: bytes) -> tuple[bool | None, float | None]:
         said = _decoded(_ons, payload, "{'on': value, 'at': seconds}")
         return value(said.on), said.at
     word = payload.decode(errors="replace").strip().strip('"')
-    return (None if word.lower() == "null" else value(word[:40])), None
+    return value(word[:40]), None
 
 
 def too_long() -> InvalidValueError:
@@ -134,16 +109,10 @@ def value(said: object) -> bool | None:
     Raises:
         InvalidValueError: `said` is no such value.
     """
-    if said is None:
-        return None
-    if isinstance(said, str):
-        found = _WORDS.get(said.strip().lower())
-    else:
-        found = said == 1 if isinstance(said, int) and said in (0, 1) else None
-    if found is None:
-        rule = "must be true, false, 1, 0, on, off or null"
-        raise InvalidValueError("reading", rule, said)
-    return found
+    try:
+        return _reader.read(said)
+    except ValueError as error:
+        raise InvalidValueError("reading", str(error), said) from None
 
 
 def _decoded(decoder: msgspec.json.Decoder[_T], payload: bytes, what: str) -> _T:
@@ -167,15 +136,11 @@ def hand_in(source: LiveSource, payload: bytes, *, spare: bool) -> None:
         InvalidValueError: It is no reading, or none of this source.
     """
     said = read(payload)
-    if said.sensor is not _UNSET:
-        source.receive(said.sensor, value(said.on), said.time)
-    elif said.sensors is not _UNSET:
-        if said.sensors != source.sensors:
-            rule = "must be those the run began with"
-            raise InvalidValueError("sensors", rule, said.sensors)
-    else:
-        readings = said.in_order(source.sensors)
-        named = said.bits if isinstance(said.bits, dict) else {}
-        for name in named.keys() - set(source.sensors):
-            source.receive(name, None)
-        source.receive_whole(readings, said.time, spare=spare)
+    if said.sensor is not None:
+        source.receive(said.sensor, value(said.on), said.at)
+        return
+    readings = said.in_order(source.sensors)
+    named = said.bits if isinstance(said.bits, dict) else {}
+    for name in named.keys() - set(source.sensors):
+        source.receive(name, None)
+    source.receive_whole(readings, said.at, spare=spare)

@@ -1,8 +1,7 @@
 """The latest reading of every sensor, and whether it is still valid.
 
 No clock and no threads: every time is an argument, in seconds on one clock that never
-goes back. It holds one reading a sensor, however many come, and one a topic of a sensor
-that combines topics (`CombinedTopics`).
+goes back. It holds one reading a sensor, however many come.
 
 What is known at a time `now`:
 
@@ -18,12 +17,9 @@ What is known at a time `now`:
 - A sensor with `seen_within` does not say what it reads, only that it is there: it is
   on until that many seconds after any message, and off otherwise. Silence means that it
   is off only once it was listened to for that long; until then it is unknown.
-- Where a sensor combines topics, all this holds for each topic: of those that are
-  known, one is on, or all are off. Lateness is the sensor's.
 """
 
-import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -40,10 +36,6 @@ Spans: TypeAlias = float | Sequence[float | None] | None
 """Seconds, one for all sensors or one a sensor; None if there is no such bound."""
 
 
-REMEMBERED = 4096
-"""Topics of a sensor whose readings are remembered."""
-
-
 class LatestReadings:
     """The latest reading of each sensor; not to be used from two threads at once.
 
@@ -52,7 +44,6 @@ class LatestReadings:
         stale_after: Seconds after which a reading is believed no more, above 0.
         seen_within: For sensors that are on while messages come: for how many seconds
             after one, above 0. Staleness means nothing for these.
-        combines: The numbers of the sensors that combine topics.
 
     Raises:
         InvalidValueError: There is no sensor, a name is none, or a span is not above 0.
@@ -65,7 +56,6 @@ class LatestReadings:
         *,
         stale_after: Spans = None,
         seen_within: Spans = None,
-        combines: Iterable[int] = (),
     ) -> None:
         self.sensors: tuple[str, ...] = Sensorium(sensors).names
         if not self.sensors:
@@ -75,11 +65,7 @@ class LatestReadings:
         seen = _spans("seen_within", seen_within, count)
         self._seen: Bits = np.isfinite(seen)
         self._span = np.where(self._seen, seen, stale)
-        # While it is seen, which topic says so does not matter.
-        several = [sensor for sensor in combines if not self._seen[sensor]]
-        self._topics = {sensor: CombinedTopics() for sensor in several}
         self._at = np.full(count, -np.inf)
-        # Both are ahead only where topics that are known contradict each other.
         self._on_until = np.full(count, -np.inf)
         self._off_until = np.full(count, -np.inf)
         self._silent_from = np.full(count, np.inf)
@@ -97,9 +83,7 @@ class LatestReadings:
         self._silent_from[:] = np.inf
         self._on_until[self._seen] = -np.inf
 
-    def update(
-        self, sensor: int, on: bool | None, at: float, now: float, topic: str = ""
-    ) -> bool:
+    def update(self, sensor: int, on: bool | None, at: float, now: float) -> bool:
         """Update a sensor by one reading. O(1).
 
         Args:
@@ -108,7 +92,6 @@ class LatestReadings:
                 `seen_within` is there whatever it says.
             at: When it was read.
             now: When it came, never before any time given earlier.
-            topic: Which topic says so; of use only where the sensor combines topics.
 
         Returns:
             Whether it was taken; a late one is not.
@@ -123,14 +106,8 @@ class LatestReadings:
         until = at + float(self._span[sensor])
         if self._seen[sensor]:
             on = True
-        if sensor in self._topics:
-            topics = self._topics[sensor]
-            topics.update(topic, on, until)
-            self._on_until[sensor] = topics.last_until(True)
-            self._off_until[sensor] = topics.last_until(False)
-        else:
-            self._on_until[sensor] = until if on is True else -np.inf
-            self._off_until[sensor] = until if on is False else -np.inf
+        self._on_until[sensor] = until if on is True else -np.inf
+        self._off_until[sensor] = until if on is False else -np.inf
         return True
 
     def update_all(self, on: Bits, some: Bits, at: float, now: float) -> Bits:
@@ -154,8 +131,6 @@ class LatestReadings:
         self._on_until[taken] = np.where(on | self._seen, until, -np.inf)[taken]
         off = some & ~on & ~self._seen
         self._off_until[taken] = np.where(off, until, -np.inf)[taken]
-        for sensor in self._topics.keys() & set(np.flatnonzero(taken).tolist()):
-            self._topics[sensor].clear()  # it says all there is to say
         self.late += int(np.count_nonzero(~taken))
         return taken
 
@@ -189,45 +164,3 @@ def _spans(name: str, given: Spans, count: int) -> NDArray[np.float64]:
     if wrong.any():
         raise InvalidValueError(name, "must be above 0", float(spans[wrong][0]))
     return spans
-
-
-class CombinedTopics:
-    """The latest reading of each topic of a sensor; every operation is O(1).
-
-    Each goes stale by itself. Topics come from outside, without end: only the latest
-    `REMEMBERED` of a sensor count.
-
-    Times never go back from call to call, so the entries of a table, in the order they
-    were put, are in the order of their times as well.
-    """
-
-    def __init__(self) -> None:
-        self._until: dict[bool, dict[str, float]] = {False: {}, True: {}}
-
-    def update(self, topic: str, on: bool | None, until: float) -> None:
-        """Update a topic by a reading, which replaces its last one.
-
-        Args:
-            topic: Whose.
-            on: What it says; None if nothing is known of the topic any more.
-            until: When it goes stale; never before any given earlier.
-        """
-        for said in self._until.values():
-            said.pop(topic, None)
-        if on is None:
-            return
-        self._until[on][topic] = until
-        if sum(map(len, self._until.values())) > REMEMBERED:
-            tables = filter(None, self._until.values())
-            oldest = min(tables, key=lambda said: next(iter(said.values())))
-            del oldest[next(iter(oldest))]
-
-    def last_until(self, on: bool) -> float:
-        """Return until when one of the topics says `on`, if nothing more comes."""
-        said = self._until[on]
-        return said[next(reversed(said))] if said else -math.inf
-
-    def clear(self) -> None:
-        """Forget all topics."""
-        for said in self._until.values():
-            said.clear()

@@ -282,11 +282,7 @@ class LiveSource:
         self.receive_all({sensor: on}, at)
 
     def receive_all(
-        self,
-        readings: Mapping[str, bool | None],
-        at: float | None = None,
-        *,
-        topic: str = "",
+        self, readings: Mapping[str, bool | None], at: float | None = None
     ) -> None:
         """Receive readings that belong together: no tick shows half of them.
 
@@ -296,7 +292,6 @@ class LiveSource:
         Args:
             readings: By name.
             at: As for `receive`.
-            topic: Which topic says so, as for `LatestReadings.update`.
         """
         with self._condition:
             now = self._clock()
@@ -305,7 +300,7 @@ class LiveSource:
                 number = self._number.get(sensor)
                 if number is None:
                     self._refusals.refuse_sensor(sensor)
-                elif self._latest.update(number, on, as_of, now, topic):
+                elif self._latest.update(number, on, as_of, now):
                     self._taken += 1
                     self._coalesced += int(self._unshown[number])
                     self._unshown[number] = True

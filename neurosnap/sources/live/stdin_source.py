@@ -12,8 +12,6 @@ import select
 import threading
 from collections.abc import Iterator
 
-import msgspec
-
 from neurosnap.errors import FabricError, InvalidValueError, within
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.live.json_reading import (
@@ -141,15 +139,10 @@ def names_in(line: bytes) -> tuple[str, ...]:
     """
     try:
         reading = read(line.strip())
-        if not isinstance(reading.sensors, msgspec.UnsetType):
-            return Sensorium(reading.sensors).names
         if not isinstance(reading.bits, dict):
-            rule = (
-                "must name all sensors ({'sensors': [...]} or {'bits': {...}};"
-                " or name them: sensors)"
-            )
+            rule = "must name all sensors ({'bits': {...}}; or name them: sensors)"
             raise InvalidValueError("reading", rule, line.strip()[:80])  # noqa: TRY301
-        return tuple(reading.bits)
+        return Sensorium(reading.bits).names
     except InvalidValueError as error:
         raise within(_place(line), error) from error
 

@@ -1,10 +1,8 @@
 """MQTT topics as sensors, and published messages as actions.
 
-What a sensor reads is the latest message of its topic; where several topics match its
-filter, it is on where one of them is on. One message may feed several sensors. A topic
-that appears under way feeds the sensors whose filters it matches, like any other.
-Readings carry no time: they count from their arrival, and what the broker had kept
-counts from when it was delivered.
+What a sensor reads is the latest message of its topic. One message may feed several
+sensors. Readings carry no time: they count from their arrival, and what the broker had
+kept counts from when it was delivered.
 
 When the broker is away, nothing comes and the source goes on: readings go stale by the
 same rule as ever, and a sensor with `seen_within` is unknown until it can be heard
@@ -13,18 +11,14 @@ again, since silence says nothing then.
 
 import asyncio
 import threading
-from collections.abc import Callable, Sequence
 from contextlib import suppress
-from functools import lru_cache
-
-import aiomqtt
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.sources.live.journal import Journal
 from neurosnap.sources.live.latest_readings import LatestReadings
 from neurosnap.sources.live.live_source import LiveSource
 from neurosnap.sources.mqtt.connection import MqttLink
-from neurosnap.sources.mqtt.options import MqttOptions
+from neurosnap.sources.mqtt.options import MqttOptions, MqttSensor
 from neurosnap.sources.mqtt.outbox import Outgoing
 from neurosnap.sources.mqtt.payload import Payload, PayloadReader
 from neurosnap.sources.mqtt.published_topics import OFF, ON, Topics
@@ -58,7 +52,6 @@ def mqtt_source(
                 for sensor in options.sensors
             ],
             seen_within=[sensor.seen_within for sensor in options.sensors],
-            combines=[k for k, each in enumerate(options.sensors) if each.combines],
         ),
         options.tick.schedule(),
         feeder=feeder,
@@ -81,9 +74,10 @@ class MqttFeeder:
 
     def __init__(self, options: MqttOptions) -> None:
         self._options = options
-        filters = [sensor.topic for sensor in options.sensors]
-        self._routes = Routes(filters)
-        self._readers = [PayloadReader(sensor) for sensor in options.sensors]
+        self._readers: dict[str, list[tuple[MqttSensor, PayloadReader]]] = {}
+        for sensor in options.sensors:
+            here = self._readers.setdefault(sensor.topic, [])
+            here.append((sensor, PayloadReader(sensor)))
         self._source: LiveSource | None = None
         publish = options.publish
         self._command = ""  # the topic that pauses learning
@@ -93,7 +87,7 @@ class MqttFeeder:
             options.broker,
             "world",
             status=None if publish is None else Topics(publish.prefix, ()).world,
-            filters=[self._command, *filters] if self._command else filters,
+            filters=[*filter(None, [self._command]), *self._readers],
             receive=self._receive,
             connected=self._connected,
         )
@@ -155,15 +149,14 @@ class MqttFeeder:
             self._pause(data)
         payload = Payload(topic, data)
         readings: dict[str, bool | None] = {}
-        for number in self._routes.of(topic):
-            sensor = self._options.sensors[number]
+        for sensor, reader in self._readers.get(topic, ()):
             if retained and sensor.seen_within is not None:
                 continue  # it may have been kept for days
             try:
-                readings[sensor.name] = self._readers[number].read(payload)
+                readings[sensor.name] = reader.read(payload)
             except InvalidValueError as error:
                 self._source.refuse(f"{sensor.name}: {error}")
-        self._source.receive_all(readings, topic=topic)
+        self._source.receive_all(readings)
 
     def _pause(self, data: bytes) -> None:
         """Pause learning, or let it go on, as a command says."""
@@ -178,38 +171,3 @@ class MqttFeeder:
     def _connected(self, on: bool) -> None:
         if self._source is not None:
             self._source.listens(on)
-
-
-REMEMBERED = 4096
-"""Topics whose sensors are remembered."""
-
-
-class Routes:
-    """The filters that topics match, by their place.
-
-    Args:
-        filters: Topic filters, one a sensor; some may be the same.
-    """
-
-    def __init__(self, filters: Sequence[str]) -> None:
-        self._wildcards = [aiomqtt.Wildcard(each) for each in filters]
-        self.of: Callable[[str], tuple[int, ...]] = lru_cache(REMEMBERED)(self._match)
-        """Return the places of the filters that a topic matches, ascending. O(1) for a
-        topic that is remembered, O(filters) otherwise."""
-
-    def _match(self, topic: str) -> tuple[int, ...]:
-        known = aiomqtt.Topic(topic)
-        return tuple(
-            place
-            for place, wildcard in enumerate(self._wildcards)
-            if known.matches(wildcard) and not _hidden(topic, wildcard.value)
-        )
-
-
-def _hidden(topic: str, wildcard: str) -> bool:
-    """Whether it is one of the broker's own topics, which no leading wildcard means.
-
-    The standard says so (4.7.2) and brokers heed it, but one that another filter
-    subscribed to comes all the same, and the library's matcher would let it pass.
-    """
-    return topic.startswith("$") and wildcard.startswith(("+", "#"))

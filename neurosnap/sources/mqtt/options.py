@@ -19,6 +19,7 @@ from neurosnap.sources.meaning import OFF, ON, Comparison, parse_comparison
 Text = Annotated[str, msgspec.Meta(min_length=1, max_length=1024)]
 Seconds = Annotated[float, msgspec.Meta(gt=0, le=31_536_000)]
 
+_TOPIC = "must be a topic, without + and #"
 _LEAST = 0.1  # seconds between ticks on change
 
 
@@ -102,14 +103,12 @@ class MqttSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """A sensor, and how it reads what is published.
 
     It reads words, or compares numbers, or notices that anything is published at all.
-    Topics that match its filter all feed it: it is on where one of them is on, off
-    where all are off. A topic that is stale, or has said nothing yet, is left out.
     """
 
     name: Text
     """The sensor's name."""
     topic: Text
-    """A topic filter; ``+`` stands for one level, ``#`` for all that follow."""
+    """Where from."""
     field: Text | None = None
     """The way to a field of a JSON payload, levels apart by dots, places in a list by
     number (``climate.0.value``); None if the whole payload is meant."""
@@ -127,9 +126,8 @@ class MqttSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """Seconds after which a reading no longer counts; if None, the source's own."""
 
     def __post_init__(self) -> None:
-        if not is_filter(self.topic):
-            rule = "must be a topic filter, + or # alone in a level and # in the last"
-            raise InvalidValueError(f"{self.name}: topic", rule, self.topic)
+        if not is_topic(self.topic):
+            raise InvalidValueError(f"{self.name}: topic", _TOPIC, self.topic)
         for name in ("field", "when"):
             given = getattr(self, name)
             if self.seen_within is not None and given is not None:
@@ -145,11 +143,6 @@ class MqttSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         if both:
             rule = "must differ from the words for on"
             raise InvalidValueError(f"{self.name}: off", rule, sorted(both))
-
-    @property
-    def combines(self) -> bool:
-        """Whether several topics may be this sensor."""
-        return _wild(self.topic)
 
     @property
     def comparison(self) -> Comparison | None:
@@ -174,8 +167,7 @@ class MqttAction(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
     def __post_init__(self) -> None:
         if not is_topic(self.topic):
-            rule = "must be a topic, without + and #"
-            raise InvalidValueError(f"{self.name}: topic", rule, self.topic)
+            raise InvalidValueError(f"{self.name}: topic", _TOPIC, self.topic)
 
 
 class MqttTick(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -218,7 +210,7 @@ class MqttPublish(
         for name in ("prefix", "discovery_prefix"):
             given = getattr(self, name)
             if not is_topic(given):
-                raise InvalidValueError(name, "must be a topic, without + and #", given)
+                raise InvalidValueError(name, _TOPIC, given)
 
 
 class MqttOptions(
@@ -258,23 +250,7 @@ class MqttOptions(
         return ("none", *(action.name for action in self.actions))
 
 
-def is_filter(topic: str) -> bool:
-    """Whether `topic` may be subscribed to."""
-    levels = topic.split("/")
-    return _is_name(topic) and all(
-        level == "+" or (level == "#" and place == len(levels)) or not _wild(level)
-        for place, level in enumerate(levels, 1)
-    )
-
-
 def is_topic(topic: str) -> bool:
-    """Whether `topic` may be published to."""
-    return _is_name(topic) and not _wild(topic)
-
-
-def _is_name(topic: str) -> bool:
-    return "\0" not in topic and 0 < len(topic.encode("utf-8", "replace")) < 65536
-
-
-def _wild(level: str) -> bool:
-    return "+" in level or "#" in level
+    """Whether `topic` is one topic, with no wildcards."""
+    size = len(topic.encode("utf-8", "replace"))
+    return 0 < size < 65536 and not {"\0", "+", "#"} & set(topic)

@@ -10,7 +10,6 @@ from typing import Any
 import msgspec
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.sources.live.latest_readings import REMEMBERED
 from neurosnap.sources.meaning import UNKNOWN, Reader
 from neurosnap.sources.mqtt.options import MqttSensor
 
@@ -86,20 +85,16 @@ class Payload:
 class PayloadReader:
     """One sensor's reading of payloads.
 
-    Each topic has a hysteresis of its own.
-
     Args:
         sensor: Which, and how it reads.
     """
 
     def __init__(self, sensor: MqttSensor) -> None:
         self._sensor = sensor
-        self._words: dict[str, bool | None] = dict.fromkeys(UNKNOWN)
-        self._words |= {word.casefold(): True for word in sensor.on}
-        self._words |= {word.casefold(): False for word in sensor.off}
-        self._several = sensor.combines and sensor.comparison is not None
-        self._readers: dict[str, Reader] = {}  # by topic, the latest one last
-        self._one = self._new_reader()
+        words: dict[str, bool | None] = dict.fromkeys(UNKNOWN)
+        words |= {word.casefold(): True for word in sensor.on}
+        words |= {word.casefold(): False for word in sensor.off}
+        self._reader = Reader(sensor.name, sensor.comparison, words)
 
     def read(self, payload: Payload) -> bool | None:
         """Return whether `payload` says on or off; None if it says unknown.
@@ -111,37 +106,9 @@ class PayloadReader:
         sensor = self._sensor
         if sensor.seen_within is not None:
             return True
-        value: Any = payload.text
-        if sensor.field is not None:
-            value = payload.field(sensor.field)
+        value = payload.text if sensor.field is None else payload.field(sensor.field)
         try:
-            reader = self._reader(payload.topic) if self._several else self._one
-            return reader.read(value if isinstance(value, str) else _as_text(value))
+            return self._reader.read(value)
         except ValueError as error:
             place = sensor.field or "payload"
             raise payload.wrong(f"{place} {error}") from None
-
-    def _new_reader(self) -> Reader:
-        return Reader(self._sensor.name, self._sensor.comparison, self._words)
-
-    def _reader(self, topic: str) -> Reader:
-        reader = self._readers.pop(topic, None) or self._new_reader()
-        self._readers[topic] = reader
-        if len(self._readers) > REMEMBERED:
-            del self._readers[next(iter(self._readers))]
-        return reader
-
-
-def _as_text(value: object) -> str:
-    """Return the JSON value `value` as the text it would be in a plain payload."""
-    match value:
-        case None:
-            return "null"
-        case bool():
-            return "true" if value else "false"
-        case float():
-            return str(int(value)) if value.is_integer() else repr(value)
-        case int():
-            return str(value)
-        case _:
-            return msgspec.json.encode(value).decode()

@@ -132,7 +132,7 @@ SOURCES = {
         "swarm.toml:5: source.tick.interval: must not come with min_interval or"
     ),
     MQTT.replace("c = 'a'", "c = 'a/#/b'"): (
-        "swarm.toml:3: source.sensors[0].topic: must be a topic filter"
+        "swarm.toml:3: source.sensors[0].topic: must be a topic, without"
     ),
     f'{MQTT}[source.broker]\npassword_env = "NO_SUCH"\nusername = "me"': (
         "swarm.toml:5: source.broker.password_env: must be set in the environment, got 'NO_SUCH'"

@@ -16,7 +16,7 @@ MQTT = """
 kind = "mqtt"
 stale_after = 60
 sensors = [
-  { name = "door", topic = "home/+/door" },
+  { name = "door", topic = "home/door" },
   { name = "warm", topic = "home/t", field = "c", when = "> 21, off < 20" },
 ]
 actions = [{ name = "light", topic = "home/light/set", payload = "1" }]

@@ -9,9 +9,7 @@ from hypothesis import strategies as st
 
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.sources.live.latest_readings import (
-    REMEMBERED,
     TOLERANCE,
-    CombinedTopics,
     LatestReadings,
 )
 
@@ -163,54 +161,6 @@ def test_what_does_not_fit_the_sensors_is_refused(
         LatestReadings(sensors, **more)
 
 
-# Topics that combine into one sensor -------------------------------------------------
-
-SAID = st.lists(
-    st.tuples(
-        st.sampled_from("abc"),
-        st.sampled_from([True, False, None]),
-        st.integers(0, 3).map(float),
-    ),
-    max_size=20,
-)
-SPAN = st.none() | st.integers(1, 5).map(float)
-
-
-@given(said=SAID, stale=SPAN, seen=SPAN, wait=st.integers(0, 8))
-def test_a_sensor_reads_what_the_list_of_all_that_its_topics_said_does(
-    said: list[tuple[str, bool | None, float]],
-    stale: float | None,
-    seen: float | None,
-    wait: int,
-) -> None:
-    latest = LatestReadings(
-        ["motion"], stale_after=stale, seen_within=seen, combines=[0]
-    )
-    latest.start_listening(0.0)
-    past: dict[str, tuple[bool | None, float]] = {}
-
-    def expected_now() -> bool | None:
-        """Return what the sensor reads, by the rules and nothing else."""
-        if seen is not None:
-            if any(now < at + seen for _, at in past.values()):
-                return True
-            return False if now >= seen else None
-        fresh = [on for on, at in past.values() if stale is None or now < at + stale]
-        known = [on for on in fresh if on is not None]
-        return any(known) if known else None
-
-    now = 0.0
-    assert shown(latest, now) == [None]
-    for topic, on, step in said:
-        now += step
-        past[topic] = on, now
-        latest.update(0, on, now, now, topic)
-        assert shown(latest, now) == [expected_now()]
-    now += wait
-    assert shown(latest, now) == [expected_now()]
-    check_next_change(latest, now)
-
-
 def test_what_was_heard_before_the_connection_was_lost_says_nothing_any_more() -> None:
     latest = LatestReadings(["phone"], seen_within=3)
     latest.start_listening(0.0)
@@ -219,24 +169,3 @@ def test_what_was_heard_before_the_connection_was_lost_says_nothing_any_more() -
     assert shown(latest, 2.0) == [None]
     latest.start_listening(2.0)
     assert [shown(latest, now) for now in (4.9, 5.0)] == [[None], [False]]
-
-
-def test_a_whole_reading_says_all_there_is_to_say() -> None:
-    latest = LatestReadings(["motion"], combines=[0])
-    latest.update(0, True, 0.0, 0.0, "kitchen")
-    latest.update_all(np.array([False]), np.array([True]), 1.0, 1.0)
-    latest.update(0, False, 2.0, 2.0, "bath")
-    assert shown(latest, 2.0) == [False]
-
-
-def test_of_topics_without_end_the_oldest_are_forgotten() -> None:
-    topics = CombinedTopics()
-    for number in range(REMEMBERED + 2):
-        topics.update(str(number), number % 2 == 0, float(number))
-    assert [[*said] for said in map(list, topics._until.values())] == [
-        [str(number) for number in range(3 - on, REMEMBERED + 2, 2)]
-        for on in (False, True)
-    ]
-    assert topics.last_until(True) == REMEMBERED
-    topics.update(str(REMEMBERED), None, 9e9)
-    assert topics.last_until(True) == REMEMBERED - 2
