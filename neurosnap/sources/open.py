@@ -15,7 +15,6 @@ names, once to be the world.
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, TypeAlias
 
 import msgspec
 
@@ -26,7 +25,7 @@ from neurosnap.sources.live.latest_readings import LatestReadings
 from neurosnap.sources.live.live_source import Feeder, LiveSource
 from neurosnap.sources.live.statistics import Statistics
 from neurosnap.sources.live.stdin_source import StdinFeeder, first_line, names_in
-from neurosnap.sources.live.tick_schedule import TickSchedule, new_schedule
+from neurosnap.sources.live.tick_schedule import Seconds, TickRule
 from neurosnap.sources.live.zenoh_source import Hub, ZenohFeeder
 from neurosnap.sources.mqtt.options import MqttOptions
 from neurosnap.sources.protocol import Argument, Source
@@ -35,8 +34,6 @@ from neurosnap.system.distribution import must_have
 STDIN = "-"
 ZENOH = "zenoh:"
 MQTT = "mqtt:"
-
-Seconds: TypeAlias = Annotated[float, msgspec.Meta(gt=0)]
 
 
 def open_source(
@@ -150,23 +147,17 @@ def open_live(
         feeder = StdinFeeder(head=given.head.encode() if given.head else None)
     else:
         feeder = ZenohFeeder(hub)
-    schedule = given.schedule()
-    return LiveSource(latest, schedule, feeder=feeder, journal=journal, most=most)
+    ticks = given.schedule()
+    return LiveSource(latest, ticks, feeder=feeder, journal=journal, most=most)
 
 
-class LiveArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class LiveArguments(TickRule, frozen=True):
     """What standard input or a swarm's own keys are opened with."""
 
     sensors: str = ""
     """The names, in order, commas between them, or as a JSON list."""
     stale_after: Seconds | None = None
     """Seconds after which a reading is believed no more; None if it always is."""
-    interval: Seconds | None = None
-    """Seconds between two ticks; None if each change is a tick."""
-    min_interval: Annotated[float, msgspec.Meta(ge=0)] = 0.0
-    """Without `interval`: seconds between two ticks at least."""
-    max_interval: Seconds | None = None
-    """Without `interval`: seconds between two ticks at most."""
     head: str = ""
     """The first line of standard input, where it was read to learn the names."""
 
@@ -183,14 +174,6 @@ class LiveArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         except msgspec.MsgspecError as error:
             rule = f"must be names with commas between them, or a JSON list ({error})"
             raise InvalidValueError("sensors", rule, self.sensors) from error
-
-    def schedule(self) -> TickSchedule:
-        """Return when a tick is due.
-
-        Raises:
-            InvalidValueError: The intervals do not go together.
-        """
-        return new_schedule(self.interval, self.min_interval, self.max_interval)
 
 
 def settle(name: str, arguments: Mapping[str, Argument]) -> dict[str, Argument]:

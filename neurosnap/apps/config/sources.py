@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Annotated, TypeAlias
 
 import msgspec
-from msgspec import UNSET, UnsetType
 
+from neurosnap.sources.live.tick_schedule import Seconds, TickRule
 from neurosnap.sources.mqtt.options import MqttOptions
-from neurosnap.sources.open import MQTT, STDIN, ZENOH, LiveArguments, Seconds
+from neurosnap.sources.open import MQTT, STDIN, ZENOH
 from neurosnap.sources.protocol import Argument
 
 Text: TypeAlias = Annotated[str, msgspec.Meta(min_length=1)]
@@ -58,28 +58,18 @@ class CsvTable(
         return str(folder / self.path), {}
 
 
-class _LiveTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class _LiveTable(TickRule, frozen=True):
     """What sources that are fed from outside have in common."""
 
     sensors: Annotated[tuple[Text, ...], msgspec.Meta(min_length=1)]
     """The sensors' names, in order."""
-    stale_after: Seconds | UnsetType = UNSET
+    stale_after: Seconds | None = None
     """Seconds after which a reading is believed no more; left out: it always is."""
-    interval: Seconds | UnsetType = UNSET
-    """Seconds between two ticks; left out: a tick as soon as something changed."""
-    min_interval: Annotated[float, msgspec.Meta(ge=0)] | UnsetType = UNSET
-    """Without `interval`: seconds between two ticks at least."""
-    max_interval: Seconds | UnsetType = UNSET
-    """Without `interval`: seconds between two ticks at most."""
-
-    def __post_init__(self) -> None:
-        msgspec.convert(self._arguments(), LiveArguments).schedule()
 
     def _arguments(self) -> dict[str, Argument]:
         given = msgspec.structs.asdict(self)
         names = msgspec.json.encode(given.pop("sensors")).decode()
-        said = {name: value for name, value in given.items() if value is not UNSET}
-        return {"sensors": names, **said}
+        return {"sensors": names} | {k: said for k, said in given.items() if said}
 
 
 class StdinTable(_LiveTable, frozen=True, tag_field="kind", tag="stdin"):

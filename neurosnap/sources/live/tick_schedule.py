@@ -5,9 +5,13 @@ return for how many seconds to wait for the next tick if nothing changes: 0 if i
 due, None if it never is. A source gives no tick while nothing at all is known.
 """
 
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
+
+import msgspec
 
 from neurosnap.errors import InvalidValueError
+
+Seconds: TypeAlias = Annotated[float, msgspec.Meta(gt=0, le=31_536_000)]
 
 
 class Clocked:
@@ -20,14 +24,9 @@ class Clocked:
 
     Args:
         interval: Seconds, above 0.
-
-    Raises:
-        InvalidValueError: It is not above 0.
     """
 
     def __init__(self, interval: float) -> None:
-        if not 0 < interval < float("inf"):
-            raise InvalidValueError("interval", "must be above 0, finite", interval)
         self._interval = interval
         self._began = 0.0
         self._next = 0
@@ -62,20 +61,11 @@ class OnChange:
         min_interval: Seconds between two ticks at least, 0 or more.
         max_interval: Seconds between two ticks at most, changed or not; above 0, and
             `min_interval` or more; None if there is no tick without change.
-
-    Raises:
-        InvalidValueError: An interval is out of its range.
     """
 
     def __init__(
         self, min_interval: float = 0.0, max_interval: float | None = None
     ) -> None:
-        if not 0 <= min_interval < float("inf"):
-            rule = "must be 0 or more, finite"
-            raise InvalidValueError("min_interval", rule, min_interval)
-        if max_interval is not None and not 0 < max_interval >= min_interval:
-            rule = "must be above 0, and min_interval or more"
-            raise InvalidValueError("max_interval", rule, max_interval)
         self._least = min_interval
         self._most = max_interval
         self._last: float | None = None
@@ -107,22 +97,28 @@ TickSchedule: TypeAlias = Clocked | OnChange
 """Says when the next tick is due."""
 
 
-def new_schedule(
-    interval: float | None, min_interval: float, max_interval: float | None
-) -> TickSchedule:
-    """Return the schedule that a table or arguments describe.
+class TickRule(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """When a tick happens: by the clock, or on change."""
 
-    Args:
-        interval: Seconds from tick to tick; None if each change is a tick.
-        min_interval: Without `interval`: as for `OnChange`; 0: not given.
-        max_interval: Without `interval`: as for `OnChange`.
+    interval: Seconds | None = None
+    """Seconds from tick to tick; None for a tick whenever a reading has changed."""
+    min_interval: Annotated[float, msgspec.Meta(ge=0, le=31_536_000)] = 0.0
+    """Without `interval`: seconds between two ticks at least."""
+    max_interval: Seconds | None = None
+    """Without `interval`: seconds between two ticks at most; None for no limit."""
 
-    Raises:
-        InvalidValueError: One is out of its range, or they do not go together.
-    """
-    if interval is None:
-        return OnChange(min_interval, max_interval)
-    if min_interval or max_interval is not None:
-        rule = "must not come with min_interval or max_interval"
-        raise InvalidValueError("interval", rule, interval)
-    return Clocked(interval)
+    def __post_init__(self) -> None:
+        if self.max_interval is None:
+            return
+        if self.interval is not None:
+            rule = "must not come with max_interval"
+            raise InvalidValueError("interval", rule, self.interval)
+        if self.max_interval < self.min_interval:
+            rule = "must be min_interval or more"
+            raise InvalidValueError("max_interval", rule, self.max_interval)
+
+    def schedule(self) -> TickSchedule:
+        """Return what decides so."""
+        if self.interval is not None:
+            return Clocked(self.interval)
+        return OnChange(self.min_interval, self.max_interval)

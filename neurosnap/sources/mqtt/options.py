@@ -13,14 +13,12 @@ import msgspec
 
 from neurosnap.errors import InvalidValueError, within
 from neurosnap.sensorium import Sensorium
-from neurosnap.sources.live.tick_schedule import TickSchedule, new_schedule
+from neurosnap.sources.live.tick_schedule import Seconds, TickRule
 from neurosnap.sources.meaning import OFF, ON, Comparison, parse_comparison
 
 Text = Annotated[str, msgspec.Meta(min_length=1, max_length=1024)]
-Seconds = Annotated[float, msgspec.Meta(gt=0, le=31_536_000)]
 
 _TOPIC = "must be a topic, without + and #"
-_LEAST = 0.1  # seconds between ticks on change
 
 
 class MqttBroker(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -170,26 +168,11 @@ class MqttAction(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
             raise InvalidValueError(f"{self.name}: topic", _TOPIC, self.topic)
 
 
-class MqttTick(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class MqttTick(TickRule, frozen=True):
     """When a tick happens: by the clock, or on change."""
 
-    interval: Seconds | None = None
-    """Seconds from tick to tick; None for a tick whenever a reading has changed."""
-    min_interval: Annotated[float, msgspec.Meta(ge=0, le=31_536_000)] = _LEAST
-    """On change: seconds between two ticks at least."""
-    max_interval: Seconds | None = None
-    """On change: seconds between two ticks at most; None for no limit."""
-
-    def __post_init__(self) -> None:
-        self.schedule()
-
-    def schedule(self) -> TickSchedule:
-        """Return when a tick is due."""
-        # Every recording has the default written out: it is as good as not given.
-        given = self.interval is None or self.min_interval != _LEAST
-        return new_schedule(
-            self.interval, self.min_interval if given else 0.0, self.max_interval
-        )
+    min_interval: Annotated[float, msgspec.Meta(ge=0, le=31_536_000)] = 0.1
+    """Without `interval`: seconds between two ticks at least."""
 
 
 class MqttPublish(

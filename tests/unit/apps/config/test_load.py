@@ -120,16 +120,16 @@ SOURCES = {
         "swarm.toml:3: source.sensors: must have 1 or more items"
     ),
     f"{LIVE}\ninterval = 1\nmax_interval = 2": (
-        "swarm.toml:4: source.interval: must not come with min_interval or max_"
+        "swarm.toml:4: source.interval: must not come with max_"
     ),
     f"{LIVE}\nmin_interval = 3\nmax_interval = 2": (
-        "swarm.toml:5: source.max_interval: must be above 0, and min_interval or"
+        "swarm.toml:5: source.max_interval: must be min_interval or more"
     ),
     f"{MQTT}[source.tick]\nmin_interval = 3\nmax_interval = 2": (
-        "swarm.toml:6: source.tick.max_interval: must be above 0, and min_interval"
+        "swarm.toml:6: source.tick.max_interval: must be min_interval or"
     ),
     f"{MQTT}[source.tick]\ninterval = 1\nmax_interval = 2": (
-        "swarm.toml:5: source.tick.interval: must not come with min_interval or"
+        "swarm.toml:5: source.tick.interval: must not come with max_interval"
     ),
     MQTT.replace("c = 'a'", "c = 'a/#/b'"): (
         "swarm.toml:3: source.sensors[0].topic: must be a topic, without"

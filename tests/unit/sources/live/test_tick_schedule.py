@@ -2,12 +2,12 @@
 
 import math
 
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from neurosnap.errors import InvalidValueError
-from neurosnap.sources.live.tick_schedule import Clocked, OnChange, new_schedule
+from neurosnap.sources.live.tick_schedule import Clocked, OnChange, TickRule
 
 
 @given(st.floats(1e-6, 1e6), st.floats(0, 1e9), st.lists(st.floats(0, 1e3)))
@@ -50,13 +50,13 @@ def test_no_moment_of_the_grid_is_given_twice_or_skipped(interval: float) -> Non
 
 
 def test_the_wait_is_over_when_it_says() -> None:
-    clocked = new_schedule(10.0, 0.0, None)
+    clocked = TickRule(interval=10.0).schedule()
     clocked.begin(0.0)
     clocked.given(0.0)
     clocked.given(4.0)  # a tick that was not due changes nothing
     assert clocked.wait(4.0, changed=True) == 6.0
     assert clocked.skipped == 0
-    schedule = new_schedule(None, 2.0, 5.0)
+    schedule = TickRule(min_interval=2.0, max_interval=5.0).schedule()
     schedule.begin(0.0)
     assert schedule.wait(0.0, changed=False) is None
     assert schedule.wait(7.0, changed=True) == 0.0
@@ -69,20 +69,16 @@ def test_the_wait_is_over_when_it_says() -> None:
 @pytest.mark.parametrize(
     ("given", "text"),
     [
-        ((0, 0.0, None), "interval: must be above 0, finite"),
-        ((float("nan"), 0.0, None), "interval: must be above 0, finite"),
-        ((float("inf"), 0.0, None), "interval: must be above 0, finite"),
-        ((None, -1, None), "min_interval: must be 0 or more"),
-        ((None, float("nan"), None), "min_interval: must be 0 or more"),
-        ((None, 0, 0), "max_interval: must be above 0, and min_interval or more, got "),
-        ((None, 2, 1), "max_interval: must be above 0, and min_interval or more, got "),
-        ((None, 0, float("nan")), "max_interval: must be above 0, and min_interval"),
-        ((2.0, 1.0, None), "interval: must not come with min_interval or max_interval"),
-        ((2.0, 0.0, 5.0), "interval: must not come with min_interval or max_interval"),
+        ({"interval": 0}, "Expected `float` > 0"),
+        ({"interval": float("inf")}, "Expected `float` <= 31536000"),
+        ({"min_interval": -1}, "Expected `float` >= 0"),
+        ({"max_interval": float("nan")}, "Expected `float` > 0"),
+        ({"max_interval": 1, "min_interval": 2}, "max_interval: must be min_interval"),
+        ({"max_interval": 1, "interval": 2}, "interval: must not come with max_inter"),
     ],
 )
 def test_intervals_out_of_their_range_or_that_do_not_go_together_are_refused(
-    given: tuple[float | None, float, float | None], text: str
+    given: dict[str, float], text: str
 ) -> None:
-    with pytest.raises(InvalidValueError, match=f"^{text}"):
-        new_schedule(*given)
+    with pytest.raises(msgspec.ValidationError, match=f"^{text}"):
+        msgspec.convert(given, TickRule)

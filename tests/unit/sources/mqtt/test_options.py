@@ -137,12 +137,7 @@ def test_a_place_without_a_password_is_named_but_not_quoted(
         MqttBroker(username="u", password_env="NOT_SET_ANYWHERE").password()
 
 
-def test_a_default_pace_goes_with_an_interval_and_an_asked_for_one_does_not() -> None:
+def test_a_default_pace_goes_with_an_interval() -> None:
     written = msgspec.json.encode(MqttTick(interval=2))  # as in a recording
     assert isinstance(msgspec.json.decode(written, type=MqttTick).schedule(), Clocked)
     assert isinstance(MqttTick().schedule(), OnChange)
-    for asked in ({"max_interval": 5.0}, {"min_interval": 1.0}):
-        with pytest.raises(InvalidValueError, match=r"^interval: must not come with"):
-            MqttTick(interval=2, **asked)
-    with pytest.raises(InvalidValueError, match=r"^max_interval: must be above 0, and"):
-        MqttTick(min_interval=2, max_interval=1)
