@@ -1,6 +1,7 @@
 """Statistics of error curves: mean, spread, and rate of decay."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import msgspec
 import numpy as np
@@ -29,32 +30,25 @@ class Rate(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Curve:
-    """The errors of a cell over its runs; every array is ``(steps,)``, in edges.
+    """The errors of a cell over its runs.
 
     Entry ``t - 1`` belongs to step ``t``, which is after ``t`` observations.
     """
 
     cell: LearningEntry
-    mean: NDArray[np.float64]
-    std: NDArray[np.float64]
-    """Of the runs as they are (no degree of freedom is taken off)."""
-    least: NDArray[np.int64]
-    most: NDArray[np.int64]
-    woken: int | None
-    """The first step at which any run's error differs from its first; None: never."""
+    rows: NDArray[np.uint16]
+    """``(runs, steps)``, in edges."""
 
-    @classmethod
-    def of(cls, cell: LearningEntry, rows: NDArray[np.uint16]) -> "Curve":
-        """Return the curve of a cell's rows, ``(runs, steps)``."""
-        moved = np.flatnonzero((rows != rows[:, :1]).any(axis=0))
-        return cls(
-            cell=cell,
-            mean=rows.mean(axis=0),
-            std=rows.std(axis=0),
-            least=rows.min(axis=0).astype(np.int64),
-            most=rows.max(axis=0).astype(np.int64),
-            woken=int(moved[0]) + 1 if moved.size else None,
-        )
+    @cached_property
+    def mean(self) -> NDArray[np.float64]:
+        """The mean of the runs: ``(steps,)``."""
+        return np.asarray(self.rows.mean(axis=0))
+
+    @property
+    def woken(self) -> int | None:
+        """The first step at which a run's error differs from its first, if one does."""
+        moved = np.flatnonzero((self.rows != self.rows[:, :1]).any(axis=0))
+        return int(moved[0]) + 1 if moved.size else None
 
     @property
     def level(self) -> float:
@@ -64,7 +58,7 @@ class Curve:
     @property
     def error(self) -> float:
         """The standard error of the last mean."""
-        return float(self.std[-1] / np.sqrt(self.cell.runs))
+        return float(self.rows[:, -1].std() / np.sqrt(self.cell.runs))
 
     @property
     def peak(self) -> int:
@@ -83,7 +77,7 @@ class Curve:
     @property
     def reaches_zero(self) -> bool:
         """Whether no run is wrong about anything at the last step."""
-        return bool(self.most[-1] == 0)
+        return not self.rows[:, -1].any()
 
 
 def fitted(curve: Curve) -> Rate | None:

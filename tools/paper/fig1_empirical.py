@@ -1,20 +1,16 @@
 """Figure 1: learning rate of empirical snapshots, ten thresholds, four settings."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.system.picture import steps
-from tools.paper import learners, plots
+from tools.paper import learners
 from tools.paper.curves import Curve, fitted
 from tools.paper.figure import Claim, Figure, FigureOptions, Report
 from tools.paper.learning_error import LearningEntry
 from tools.paper.walks import SETTINGS, walk
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Canvas
 
 _EXPONENTIAL = 0.9
 _STILL = 0.05
@@ -26,7 +22,9 @@ Curves = Mapping[str, Sequence[Curve]]
 def report(options: FigureOptions, rows: Sequence[NDArray[Any]]) -> Report:
     """Return the figure of the rows of its cells."""
     curves = learners.curves_of(_cells(options), rows)
-    return learners.report(curves, _draw, claims(options, curves))
+    labels = [_label(threshold) for threshold in learners.THRESHOLDS]
+    title = "Empirical snapshots by threshold τ"
+    return learners.report(curves, claims(options, curves), title, labels, "linear")
 
 
 def _cells(options: FigureOptions) -> list[LearningEntry]:
@@ -231,19 +229,6 @@ def _smallest_probabilities(options: FigureOptions) -> dict[str, float]:
     """Return the least positive stationary probability of a place in each setting."""
     laws = {name: walk(name, options.seed, 0, 1).law for name in SETTINGS}
     return {name: float(law[law > 0].min()) for name, law in laws.items()}
-
-
-def _draw(canvas: "Canvas", curves: Sequence[Curve]) -> None:
-    colours = steps(len(learners.THRESHOLDS))
-    colour = dict(zip(learners.THRESHOLDS, colours, strict=True))
-    strokes = [
-        plots.Stroke(curve, _label(curve.cell.threshold), colour[curve.cell.threshold])
-        for curve in curves
-    ]
-    bar = plots.Bar("threshold τ", [_label(each) for each in colour], colours)
-    cell = curves[0].cell
-    title = f"Empirical snapshots learning from {cell.runs} random walks"
-    plots.draw(canvas, strokes, title, bar, "linear")
 
 
 def _label(threshold: float) -> str:

@@ -2,19 +2,15 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from numpy.typing import NDArray
 
-from neurosnap.system.picture import steps
-from tools.paper import learners, plots
+from tools.paper import learners
 from tools.paper.curves import Curve
 from tools.paper.figure import Claim, Figure, FigureOptions, Report
 from tools.paper.learning_error import LearningEntry
 from tools.paper.walks import SETTINGS
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Canvas
 
 _BEST, _BETTER_WAIT = 5, 4
 _UNIFORM = 0.25  # every weight of a new snapshot
@@ -25,7 +21,9 @@ Curves = Mapping[str, Sequence[Curve]]
 def report(options: FigureOptions, rows: Sequence[NDArray[Any]]) -> Report:
     """Return the figure of the rows of its cells."""
     curves = learners.curves_of(_cells(options), rows)
-    return learners.report(curves, _draw, claims(curves))
+    labels = [rf"$1 - 2^{{-{k + 2}}}$" for k in range(len(learners.DECAYS))]
+    title = f"Discounted snapshots by decay q, τ = 1/{learners.SENSORS}³"
+    return learners.report(curves, claims(curves), title, labels, "log")
 
 
 def _cells(options: FigureOptions) -> list[LearningEntry]:
@@ -126,21 +124,6 @@ def _woken(curves: Curves) -> dict[float, int]:
 
 def _listed(numbers: Mapping[float, int]) -> str:
     return " ".join(str(numbers[q]) for q in sorted(numbers)) or "none"
-
-
-def _draw(canvas: "Canvas", curves: Sequence[Curve]) -> None:
-    colours = steps(len(learners.DECAYS))
-    labels = [rf"$1 - 2^{{-{k + 2}}}$" for k in range(len(learners.DECAYS))]
-    order = {decay: k for k, decay in enumerate(learners.DECAYS)}
-    strokes = []
-    for curve in curves:
-        k = order[curve.cell.decay or 0.0]
-        strokes.append(plots.Stroke(curve, labels[k], colours[k]))
-    title = (
-        f"Discounted snapshots learning from {curves[0].cell.runs} random walks,"
-        f" τ = 1/{learners.SENSORS}³"
-    )
-    plots.draw(canvas, strokes, title, plots.Bar("decay q", labels, colours), "log")
 
 
 def to_learn(threshold: float, decay: float, weight: float = 1.0) -> int:

@@ -5,57 +5,35 @@ run. Start, target, fields and random numbers are functions of the seed, the set
 the run, so both snapshots face the same tasks with the same luck.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.agent import Agent
-from neurosnap.agent.body import Body
 from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import EXPLORE
-from neurosnap.sources.gymnasium_source import import_worlds
-from neurosnap.system.picture import FEW
 from tools.paper import learners
-from tools.paper.figure import Claim, Figure, FigureOptions, Report
+from tools.paper.figure import (
+    STEPWISE,
+    Claim,
+    Figure,
+    FigureOptions,
+    Report,
+    stepwise,
+)
 from tools.paper.learning_error import new_snapshot
+from tools.paper.plots import Stroke, draw
 from tools.paper.table import Entry
-from tools.paper.walks import SETTINGS
+from tools.paper.walks import SETTINGS, World, world_of
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
 _DECAY = learners.DECAYS[4]
 _END = 0  # the place at one end of the path
-_BINS = 90
 _SINCE = (1000, 4000)  # steps from which on means are told
-_COLOURS = {None: FEW[0], _DECAY: FEW[1]}
-_TITLES = {
-    "path": "path, thresholds",
-    "cycle": "cycle, beacons",
-    "grid": "grid, thresholds",
-    "random": "path, random fields (dotted: target at its end)",
-}
-
-
-@dataclass(frozen=True)
-class Task:
-    """A world, a place to start from and one to get to."""
-
-    moves: NDArray[np.intp]
-    """``(actions, places)``; where an action leads."""
-    fields: NDArray[np.bool_]
-    """``(N, places)``; where each sensor is on."""
-    distances: NDArray[np.float64]
-    """``(places,)``; how far each place is from the target, in actions."""
-    start: int
-    seed: int
-    """Of the agent."""
-    body: Body
 
 
 class TargetEntry(Entry, frozen=True, kw_only=True):
@@ -89,23 +67,21 @@ class TargetEntry(Entry, frozen=True, kw_only=True):
 
     def row(self, run: int) -> NDArray[np.uint16]:
         """Return the distance to the target at each observation of a run."""
-        todo = task(self.setting, self.seed, run, self.target)
-        policy = new_policy("excited", todo.body, todo.seed, explore=self.explore)
-        snapshot = new_snapshot(self.threshold, self.decay, len(todo.body.sensors))
-        agent = Agent(todo.body, policy, snapshot)
-        far = np.empty(self.steps, np.uint16)
-        place = before = todo.start
-        for step in range(self.steps):
-            now, then = todo.distances[[place, before]]
-            far[step] = now
-            drives = now < then, now > then
-            action = agent.act(np.append(todo.fields[:, place], drives)).action
-            before, place = place, int(todo.moves[action, place])
-        return far
+        world, seed = task(self.setting, self.seed, run, self.target)
+        policy = new_policy("excited", world.body, seed, explore=self.explore)
+        snapshot = new_snapshot(self.threshold, self.decay, len(world.body.sensors))
+        agent = Agent(world.body, policy, snapshot)
+        places = [world.place] * 2
+        for _ in range(self.steps):
+            action = agent.act(world.sense(places[-1], places[-2])).action
+            places.append(int(world.moves[action, places[-1]]))
+        return world.distances[places[1:-1]].astype(np.uint16)
 
 
-def task(name: str, seed: int, run: int, target: int | None = None) -> Task:
-    """Return what an agent is to do in one run of a setting.
+def task(
+    name: str, seed: int, run: int, target: int | None = None
+) -> tuple[World, int]:
+    """Return what an agent is to do in one run of a setting, and the agent's seed.
 
     Args:
         name: The setting's.
@@ -115,26 +91,11 @@ def task(name: str, seed: int, run: int, target: int | None = None) -> Task:
     """
     key = (list(SETTINGS).index(name), run, 1)  # not the streams of the random walks
     reset, agent = np.random.SeedSequence(seed, spawn_key=key).generate_state(2)
-    import_worlds()
-    env: gymnasium.Env[Any, Any] = gymnasium.make(
-        SETTINGS[name].world, target="drawn" if target is None else target
-    )
-    try:
-        _, info = env.reset(seed=int(reset))
-        get = env.get_wrapper_attr
-        return Task(
-            moves=get("moves"),
-            fields=get("fields"),
-            distances=get("distances"),
-            start=info["place"],
-            seed=int(agent),
-            body=Body.full(get("sensors"), get("actions"), get("orders")),
-        )
-    finally:
-        env.close()
+    to = "drawn" if target is None else target
+    return world_of(SETTINGS[name].world, int(reset), target=to), int(agent)
 
 
-def guaranteed(todo: Task) -> float:
+def guaranteed(todo: World) -> float:
     """Return at what share of the places but the target the truth guarantees better.
 
     That is where some sensation ``a`` of the place and some action lead nearer to the
@@ -143,12 +104,12 @@ def guaranteed(todo: Task) -> float:
     truth, and nothing but the truth, has anything to go by.
     """
     literals = np.concatenate([todo.fields, ~todo.fields])
-    nearer = todo.distances[todo.moves] < todo.distances
+    far = todo.distances
+    nearer = far[todo.moves] < far
     # (actions, literals): no place has the literal and is not brought nearer.
     sound = ~(~nearer[:, np.newaxis] & literals[np.newaxis]).any(axis=2)
     helped = (sound.any(axis=0)[:, np.newaxis] & literals).any(axis=0)
-    away = todo.distances > 0
-    return float(helped[away].mean())
+    return float(helped[far > 0].mean())
 
 
 def cells(options: FigureOptions) -> list[TargetEntry]:
@@ -178,12 +139,14 @@ def report(options: FigureOptions, rows: Sequence[NDArray[Any]]) -> Report:
     """Return the figure of the rows of its cells."""
     courses = list(zip(cells(options), rows, strict=True))
     truths = {
-        name: [guaranteed(task(name, options.seed, run)) for run in range(options.runs)]
+        name: [
+            guaranteed(task(name, options.seed, run)[0]) for run in range(options.runs)
+        ]
         for name in SETTINGS
     }
     return Report(
-        columns=("setting", "decay", "target", "step", "mean", "std", "min", "max"),
-        rows=_table(courses),
+        columns=("setting", "decay", "target", *STEPWISE),
+        rows=stepwise(map(_head, cells(options)), rows),
         draw=lambda canvas: _draw(canvas, courses),
         claims=claims(courses, truths),
         lines=tuple(_line(cell, distances) for cell, distances in courses),
@@ -226,115 +189,46 @@ def claims(
     )
 
 
-def _summary(cell: TargetEntry, distances: NDArray[Any]) -> dict[str, Any]:
-    means = distances.mean(axis=0)
-    return {
-        "setting": cell.setting,
-        "threshold": cell.threshold,
-        "decay": cell.decay,
-        "target": cell.target,
-        "explore": cell.explore,
-        "mean_since": {
-            str(since): float(means[since - 1 :].mean())
-            for since in _SINCE
-            if since <= cell.steps
-        },
-        "within_one": float((distances[:, -1] <= 1).mean()),
-    }
-
-
 def _line(cell: TargetEntry, distances: NDArray[Any]) -> str:
-    facts = _summary(cell, distances)
+    means = distances.mean(axis=0)
     since = ", ".join(
-        f"{mean:.3g} from step {step} on" for step, mean in facts["mean_since"].items()
+        f"{means[step - 1 :].mean():.3g} from step {step} on"
+        for step in _SINCE
+        if step <= cell.steps
     )
     kind = "empirical" if cell.decay is None else "discounted"
+    to = "" if cell.target is None else f", target {cell.target}"
     return (
-        f"{cell.setting}, {kind}{_towards(cell)}: {facts['within_one']:.0%} of runs end within 1 of the"
-        f" target; mean distance {since or f'{distances.mean():.3g}'}"
+        f"{cell.setting}, {kind}{to}: {(distances[:, -1] <= 1).mean():.0%} of runs end"
+        f" within 1 of the target; mean distance {since or f'{means.mean():.3g}'}"
     )
 
 
-def _towards(cell: TargetEntry) -> str:
-    return "" if cell.target is None else f", target {cell.target}"
-
-
-def _table(
-    courses: Sequence[tuple[TargetEntry, NDArray[Any]]],
-) -> Iterator[Sequence[object]]:
-    for cell, distances in courses:
-        head = (
-            cell.setting,
-            "" if cell.decay is None else repr(cell.decay),
-            "drawn" if cell.target is None else cell.target,
-        )
-        columns = zip(
-            distances.mean(axis=0).tolist(),
-            distances.std(axis=0).tolist(),
-            distances.min(axis=0).tolist(),
-            distances.max(axis=0).tolist(),
-            strict=True,
-        )
-        for step, (mean, std, least, most) in enumerate(columns, 1):
-            yield *head, step, f"{mean:.6g}", f"{std:.6g}", least, most
+def _head(cell: TargetEntry) -> tuple[object, ...]:
+    """Return the columns of the CSV that say what a row is of."""
+    decay = "" if cell.decay is None else repr(cell.decay)
+    return cell.setting, decay, "drawn" if cell.target is None else cell.target
 
 
 def _draw(
     canvas: "Canvas", courses: Sequence[tuple[TargetEntry, NDArray[Any]]]
 ) -> None:
-    canvas.set_size_inches(10, 7)
-    panels = canvas.subplots(2, 2, sharex=True, sharey=True)
-    for axes, setting in zip(panels.flat, SETTINGS.values(), strict=True):
-        axes.set_title(f"({setting.letter}) {_TITLES[setting.name]}", fontsize="medium")
-        for cell, distances in courses:
-            if cell.setting == setting.name:
-                _stroke(axes, cell, distances)
-        axes.grid(alpha=0.25, lw=0.6)
-    steps, runs = courses[0][0].steps, courses[0][0].runs
-    first = panels.flat[0]
-    first.set_xscale("log")
-    first.set_xlim(1, max(2, 1.15 * steps))
-    first.set_yscale("symlog", linthresh=0.02, linscale=0.3)
-    first.set_ylim(bottom=0)
-    ticks = [0, 0.1, 0.3, 1, 3, 10]
-    first.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
-    first.yaxis.set_minor_locator(_nothing())
-    for axes in panels[1]:
-        axes.set_xlabel("step (observations)")
-    for axes in panels[:, 0]:
-        axes.set_ylabel("distance to the target (actions)")
-    handles, labels = first.get_legend_handles_labels()
-    canvas.legend(
-        handles, labels, loc="outside lower center", ncols=len(labels), frameon=False
+    strokes = [
+        Stroke(
+            cell.setting,
+            "empirical" if cell.decay is None else r"discounted, $q = 1 - 2^{-6}$",
+            "#004488" if cell.decay is None else "#bb5566",
+            distances,
+            band=cell.target is None,
+            style="-" if cell.target is None else ":",
+        )
+        for cell, distances in courses
+    ]
+    title = (
+        f"Excitation-driven agents: mean and quartiles of {courses[0][0].runs} runs"
+        " (dotted: the target is the end of the path)"
     )
-    canvas.suptitle(
-        f"Excitation-driven agents: mean and quartiles of {runs} runs that begin"
-        " with an empty snapshot"
-    )
-
-
-def _nothing() -> Any:  # noqa: ANN401 - matplotlib is imported late
-    from matplotlib.ticker import NullLocator
-
-    return NullLocator()
-
-
-def _stroke(axes: "Axes", cell: TargetEntry, distances: NDArray[Any]) -> None:
-    # On a logarithmic scale late steps lie too dense to be seen one by one.
-    edges = (
-        np.unique(np.geomspace(1, cell.steps, _BINS, endpoint=False).astype(np.intp))
-        - 1
-    )
-    widths = np.diff(np.append(edges, cell.steps))
-    binned = np.add.reduceat(distances.astype(np.float64), edges, axis=1) / widths
-    steps = edges + (widths + 1) / 2
-    low, high = np.percentile(binned, (25, 75), axis=0)
-    colour = _COLOURS[cell.decay]
-    label = "empirical" if cell.decay is None else r"discounted, $q = 1 - 2^{-6}$"
-    if cell.target is None:
-        axes.fill_between(steps, low, high, color=colour, alpha=0.15, lw=0)
-    style = "-" if cell.target is None else ":"
-    axes.plot(steps, binned.mean(axis=0), style, color=colour, lw=1.1, label=label)
+    draw(canvas, strokes, title, "distance to the target (actions)", 0.02)
 
 
 FIGURE = Figure(

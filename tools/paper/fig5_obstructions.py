@@ -6,14 +6,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.system.picture import FEW, QUANTITY, ink_on
 from tools.paper.figure import Claim, Figure, FigureOptions, Report
 from tools.paper.obstacles import (
     ARRIVED,
     BLOCKED,
-    FIRST,
     AgentName,
-    Arena,
     ObstacleEntry,
     arena,
 )
@@ -39,8 +36,6 @@ _TASKS: tuple[tuple[str, AgentName, int, tuple[str, ...]], ...] = (
     (_RAIL, "excited", 12, ("near_12",)),
     (_RAIL, "random", 12, ("near_12",)),
 )
-_COLOURS = {"excited": FEW[0], "greedy": FEW[1], "random": FEW[2]}
-_MARKERS = {"excited": "o", "greedy": "s", "random": "^"}
 
 Results = Mapping[tuple[str, AgentName], tuple[ObstacleEntry, NDArray[np.int32]]]
 
@@ -74,7 +69,6 @@ def report(options: FigureOptions, rows: Sequence[NDArray[Any]]) -> Report:
             "shortest",
             "steps",
             "blocked",
-            "first",
         ),
         rows=_table(results),
         draw=lambda canvas: _draw(canvas, results),
@@ -149,10 +143,10 @@ def _summary(cell: ObstacleEntry, found: NDArray[np.int32]) -> dict[str, Any]:
 
 def _shortest(cell: ObstacleEntry) -> NDArray[np.float64]:
     """Return the fewest steps from each place to the goal: ``(places,)``."""
-    world = arena(cell.world, cell.target)
-    distance = np.where(world.reached(cell.goal), 0.0, np.inf)
+    known = arena(cell.world, cell.target)
+    distance = np.where(known.reached(cell.goal), 0.0, np.inf)
     for _ in range(len(distance)):
-        distance = np.minimum(distance, 1 + distance[world.moves].min(axis=0))
+        distance = np.minimum(distance, 1 + distance[known.world.moves].min(axis=0))
     return distance
 
 
@@ -170,116 +164,48 @@ def _line(cell: ObstacleEntry, found: NDArray[np.int32]) -> str:
 
 def _table(results: Results) -> Iterator[Sequence[object]]:
     for cell, found in results.values():
-        shortest = _shortest(cell)
-        actions = arena(cell.world, cell.target).body.actions
+        shortest = _shortest(cell).astype(int).tolist()
         for run, starts in enumerate(found.tolist()):
-            for start, (steps, blocked, first) in enumerate(starts):
-                yield (
-                    cell.world,
-                    cell.agent,
-                    run,
-                    start,
-                    int(shortest[start]),
-                    steps if steps >= 0 else "",
-                    blocked,
-                    actions[first] if first >= 0 else "",
-                )
+            for start, (steps, blocked) in enumerate(starts):
+                arrived = steps if steps >= 0 else ""
+                head = cell.world, cell.agent, run, start
+                yield *head, shortest[start], arrived, blocked
 
 
 def _draw(canvas: "Canvas", results: Results) -> None:
-    canvas.set_size_inches(9, 8)
-    panels = canvas.subplots(2, 2)
-    maps: tuple[tuple[str, AgentName], ...] = (
-        (_GRID, "greedy"),
-        (_PUNCTURED, "greedy"),
-        (_PUNCTURED, "excited"),
-    )
-    titles = (
-        "whole grid, greedy planning",
-        "punctured grid, greedy planning",
-        "punctured grid, excitation-driven",
-    )
-    image: Any = None
-    for axes, key, title in zip(panels.flat, maps, titles, strict=False):
-        cell, found = results[key]
-        image = _map(axes, arena(cell.world, cell.target), found)
-        axes.set_title(title, fontsize="medium")
-    canvas.colorbar(image, ax=panels, label="share of runs that arrive", shrink=0.5)
-    _rail(panels[1, 1], results)
+    canvas.set_size_inches(11, 5)
+    left, right = canvas.subplots(1, 2)
+    cell, found = results[_PUNCTURED, "greedy"]
+    world = arena(cell.world, cell.target).world
+    x, y = world.coordinates.T
+    shares = np.full((y.max() + 1, x.max() + 1), np.nan)
+    shares[y, x] = (found[:, :, ARRIVED] >= 0).mean(axis=0)
+    image = left.imshow(shares, origin="lower", vmin=0, vmax=1)
+    goal = int(np.argmin(world.distances))
+    left.plot(x[goal], y[goal], "*", color="white", mec="black", ms=15)
+    canvas.colorbar(image, ax=left, label="share of runs that arrive")
+    left.set(xlabel="x", ylabel="y")
+    left.set_title("punctured grid (white: the hole), greedy planning", fontsize=10)
+    _rail(right, results)
     canvas.suptitle("Obstructions to greedy planning, with perfect exposure beforehand")
 
 
-def _map(axes: "Axes", world: Arena, found: NDArray[np.int32]) -> object:
-    """Draw from where an agent arrives, and what it does first."""
-    x, y = world.coordinates.T
-    shares = (found[:, :, ARRIVED] >= 0).mean(axis=0)
-    size = x.max() + 1, y.max() + 1
-    picture = np.full(size[::-1], np.nan)
-    picture[y, x] = shares
-    _missing(axes, picture)
-    image = axes.imshow(picture, origin="lower", vmin=0, vmax=1, cmap=QUANTITY)
-    for start in range(len(x)):
-        firsts = found[:, start, FIRST]
-        firsts = firsts[firsts >= 0]
-        if not firsts.size:
-            continue
-        action = int(np.bincount(firsts).argmax())
-        turn = _direction(world, action)
-        red, green, blue = np.asarray(image.to_rgba(shares[start]))[:3].tolist()
-        if turn is not None:
-            axes.quiver(
-                x[start],
-                y[start],
-                *turn,
-                angles="xy",
-                pivot="mid",
-                scale=16,
-                width=0.008,
-                color=ink_on((red, green, blue)),
-            )
-    goal = int(np.argmin(world.distances))
-    axes.plot(x[goal], y[goal], "*", color="white", mec="black", ms=15)
-    axes.set(
-        xlabel="x", ylabel="y", xticks=range(0, size[0], 5), yticks=range(0, size[1], 5)
-    )
-    return image
-
-
-def _missing(axes: "Axes", picture: NDArray[np.float64]) -> None:
-    """Cross out the places that the world lacks: black is a colour of the map's end."""
-    for y, x in np.argwhere(np.isnan(picture)).tolist():
-        for way in (0.5, -0.5):
-            axes.plot([x - 0.5, x + 0.5], [y - way, y + way], color="black", lw=1.2)
-
-
-def _direction(world: Arena, action: int) -> tuple[float, float] | None:
-    """Return where an action leads on the map; None: it stays."""
-    steps = world.coordinates[world.moves[action]] - world.coordinates
-    moving = steps[(steps != 0).any(axis=1)]
-    if not moving.size:
-        return None
-    dx, dy = moving[0].tolist()
-    return float(dx), float(dy)
-
-
 def _rail(axes: "Axes", results: Results) -> None:
-    agents: tuple[AgentName, ...] = ("greedy", "random", "excited")
+    """Draw the mean of the steps taken against the fewest, for each agent."""
     shortest = _shortest(results[_RAIL, "greedy"][0])
     ways = np.unique(shortest)
-    for agent in agents:
+    agents: tuple[AgentName, ...] = ("greedy", "random", "excited")
+    for agent, line in zip(agents, ("s-", "^-", "o-"), strict=True):
         cell, found = results[_RAIL, agent]
         steps = np.where(found[:, :, ARRIVED] >= 0, found[:, :, ARRIVED], cell.limit)
         means = [steps[:, shortest == way].mean() for way in ways]
-        line = f"{_MARKERS[agent]}-"
-        axes.plot(ways, means, line, ms=4, color=_COLOURS[agent], label=agent)
+        axes.plot(ways, means, line, ms=4, label=agent)
     axes.plot(ways, ways, "--", color="0.6", label="shortest way")
     axes.set_yscale("symlog", linthresh=1)
-    axes.set_xticks(range(0, int(ways[-1]) + 1, 2))
-    axes.set_yticks([0, 1, 10, 100], ["0", "1", "10", "100"])
     axes.set(xlabel="shortest way to the target (steps)", ylabel="steps taken, mean")
-    axes.set_title("circular rail (never arriving counts as 400)", fontsize="medium")
+    axes.set_title(f"circular rail (never arriving counts as {_LIMIT})", fontsize=10)
     axes.grid(alpha=0.25)
-    axes.legend(fontsize="small", frameon=False)
+    axes.legend(frameon=False)
 
 
 FIGURE = Figure(

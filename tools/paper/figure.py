@@ -3,12 +3,13 @@
 To add one, write a module with a `Figure` and put it into `tools.paper.run.FIGURES`.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import msgspec
+import numpy as np
 from numpy.typing import NDArray
 
 from tools.paper.table import Entry
@@ -94,6 +95,28 @@ class Figure:
     """Returns the entries it is made of."""
     report: Callable[[FigureOptions, Sequence[NDArray[Any]]], Report]
     """Takes the rows of those entries, in the same order."""
+
+
+STEPWISE = ("step", "mean", "std", "min", "max")
+"""The columns that `stepwise` gives the numbers of."""
+
+
+def stepwise(
+    heads: Iterable[tuple[object, ...]], entries: Iterable[NDArray[Any]]
+) -> Iterator[Sequence[object]]:
+    """Yield a row of a CSV for each step of each entry, over its runs.
+
+    Means and spreads have six figures.
+
+    Args:
+        heads: What the rows of an entry begin with.
+        entries: The entries, ``(runs, steps)`` each.
+    """
+    for head, rows in zip(heads, entries, strict=True):
+        numbers = (of(rows, axis=0) for of in (np.mean, np.std, np.min, np.max))
+        columns = zip(*(column.tolist() for column in numbers), strict=True)
+        for step, (mean, std, least, most) in enumerate(columns, 1):
+            yield *head, step, f"{mean:.6g}", f"{std:.6g}", least, most
 
 
 def markdown(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> tuple[str, ...]:

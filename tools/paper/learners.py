@@ -1,14 +1,15 @@
 """Learners, data and lines that the learning figures share."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tools.paper.curves import Curve, fitted
-from tools.paper.figure import Claim, FigureOptions, Report
+from tools.paper.figure import STEPWISE, Claim, FigureOptions, Report, stepwise
 from tools.paper.learning_error import LearningEntry
+from tools.paper.plots import Scale, Stroke, draw, shades
 from tools.paper.walks import SETTINGS
 
 if TYPE_CHECKING:
@@ -25,8 +26,6 @@ LEAST = THRESHOLDS[0]
 
 DECAYS = tuple(1 - 2.0 ** -(k + 2) for k in range(10))
 """``q`` of the discounted learners, for ``k`` from 0 ([GK] discounted:performance)."""
-
-COLUMNS = ("setting", "threshold", "decay", "step", "mean", "std", "min", "max")
 
 
 def learners(options: FigureOptions, *, discounted: bool) -> list[LearningEntry]:
@@ -55,45 +54,53 @@ def curves_of(
     """Return the curves of each setting, in order."""
     found: dict[str, list[Curve]] = {name: [] for name in SETTINGS}
     for cell, row in zip(cells, rows, strict=True):
-        found[cell.setting].append(Curve.of(cell, row))
+        found[cell.setting].append(Curve(cell, row))
     return found
 
 
 def report(
     curves: dict[str, list[Curve]],
-    draw: Callable[["Canvas", Sequence[Curve]], None],
     claims: tuple[Claim, ...],
+    title: str,
+    labels: Sequence[str],
+    scale: Scale,
 ) -> Report:
     """Return a figure of curves.
 
     Args:
         curves: What it shows, by setting.
-        draw: Draws them on an empty canvas.
         claims: What the paper says of them.
+        title: Of the picture, without the number of walks.
+        labels: What each of a setting's curves is called in it.
+        scale: Of its steps.
     """
     every = [curve for chosen in curves.values() for curve in chosen]
+    runs = every[0].cell.runs
+
+    def draw_on(canvas: "Canvas") -> None:
+        strokes = [
+            Stroke(name, label, colour, curve.rows)
+            for name, chosen in curves.items()
+            for curve, label, colour in zip(
+                chosen, labels, shades(len(labels)), strict=True
+            )
+        ]
+        # An edge never comes without its contrapositive: a mean is 0, or this at least.
+        what, least = "Err(t), mean of runs (edges)", 2 / runs
+        draw(canvas, strokes, f"{title}, {runs} random walks", what, least, scale)
+
+    # A decay is empty where there is none.
+    heads = [
+        (c.cell.setting, repr(c.cell.threshold), repr(c.cell.decay or "").strip("'"))
+        for c in every
+    ]
     return Report(
-        columns=COLUMNS,
-        rows=_rows(every),
-        draw=lambda canvas: draw(canvas, every),
+        columns=("setting", "threshold", "decay", *STEPWISE),
+        rows=stepwise(heads, [curve.rows for curve in every]),
+        draw=draw_on,
         claims=claims,
         lines=tuple(_line(curve) for curve in every),
     )
-
-
-def _rows(curves: Sequence[Curve]) -> Iterator[Sequence[object]]:
-    """Yield a row of `COLUMNS` for each step of each curve.
-
-    A decay is empty where there is none; means and spreads have six figures.
-    """
-    for curve in curves:
-        cell = curve.cell
-        decay = "" if cell.decay is None else repr(cell.decay)
-        columns = (curve.mean, curve.std, curve.least, curve.most)
-        values = zip(*(column.tolist() for column in columns), strict=True)
-        for step, (mean, std, least, most) in enumerate(values, 1):
-            head = cell.setting, repr(cell.threshold), decay, step
-            yield *head, f"{mean:.6g}", f"{std:.6g}", least, most
 
 
 def _line(curve: Curve) -> str:

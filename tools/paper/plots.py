@@ -1,31 +1,23 @@
-"""Plots of learning curves: one panel per setting, errors on a log scale.
-
-A mean over runs is either 0 or at least two edges shared among the runs (an edge never
-comes without its contrapositive). So below that least value the scale is linear and
-holds nothing but 0, which gets its own tick: nothing is cut off, nothing is invented.
-"""
+"""Draws curves: a panel a setting, values on a logarithmic scale that begins with 0."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from neurosnap.system.picture import Rgb
-from tools.paper.curves import Curve
-from tools.paper.walks import SETTINGS, Setting
+from tools.paper.walks import SETTINGS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
-    from numpy.typing import NDArray
 
 Scale: TypeAlias = Literal["linear", "log"]
 """Of the steps."""
 
-_COLUMNS = 800
-"""Of a panel: a third of a point wide."""
+_BINS: dict[Scale, int] = {"linear": 400, "log": 100}
+"""Of a curve's steps: more could not be seen one by one."""
 _TITLES = {
     "path": "a path of 21 places, threshold sensors",
     "cycle": "a cycle of 20 places, beacons",
@@ -38,119 +30,77 @@ _TITLES = {
 class Stroke:
     """How one curve is drawn."""
 
-    curve: Curve
+    setting: str
     label: str
-    """Which step of the colour bar it is."""
-    colour: Rgb
+    colour: str
+    values: NDArray[np.generic]
+    """``(runs, steps)``; their mean is drawn."""
+    band: bool = False
+    """Whether the quartiles of the runs are shown, too."""
+    style: str = "-"
 
 
-@dataclass(frozen=True)
-class Bar:
-    """A colour bar: steps of a quantity."""
+def shades(count: int) -> list[str]:
+    """Return colours for the steps of a quantity, dark first, for lines on white."""
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
 
-    title: str
-    labels: Sequence[str]
-    """One a step, the least first."""
-    colours: Sequence[Rgb]
+    # What is lighter than 0.85 of the scale is lost on white paper.
+    return [to_hex(each) for each in colormaps["viridis"](np.linspace(0, 0.85, count))]
 
 
 def draw(
     canvas: "Canvas",
     strokes: Sequence[Stroke],
     title: str,
-    bar: Bar,
-    scale: Scale,
+    what: str,
+    least: float,
+    scale: Scale = "log",
 ) -> None:
-    """Draw four panels that share their scales, and one colour bar.
+    """Draw curves in the panels of their settings.
 
     Args:
-        canvas: An empty canvas.
-        strokes: All curves; each goes to the panel of its setting.
-        title: Above everything.
-        bar: What the colours mean.
+        canvas: What is drawn on; empty.
+        strokes: The curves.
+        title: Of the picture.
+        what: What they are curves of.
+        least: The least value but 0; below it the scale is linear, so 0 is on it.
         scale: Of the steps.
     """
     canvas.set_size_inches(11, 7.6)
     panels = canvas.subplots(2, 2, sharex=True, sharey=True)
     for axes, setting in zip(panels.flat, SETTINGS.values(), strict=True):
-        chosen = [s for s in strokes if s.curve.cell.setting == setting.name]
-        _panel(axes, setting, chosen, scale)
-    _scale_errors(panels.flat[0], [stroke.curve for stroke in strokes])
-    _scale_steps(panels.flat[0], len(strokes[0].curve.mean), scale)
-    for axes in panels[1]:
-        axes.set_xlabel("step t (observations)")
-    for axes in panels[:, 0]:
-        axes.set_ylabel("Err(t), mean of runs (edges)")
-    _bar(canvas, panels, bar)
+        for stroke in strokes:
+            if stroke.setting == setting.name:
+                _draw_one(axes, stroke, scale)
+        axes.set_title(f"({setting.letter}) {_TITLES[setting.name]}", fontsize="medium")
+        axes.grid(alpha=0.25, lw=0.6)
+    first = panels[0, 0]
+    first.set_xscale(scale)
+    first.set_yscale("symlog", linthresh=least, linscale=0.4)
+    first.set_ylim(bottom=-least / 4)  # what lies at 0 shows whole
+    handles, labels = first.get_legend_handles_labels()
+    canvas.legend(handles, labels, loc="outside right center", frameon=False)
+    canvas.supxlabel("step (observations)", fontsize="medium")
+    canvas.supylabel(what, fontsize="medium")
     canvas.suptitle(title)
 
 
-def _bar(canvas: "Canvas", panels: "NDArray[Any]", bar: Bar) -> None:
-    """Draw a colour bar to the right of the panels, the first step lowest."""
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import BoundaryNorm, ListedColormap
-
-    count = len(bar.colours)
-    edges = np.arange(count + 1) - 0.5
-    scale = ScalarMappable(BoundaryNorm(edges, count), ListedColormap(bar.colours))
-    drawn = canvas.colorbar(scale, ax=panels, ticks=range(count), shrink=0.6, aspect=25)
-    drawn.set_ticklabels(bar.labels)
-    drawn.minorticks_off()
-    drawn.ax.tick_params(length=0, labelsize="small")
-    drawn.ax.set_title(bar.title, fontsize="medium")
-
-
-def _panel(
-    axes: "Axes", setting: Setting, strokes: Sequence[Stroke], scale: Scale
-) -> None:
-    for stroke in strokes:
-        places = drawn(stroke.curve.mean, scale)
-        steps, mean = places + 1, stroke.curve.mean[places]
-        axes.plot(steps, mean, color=stroke.colour, lw=1.1, label=stroke.label)
-    title = f"({setting.letter}) {_TITLES[setting.name]}"
-    if len({stroke.curve.mean.tobytes() for stroke in strokes}) == 1 < len(strokes):
-        # Not on the panel: there is no place on it that no line may run through.
-        title += f": all {len(strokes)} coincide"
-    axes.set_title(title, fontsize="medium")
-    axes.grid(alpha=0.25, lw=0.6)
-
-
-def drawn(mean: "NDArray[np.float64]", scale: Scale) -> "NDArray[np.int64]":
-    """Return the places of a curve that are drawn: of many, those that can be seen.
-
-    A file of vectors would hold all of them. In each column of the panel the first of
-    the least and the first of the largest are drawn, and so are the ends.
-    """
-    count = len(mean)
+def _draw_one(axes: "Axes", stroke: Stroke, scale: Scale) -> None:
+    """Draw the mean of each bin of steps: late steps lie too dense on a log scale."""
+    count = stroke.values.shape[1]
     spaced = np.geomspace if scale == "log" else np.linspace
-    edges = np.unique(spaced(1, count + 1, _COLUMNS + 1).astype(np.int64)) - 1
-    chosen = {0, count - 1}
-    for start, stop in pairwise(edges.tolist()):
-        column = mean[start:stop]
-        chosen |= {start + int(column.argmin()), start + int(column.argmax())}
-    return np.array(sorted(chosen), np.int64)
-
-
-def _scale_errors(axes: "Axes", curves: Sequence[Curve]) -> None:
-    """Set the errors' scale in all panels: linear below the least mean but 0."""
-    floor = 2 / curves[0].cell.runs
-    top = 1.5 * max(float((curve.mean + curve.std).max()) for curve in curves)
-    top = max(top, 10 * floor)  # one decade at least, to have a tick
-    axes.set_yscale("symlog", linthresh=floor, linscale=0.4)
-    powers = np.arange(np.ceil(np.log10(floor)), np.floor(np.log10(top)) + 1)
-    decades = 10.0**powers
-    axes.set_yticks([0.0, *decades], ["0", *(f"{decade:g}" for decade in decades)])
-    minor = np.outer(10.0 ** np.arange(powers[0] - 1, powers[-1] + 1), np.arange(2, 10))
-    axes.set_yticks(minor[(minor > floor) & (minor < top)], minor=True)
-    axes.set_ylim(-floor / 4, top)  # what lies at 0 shows whole
-
-
-def _scale_steps(axes: "Axes", steps: int, scale: Scale) -> None:
-    """Set the steps' scale in all panels; the last step is not on the frame."""
-    axes.set_xscale(scale)
-    if scale == "log":
-        decades = 10 ** np.arange(int(np.log10(steps)) + 1)
-        axes.set_xticks(decades, [str(decade) for decade in decades.tolist()])
-        axes.set_xlim(1, 1.15 * max(steps, 2))
-    else:
-        axes.set_xlim(0, 1.01 * max(steps, 2))
+    edges = (
+        np.unique(spaced(1, count + 1, _BINS[scale], endpoint=False).astype(np.intp))
+        - 1
+    )
+    widths = np.diff(np.append(edges, count))
+    binned = np.add.reduceat(stroke.values, edges, axis=1, dtype=np.float64) / widths
+    steps = edges + (widths + 1) / 2
+    if stroke.band:
+        low, high = np.percentile(binned, (25, 75), axis=0)
+        axes.fill_between(steps, low, high, color=stroke.colour, alpha=0.15, lw=0)
+    mean = binned.mean(axis=0)
+    axes.plot(
+        steps, mean, stroke.style, color=stroke.colour, lw=1.1, label=stroke.label
+    )

@@ -5,17 +5,15 @@ has one fault somewhere in it, that lasts one step, a fiftieth of a spell or a f
 """
 
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias, get_args
 
-import gymnasium
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.poc.order.fields import inclusions
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.sources.gymnasium_source import import_worlds
-from tools.paper.walks import follow
+from tools.paper.walks import follow, world_of
 
 Fault: TypeAlias = Literal["none", "stuck off", "stuck on", "flipped", "swapped"]
 """What goes wrong: nothing; a sensor reads 0, 1, or the opposite of what it should; two
@@ -80,25 +78,18 @@ def course(name: str, seed: int, run: int, steps: int) -> Course:
     chosen = PLACES[number]
     key = (number, run, 2)  # not the streams of walks and tasks
     of_world, of_moves = np.random.SeedSequence(seed, spawn_key=key).spawn(2)
-    import_worlds()
-    arguments: dict[str, Any] = {"target": "drawn"} if chosen.drawn else {}
-    env: gymnasium.Env[Any, Any] = gymnasium.make(chosen.world, **arguments)
-    try:
-        _, info = env.reset(seed=int(of_world.generate_state(1)[0]))
-        get = env.get_wrapper_attr
-        moves, fields = get("moves"), get("fields")
-        distances = get("distances") if chosen.drawn else None
-    finally:
-        env.close()
+    target = "drawn" if chosen.drawn else None
+    world = world_of(chosen.world, int(of_world.generate_state(1)[0]), target)
+    moves = world.moves
     draws = np.random.default_rng(of_moves).integers(len(moves), size=steps - 1)
-    after = follow(moves, info["place"], draws)
+    after = follow(moves, world.place, draws)
     before = np.append(after[:1], after[:-1])  # the first step is none
     every = np.arange(moves.shape[1])
     # What may be sensed: after any transition, and where a walk begins.
     ends = np.append(moves.ravel(), every)
     starts = np.append(np.tile(every, len(moves)), every)
-    order = inclusions(_sensed(fields, distances, ends, starts))
-    return Course(_sensed(fields, distances, after, before).T, PocGraph(order))
+    order = inclusions(world.sense(ends, starts))
+    return Course(world.sense(after, before).T, PocGraph(order))
 
 
 def faults(fault: Fault, sensors: int, steps: int, seed: int) -> list[Episode]:
@@ -140,17 +131,3 @@ def seen(
             case "swapped":
                 read[during, which] = bits[during, which[::-1]]
     return read
-
-
-def _sensed(
-    fields: NDArray[np.bool_],
-    distances: NDArray[np.float64] | None,
-    after: NDArray[np.intp],
-    before: NDArray[np.intp],
-) -> NDArray[np.bool_]:
-    """Return what is sensed of steps: ``(N, steps)``."""
-    own = fields[:, after]
-    if distances is None:
-        return own
-    near, far = distances[after], distances[before]
-    return np.vstack([own, near < far, near > far])

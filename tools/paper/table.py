@@ -1,7 +1,7 @@
 """The table of results: each entry is computed once and stored whole or not at all.
 
-Rows are computed by processes. A row goes where its number says, whichever process
-computed it, so the number of workers shows nowhere in a result.
+Rows are computed by processes. They come in order, whichever process computed them, so
+the number of workers shows nowhere in a result.
 """
 
 import io
@@ -10,9 +10,11 @@ import logging
 import zipfile
 import zlib
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from hashlib import sha256
+from itertools import islice
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, ClassVar
@@ -46,8 +48,9 @@ class Entry(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def key(self) -> str:
-        """All that its rows depend on, as one line of JSON."""
-        return key_of(self)
+        """All that its rows depend on: kind, version and fields as a line of JSON."""
+        made = {"kind": type(self).__name__, "version": self.VERSION}
+        return json.dumps(made | msgspec.to_builtins(self), sort_keys=True)
 
     @property
     @abstractmethod
@@ -57,12 +60,6 @@ class Entry(msgspec.Struct, frozen=True, kw_only=True):
     @abstractmethod
     def row(self, run: int) -> NDArray[Any]:
         """Return a row: a function of the entry and `run`."""
-
-
-def key_of(entry: Entry) -> str:
-    """Return the kind, version and fields of an entry as JSON."""
-    made = {"kind": type(entry).__name__, "version": entry.VERSION}
-    return json.dumps(made | msgspec.to_builtins(entry), sort_keys=True)
 
 
 class Table:
@@ -97,10 +94,10 @@ class Table:
             return None
         return rows if rows.shape == shape and rows.dtype == entry.dtype else None
 
-    def store(self, entry: Entry, rows: NDArray[Any]) -> None:
+    def store(self, entry: Entry, rows: Sequence[NDArray[Any]]) -> None:
         """Keep the rows of an entry, whole or not at all."""
         buffer = io.BytesIO()
-        np.savez_compressed(buffer, rows=rows)
+        np.savez_compressed(buffer, rows=np.stack(rows))
         self._folder.mkdir(parents=True, exist_ok=True)
         replace_file(self.path(entry), buffer.getvalue())
 
@@ -121,40 +118,31 @@ class Table:
             on_progress: Told how many rows of how many are done.
         """
         missing = [entry for entry in entries if self.load(entry) is None]
-        total = sum(entry.runs for entry in missing)
-        on_progress(0, total)
-        if not workers:
+        tasks = [(entry, run) for entry in missing for run in range(entry.runs)]
+        done = 0
+        on_progress(done, len(tasks))
+        with _computed(tasks, workers) as rows:
             for entry in missing:
-                self.store(entry, _stacked([entry.row(k) for k in range(entry.runs)]))
-            return
-        with ProcessPoolExecutor(workers, get_context("forkserver")) as pool:
-            tasks = {
-                pool.submit(entry.row, run): (entry, run)
-                for entry in missing
-                for run in range(entry.runs)
-            }
-            try:
-                self._collect(tasks, total, on_progress)
-            finally:
-                pool.shutdown(cancel_futures=True)
-
-    def _collect(
-        self,
-        tasks: dict[Future[NDArray[Any]], tuple[Entry, int]],
-        total: int,
-        on_progress: Callable[[int, int], None],
-    ) -> None:
-        """Put rows where they belong; store each entry with its last one."""
-        begun: dict[str, dict[int, NDArray[Any]]] = {}
-        for done, task in enumerate(as_completed(tasks), 1):
-            entry, run = tasks.pop(task)
-            rows = begun.setdefault(entry.key, {})
-            rows[run] = task.result()
-            if len(rows) == entry.runs:
-                self.store(entry, _stacked([rows[k] for k in range(entry.runs)]))
-                del begun[entry.key]
-            on_progress(done, total)
+                self.store(entry, list(islice(rows, entry.runs)))
+                done += entry.runs
+                on_progress(done, len(tasks))
 
 
-def _stacked(rows: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    return np.stack(rows)
+@contextmanager
+def _computed(
+    tasks: Sequence[tuple[Entry, int]], workers: int
+) -> Iterator[Iterator[NDArray[Any]]]:
+    """Yield the rows of tasks, in order, as they are computed."""
+    if not workers:
+        yield map(_row, tasks)
+        return
+    with ProcessPoolExecutor(workers, get_context("forkserver")) as pool:
+        try:
+            yield pool.map(_row, tasks)
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _row(task: tuple[Entry, int]) -> NDArray[Any]:
+    entry, run = task
+    return entry.row(run)

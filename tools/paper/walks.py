@@ -18,6 +18,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap.agent.body import Body
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.order.fields import inclusions
 from neurosnap.sources.gymnasium_source import import_worlds
@@ -47,6 +48,63 @@ SETTINGS = {
     )
 }
 """Each has 20 sensors. Their order goes into the seed of every walk: add last."""
+
+
+@dataclass(frozen=True)
+class World:
+    """A world of places: where actions lead, and what is sensed there."""
+
+    body: Body
+    moves: NDArray[np.intp]
+    """``(actions, places)``; where an action leads from a place."""
+    fields: NDArray[np.bool_]
+    """``(N, places)``; where each state sensor is on."""
+    place: int
+    """Where one begins."""
+    distances: NDArray[np.float64]
+    """``(places,)``; to the target, in actions; empty if it has no target."""
+    coordinates: NDArray[np.intp]
+    """``(places, 2)``, of a grid; else empty."""
+
+    def sense(
+        self, after: int | NDArray[np.intp], before: int | NDArray[np.intp]
+    ) -> NDArray[np.bool_]:
+        """Return what is read after a step, ``(N,)``, or after some, ``(N, steps)``."""
+        own = self.fields[:, after]
+        if not len(self.distances):
+            return own
+        near, far = self.distances[after], self.distances[before]
+        return np.concatenate([own, [near < far], [near > far]])
+
+
+def world_of(
+    name: str, seed: int | None = None, target: int | str | None = None
+) -> World:
+    """Return a world as a table.
+
+    Args:
+        name: The environment's id.
+        seed: Draws what there is to draw in it.
+        target: The place to get to, or ``drawn``; None if there is none.
+    """
+    import_worlds()
+    arguments: dict[str, Any] = {} if target is None else {"target": target}
+    env: gymnasium.Env[Any, Any] = gymnasium.make(name, **arguments)
+    try:
+        _, info = env.reset(seed=seed)
+        get, has = env.get_wrapper_attr, env.has_wrapper_attr
+        return World(
+            body=Body.full(get("sensors"), get("actions"), get("orders")),
+            moves=get("moves"),
+            fields=get("fields"),
+            place=info["place"],
+            distances=get("distances") if arguments else np.empty(0),
+            coordinates=get("coordinates")
+            if has("coordinates")
+            else np.empty((0, 2), np.intp),
+        )
+    finally:
+        env.close()
 
 
 @dataclass(frozen=True)
@@ -90,16 +148,10 @@ def walk(name: str, seed: int, run: int, steps: int) -> Walk:
     """
     key = (list(SETTINGS).index(name), run)
     of_world, of_moves = np.random.SeedSequence(seed, spawn_key=key).spawn(2)
-    import_worlds()
-    env: gymnasium.Env[Any, Any] = gymnasium.make(SETTINGS[name].world)
-    try:
-        _, info = env.reset(seed=int(of_world.generate_state(1)[0]))
-        get = env.get_wrapper_attr
-        moves, fields = get("moves"), get("fields")
-    finally:
-        env.close()
-    draws = np.random.default_rng(of_moves).integers(len(moves), size=steps - 1)
-    return Walk(fields, moves, follow(moves, info["place"], draws))
+    world = world_of(SETTINGS[name].world, int(of_world.generate_state(1)[0]))
+    draws = np.random.default_rng(of_moves).integers(len(world.moves), size=steps - 1)
+    places = follow(world.moves, world.place, draws)
+    return Walk(world.fields, world.moves, places)
 
 
 def follow(

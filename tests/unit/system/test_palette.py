@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from neurosnap.system.picture import FEW, HUES, MANY, ink_on, luminance, mixed, rgb
+from neurosnap.system.picture import MANY
 
 Floats = NDArray[np.float64]
 
@@ -35,9 +35,9 @@ _XYZ = np.array(
 _WHITE = _XYZ.sum(axis=1)
 
 
-def lab(colour: str | tuple[float, ...], seen_by: str = "everybody") -> Floats:
+def lab(colour: str, seen_by: str = "everybody") -> Floats:
     """Return a colour in CIE L*a*b*, in which 2.3 is a difference just noticed."""
-    c = np.array(rgb(colour) if isinstance(colour, str) else colour)
+    c = np.array([*bytes.fromhex(colour[1:])]) / 255
     linear = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
     xyz = _XYZ @ np.clip(SEEN_BY[seen_by] @ linear, 0, 1) / _WHITE
     f = np.where(xyz > 216 / 24389, np.cbrt(xyz), (24389 / 27 * xyz + 16) / 116)
@@ -55,38 +55,6 @@ def grey_gap(colours: tuple[str, ...]) -> float:
 
 
 @pytest.mark.parametrize("seen_by", SEEN_BY)
-@pytest.mark.parametrize(
-    ("palette", "least", "in_grey"), [(FEW, 40, 20), (MANY, 25, 9)]
-)
-def test_colours_stay_apart_also_in_grey(
-    palette: tuple[str, ...], least: float, in_grey: float, seen_by: str
-) -> None:
-    assert closest(palette, seen_by) > least
-    assert grey_gap(palette) > in_grey
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seen_by", SEEN_BY)
-def test_steps_of_a_quantity_rise_in_lightness(seen_by: str) -> None:
-    pytest.importorskip("matplotlib")
-    from neurosnap.system.picture import steps
-
-    rising = np.diff([lab(colour, seen_by)[0] for colour in steps(10)])
-    assert rising.min() > 4
-    assert lab(steps(10)[-1])[0] < 82  # a line of it is seen on white
-
-
-def test_hues_are_of_the_palette_and_shades_lie_between() -> None:
-    assert {colour for hue in HUES for colour in hue} == set(MANY) - {"#000000"}
-    assert mixed("#000000", "#ffffff", 0.0) == "#000000"
-    assert mixed("#000000", "#ffffff", 0.6) == "#999999"
-
-
-def test_what_stands_on_a_colour_is_read() -> None:
-    for dark, light in HUES:
-        for share in np.linspace(0, 1, 9).tolist():
-            colour = rgb(mixed(dark, light, share))
-            ink = ink_on(colour)
-            over = 1.0 if ink == "white" else luminance(rgb(ink))
-            low, high = sorted((over, luminance(colour)))
-            assert (high + 0.05) / (low + 0.05) > 3.7  # of bold labels WCAG wants 3
+def test_colours_stay_apart_also_in_grey(seen_by: str) -> None:
+    assert closest(MANY, seen_by) > 25
+    assert grey_gap(MANY) > 9

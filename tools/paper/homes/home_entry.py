@@ -14,7 +14,7 @@ from tools.paper.homes.home import (
     homes_in,
 )
 from tools.paper.homes.methods import METHODS, bench
-from tools.paper.table import Entry, key_of
+from tools.paper.table import Entry
 
 TableKind: TypeAlias = Literal["segments", "long", "week", "clean"]
 TABLES: tuple[TableKind, ...] = get_args(TableKind)
@@ -46,7 +46,7 @@ class HomeEntry(Entry, frozen=True, kw_only=True):
     @property
     def key(self) -> str:
         """All that its rows depend on, as JSON."""
-        return key_of(msgspec.structs.replace(self, path=""))
+        return super(HomeEntry, msgspec.structs.replace(self, path="")).key
 
     @property
     def shape(self) -> tuple[int, ...]:

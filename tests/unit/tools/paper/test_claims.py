@@ -27,7 +27,7 @@ SLOW, FAST = 400.0, 100.0
 def curve(cell: LearningEntry, *, half: float = FAST, level: float = 0) -> Curve:
     """One that falls from 400 edges by halves, and to a level."""
     errors = (400 - level) * 2.0 ** (-np.arange(STEPS) / half) + level
-    return Curve.of(cell, np.stack([errors.round().astype(np.uint16)] * 2))
+    return Curve(cell, np.stack([errors.round().astype(np.uint16)] * 2))
 
 
 def as_the_paper_has_it(cell: LearningEntry) -> Curve:
@@ -139,7 +139,7 @@ def discounted_claims(
     def shape(cell: LearningEntry, level: float, wait: int) -> Curve:
         rows = np.full((2, STEPS), 400, np.uint16)
         rows[:, wait:] = level
-        return Curve.of(cell, rows)
+        return Curve(cell, rows)
 
     first = [to_learn(learners.LEAST, q) for q in learners.DECAYS]
     pairs = list(zip(levels, waits or first, strict=True)) * 4
