@@ -30,6 +30,8 @@ LARGEST_KEYFRAME = 1 << 27
 LARGEST_IMAGE = 1 << 24
 """Bytes of an image, at most."""
 
+HISTORY = 8192
+"""Ticks of a sensor's readings that are kept: 2 kB a sensor."""
 _LARGEST = 2**31 - 1
 _PART = re.compile(r"[a-z0-9]{1,20}(/[a-z0-9]{1,20})?")
 Natural = Annotated[int, msgspec.Meta(ge=0, le=_LARGEST)]
@@ -467,17 +469,6 @@ class Recall(_Message, frozen=True, omit_defaults=True):
     """For each ring literals, as `numbers`: at how many of its ticks was each read?"""
     sizes: Naturals = ()
     """For each ring how many of `counted` are for it."""
-    sensors: Natural = 0
-    """The sensors below this number say what weights a new one has with each; 0: none
-    is weighed."""
-    on: bytes = b""
-    """A ring: the ticks at which the new sensor would have read on."""
-    off: bytes = b""
-    """A ring: at which it would have read off."""
-    decay: Annotated[float, msgspec.Meta(ge=0, lt=1)] = 0.0
-    """What is kept of a weight each tick."""
-    share: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.0
-    """The threshold."""
     cell: Annotated[int, msgspec.Meta(ge=-1, le=_LARGEST)] = -1
     """The one cell this copy is for; -1: for all."""
 
@@ -510,11 +501,6 @@ class Recalled(_Message, frozen=True, omit_defaults=True):
     """Rings: the ticks at which each literal was read."""
     counts: bytes = b""
     """How often each literal counted was read, as `numbers`."""
-    weights: bytes = b""
-    """For each sensor weighed four numbers, eight bytes each, the lowest first: the
-    weights ``w_ij, w_ij*, w_i*j, w_i*j*``, the new sensor's literal first."""
-    codes: bytes = b""
-    """What follows from them, one byte a sensor."""
 
 
 class Reminder(_Message, frozen=True):

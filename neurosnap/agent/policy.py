@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.learning.one_pair import AUTO
+from neurosnap.poc.learning.automatic_threshold import AUTO
 
 AgentKind: TypeAlias = Literal["walker", "excited", "planner"]
 

@@ -80,7 +80,9 @@ class AnomalyDetector:
         self._names = Sensorium.of(sensors)
         self._hold = hold
         self._occasions = occasions
-        self._history = History(sensors) if occasions and remembers else None
+        self._history = (
+            History(sensors, wire.HISTORY) if occasions and remembers else None
+        )
         self._begin()
 
     def _begin(self) -> None:

@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
-from neurosnap.poc.learning.one_pair import LENGTH, weighed
 
 
 class CellHistory:
@@ -72,8 +71,7 @@ class CellHistory:
         own = self._rings
         asked = [[a for a in count.literals if a in own] for count in counted]
         readings = [own[a] for a in recall.readings if a in own]
-        weighs = self._cell < recall.sensors
-        if recall.tick < self._tick or not (any(asked) or readings or weighs):
+        if recall.tick < self._tick or not (any(asked) or readings):
             return []
         here = self._who, recall.tick, recall.round
         if recall.tick > self._tick:
@@ -82,31 +80,13 @@ class CellHistory:
         for literals, count in zip(asked, counted, strict=True):
             within = int.from_bytes(count.within, "little")
             counts += [(own[a] & within).bit_count() for a in literals]
-        weights, codes = self._weights(recall) if weighs else (b"", b"")
         return [
             wire.Recalled(
                 *here,
                 readings=wire.joined_rings([_packed(ring) for ring in readings]),
                 counts=struct.pack(f"<{len(counts)}i", *counts),
-                weights=weights,
-                codes=codes,
             )
         ]
-
-    def _weights(self, recall: wire.Recall) -> tuple[bytes, bytes]:
-        """Return the weights of a new sensor with this one, and their code."""
-        on, off = (int.from_bytes(ring, "little") for ring in (recall.on, recall.off))
-        theirs_on, theirs_off = self._rings.values()
-        ticks = range(max(0, self._tick - self._length), self._tick)
-        weights, code = weighed(
-            (on, off),
-            (theirs_on, theirs_off),
-            ticks,
-            self._length,
-            recall.decay,
-            recall.share,
-        )
-        return struct.pack("<4d", *weights), bytes([code])
 
 
 def _packed(ring: int) -> bytes:
@@ -136,7 +116,7 @@ def check_recall(recall: wire.Recall) -> list[Counted]:
         rule = f"must be of {sum(recall.sizes)} literals"
         raise MessageError(f"recall: counted: {rule}, got {len(literals)}")
     rings = wire.split_rings("recall: within", recall.within, len(recall.sizes))
-    check_rings("recall", (*rings, recall.on, recall.off), LENGTH)
+    check_rings("recall", rings, wire.HISTORY)
     ends = list(accumulate(recall.sizes, initial=0))
     return [
         Counted(ring, literals[first:last])
@@ -158,8 +138,8 @@ def check_reminder(
     length, count = reminder.length, len(reminder.cells)
     if reminder.to != who:
         raise MessageError(f"reminder: must be for {who}, got {reminder.to:.40}")
-    if length % 64 or length > LENGTH:
-        rule = f"must keep a multiple of 64 ticks, up to {LENGTH}"
+    if length % 64 or length > wire.HISTORY:
+        rule = f"must keep a multiple of 64 ticks, up to {wire.HISTORY}"
         raise MessageError(f"reminder: {rule}, got {length}")
     several = set(reminder.cells)
     if not several <= set(cells) or not 0 < len(several) == count:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.poc.learning.history import History
-from neurosnap.poc.learning.search import Count, Question, Weighing
+from neurosnap.poc.learning.search import Count, Question
 from neurosnap.poc.order.literals import Words
 from neurosnap.protocol.cell_history import check_recall, check_reminder
 
@@ -106,8 +106,7 @@ def cells_asked(recall: wire.Recall, cells: range) -> list[int]:
     counted = [a for count in check_recall(recall) for a in count.literals]
     several = np.unique(np.array((*recall.readings, *counted), np.int64) >> 1)
     own = several[(several >= cells.start) & (several < cells.stop)]
-    weighing = np.arange(cells.start, min(cells.stop, recall.sensors))
-    found: list[int] = np.union1d(own, weighing).tolist()
+    found: list[int] = own.tolist()
     return found
 
 
@@ -136,19 +135,11 @@ def answer_of(
         for count in check_recall(recall)
     )
     readings = tuple(own(recall.readings).tolist())
-    below = min(cells.stop, recall.sensors) - cells.start
-    weighing = None
-    if below > 0:
-        rings = unpacked(recall.on, length), unpacked(recall.off, length)
-        weighing = Weighing(*rings, below, recall.decay, recall.share)
-    answer = history.answer(Question(readings, counts, weighing))
-    weighed = answer.weighed
+    answer = history.answer(Question(readings, counts))
     return wire.Recalled(
         who=who,
         tick=recall.tick,
         round=recall.round,
         readings=wire.joined_rings([packed(answer.readings[a]) for a in readings]),
         counts=b"".join(found.astype("<i4").tobytes() for found in answer.counts),
-        weights=b"" if weighed is None else weighed.squares.T.astype("<f8").tobytes(),
-        codes=b"" if weighed is None else weighed.codes.tobytes(),
     )

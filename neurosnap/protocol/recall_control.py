@@ -17,14 +17,13 @@ from numpy.typing import NDArray
 from neurosnap import wire
 from neurosnap.errors import MessageError
 from neurosnap.poc.learning.history import History
-from neurosnap.poc.learning.search import Answer, Question, Weighed
+from neurosnap.poc.learning.search import Answer, Question
 from neurosnap.protocol.cell_history import check_rings
 from neurosnap.protocol.part_history import cells_asked, packed, unpacked
 from neurosnap.protocol.partition import hosts, shares
 from neurosnap.protocol.round import Round
 
 _REMINDED = 64  # cells in one message, at most
-_CODES = (0, 1, 2, 3, 4, 8, 12)
 
 
 class RecallControl:
@@ -66,7 +65,6 @@ class RecallControl:
 
     def ask(self, tick: int, question: Question) -> list[wire.Message]:
         """Return the messages that ask the cells, about their readings up to a tick."""
-        weighing = question.weighing
         if tick != self._tick:
             self._tick, self._number = tick, 0
         self._question = question
@@ -79,11 +77,6 @@ class RecallControl:
                 one.literals.astype("<i4").tobytes() for one in question.counts
             ),
             sizes=tuple(len(one.literals) for one in question.counts),
-            sensors=0 if weighing is None else weighing.sensors,
-            on=b"" if weighing is None else wire.joined_rings([packed(weighing.on)]),
-            off=b"" if weighing is None else wire.joined_rings([packed(weighing.off)]),
-            decay=0.0 if weighing is None else weighing.decay,
-            share=0.0 if weighing is None else weighing.share,
         )
         cells = cells_asked(recall, range(self._sensors))
         starts = np.array([part.start for part in self._hosted])
@@ -189,7 +182,6 @@ class RecallControl:
         readings = len(_own(np.array(recall.readings, np.intp), cells))
         several = self._question.counts
         counted = sum(len(_own(one.literals, cells)) for one in several)
-        weighed = max(0, min(cells.stop, recall.sensors) - cells.start)
         rings = wire.split_rings("recalled: readings", answer.readings, readings)
         check_rings("recalled", rings, length)
         counts = wire.numbers("recalled: counts", answer.counts)
@@ -199,13 +191,6 @@ class RecallControl:
         if counts and not 0 <= min(counts) <= max(counts) <= length:
             rule = f"must be in 0..{length}"
             raise MessageError(f"recalled: counts: {rule}, got {counts[:10]}")
-        if (len(answer.weights), len(answer.codes)) != (32 * weighed, weighed):
-            rule = f"must be of {weighed} sensors"
-            got = f"{len(answer.weights)} bytes, {len(answer.codes)} codes"
-            raise MessageError(f"recalled: weights: {rule}, got {got}")
-        weights = np.frombuffer(answer.weights, "<f8")
-        if not np.isfinite(weights).all() or not set(answer.codes) <= set(_CODES):
-            raise MessageError("recalled: weights: must be finite, with proper codes")
 
     def _whole(self, recall: wire.Recall, length: int) -> Answer:
         """Return what all parts say."""
@@ -213,8 +198,6 @@ class RecallControl:
         counts = [
             np.zeros(len(one.literals), np.int64) for one in self._question.counts
         ]
-        squares = np.zeros((4, recall.sensors))
-        codes = np.zeros(recall.sensors, np.uint8)
         asked = np.array(recall.readings, np.intp)
         for who, answer in self._round.answers.items():
             if answer is None:
@@ -229,12 +212,7 @@ class RecallControl:
                 own = _own(one.literals, cells)
                 count[own] = found[first : first + len(own)]
                 first += len(own)
-            weights = np.frombuffer(answer.weights, "<f8").reshape(-1, 4)
-            weighed = slice(cells.start, cells.start + len(weights))
-            squares[:, weighed] = weights.T
-            codes[weighed] = np.frombuffer(answer.codes, np.uint8)
-        result = Weighed(squares, codes) if recall.sensors else None
-        return Answer(readings, tuple(counts), result)
+        return Answer(readings, tuple(counts))
 
 
 def _reminder(

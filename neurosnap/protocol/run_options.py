@@ -10,7 +10,6 @@ from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import EXACT, EXPLORE, AgentKind, Policy
 from neurosnap.errors import InvalidValueError
 from neurosnap.health.budget import NEVER, parse_budget
-from neurosnap.poc.learning.history import LENGTH
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.poc.order.graph import (
     WiringKind as WiringKind,  # one of the options' kinds
@@ -19,7 +18,7 @@ from neurosnap.protocol.option import option
 from neurosnap.protocol.partition import hosts, learning_shares, shares
 from neurosnap.protocol.worker_learning import WorkerLearning
 from neurosnap.sensorium import Sensorium
-from neurosnap.wire import LARGEST_KEYFRAME
+from neurosnap.wire import HISTORY, LARGEST_KEYFRAME
 
 SMALLEST = 1 << 16
 """Least bytes per file of a split recording: with fewer a file would hold little but
@@ -360,7 +359,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
         room = LARGEST_KEYFRAME * 3 // 4 - _FRAME_BESIDE
         a_sensor = _BYTES_A_SENSOR + 4 * max(map(len, self.sensors), default=0)
         if self.counts_occasions or self.body.room:
-            a_sensor += LENGTH // 4  # two rings of bits
+            a_sensor += HISTORY // 4  # two rings of bits
         if count * a_sensor > room:
             limit = f"{LARGEST_KEYFRAME >> 20} MiB"
             rule = f"must be at most {room // a_sensor:,}, for a key-frame of {limit}"

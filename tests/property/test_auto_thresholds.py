@@ -203,7 +203,7 @@ def _turned(found: object) -> object:
 
 def test_a_grown_sensor_is_as_it_was_after_it_is_saved() -> None:
     rng = np.random.default_rng(4)
-    sensorium, history = Sensorium(["a", "b", "free"]), History(3)
+    sensorium, history = Sensorium(["a", "b", "free"]), History(3, 8192)
     snapshot = EmpiricalSnapshot(sensorium, "auto")
     known = np.array([True, True, False])
     for level in rng.random(3000):

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from neurosnap.poc.learning.automatic_threshold import (
+    AUTO,
     SHARE,
     START,
     Persistence,
@@ -20,7 +21,6 @@ from neurosnap.poc.learning.automatic_threshold import (
 )
 from neurosnap.poc.learning.counting_kernels import CALM, DENSE, FREE
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
-from neurosnap.poc.learning.one_pair import AUTO
 from neurosnap.poc.learning.pairs import rows_of
 from neurosnap.poc.order.literals import from_words
 

@@ -13,7 +13,7 @@ from neurosnap import wire
 from neurosnap.agent.growth.grower import LONGEST, Candidates, cover
 from neurosnap.errors import AnswerLostError, MessageError
 from neurosnap.poc.learning.history import History
-from neurosnap.poc.learning.search import Answer, Count, Question, Weighing, answered
+from neurosnap.poc.learning.search import Answer, Count, Question, answered
 from neurosnap.protocol.recall_control import RecallControl
 from tests.support.swarm_parts import Row, hosting, observation
 
@@ -77,11 +77,6 @@ def same(one: Answer, other: Answer) -> None:
     for literal, ring in one.readings.items():
         assert ring.tolist() == other.readings[literal].tolist()
     assert [c.tolist() for c in one.counts] == [c.tolist() for c in other.counts]
-    if one.weighed is None or other.weighed is None:
-        assert one.weighed is other.weighed
-    else:
-        assert one.weighed.squares.tobytes() == other.weighed.squares.tobytes()
-        assert one.weighed.codes.tolist() == other.weighed.codes.tolist()
 
 
 @st.composite
@@ -108,13 +103,10 @@ def questions(draw: st.DrawFn, sensors: int) -> Question:
         return rng.integers(0, 2**64, LENGTH // 64, np.uint64)
 
     readings = tuple(draw(literals))
-    several = draw(st.lists(literals, max_size=3))
-    counts = tuple(Count(ring(), np.array(one, np.intp)) for one in several)
-    on = ring()
-    decay, share = draw(st.floats(0, 0.99)), draw(st.floats(1e-6, 0.25))
     # One that is asked for at least, or there is no question.
-    below = draw(st.integers(1, sensors))
-    return Question(readings, counts, Weighing(on, ring() & ~on, below, decay, share))
+    several = [*draw(st.lists(literals, max_size=2)), [draw(st.integers(0, sensors))]]
+    counts = tuple(Count(ring(), np.array(one, np.intp)) for one in several)
+    return Question(readings, counts)
 
 
 @pytest.mark.parametrize("shared", [False, True])
@@ -195,9 +187,6 @@ def test_who_stays_silent_is_named() -> None:
         ({"counts": b"\x41\0\0\0"}, "must be in 0..64, got"),
         ({"counts": b"\1\0\0"}, "must be four bytes a number, got 3"),
         ({"counts": b""}, "must be of 1 literals, got 0"),
-        ({"codes": b"\0\0"}, "must be of 1 sensors, got 32 bytes, 2 codes"),
-        ({"codes": b"\5"}, "must be finite, with proper codes"),
-        ({"weights": b"\xff" * 32}, "must be finite, with proper codes"),
     ],
 )
 def test_an_answer_that_cannot_be_right_is_refused(
@@ -205,10 +194,10 @@ def test_an_answer_that_cannot_be_right_is_refused(
 ) -> None:
     ring = np.ones(1, np.uint64)
     count = Count(ring, np.array([1, 4]))
-    question = Question((0,), (count,), Weighing(ring, 0 * ring, 1, 0.5, 0.1))
+    question = Question((0,), (count,))
     control = RecallControl(4, 2, 0)
     control.ask(4, question)
-    answer = wire.Recalled("cell/0", 4, 1, (), b"\1", bytes(4), bytes(32), b"\0")
+    answer = wire.Recalled("cell/0", 4, 1, (), b"\1", bytes(4))
     with pytest.raises(MessageError, match=rule):
         control.receive(msgspec.structs.replace(answer, **wrong), History(4, 64))
     assert control.receive(answer, History(4, 64)) == []

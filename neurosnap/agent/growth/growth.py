@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap import wire
 from neurosnap.agent.body import Body, Context
 from neurosnap.agent.growth.grower import Grower
 from neurosnap.agent.growth.retirement import is_needless
 from neurosnap.agent.growth.sensor_changes import birth_fields
 from neurosnap.poc.learning.archive import Arrays
-from neurosnap.poc.learning.history import LENGTH, History, conjunction
+from neurosnap.poc.learning.history import History, conjunction
 from neurosnap.poc.learning.search import Question, Search
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.sensorium import selection
@@ -36,7 +37,7 @@ class Growth:
         InvalidValueError: As for `Grower`.
     """
 
-    def __init__(self, body: Body, length: int = LENGTH) -> None:
+    def __init__(self, body: Body, length: int = wire.HISTORY) -> None:
         self._grower = Grower(body) if body.finds else None
         self._scripted = {context for _, context in body.scripted}
         self.history = History(len(body.sensors), length)

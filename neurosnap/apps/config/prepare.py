@@ -29,7 +29,7 @@ from neurosnap.apps.config.tables import (
 from neurosnap.apps.config.validate import Problem, known_keys
 from neurosnap.apps.new_files import LOGS, free_path, new_path
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.learning.one_pair import AUTO
+from neurosnap.poc.learning.automatic_threshold import AUTO
 from neurosnap.protocol.run_options import (
     FEW_CELLS,
     CellKind,

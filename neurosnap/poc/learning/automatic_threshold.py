@@ -43,6 +43,8 @@ from neurosnap.poc.learning.archive import Arrays, entry
 from neurosnap.poc.learning.graph_kernels import Row
 from neurosnap.system.compiled import njit
 
+AUTO: Final = "auto"
+"""Given instead of a threshold: each pair chooses its own."""
 SHARE: Final = 1 / 32
 """Of all ticks: how many exceptions there may be in the long run. Sensors of which each
 flips one reading in fifty break an implication at up to two ticks in a hundred."""

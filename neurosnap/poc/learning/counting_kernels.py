@@ -59,10 +59,10 @@ from neurosnap.poc.learning.automatic_threshold import (
 from neurosnap.poc.learning.graph_kernels import (
     Pairs,
     Row,
+    code_of,
     difference,
     end_of,
     flip,
-    pair_code,
     place_of,
     rewire,
     row_of,
@@ -301,7 +301,7 @@ def _judge_listed(
         w11 = np.uint32(joints[pair] + np.uint32(both))
         w10, w01 = np.uint32(mine - w11), np.uint32(yours - w11)
         w00 = np.uint32(np.uint32(np.uint32(clock) - mine) - w01)
-        code = pair_code(w11, w10, w01, w00, low, None, np.uint8)[0]
+        code = code_of(w11, w10, w01, w00, low, None)[0]
         was = pairs.codes[pair]
         if auto and code != was and min(min(w11, w10), min(w01, w00)) > 0:
             code = np.uint8(0)
@@ -426,7 +426,7 @@ def _judge(
         w10 = np.uint32(mine - w11)
         w01 = np.uint32(marginals[j] - w11)
         w00 = np.uint32(rest - w01)
-        code, up, down = pair_code(w11, w10, w01, w00, limit, None, np.uint8)
+        code, up, down = code_of(w11, w10, w01, w00, limit, None)
         if spells is not None:
             # What is smallest is against what is implied.
             broken = (up | down) & (min(min(w10, w01), min(w11, w00)) > 0)

@@ -17,9 +17,9 @@ from neurosnap.poc.learning.automatic_threshold import MARK, START, Spells, with
 from neurosnap.poc.learning.graph_kernels import (
     Pairs,
     Row,
+    code_of,
     difference,
     end_of,
-    pair_code,
     place_of,
     rewire,
     row_of,
@@ -118,7 +118,7 @@ def _judge(
         if spells is not None:
             limit -= START
         bound = limit if spells is None else max(limit, 1.0)
-        code, up, down = pair_code(w11, w10, w01, w00, bound, None, np.uint8)
+        code, up, down = code_of(w11, w10, w01, w00, bound, None)
         if spells is not None:
             # What is smallest is against what is implied.
             broken = (up | down) & (min(min(w10, w01), min(w11, w00)) > 0)

@@ -7,15 +7,14 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.archive import Arrays, entry
+from neurosnap.poc.learning.automatic_threshold import AUTO
 from neurosnap.poc.learning.discounting_kernels import (
     discount_squares,
     learn_discounted,
+    truncate_newborn,
 )
-from neurosnap.poc.learning.one_pair import AUTO
 from neurosnap.poc.learning.pairs import Weights, excluded
-from neurosnap.poc.learning.search import Question, Search, Weighing
 from neurosnap.poc.learning.snapshot import Snapshot
-from neurosnap.poc.order.literals import Words
 from neurosnap.sensorium import Sensorium
 
 _ROUNDING = 1e-9
@@ -87,14 +86,14 @@ class DiscountedSnapshot(Snapshot):
         joints, marginals = weights.joints, weights.marginals
         return learn_discounted(self._bits, joints, marginals, self._decay, pairs, tick)
 
-    def _newborn(
-        self, sensor: int, ticks: int, on: Words, off: Words
-    ) -> Search[tuple[NDArray[np.float64], NDArray[np.uint8]]]:
-        weighing = Weighing(on, off, sensor, self._decay, self._threshold)
-        weighed = (yield Question(weighing=weighing)).weighed
-        if weighed is None:
-            raise TypeError("history: must weigh what it is asked to")
-        return weighed
+    def _judge_newborn(
+        self, counts: NDArray[np.uint32], ticks: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+        total = counts.sum(axis=0)
+        shares = np.where(total, counts / np.maximum(total, 1), self._weights.start)
+        codes = np.zeros(len(total), np.uint8)
+        truncate_newborn(shares, self._threshold, codes)
+        return shares, codes
 
     def _total(self) -> float:
         return 1.0

@@ -15,17 +15,22 @@ from numpy.typing import NDArray
 from neurosnap.poc.learning.graph_kernels import (
     Pairs,
     Row,
+    code_of,
     difference,
     end_of,
-    pair_code,
     place_of,
     rewire,
     row_of,
 )
-from neurosnap.poc.learning.one_pair import SLACK, TINY
 from neurosnap.system.compiled import njit
 
 Floats = NDArray[np.float64]
+
+SLACK = 1e-12
+"""By how much a discounted weight must be smaller to count as smaller."""
+TINY = 1e-300
+"""Halving goes on below the least normal number, where arithmetic is a hundred times
+slower; what is as small as this is 0 to every comparison already."""
 
 
 class _Gains(NamedTuple):
@@ -54,10 +59,10 @@ def learn_discounted(
 ) -> bool:
     """Weigh in one observation, derive, truncate ([GK] defn:discounted update).
 
-    ``n <- q n + (1 - q) x`` for marginals and joints; codes as
-    `neurosnap.poc.learning.one_pair.code_of` has them, where ``<`` is smaller by more
-    than `SLACK` and ``= 0`` at most `SLACK`; then every square with an implication
-    loses the weight against it ([GK] snapshot truncation). Marginals keep.
+    ``n <- q n + (1 - q) x`` for marginals and joints; codes as `code_of` has them,
+    where ``<`` is smaller by more than `SLACK` and ``= 0`` at most `SLACK`; then every
+    square with an implication loses the weight against it ([GK] snapshot truncation).
+    Marginals keep.
 
     Args:
         bits: ``(N,)``, 0 or 1.
@@ -92,7 +97,7 @@ def learn_discounted(
             w10 = mine - w11
             w01 = yours - w11
             w00 = rest - w01
-            code, up, down = pair_code(w11, w10, w01, w00, limit, SLACK, np.uint8)
+            code, up, down = code_of(w11, w10, w01, w00, limit, SLACK)
             fresh[j] = code
             # Taking all weight from w_ij* or w_i*j, whichever is smaller, is the
             # largest joint that the marginals allow; from w_ij or w_i*j*, the least.
@@ -149,37 +154,17 @@ def discount_squares(
 
 
 @njit()
-def discount_newborn(
-    readings: NDArray[np.uint8],
-    reads: NDArray[np.uint8],
-    bits: NDArray[np.uint8],
-    known: NDArray[np.uint8],
-    squares: Floats,
-    decay: float,
-    share: float,
-    codes: NDArray[np.uint8],
-) -> None:
-    """Weigh in a newborn sensor's history, observation by observation.
+def truncate_newborn(squares: Floats, share: float, codes: NDArray[np.uint8]) -> None:
+    """Write what the weights of a newborn sensor say of its pairs, and truncate them.
 
     Args:
-        readings: ``(T,)``, what it would have read, the oldest first.
-        reads: ``(T,)``, whether that is known.
-        bits: ``(T, N)``, what the others read.
-        known: ``(T, N)``, whether that is known.
         squares: ``(4, N)``, of its pairs with all others; updated.
-        decay: ``q`` in [0, 1).
         share: The threshold.
-        codes: ``(N,)``, updated.
+        codes: ``(N,)``, overwritten.
     """
     count = codes.shape[0]
-    row = row_of(squares, 0, count)
-    shift = np.empty(count, np.float64)
-    fresh = np.empty(count, np.uint8)
-    for t in range(readings.shape[0]):
-        if reads[t]:
-            gains = _gains(bits[t], known[t], decay)
-            _discount(readings[t], row, gains, share, shift, codes, fresh)
-            codes[:] = fresh
+    row, known = row_of(squares, 0, count), np.ones(count, np.uint8)
+    _truncate(row, known, share, np.empty(count, np.float64), codes, codes)
 
 
 @njit()
@@ -212,15 +197,36 @@ def _discount(
         now: ``(i,)``, the codes as they are.
         fresh: Overwritten with the codes as they are to be.
     """
+    _fade(row.both, gains.keep, gains.on if bit else gains.none)
+    _fade(row.only_i, gains.keep, gains.off if bit else gains.none)
+    _fade(row.only_j, gains.keep, gains.none if bit else gains.on)
+    _fade(row.neither, gains.keep, gains.none if bit else gains.off)
+    _truncate(row, gains.known, limit, shift, now, fresh)
+
+
+@njit()
+def _truncate(
+    row: Row,
+    known: NDArray[np.uint8],
+    limit: float,
+    shift: Floats,
+    now: NDArray[np.uint8],
+    fresh: NDArray[np.uint8],
+) -> None:
+    """Derive the codes of one row, and take away the weight against them.
+
+    Args:
+        row: The weights, updated.
+        known: ``(N,)``: the pairs of other sensors keep code and weights.
+        limit: As of `_discount`, and so are the others.
+        shift: Overwritten.
+        now: The codes as they are.
+        fresh: Overwritten.
+    """
     both, only_i, only_j, neither = row.both, row.only_i, row.only_j, row.neither
-    known = gains.known
-    _fade(both, gains.keep, gains.on if bit else gains.none)
-    _fade(only_i, gains.keep, gains.off if bit else gains.none)
-    _fade(only_j, gains.keep, gains.none if bit else gains.on)
-    _fade(neither, gains.keep, gains.none if bit else gains.off)
     for j in range(both.shape[0]):
         w11, w10, w01, w00 = both[j], only_i[j], only_j[j], neither[j]
-        code, up, down = pair_code(w11, w10, w01, w00, limit, SLACK, np.uint8)
+        code, up, down = code_of(w11, w10, w01, w00, limit, SLACK)
         fresh[j] = code if known[j] else now[j]
         # The weight against an implication is added to both of its sort's others
         # and taken from both of its own: of which itself becomes 0, exactly.

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from neurosnap.poc.learning.archive import Arrays, entry
 from neurosnap.poc.learning.automatic_threshold import (
+    AUTO,
     SHARE,
     START,
     Persistence,
@@ -19,12 +20,9 @@ from neurosnap.poc.learning.automatic_threshold import (
 from neurosnap.poc.learning.columns import Columns
 from neurosnap.poc.learning.counting_kernels import Lag, learn_lazily, settle_all
 from neurosnap.poc.learning.counting_unknown_kernels import count_newborn, count_squares
-from neurosnap.poc.learning.one_pair import AUTO
 from neurosnap.poc.learning.pair_counts import OnProgress
 from neurosnap.poc.learning.pairs import Weights
-from neurosnap.poc.learning.search import Count, Question, Search
 from neurosnap.poc.learning.snapshot import Snapshot
-from neurosnap.poc.order.literals import Words
 from neurosnap.sensorium import Sensorium, complete
 
 _BATCH = 64
@@ -191,19 +189,13 @@ class EmpiricalSnapshot(Snapshot):
         rare = range(1, max(1, math.ceil(SHARE * total - START)))
         return 1 + bisect_left(rare, True, key=is_too_many)
 
-    def _newborn(
-        self, sensor: int, ticks: int, on: Words, off: Words
-    ) -> Search[tuple[NDArray[np.uint32], NDArray[np.uint8]]]:
-        literals = np.arange(2 * sensor)
-        question = Question(counts=(Count(on, literals), Count(off, literals)))
-        counts = np.array((yield question).counts, np.uint32)
-        squares = np.ascontiguousarray(
-            counts.reshape(2, sensor, 2).swapaxes(1, 2).reshape(4, sensor)
-        )
-        codes = np.zeros(sensor, np.uint8)
+    def _judge_newborn(
+        self, counts: NDArray[np.uint32], ticks: int
+    ) -> tuple[NDArray[np.uint32], NDArray[np.uint8]]:
+        codes = np.zeros(counts.shape[1], np.uint8)
         spells = None if self._persistence is None else self._persistence.spells
-        count_newborn(squares, ticks, self._threshold, codes, spells)
-        return squares, codes
+        count_newborn(counts, ticks, self._threshold, codes, spells)
+        return counts, codes
 
     def _total(self) -> int:
         return self._clock

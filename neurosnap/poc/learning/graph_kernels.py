@@ -9,19 +9,18 @@ of 32-bit arithmetic back (numba widens it): so the compiler makes vector instru
 of them.
 """
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.poc.learning.one_pair import code_of
 from neurosnap.poc.order.kernels import spread
 from neurosnap.poc.order.literals import Words
 from neurosnap.system.compiled import njit
 
+Weight: TypeAlias = Any
+"""A float, or a whole number of 32 bits."""
 _ONE = np.uint64(1)
-pair_code = njit()(code_of)
-"""`code_of`, compiled."""
 
 
 class Pairs(NamedTuple):
@@ -69,6 +68,60 @@ def row_of(squares: NDArray[Any], start: int, stop: int) -> Row:
         squares[2][start:stop],
         squares[3][start:stop],
     )
+
+
+@njit()
+def code_of(
+    w11: Weight,
+    w10: Weight,
+    w01: Weight,
+    w00: Weight,
+    limit: Weight,
+    slack: float | None,
+) -> tuple[np.uint8, bool, bool]:
+    """Return the code of a pair, from its four weights ([GK] eqn:virtual implication).
+
+    It is the one derivation of a code: all kernels of learning compile it into their
+    loops. The codes are frozen: they are sent to the workers and the recorder, stand in
+    key-frames and are compared bit for bit by a replay.
+
+    ``a -> b`` iff ``w_ab* < min(limit, w_ab, w_a*b, w_a*b*)``, and ``a <-> b`` iff
+    ``w_ab* = w_a*b = 0``. It has no branch, so that a loop over pairs becomes vector
+    instructions.
+
+    Args:
+        w11: The weight of both on: ``w_ij``; whole numbers of 32 bits, or floats.
+        w10: ``w_ij*``.
+        w01: ``w_i*j``.
+        w00: ``w_i*j*``.
+        limit: What the weight against an implication must be less than.
+        slack: By how much a float must be smaller to count as smaller, and above what
+            it is not 0; None for whole numbers, which are compared exactly.
+
+    Returns:
+        The code, see `neurosnap.poc.learning.pairs`; whether it is an implication
+        (and no equivalence) with the lesser of ``w_ij*`` and ``w_i*j`` against it; and
+        whether one with the lesser of ``w_ij`` and ``w_i*j*`` against it.
+    """
+    mixed, like = min(w10, w01), min(w11, w00)
+    more, most = max(w10, w01), max(w11, w00)
+    if slack is None:
+        equal, opposite = more == 0, most == 0
+        up = (mixed < min(more, like)) & (mixed < limit)
+        down = (like < min(most, mixed)) & (like < limit)
+    else:
+        # Rounding may take a weight below 0; an equivalence excludes the rest all the
+        # same.
+        equal, opposite = more <= slack, most <= slack
+        loose = not (equal | opposite)
+        up = loose & (mixed < min(min(more, like), limit) - slack)
+        down = loose & (like < min(min(most, mixed), limit) - slack)
+    # Wider whole numbers would cost a loop over pairs a tenth of its speed.
+    code = np.uint8(0)
+    code = (np.uint8(1) if w10 < w01 else np.uint8(2)) if up else code
+    code = (np.uint8(4) if w11 < w00 else np.uint8(8)) if down else code
+    code = np.uint8(3) if equal else code
+    return (np.uint8(12) if opposite else code), up, down
 
 
 @njit()

@@ -16,9 +16,7 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.archive import Arrays, entry
-from neurosnap.poc.learning.discounting_kernels import discount_newborn
-from neurosnap.poc.learning.one_pair import LENGTH as LENGTH
-from neurosnap.poc.learning.search import Answer, Count, Question, Weighed, Weighing
+from neurosnap.poc.learning.search import Answer, Count, Question
 from neurosnap.poc.order.literals import Words
 
 _ONE, _TOP = np.uint64(1), np.uint64(63)
@@ -54,7 +52,7 @@ class History:
         InvalidValueError: `length` is no multiple of 64 from 64 up.
     """
 
-    def __init__(self, sensors: int, length: int = LENGTH) -> None:
+    def __init__(self, sensors: int, length: int) -> None:
         if length < 64 or length % 64:
             rule = "must be a multiple of 64 from 64 up"
             raise InvalidValueError("history", rule, length)
@@ -128,16 +126,10 @@ class History:
         return np.minimum(begun(sources, targets), begun(sources ^ 1, targets ^ 1))
 
     def answer(self, question: Question) -> Answer:
-        """Answer a question.
-
-        Takes O(W n) time for ``n`` literals counted; for sensors weighed one compiled
-        step a tick.
-        """
-        weighing = question.weighing
+        """Answer a question. O(W n) time for ``n`` literals counted."""
         return Answer(
             {literal: self.ticks_of(literal) for literal in question.readings},
             tuple(self._counted(count) for count in question.counts),
-            None if weighing is None else self._weighed(weighing),
         )
 
     def _counted(self, count: Count) -> NDArray[Any]:
@@ -145,25 +137,6 @@ class History:
         rings &= count.within[:, np.newaxis]
         counted: NDArray[Any] = np.bitwise_count(rings).sum(axis=0)
         return counted
-
-    def _weighed(self, weighing: Weighing) -> Weighed:
-        sensors = weighing.sensors
-        squares, codes = np.full((4, sensors), 0.25), np.zeros(sensors, np.uint8)
-        mine = np.stack((weighing.on, weighing.off), axis=1)
-        readings, read_off = self.unrolled(mine).astype(np.uint8).T
-        on = self.unrolled(self.on[:, :sensors]).astype(np.uint8)
-        off = self.unrolled(self.off[:, :sensors]).astype(np.uint8)
-        discount_newborn(
-            readings.copy(),
-            readings | read_off,
-            np.ascontiguousarray(on),
-            np.ascontiguousarray(on | off),
-            squares,
-            weighing.decay,
-            weighing.share,
-            codes,
-        )
-        return Weighed(squares, codes)
 
     def part(self, sensors: slice) -> "History":
         """Return the history of some sensors; a view of this one's rings."""
@@ -175,20 +148,6 @@ class History:
     def set_readings(self, sensor: int, on: Words, off: Words) -> None:
         """Let a sensor have read on and off at the ticks given, ``(W,)`` each."""
         self.on[:, sensor], self.off[:, sensor] = on, off
-
-    def unrolled(self, ring: Words) -> NDArray[np.bool_]:
-        """Return bits of a ring in the order of time.
-
-        Args:
-            ring: ``(W, n)``.
-
-        Returns:
-            ``(ticks, n)``, the oldest first.
-        """
-        octets = np.ascontiguousarray(ring.T).astype("<u8").view(np.uint8)
-        flat = np.unpackbits(octets, axis=1, bitorder="little").T
-        first = self.tick % self.length if self.tick > self.length else 0
-        return np.roll(flat, -first, axis=0)[: self.ticks].astype(np.bool_)
 
     def arrays(self) -> Arrays:
         """Return its whole state as arrays, by name."""

@@ -25,30 +25,6 @@ class Count(NamedTuple):
     """``(n,)``."""
 
 
-class Weighing(NamedTuple):
-    """What discounted weights would a sensor have with those before it?"""
-
-    on: Words
-    """``(W,)``, the ticks at which it would have read on."""
-    off: Words
-    """``(W,)``, at which it would have read off."""
-    sensors: int
-    """How many there are before it."""
-    decay: float
-    """What is kept of a weight each time."""
-    share: float
-    """The threshold."""
-
-
-class Weighed(NamedTuple):
-    """The weights of a sensor's pairs with those before it."""
-
-    squares: NDArray[np.float64]
-    """``(4, sensors)``: the weights ``w_ij, w_ij*, w_i*j, w_i*j*``."""
-    codes: NDArray[np.uint8]
-    """``(sensors,)``: what follows from them."""
-
-
 class Question(NamedTuple):
     """What a history is asked at once."""
 
@@ -56,8 +32,6 @@ class Question(NamedTuple):
     """Literals: the ticks at which each was read, each literal once."""
     counts: tuple[Count, ...] = ()
     """What is to be counted."""
-    weighing: Weighing | None = None
-    """A sensor to be weighed."""
 
 
 class Answer(NamedTuple):
@@ -67,8 +41,6 @@ class Answer(NamedTuple):
     """By literal: ``(W,)``, the ticks at which it was read, as bits of the ring."""
     counts: tuple[NDArray[Any], ...]
     """For each count ``(n,)``."""
-    weighed: Weighed | None = None
-    """The sensor's weights."""
 
 
 Search: TypeAlias = Generator[Question, Answer, T]
@@ -97,7 +69,7 @@ def answered(search: Search[T], history: Answering) -> T:
 def together(searches: Sequence[Search[T]]) -> Search[list[T]]:
     """Let searches go on side by side, all of them a question further each time.
 
-    They may ask for readings and counts. It takes as many questions as the longest.
+    It takes as many questions as the longest.
 
     Returns:
         What each has found.

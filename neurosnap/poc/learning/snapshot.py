@@ -24,7 +24,7 @@ from neurosnap.poc.learning.pairs import (
     pairs_of,
     strict,
 )
-from neurosnap.poc.learning.search import Search
+from neurosnap.poc.learning.search import Count, Question, Search
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.literals import Words, as_literal
 from neurosnap.sensorium import Sensorium, as_known, complete, pack, unpack
@@ -322,8 +322,9 @@ class Snapshot(Archived):
     ) -> Search[Newborn]:
         """Find out what a history makes of a sensor that was never read.
 
-        Its weights are what they would be had it been read as long as the history goes
-        back.
+        Its weights come from how often it would have read what together with each
+        other sensor, as long as the history goes back: the counts of an empirical
+        snapshot, the shares of a discounted one, which has forgotten nothing of these.
 
         Args:
             sensor: Its number; of those behind it none may have been read either.
@@ -337,7 +338,11 @@ class Snapshot(Archived):
             InvalidValueError: There is no such sensor.
         """
         as_literal("literal", 2 * sensor, len(self._state))
-        squares, codes = yield from self._newborn(sensor, ticks, on, off)
+        literals = np.arange(2 * sensor)
+        question = Question(counts=(Count(on, literals), Count(off, literals)))
+        counts = np.array((yield question).counts, np.uint32)
+        each = counts.reshape(2, sensor, 2).swapaxes(1, 2).reshape(4, sensor)
+        squares, codes = self._judge_newborn(np.ascontiguousarray(each), ticks)
         squares[:, list(unread)], codes[list(unread)] = self._weights.start, 0
         return Newborn(ticks, squares, codes)
 
@@ -514,13 +519,14 @@ class Snapshot(Archived):
         self._weights.widen(self._total())
 
     @abc.abstractmethod
-    def _newborn(
-        self, sensor: int, ticks: int, on: Words, off: Words
-    ) -> Search[tuple[NDArray[Any], NDArray[np.uint8]]]:
-        """Find out the weights and codes that a history gives a sensor.
+    def _judge_newborn(
+        self, counts: NDArray[np.uint32], ticks: int
+    ) -> tuple[NDArray[Any], NDArray[np.uint8]]:
+        """Return the weights and codes of a sensor's pairs with those before it.
 
-        Returns:
-            ``(4, sensor)`` and ``(sensor,)``: of its pairs with those before it.
+        Args:
+            counts: ``(4, sensor)``: at how many ticks each joint reading was.
+            ticks: How long the history is.
         """
 
     @abc.abstractmethod

@@ -10,7 +10,6 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.zenoh.pieces import LARGEST, Assembly, Put, pieces
-from neurosnap.poc.learning.history import LENGTH
 from neurosnap.protocol.key_frames import with_snapshot
 from neurosnap.protocol.run_options import RunOptions, SnapshotKind
 
@@ -113,7 +112,7 @@ def test_the_largest_key_frame_that_is_allowed_can_be_sent(kind: SnapshotKind) -
         snapshot=b"",
         waves=1,
         epochs=(1000,) * sensors,
-        history=bytes(sensors * LENGTH // 4),
+        history=bytes(sensors * wire.HISTORY // 4),
     )
     snapshot = chosen.new_snapshot()
     snapshot.learn(np.ones(sensors, np.bool_), np.arange(sensors) % 2 > 0)
