@@ -31,13 +31,8 @@ EACH: dict[str, wire.Message] = {
         9, 8, (1,), (1, 2), True, 1, (0,), (2,), (5,), (40.0,), (0.0,), (3,)
     ),
     "workerreport": wire.WorkerReport(1, 1, 0, bytes(8), bytes(8), (1, 4, 9), 7),
-    "recall": wire.Recall(
-        *(9, 2, 1, (4, 7), b"\1\3", bytes(8), (1, 1), 2),
-        *(b"\7", b"\x18", 0.75, 0.125, 3),
-    ),
-    "recalled": wire.Recalled(
-        "cell/3", 9, 2, (), b"\1\x81", bytes(4), bytes(32), b"\3"
-    ),
+    "recall": wire.Recall(9, 2, 1, (4, 7), b"\1\3", bytes(8), (1, 1), 3),
+    "recalled": wire.Recalled("cell/3", 9, 2, (), b"\1\x81", bytes(4)),
     "reminder": wire.Reminder("worker/1", 9, 64, (3, 4), b"\1\2", b"\2\1"),
     "band": wire.Band("worker/1", 9, "since", 4, memoryview(bytes(range(8)))),
     "learn": wire.Learn(9, b"\1", b"\3", False, 8, b"\5", (4,), (1,)),
