@@ -28,8 +28,6 @@ class Sizes:
     """Sensors of the observe row."""
     lines: tuple[int, ...] = (20, 100, 300, 1000)
     """Sensors of the kinds row."""
-    crowds: tuple[int, ...] = (1000, 3000, 10_000)
-    """Sensors of the coordinator and lazy rows."""
     fitted: tuple[int, ...] = (100, 1000, 3000, 10_000)
     """Sensors of the runs that a model of a tick is made of."""
     foretold: tuple[int, ...] = (300, 600, 2000, 4500, 7000)
@@ -49,7 +47,6 @@ QUICK = Sizes(
     ticks=20,
     sensors=(20, 40),
     lines=(20,),
-    crowds=(40,),
     fitted=(40, 60, 80),
     foretold=(70,),
     crowd=170,
