@@ -18,7 +18,6 @@ from tests.support.command_line import (
 )
 from tests.support.command_line_files import changed, cut, readings, record_path
 from tests.support.disturbed_commands import finish, sound, started
-from tools.soak.memory import write_readings
 
 pytestmark = pytest.mark.slow
 
@@ -141,7 +140,7 @@ def test_a_run_that_cannot_go_on_says_why(log: Path, tmp_path: Path, csv: Path) 
 
 def test_a_run_in_several_files(tmp_path: Path) -> None:
     rows, log, new = (tmp_path / name for name in ("rows.csv", "log.mcap", "new.mcap"))
-    write_readings(rows, 1500, 6, 2)
+    rows.write_text(readings(1500))
     split = ("--cells", "inline", "--set", "recording.split=64KiB", "--ticks", 1400)
     happy("run", rows, *split, "--out", log)
     files = part_paths(log)

@@ -4,14 +4,14 @@ import asyncio
 import json
 from pathlib import Path
 
+import msgspec
 import pytest
 
-from neurosnap.protocol.run_options import SMALLEST, CellKind, RunOptions
-from neurosnap.runtime.fit_agent import body_of
-from neurosnap.sources.open import open_source
+from neurosnap.protocol.run_options import SMALLEST, CellKind
+from tests.support.disturbed_runs import options_for
 from tests.support.exhaustive import rows
-from tools.soak.__main__ import main
-from tools.soak.memory import Gauge, long_run, write_readings
+from tools.soak.__main__ import main, soak
+from tools.soak.memory import Gauge
 
 pytestmark = pytest.mark.slow
 
@@ -21,21 +21,16 @@ TICKS = 500  # a chunk is full after 100 of them, and a file after 200 or so
 @pytest.mark.zenoh
 @pytest.mark.parametrize("cells", rows(["inline"], ["worker"]))
 def test_a_short_long_run(cells: CellKind, tmp_path: Path) -> None:
-    readings = tmp_path / "readings.csv"
-    write_readings(readings, TICKS, 6, 1)
-    source = open_source(str(readings), 1)
-    source.close()
-    options = RunOptions(
-        source=str(readings),
-        body=body_of(source, "walker"),
-        ticks=TICKS,
+    options = msgspec.structs.replace(
+        options_for(TICKS),
         cells=cells,
         workers=2 if cells == "worker" else 0,  # cells say more than one worker
         keyframe_every=100,
         split=SMALLEST,
     )
-    found = asyncio.run(long_run(options, tmp_path, pause=0.05))
-    assert (found.ticks, found.lost, found.verified) == (TICKS, 0, True)
+    found = asyncio.run(soak(options, 0, 0, tmp_path, pause=0.05))
+    assert found.fine, found
+    assert found.ticks == TICKS
     assert found.files > 1
     assert found.recorded > SMALLEST
     kinds = {"launcher"}

@@ -3,19 +3,19 @@
 
 With --fault kill, parts of a running swarm are killed. Every role and every pair of
 roles is killed with SIGKILL as often as any other, in a random order and at random
-moments, until enough are killed. Such a run is a swarm in a world of paths; it is made
-again undisturbed, in one process, for as many ticks as the first came to. Both must
-come to the same states and decisions, and the recording must hold each once.
+moments, until enough are killed. The run is made again undisturbed, in one process, for
+as many ticks as the first came to. Both must come to the same states and decisions, and
+the recording must hold each once. With --fault none a run is left alone, and what
+memory it takes is printed.
 
-With --grow the run is an agent that explores a frozen lake and grows sensors, so that
-some are killed while a sensor is born. The births are compared, too.
+Both are runs of a walk on a path, or of an agent that explores a frozen lake and grows
+sensors, so that some are killed while a sensor is born.
 
-With --outside the run is one of its own process that reads numbered lines. It must end
-with exit code 0, and its recording must hold each line once and in order. What a killed
-intake had read and not written down is lost; that counts as wrong, too.
+With --run lines the run is one of its own process that reads numbered lines. It must
+end with exit code 0, and its recording must hold each line once and in order. What a
+killed intake had read and not written down is lost; that counts as wrong, too.
 
-With --fault signal, runs get a signal to end, and must end in order. With --fault none,
-a long run is left alone, and what memory it takes is printed.
+With --fault signal, runs get a signal to end, and must end in order.
 
 Exit code: 0 if all is so, 1 if not; then what was recorded is kept.
 """
@@ -51,21 +51,21 @@ from neurosnap.runtime.request import Restart, RunRequest, Supervision, Watcher
 from neurosnap.runtime.run import run
 from neurosnap.sources.open import open_source
 from tools.soak.killer import Killer, Killing, summary
-from tools.soak.memory import LongRun, long_run, write_readings
-from tools.soak.outside import Fed, feed, lines_in
+from tools.soak.memory import Gauge, Memory
+from tools.soak.outside import feed, lines_in
 from tools.soak.signals import strike_runs
 
 SERVICES = ("hub", "recorder", "coordinator", "world")
 HOSTS: dict[HostKind, str] = {"process": "cell", "worker": "worker"}
 """Who has the cells, by their kind."""
 
-_LAKE = "neurosnap/FrozenLake-v0"
 _ENDLESS = 10**9  # ticks; the kills end the run
 _EIGHT_HOURS = 288_000  # ticks, ten a second
+_ROOM = 12  # sensors that may grow on the lake
 
 
 class Soaked(msgspec.Struct, kw_only=True):
-    """How a run went of which parts were killed."""
+    """How a run went."""
 
     ticks: int
     killings: list[Killing]
@@ -81,7 +81,7 @@ class Soaked(msgspec.Struct, kw_only=True):
     that are."""
     doubled: int
     """Observations, states or decisions that it holds twice; or lines."""
-    equal: bool
+    equal: bool = True
     """States and decisions are those of the undisturbed run; or each line is there once
     and they are in order."""
     verified: bool
@@ -90,56 +90,76 @@ class Soaked(msgspec.Struct, kw_only=True):
     """Sensors that were grown."""
     files: int
     """Files of the recording."""
+    recorded: int
+    """Their bytes."""
     left: list[str]
     """Files and folders beside them."""
     seconds: float
-    fed: Fed | None = None
-    """How the run ended that was fed lines, if it was that."""
+    lines: int = 0
+    """What it was fed, if it was a run of lines."""
+    code: int = 0
+    """The exit code of such a run."""
+    memory: dict[str, Memory] = msgspec.field(default_factory=dict)
+    """Of a run that was left alone; by process, that of this one under ``launcher``."""
 
     @property
     def fine(self) -> bool:
         """All is as it should be."""
         whole = self.equal and self.verified and not (self.lost or self.doubled)
-        return whole and not self.left and (self.fed is None or self.fed.code == 0)
+        return whole and not self.left and self.code == 0
 
 
 async def soak(
-    options: RunOptions, kills: int, seed: int, folder: Path, pause: float = 0.4
+    options: RunOptions,
+    kills: int,
+    seed: int,
+    folder: Path,
+    pause: float = 0.4,
+    seconds: float = inf,
 ) -> Soaked:
-    """Make both runs and compare.
+    """Make a run, and if parts of it are killed make it again without; compare.
 
     Args:
-        options: What to run; its cells are processes, or have workers. It is the kills
-            that end it, however many ticks that takes.
-        kills: How often parts are killed.
+        options: What to run. With kills its cells are processes or have workers, and it
+            is the kills that end it, however many ticks that takes.
+        kills: How often parts are killed; 0: it is left alone.
         seed: Draws whom to kill, and when.
-        folder: Where both recordings go.
-        pause: Seconds a life of the swarm may last at most before somebody is killed.
+        folder: Where the recordings go.
+        pause: Seconds a life of the swarm may last at most before a part is killed, or
+            between two looks at the memory.
+        seconds: So long after its first tick a run left alone is ended in order.
     """
     began = time.perf_counter()
     calm, log = folder / "calm.mcap", folder / "soaked.mcap"
     host = "worker" if options.cells == "worker" else "cell"
-    killer, stop = Killer((*SERVICES, host), kills, seed, pause), asyncio.Event()
+    killer, gauge = Killer((*SERVICES, host), kills, seed, pause), Gauge(pause)
+    stop = asyncio.Event()
 
-    async def hunt() -> None:
-        await killer.hunt(psutil.Process())
+    async def disturb() -> None:
+        if kills:
+            await killer.hunt(psutil.Process())
+        else:
+            await gauge.watch(seconds)
         stop.set()
 
     def on_restart(restart: Restart) -> None:
         killer.restarted(restart.tick, restart.lost)
 
-    hunting = asyncio.create_task(hunt(), name="soak/killer")
+    follow = killer.follow if kills else gauge.follow
+    disturbing = asyncio.create_task(disturb(), name="soak/disturb")
     try:
         request = RunRequest(
-            msgspec.structs.replace(options, ticks=_ENDLESS),
+            msgspec.structs.replace(options, ticks=_ENDLESS) if kills else options,
             log,
             supervision=Supervision(max_restarts=_restarts(kills), backoff=0.0),
         )
-        outcome = await run(
-            request, stop, Watcher(killer.follow, on_restart=on_restart)
-        )
+        outcome = await run(request, stop, Watcher(follow, on_restart=on_restart))
     finally:
-        hunting.cancel()
+        disturbing.cancel()
+    if not kills:
+        found = _look(log, killer, time.perf_counter() - began)
+        found.memory = gauge.memory()
+        return found
     ticks = outcome.totals.ticks
     alone = {"cells": "inline", "learning": "coordinator", "split": 0}
     inline = msgspec.structs.replace(options, ticks=ticks, **alone)
@@ -181,12 +201,12 @@ async def soak_outside(
     given = ["--ticks", str(_ENDLESS), "--cells", cells]
     for key, value in settings.items():
         given += ["--set", f"{key}={value}"]
-    fed = await feed(killer, log, rate, given)
+    fed, code = await feed(killer, log, rate, given)
     found = _look(log, killer, time.perf_counter() - began)
-    lines = lines_in(log, fed.lines)
+    lines = lines_in(log, fed)
     found.lost += lines.lost
     found.doubled += lines.doubled
-    found.equal, found.fed = lines.exact, fed
+    found.equal, found.lines, found.code = lines.exact, fed, code
     return found
 
 
@@ -212,10 +232,10 @@ def _look(log: Path, killer: Killer, seconds: float) -> Soaked:
         repeated=sum(isinstance(m, wire.WaveStart) and m.repeats > 0 for m in heard),
         lost=sum(recording.completeness().missing.values()),
         doubled=len(keys) - len(set(keys)),
-        equal=False,
         verified=verdict.same and verdict.complete,
         born=sum(isinstance(m, wire.Decision) and m.born >= 0 for m in heard),
         files=verdict.files,
+        recorded=sum(path.stat().st_size for path in files),
         left=sorted(path.name for path in {*log.parent.iterdir()} - files),
         seconds=seconds,
     )
@@ -247,11 +267,7 @@ def main(arguments: list[str] | None = None) -> int:
     folder = Path(tempfile.mkdtemp(prefix="neurosnap-soak-", dir=given.folder))
     try:
         with Console(stderr=True).status("soaking"):
-            found: Soaked | LongRun = (
-                asyncio.run(_soaked(given, folder))
-                if given.fault == "kill"
-                else asyncio.run(_lasted(given, folder))
-            )
+            found = asyncio.run(_soaked(given, folder))
     except NeurosnapError as error:
         print(f"error: {error}", file=sys.stderr)
         print(f"kept: {folder}", file=sys.stderr)
@@ -259,8 +275,12 @@ def main(arguments: list[str] | None = None) -> int:
     for name, value in msgspec.structs.asdict(found).items():
         if name not in ("killings", "killed", "memory"):
             print(f"{name:10} {value}")
-    lines = summary(found.killings) if isinstance(found, Soaked) else found.lines()
-    print(*lines, sep="\n")
+    print(*summary(found.killings), sep="\n")
+    for name, memory in found.memory.items():
+        print(
+            f"{name:12} {memory.begin / 2**20:8.1f} MiB {memory.end / 2**20:8.1f} MiB"
+            f" {memory.slope:+9.2f} bytes a tick"
+        )
     if given.json:
         print(json.dumps(msgspec.to_builtins(found)))
     if found.fine:
@@ -270,62 +290,47 @@ def main(arguments: list[str] | None = None) -> int:
     return 1
 
 
-async def _lasted(given: argparse.Namespace, folder: Path) -> LongRun:
-    """Make a long run of readings that are drawn."""
-    ticks = given.ticks or _EIGHT_HOURS
-    readings = folder / "readings.csv"
-    write_readings(readings, ticks, given.sensors, given.seed)
-    source = open_source(str(readings), given.seed)
-    source.close()
-    options = RunOptions(
-        source=str(readings),
-        body=body_of(source, "walker"),
-        ticks=ticks,
-        seed=given.seed,
-        cells=given.cells,
-        workers=min(2, given.sensors),
-        split=given.split,
-        keep=given.keep,
-    )
-    seconds = given.seconds
-    return await long_run(options, folder, pause=given.pause, seconds=seconds)
-
-
 async def _soaked(given: argparse.Namespace, folder: Path) -> Soaked:
-    chosen = (given.kills, given.seed, folder, given.pause)
-    if given.outside:
+    kills = given.kills if given.fault == "kill" else 0
+    chosen = (kills, given.seed, folder, given.pause)
+    if given.run == "lines":
         return await soak_outside(
             given.cells, *chosen, rate=given.rate, split=given.split
         )
-    world = _lake(given) if given.grow else _path(given)
     options = RunOptions(
-        **world,
+        **(_lake if given.run == "lake" else _path)(given),
+        ticks=given.ticks or _EIGHT_HOURS,
         seed=given.seed,
         cells=given.cells,
         workers=min(2, given.sensors),
         learning=given.learning,
         split=given.split,
+        keep=given.keep,
         keyframe_every=given.keyframe_every,
     )
-    return await soak(options, *chosen)
+    return await soak(options, *chosen, given.seconds)
 
 
 def _path(given: argparse.Namespace) -> dict[str, Any]:
     """Return the options of a walk in a world of paths."""
-    arguments = {"places": given.sensors + 1}
-    source = open_source(given.source, given.seed, arguments)
+    world, arguments = "neurosnap/Path-v0", {"places": given.sensors + 1}
+    source = open_source(world, given.seed, arguments)
     source.close()
-    body = body_of(source, "walker")
-    return {"source": given.source, "arguments": arguments, "body": body}
+    return {
+        "source": world,
+        "arguments": arguments,
+        "body": body_of(source, "walker"),
+    }
 
 
 def _lake(given: argparse.Namespace) -> dict[str, Any]:
     """Return the options of an agent that explores a lake and grows sensors."""
-    source = open_source(_LAKE, given.seed)
+    world = "neurosnap/FrozenLake-v0"
+    source = open_source(world, given.seed)
     source.close()
     return {
-        "source": _LAKE,
-        "body": body_of(source, "planner", given.grow),
+        "source": world,
+        "body": body_of(source, "planner", _ROOM),
         "agent": "planner",
         "imagine": 200,
         "explore": 0.1,
@@ -351,7 +356,8 @@ def _parser() -> argparse.ArgumentParser:
         default="kill",
         help="kill parts, send runs a signal to end, or let one run last",
     )
-    add("--seed", type=int, default=0, help="draws the faults, or the readings")
+    add("--run", choices=("path", "lake", "lines"), default="path")
+    add("--seed", type=int, default=0, help="draws the faults")
     add("--kills", type=int, default=30, help="kills of parts, or pairs of them")
     add("--times", type=int, default=9, help="signals of each kind to each receiver")
     add("--ticks", type=int, help="ticks of each run (200 with signals, 288000 alone)")
@@ -361,12 +367,9 @@ def _parser() -> argparse.ArgumentParser:
     add("--cells", choices=("process", "worker", "inline"), default="process")
     add("--learning", choices=("coordinator", "spread"), default="coordinator")
     add("--split", type=_in_bytes, default=0, help="size of a file, such as 64MiB")
-    add("--keep", type=int, default=0, help="files kept of a run left alone")
+    add("--keep", type=int, default=0, help="files kept of the recording")
     add("--keyframe-every", type=int, default=1000, help="ticks between key-frames")
-    add("--source", default="neurosnap/Path-v0", help="a path world")
-    add("--grow", type=int, default=0, help="sensors that may grow, on a frozen lake")
-    add("--outside", action="store_true", help="feed it lines on standard input")
-    add("--rate", type=float, default=200.0, help="lines a second, with --outside")
+    add("--rate", type=float, default=200.0, help="lines a second, with --run lines")
     add("--folder", type=Path, help="where to record meanwhile")
     add("--json", action="store_true", help="add one object, last")
     return parser

@@ -1,28 +1,17 @@
-"""Long runs of which nothing is killed: does their memory grow?
+"""The memory of a run's processes: does it grow?
 
-The readings are drawn: some sensors at random, the others made of them, so that there
-is something to learn. The memory of every process is looked at once in a while, and a
-line is laid through what it has from a tenth of the run on, when all is loaded that
-ever is.
+It is looked at once in a while, and a line is laid through what each process has from a
+tenth of the run on, when all is loaded that ever is.
 """
 
 import asyncio
-import random
-import time
-from collections.abc import Iterator
 from contextlib import suppress
-from pathlib import Path
 
 import msgspec
 import numpy as np
 import psutil
 
-from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.recording import part_paths
-from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.registry import parts_of
-from neurosnap.runtime.request import RunRequest, Watcher
-from neurosnap.runtime.run import run
 
 _WARM = 0.1  # share of the run whose memory does not count
 
@@ -40,51 +29,6 @@ class Memory(msgspec.Struct, kw_only=True):
     """Bytes a tick from a tenth of the run on, by least squares."""
 
 
-class LongRun(msgspec.Struct, kw_only=True):
-    """How a long run went."""
-
-    ticks: int
-    seconds: float
-    samples: int
-    files: int
-    """Files of the recording."""
-    recorded: int
-    """Their bytes."""
-    lost: int
-    """Messages missing from it."""
-    verified: bool
-    """A replay derives all of it again."""
-    memory: dict[str, Memory]
-    """By process; that of this one under ``launcher``."""
-
-    @property
-    def fine(self) -> bool:
-        """Nothing is lost, and all of it is derived again."""
-        return self.verified and not self.lost
-
-    def lines(self) -> Iterator[str]:
-        """Yield a line about the memory of each process."""
-        for name, memory in self.memory.items():
-            yield (
-                f"{name:12} {memory.begin / 2**20:8.1f} MiB {memory.end / 2**20:8.1f}"
-                f" MiB {memory.slope:+9.2f} bytes a tick"
-            )
-
-
-def write_readings(path: Path, rows: int, sensors: int, seed: int) -> None:
-    """Write a file of readings in which a third of the sensors determine the rest."""
-    chance = random.Random(seed)
-    free = max(1, sensors // 3)
-    with path.open("w", encoding="utf-8") as file:
-        file.write(",".join(f"s{number}" for number in range(sensors)) + "\n")
-        for _ in range(rows):
-            base = [chance.random() < 0.3 for _ in range(free)]
-            made = (
-                base[k % free] or base[(k + 1) % free] for k in range(sensors - free)
-            )
-            file.write(",".join(str(int(bit)) for bit in (*base, *made)) + "\n")
-
-
 class Gauge:
     """Looks at the memory of this process and of its children.
 
@@ -95,23 +39,24 @@ class Gauge:
     def __init__(self, pause: float) -> None:
         self._pause = pause
         self.tick = 0
-        self.moving = asyncio.Event()
-        """Set once there is a first tick."""
+        self._moving = asyncio.Event()
         self.samples: list[tuple[int, dict[str, int]]] = []
 
     def follow(self, tick: int) -> None:
         """Follow the ticks of the run; look at once when all parts are there."""
         self.tick = tick
-        if tick and not self.moving.is_set():
-            self.moving.set()
+        if tick and not self._moving.is_set():
+            self._moving.set()
             self.samples.append((tick, _resident()))
 
-    async def watch(self) -> None:
-        """Look again and again, until cancelled."""
-        while True:
-            await self.moving.wait()
-            await asyncio.sleep(self._pause)
-            self.samples.append((self.tick, _resident()))
+    async def watch(self, seconds: float) -> None:
+        """Look again and again, until so long after the first tick."""
+        await self._moving.wait()
+        with suppress(TimeoutError):
+            async with asyncio.timeout(None if np.isinf(seconds) else seconds):
+                while True:
+                    await asyncio.sleep(self._pause)
+                    self.samples.append((self.tick, _resident()))
 
     def memory(self) -> dict[str, Memory]:
         """Return what each process had, from a tenth of the run on."""
@@ -142,54 +87,3 @@ def _resident() -> dict[str, int]:
         with suppress(psutil.NoSuchProcess):
             found[kind] = found.get(kind, 0) + process.memory_info().rss
     return found
-
-
-async def long_run(
-    options: RunOptions,
-    folder: Path,
-    *,
-    pause: float = 1.0,
-    seconds: float = float("inf"),
-) -> LongRun:
-    """Make a run and measure.
-
-    Args:
-        options: What to run.
-        folder: Where it is recorded.
-        pause: Seconds between two looks at the memory.
-        seconds: So long after its first tick the run is ended in order.
-    """
-    gauge, log, stop = Gauge(pause), folder / "run.mcap", asyncio.Event()
-    watching = asyncio.create_task(gauge.watch(), name="soak/gauge")
-    ending = asyncio.create_task(
-        _end_after(seconds, gauge.moving, stop), name="soak/end"
-    )
-    began = time.perf_counter()
-    try:
-        outcome = await run(RunRequest(options, log), stop, Watcher(gauge.follow))
-    finally:
-        watching.cancel()
-        ending.cancel()
-    paths = list(part_paths(log).values())
-    balance = outcome.completeness
-    return LongRun(
-        ticks=outcome.totals.ticks,
-        seconds=time.perf_counter() - began,
-        samples=len(gauge.samples),
-        files=len(paths),
-        recorded=sum(path.stat().st_size for path in paths),
-        lost=0 if balance is None else sum(balance.missing.values()),
-        verified=verify(log).same,
-        memory=gauge.memory(),
-    )
-
-
-async def _end_after(
-    seconds: float, moving: asyncio.Event, stop: asyncio.Event
-) -> None:
-    await moving.wait()
-    try:
-        async with asyncio.timeout(None if np.isinf(seconds) else seconds):
-            await stop.wait()
-    except TimeoutError:
-        stop.set()

@@ -32,17 +32,6 @@ _WATCHDOG = 100_000  # microseconds; progress is told twice as often
 _RESTART = re.compile(r"going on from tick (\d+): .*?(?:; (\d+) ticks are done again)?")
 
 
-class Fed(msgspec.Struct, kw_only=True):
-    """What became of the run."""
-
-    lines: int
-    """What it was fed."""
-    code: int
-    """Its exit code."""
-    said: list[str]
-    """Its lines on stderr, but for those of restarts."""
-
-
 class Lines(msgspec.Struct, kw_only=True):
     """What is recorded of numbered lines."""
 
@@ -54,7 +43,7 @@ class Lines(msgspec.Struct, kw_only=True):
 
 async def feed(
     killer: Killer, log: Path, rate: float, flags: Sequence[str] = ()
-) -> Fed:
+) -> tuple[int, int]:
     """Make the run; its input ends once enough is killed and it has gone on.
 
     Args:
@@ -62,10 +51,13 @@ async def feed(
         log: Where it is recorded.
         rate: Lines a second, if the pipe takes so many.
         flags: More of the run.
+
+    Returns:
+        How many lines it was fed, and its exit code. What it says on stderr, but for
+        restarts, is passed on.
     """
     sensors = ",".join(f"bit{place}" for place in range(BITS))
     given = ("--set", f"sensors={sensors}", "--out", str(log), *flags)
-    said: list[str] = []
     with _service_manager() as (manager, address):
         process = await asyncio.create_subprocess_exec(
             *(sys.executable, "-m", "neurosnap", "run", "-", *given),
@@ -89,14 +81,14 @@ async def feed(
                         _follow(manager, killer)  # what it told before
                         killer.restarted(int(restart[1]), int(restart[2] or 0))
                     else:
-                        said.append(line)
+                        print(line, file=sys.stderr)
                 hunting.cancel()  # the run is over, however many are left to kill
         finally:
             loop.remove_reader(manager)
             with suppress(ProcessLookupError):
                 process.kill()  # it has ended, if all went well
             code = await process.wait()
-    return Fed(lines=feeding.result(), code=code, said=said)
+    return feeding.result(), code
 
 
 async def _feed(
