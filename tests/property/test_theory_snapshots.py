@@ -1,7 +1,6 @@
 """What the paper proves of snapshots, on all that its definitions allow."""
 
 import itertools
-from fractions import Fraction
 
 import pytest
 from hypothesis import given
@@ -13,10 +12,9 @@ from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
 from neurosnap.poc.order.pocset import PocSet
 from tests.support import oracles
 from tests.support.hypothesis_settings import examples
-from tests.support.oracles import Edges, Number, Weights
-from tests.support.strategies import Bits, as_set, bit_rows, runs
+from tests.support.oracles import Number, Weights
+from tests.support.strategies import Bits, as_set, runs
 from tests.support.theory_oracles import Model
-from tests.support.theory_strategies import snapshots
 
 
 def marginal(w: Weights, a: int, b: int) -> Number:
@@ -49,40 +47,6 @@ def check_probabilistic(n: int, w: Weights, total: Number) -> None:
                 assert around == orientation(w, a, c)
 
 
-def share(w: Weights, total: int, tau: Fraction) -> Edges:
-    return oracles.implied(1 + max(a for a, _ in w), w, lambda _i, _j: tau * total)
-
-
-SHARES = st.sampled_from([Fraction(1, 4), Fraction(1, 9), Fraction(1, 50)])
-
-
-@given(snapshots())
-def test_prop_acyclicity_lemma(drawn: tuple[int, Weights, int]) -> None:
-    """[GK] prop:acyclicity lemma, for the largest graph with a positive cocycle."""
-    n, w, total = drawn
-    check_probabilistic(n, w, total)
-    assert not oracles.has_cycle({pair for pair in w if orientation(w, *pair) > 0})
-
-
-@given(snapshots(), SHARES)
-def test_poc_sets_from_snapshots_and_truncation(
-    drawn: tuple[int, Weights, int], tau: Fraction
-) -> None:
-    """[GK] poc sets from snapshots, snapshot truncation."""
-    n, w, total = drawn
-    if n < 4:
-        return
-    edges = share(w, total, tau)
-    assert edges == {(b ^ 1, a ^ 1) for a, b in edges}
-    for a, b in edges:
-        others = [(a ^ 1, b), (b, a ^ 1), (b ^ 1, a), (a, b ^ 1)]
-        assert not edges & set(others)
-    assert not oracles.has_cycle(edges)
-    floored = oracles.truncated(w, edges)
-    check_probabilistic(n, floored, total)
-    assert share(floored, total, tau) == edges
-
-
 @given(
     st.integers(1, 4).flatmap(
         lambda n: st.tuples(
@@ -107,17 +71,6 @@ def test_lemma_derived_poc_set(relation: tuple[int, list[tuple[int, int]]]) -> N
         assert not p.graph.classes()
         for a, b in itertools.product(range(2 * sensors), repeat=2):
             assert a == b or not p.equal(a, b)
-
-
-@given(snapshots(), st.data())
-def test_lemma_discounted_update(
-    drawn: tuple[int, Weights, int], data: st.DataObject
-) -> None:
-    """[GK] lemma:discounted update."""
-    n, w, total = drawn
-    unit: Weights = {pair: Fraction(weight) / total for pair, weight in w.items()}
-    bits = data.draw(bit_rows(n // 2))
-    check_probabilistic(n, oracles.discounted(n, unit, bits, Fraction(7, 8)), 1)
 
 
 @given(runs(most=4, longest=12), st.sampled_from([0.0, 1 / 2, 7 / 8]))

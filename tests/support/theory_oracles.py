@@ -192,31 +192,3 @@ def face_counts(cubes: set[Vertices]) -> tuple[int, ...]:
     """How many cubes have 1, 2, 4, … vertices."""
     sizes = [len(cube).bit_length() - 1 for cube in cubes]
     return tuple(sizes.count(d) for d in range(max(sizes, default=-1) + 1))
-
-
-def betti(cells: list[frozenset[int]]) -> tuple[int, ...]:
-    """Betti numbers over GF(2) of a simplicial complex, all simplices given."""
-    layers: dict[int, list[frozenset[int]]] = {}
-    for cell in cells:
-        layers.setdefault(len(cell) - 1, []).append(cell)
-    ranks = {}
-    for d, layer in layers.items():
-        rows = [
-            {face for face in layers.get(d - 1, []) if face < cell} for cell in layer
-        ]
-        ranks[d] = rank(rows)
-    return tuple(
-        len(layers[d]) - ranks[d] - ranks.get(d + 1, 0) for d in sorted(layers)
-    )
-
-
-def rank(rows: list[set[frozenset[int]]]) -> int:
-    """The rank over GF(2) of rows given by where they are one."""
-    rows, found = [set(row) for row in rows], 0
-    while rows:
-        row = rows.pop()
-        if row:
-            found += 1
-            pivot = next(iter(row))
-            rows = [other ^ row if pivot in other else other for other in rows]
-    return found

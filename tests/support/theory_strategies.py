@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from neurosnap.poc.dual.cubing import Cubing
 from neurosnap.poc.order.pocset import PocSet
 from tests.support.edges import edges_of
-from tests.support.oracles import Weights, proper_pairs
 from tests.support.strategies import bit_rows, graphs
 from tests.support.theory_oracles import Model, Vertex, included
 
@@ -75,30 +74,6 @@ def coherent_sets(model: Model) -> st.SearchStrategy[set[int]]:
     return st.sampled_from(model.vertices).flatmap(
         lambda u: st.sets(st.sampled_from(sorted(u))) if u else st.just(set())
     )
-
-
-@st.composite
-def snapshots(draw: st.DrawFn, most: int = 4) -> tuple[int, Weights, int]:
-    """Draw the weights of a probabilistic snapshot, and what they add up to.
-
-    Any marginals, and for each pair any joint weight that they allow: more than the
-    snapshots that come from observations.
-    """
-    sensors, clock = draw(st.integers(1, most)), draw(st.integers(1, 40))
-    own = [draw(st.integers(0, clock)) for _ in range(sensors)]
-    weights: Weights = {}
-    for i in range(sensors):
-        for j in range(i):
-            least = max(0, own[i] + own[j] - clock)
-            both = draw(st.integers(least, min(own[i], own[j])))
-            corner = [both, own[i] - both, own[j] - both]
-            corner.append(clock - sum(corner))
-            for k, weight in enumerate(corner):
-                a, b = 2 * i + k // 2, 2 * j + k % 2
-                weights[a, b] = weights[b, a] = weight
-    # corner[1] is i without j, corner[2] j without i: k // 2 and k % 2 as they stand.
-    assert set(weights) == set(proper_pairs(2 * sensors))
-    return 2 * sensors, weights, clock
 
 
 def array(literals: set[int] | Vertex, n: int) -> NDArray[np.bool_]:
