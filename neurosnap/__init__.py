@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from neurosnap.agent.agent import Agent
     from neurosnap.agent.binary_sensors import BinarySensors
     from neurosnap.agent.body import Body
-    from neurosnap.agent.growth.birth import Birth
     from neurosnap.agent.sensor import Sensor
     from neurosnap.apps.drawing.order_plot import plot_order
     from neurosnap.apps.library import (
@@ -36,7 +35,6 @@ if TYPE_CHECKING:
 __all__ = [
     "Agent",
     "BinarySensors",
-    "Birth",
     "Body",
     "Cubing",
     "DiscountedSnapshot",
@@ -59,7 +57,6 @@ __all__ = [
 _HOMES = {
     "Agent": "neurosnap.agent.agent",
     "BinarySensors": "neurosnap.agent.binary_sensors",
-    "Birth": "neurosnap.agent.growth.birth",
     "Body": "neurosnap.agent.body",
     "Cubing": "neurosnap.poc.dual.cubing",
     "DiscountedSnapshot": "neurosnap.poc.learning.kinds",

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
 from neurosnap.agent.environment import Continuing, Outing, describe
-from neurosnap.agent.growth.birth import Birth, with_births
 from neurosnap.agent.growth.grower import ROOM
 from neurosnap.agent.imagining_planner import STATES, ImaginingPlanner
 from neurosnap.agent.memory import AgentMemory
@@ -88,7 +87,6 @@ class Agent:
         snapshot: Snapshot | None = None,
         grow: bool | int = False,
         imagine: bool | int = False,
-        births: Iterable[Birth] = (),
         **aims: Unpack[Aims],
     ) -> Self:
         """Return an agent for an environment, with every action in every context.
@@ -102,7 +100,6 @@ class Agent:
             grow: Whether it may grow sensors from what surprises it, or how many.
             imagine: Whether a planner looks ahead by imagined waves, or how many states
                 it may imagine for a decision.
-            births: Sensors that are grown at given ticks, whatever surprises it.
             aims: `target` and `explore`, see `neurosnap.agent.policies.Aims`.
 
         Raises:
@@ -112,7 +109,6 @@ class Agent:
         said = describe(type(env.unwrapped).__name__, env)
         room = ROOM if grow is True else int(grow)
         body = Body.full(said.sensors, said.actions, said.orders, room)
-        body = with_births(body, tuple(births))
         if snapshot is None:
             threshold = default_threshold(body, said.discrete)
             snapshot = EmpiricalSnapshot(Sensorium(body.sensors), threshold)

@@ -33,8 +33,6 @@ from neurosnap.sensorium import Sensorium
 Context: TypeAlias = tuple[int, tuple[int, ...]]
 """A contextual sensor: an action, and literals, ascending: of the world's own sensors,
 or that an action or a single contextual sensor was on."""
-Scripted: TypeAlias = tuple[int, Context]
-"""A sensor that is grown whatever is met, and the tick whose decision says so."""
 
 
 # dict: names are derived once.
@@ -69,8 +67,6 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     """Those that were, in that order."""
     retired: tuple[int, ...] = ()
     """The places in `grown` of those that are not read any more, ascending."""
-    scripted: tuple[Scripted, ...] = ()
-    """Those of the sensors there is room for that are not left to the agent."""
 
     def __post_init__(self) -> None:
         if self.orders and len(self.orders) != len(self.own):
@@ -85,14 +81,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             if not 0 <= literal < 2 * len(self.own):
                 rule = f"must be of a literal of {len(self.own)} sensors"
                 raise InvalidValueError("context", rule, (action, literal))
-        scripted = [context for _, context in self.scripted]
-        self._check("grown", self.grown)
-        self._check("scripted", scripted)
-        if len(set(scripted)) < len(scripted):
-            raise InvalidValueError("scripted", "must be different", scripted)
-        if any(tick < 0 for tick, _ in self.scripted):
-            rule = "must be at ticks from 0 up"
-            raise InvalidValueError("scripted", rule, self.scripted)
+        self._check_grown()
         places = range(len(self.grown))
         if any(a >= b for a, b in pairwise(self.retired)) or not set(
             self.retired
@@ -105,26 +94,26 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             )
         Sensorium(self.sensors)
 
-    def _check(self, name: str, contexts: Sequence[Context]) -> None:
-        if len(contexts) > self.room:
+    def _check_grown(self) -> None:
+        if len(self.grown) > self.room:
             rule = f"must be at most {self.room}, for which there is room"
-            raise InvalidValueError(name, rule, len(contexts))
+            raise InvalidValueError("grown", rule, len(self.grown))
         single = set(self.context)
-        for action, literals in contexts:
+        for action, literals in self.grown:
             ascends = all(a >> 1 < b >> 1 for a, b in pairwise(literals))
             now, before = self.split(literals)
             if len(now) + 2 * len(before) < 2 or not ascends:
                 rule = "must be of literals of two or more sensors, ascending"
-                raise InvalidValueError(name, rule, (action, literals))
+                raise InvalidValueError("grown", rule, (action, literals))
             if not single.issuperset((action, literal) for literal in now):
                 rule = "must be of literals that are sensed in the action's context"
-                raise InvalidValueError(name, rule, (action, literals))
+                raise InvalidValueError("grown", rule, (action, literals))
             if any(a & 1 or a >= 2 * self.first_grown for a in before):
                 rule = "must say of the step before what was on, of what is not grown"
-                raise InvalidValueError(name, rule, (action, literals))
+                raise InvalidValueError("grown", rule, (action, literals))
             if not 0 <= action < len(self.actions):
                 rule = f"must be of one of {len(self.actions)} actions"
-                raise InvalidValueError(name, rule, (action, literals))
+                raise InvalidValueError("grown", rule, (action, literals))
 
     @classmethod
     def full(
@@ -192,17 +181,6 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             for place, context in enumerate(self.grown)
             if place not in self.retired
         )
-
-    @property
-    def awaited(self) -> list[Scripted]:
-        """The scripted sensors that are still to be grown, the next one first."""
-        due = [one for one in self.scripted if one[1] not in self.grown]
-        return sorted(due, key=lambda one: one[0])
-
-    @property
-    def finds(self) -> int:
-        """How many sensors the agent may grow that it finds itself."""
-        return self.room - len(self.scripted)
 
     @property
     def first_grown(self) -> int:

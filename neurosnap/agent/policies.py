@@ -177,7 +177,7 @@ def new_policy(
         case "planner" if imagine and experience is not None:
             # Without growth most outcomes stay unknown in part: to look for them would
             # never end.
-            curious = planned or not target or body.finds > 0
+            curious = planned or not target or body.room > 0
             return ImaginingPlanner(
                 body, target, seed, share, experience, imagine, curious=curious
             )

@@ -43,7 +43,6 @@ T = TypeVar("T")
 _KEYS = {one.field: one.shown.at for one in declared(RunOptions) if one.shown.at} | {
     "target": "agent.target",
     "grow": "agent.grow",
-    "births": "agent.births",
     "cells": "cells.kind",
     "workers": "cells.workers",
     "restart": "supervision.restart",

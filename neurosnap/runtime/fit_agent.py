@@ -1,18 +1,15 @@
 """Fits an agent to a source: its sensors, its actions, its target."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from neurosnap.agent.body import Body
-from neurosnap.agent.growth.birth import Birth, with_births
 from neurosnap.agent.policy import AgentKind
 from neurosnap.errors import InvalidValueError
 from neurosnap.sources.open import open_source
 from neurosnap.sources.protocol import Argument, Source
 
 
-def body_of(
-    source: Source, agent: AgentKind, room: int = 0, births: Sequence[Birth] = ()
-) -> Body:
+def body_of(source: Source, agent: AgentKind, room: int = 0) -> Body:
     """Return what an agent senses of a source.
 
     A walker does what it does without regard to what it leads to, and gets the world's
@@ -22,11 +19,9 @@ def body_of(
         source: What there is to sense and to do.
         agent: The kind of agent.
         room: How many sensors it may grow.
-        births: Sensors that are grown besides, at given ticks.
 
     Raises:
-        InvalidValueError: It is to grow sensors and is a walker, or has no actions; or
-            a birth is of unknown sensors.
+        InvalidValueError: It is to grow sensors and is a walker, or has no actions.
     """
     if room and (agent == "walker" or not source.actions):
         raise InvalidValueError(
@@ -34,10 +29,8 @@ def body_of(
         )
     own, orders, actions = source.sensors, source.orders, source.actions
     if agent == "walker":
-        body = Body(own=own, orders=orders, actions=actions)
-    else:
-        body = Body.full(own, actions, orders, room)
-    return with_births(body, births)
+        return Body(own=own, orders=orders, actions=actions)
+    return Body.full(own, actions, orders, room)
 
 
 def drawn_to(

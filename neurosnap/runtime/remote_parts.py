@@ -124,7 +124,7 @@ def world(source: str) -> ChooseParts:
             try_camera(opened, options.frames)
         finally:
             opened.close()
-        plain = msgspec.structs.replace(options.body, room=0, grown=(), scripted=())
+        plain = msgspec.structs.replace(options.body, room=0, grown=())
         if body_of(opened, options.agent) != plain:
             rule = "must have the sensors and actions that the coordinator knows of"
             raise InvalidValueError("source", rule, source)

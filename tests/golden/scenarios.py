@@ -9,7 +9,6 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.agent.growth.birth import Birth
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.sources.open import open_source
@@ -154,11 +153,6 @@ _WATCHED = {"watch": True, "support": 3, "hold": 2}
 _SPREAD = {"cells": "worker", "workers": 3, "learning": "spread", "band": 4}
 _GRID = {"width": 3, "height": 3}
 _RAIL = {"places": 6, "target": 2}
-_BIRTHS = [
-    Birth("press", ("a", "b"), 22),
-    Birth("press", ("a*", "lit"), 30),
-    Birth("turn_a", ("a", "lit*"), 12),
-]
 
 
 def _path(**more: Any) -> RunOptions:
@@ -256,10 +250,6 @@ SCENARIOS = (
     _world(
         "growing-cut-off",
         lamp_options(LIMITED, ticks=60, cells="inline", threshold=0.05),
-    ),
-    _world(
-        "scripted-births",
-        lamp_options(grow=0, births=_BIRTHS, ticks=50, cells="worker"),
     ),
 )
 """What is run."""

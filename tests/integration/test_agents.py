@@ -26,7 +26,7 @@ from neurosnap.sources.protocol import Argument, Observed, Source
 from tests.support.aliased_worlds import NAME as MAZE
 from tests.support.course import course
 from tests.support.exhaustive import rows
-from tests.support.lamp import BIRTH, LIMITED, lamp_options, scripted_births
+from tests.support.lamp import BIRTH, LIMITED, lamp_options
 from tests.support.recorded_messages import of_type
 from tests.support.rewritten_recordings import changing, rewritten
 from tests.support.run_options import options_for
@@ -71,8 +71,6 @@ RUNS: dict[str, Callable[..., RunOptions]] = {
     "planner on a cycle": partial(acting, "planner", CYCLE, snapshot="empirical"),
     "grows": partial(lamp_options, ticks=TICKS),
     "cut off": partial(lamp_options, LIMITED, ticks=TICKS),
-    "scripted": scripted_births,
-    "scripted and grows": partial(scripted_births, grow=2),
     "planned": planned,
     "steps back": partial(
         options_for,
@@ -148,8 +146,6 @@ def by_one_agent(
             ("grows", "inline"),
             ("grows", "process"),
             ("cut off", "inline"),
-            ("scripted", "inline"),
-            ("scripted and grows", "worker"),
             ("planned", "inline"),
             ("steps back", "inline"),
             ("rewarded", "inline"),
@@ -183,8 +179,6 @@ def test_a_swarm_decides_as_one_agent(
     match name:
         case "grows":
             assert list(born) == [BIRTH]
-        case "scripted" | "scripted and grows":
-            assert (born[12], born[13]) == ((2, (0, 2)), (2, (1, 4)))
         case "planned":
             assert any(one.why.startswith("to learn what") for one in alone)
             assert any(one.why == "at random, to explore" for one in alone)
@@ -210,7 +204,6 @@ def wholes(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     [
         *((name, 20) for name in ("excited", "planner")),
         *(("grows", BIRTH + later) for later in (0, 1, 9)),
-        *(("scripted", stop) for stop in (12, 13)),
     ],
 )
 def test_it_goes_on_as_if_nothing_had_been(

@@ -25,7 +25,7 @@ from neurosnap.runtime.request import Outcome, RunRequest, Watcher
 from neurosnap.runtime.run import run
 from tests.support.course import course
 from tests.support.disturbed_runs import ENDLESS, Disturbed
-from tests.support.lamp import BIRTH, LIMITED, lamp_options, scripted_births
+from tests.support.lamp import BIRTH, LIMITED, lamp_options
 from tests.support.recorded_messages import first
 from tests.support.rewritten_recordings import (
     changing,
@@ -55,7 +55,6 @@ def decisions(log: Path) -> dict[int, wire.Decision]:
 def inline(tmp_path_factory: pytest.TempPathFactory) -> Path:
     log = tmp_path_factory.mktemp("inline") / "grows"
     made(lamp_options(ticks=TICKS, cells="inline"), log)
-    made(scripted_births(cells="inline"), log.with_name("scripted"))
     return log
 
 
@@ -105,25 +104,6 @@ def test_what_was_grown_is_called_by_its_formula_and_learned_as_in_the_run(
         if tick in frames:
             learning.snapshot.adopt(frames[tick].state)
             assert learning.snapshot.to_bytes() == frames[tick].to_bytes()
-
-
-def test_what_a_script_grows_has_weights_cells_and_names(inline: Path) -> None:
-    log = inline.with_name("scripted")
-    birth = decisions(log)[12]
-    first = scripted_births().body.first_grown
-    assert birth.born == first + 1  # behind the one that is there from the start
-    assert birth.history == 12
-    assert len(birth.weights) == 4 * 4 * birth.born
-    names = learned_at(Recording.open(log), 30).sensorium.names
-    assert names[first:] == ("turn_a&a&~b", "press&a&b", "press&~a&lit")
-    on = {
-        recorded.message.tick
-        for recorded in Recording.open(log).messages(("observation",))
-        if isinstance(recorded.message, wire.Observation)
-        and recorded.message.bits[birth.born >> 3] >> (birth.born & 7) & 1
-    }
-    assert on
-    assert min(on) > 12
 
 
 @pytest.mark.parametrize(

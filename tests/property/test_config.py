@@ -17,7 +17,7 @@ from msgspec import inspect
 from neurosnap.apps.config.load import load
 from neurosnap.apps.config.problems import Keys, LineNumbers, dotted
 from neurosnap.apps.config.sources import CsvTable, WorldTable
-from neurosnap.apps.config.tables import AgentTable, Config, HealthTable
+from neurosnap.apps.config.tables import Config, HealthTable
 from neurosnap.apps.config.validate import problems
 from tools.json_schema import schema
 
@@ -212,8 +212,6 @@ def values_of(kind: inspect.Type) -> st.SearchStrategy[Any]:
 
 def fields_of(kind: inspect.StructType) -> st.SearchStrategy[Any]:
     given = {field.name: values_of(field.type) for field in kind.fields}
-    if kind.cls is AgentTable:
-        given["births"] = st.just([])
     if kind.cls is HealthTable:
         given["alarms"] = st.none()
     return st.fixed_dictionaries(given)

@@ -20,9 +20,9 @@ from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.world import World
 from neurosnap.sources.open import open_source
 from tests.support.hypothesis_settings import cases
-from tests.support.lamp import NAME, Lamp
 from tests.support.run_options import core_options
 from tests.support.simulated_swarm import Deaf, SimulatedSwarm, repeatable
+from tools.simulate.lamp import NAME, Lamp
 from tools.simulate.simulated_hub import Faults, SimulatedHub
 
 pytestmark = pytest.mark.slow

@@ -1,9 +1,8 @@
 """Options of runs, with the sensors and actions that their sources have."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from neurosnap.agent.body import Body
-from neurosnap.agent.growth.birth import Birth
 from neurosnap.agent.policy import AgentKind
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.fit_agent import body_of
@@ -18,7 +17,6 @@ def options_for(
     *,
     agent: AgentKind = "walker",
     grow: int = 0,
-    births: Sequence[Birth] = (),
     **more: object,
 ) -> RunOptions:
     """Return the options of a run.
@@ -30,7 +28,6 @@ def options_for(
         agent: What chooses the actions; a planner goes where the second sensor is on
             and the first is off.
         grow: How many sensors it may grow.
-        births: What is grown by a script.
         **more: Any other options.
     """
     given = dict(arguments or {})
@@ -41,7 +38,7 @@ def options_for(
     return RunOptions(
         source=source,
         arguments=given,
-        body=body_of(opened, agent, grow, births),
+        body=body_of(opened, agent, grow),
         agent=agent,
         seed=seed,
         **more,  # type: ignore[arg-type]

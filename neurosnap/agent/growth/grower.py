@@ -129,7 +129,7 @@ class Grower:
             rule = "must come with actions sensed in context"
             raise InvalidValueError("grow", rule, body.actions)
         self._own = len(body.own)
-        self._room = body.finds
+        self._room = body.room
         self._confirmations = confirmations
         self._fit(body)
         # For each action: the literals in whose context it is sensed, and that sensor.
@@ -159,10 +159,8 @@ class Grower:
         self._judge()
 
     def _fit(self, body: Body) -> None:
-        # What is scripted comes without being found.
-        scripted = {context for _, context in body.scripted}
-        self._grown = scripted.union(body.in_use)
-        self._births = sum(context not in scripted for context in body.grown)
+        self._grown = set(body.in_use)
+        self._births = len(body.grown)
 
     @property
     def hopeless(self) -> NDArray[np.bool_]:

@@ -1,8 +1,4 @@
-"""Decides at each tick which sensor to grow or to retire, from past readings.
-
-A scripted sensor is grown at its tick, or at the first tick from then on at which no
-other one is. It stays: it never retires.
-"""
+"""Decides at each tick which sensor to grow or to retire, from past readings."""
 
 from typing import Any
 
@@ -38,27 +34,22 @@ class Growth:
     """
 
     def __init__(self, body: Body, length: int = wire.HISTORY) -> None:
-        self._grower = Grower(body) if body.finds else None
-        self._scripted = {context for _, context in body.scripted}
+        self._grower = Grower(body)
         self.history = History(len(body.sensors), length)
         self._own = len(body.own)
-        self._hopeless = np.zeros((len(body.actions), 2 * self._own), np.bool_)
         self._body = body
-        self._awaited = body.awaited
         self._said: dict[str, Any] = {}  # in the decision of the tick under way
 
     def fit(self, body: Body) -> None:
         """Go on with a body that has grown, or retired, a sensor."""
-        if self._grower is not None:
-            for place in set(body.retired) - set(self._body.retired):
-                self._grower.retire(body.grown[place])
+        for place in set(body.retired) - set(self._body.retired):
+            self._grower.retire(body.grown[place])
         self._body = body
-        self._awaited = body.awaited
 
     @property
     def hopeless(self) -> NDArray[np.bool_]:
         """``(actions, 2n)``: which results seem to be left to chance."""
-        return self._hopeless if self._grower is None else self._grower.hopeless
+        return self._grower.hopeless
 
     def notice(
         self,
@@ -99,13 +90,11 @@ class Growth:
         """Prepare what a decision says: one sensor is grown at most, or one retires."""
         self._said = {}
         due, tick = None, self.history.tick
-        if action >= 0 and self._grower is not None:
+        if action >= 0:
             before = self.hopeless[action]
             due = yield from self._grower.notice(action, state, foretold, came, tick)
             if (given_up := self.hopeless[action] & ~before).any():
                 self._said["chance"] = tuple(np.flatnonzero(given_up).tolist())
-        if due is None and self._awaited and self._awaited[0][0] <= tick:
-            due = self._awaited[0][1]  # the scripted one whose tick it is
         if due is None:
             yield from self._retire(snapshot)
         else:
@@ -138,15 +127,14 @@ class Growth:
         if rest or not body.grown:
             return
         place = turn % len(body.grown)
-        if place in body.retired or body.grown[place] in self._scripted:
+        if place in body.retired:
             return
         if (yield from is_needless(body, place, snapshot)):
             self._said["retires"] = body.first_grown + place
 
     def arrays(self) -> Arrays:
         """Return its whole state as arrays, by name."""
-        found = {} if self._grower is None else self._grower.arrays()
-        return self.history.arrays() | found
+        return self.history.arrays() | self._grower.arrays()
 
     def restore(self, arrays: Arrays) -> None:
         """Be as the arrays say.
@@ -156,5 +144,4 @@ class Growth:
         """
         self.history = History.from_arrays(arrays)
         self.history.check(len(self._body.sensors))
-        if self._grower is not None:
-            self._grower.restore(self._body, arrays)
+        self._grower.restore(self._body, arrays)

@@ -205,7 +205,7 @@ def _fit(config: Config, name: str, given: dict[str, Argument]) -> _Fitted:
     finally:
         opened.close()
     length = FOREVER if opened.live else opened.length
-    body = body_of(opened, agent.kind, agent.grow, agent.births)
+    body = body_of(opened, agent.kind, agent.grow)
     check_sensors(len(body.sensors))  # before anything is made of all their pairs
     return _Fitted(body, arguments, target, length, opened.discrete)
 

@@ -9,7 +9,6 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 import msgspec
 
-from neurosnap.agent.growth.birth import Birth
 from neurosnap.apps.config.sources import SourceTable, Text
 from neurosnap.health.budget import NEVER, parse_budget
 from neurosnap.protocol.option import declared, option
@@ -62,8 +61,6 @@ class AgentTable(_options("agent"), frozen=True, kw_only=True):  # type: ignore[
             ge=0,
         ),
     ] = 0
-    births: tuple[Birth, ...] = ()
-    """Sensors that are grown at given ticks, besides those that the agent may grow."""
 
 
 class SnapshotTable(_options("snapshot"), frozen=True, kw_only=True):  # type: ignore[call-arg, misc]

@@ -28,7 +28,6 @@ def test_every_option_and_message_is_on_its_page() -> None:
 
 def test_a_key_of_a_list_of_tables_stands_under_its_own_heading() -> None:
     text = reference.toml()
-    assert "## `[[agent.births]]`" in text
     assert "## `[[source.sensors]]`" in text
     assert "| `ticks` | a whole number, 1 or more |" in text
 

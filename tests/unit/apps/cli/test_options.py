@@ -58,9 +58,9 @@ def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-def test_every_key_but_the_source_and_tables_in_lists_has_one_flag() -> None:
+def test_every_key_but_the_source_has_one_flag() -> None:
     keys = [dotted(key) for key in known_keys(Config) if len(key) == 2]
-    wanted = [key for key in keys if not key.startswith(("source.", "agent.births"))]
+    wanted = [key for key in keys if not key.startswith("source.")]
     assert sorted(option.key for option in run_options().values()) == sorted(wanted)
 
 
@@ -86,7 +86,7 @@ def test_flags_go_before_the_file_where_they_were_given(file: Path) -> None:
     assert plain.site.network.listen == "tcp/127.0.0.1:0"
 
     flags = ("--ticks", 9, "--threshold", 0.25, "--listen", "", "--record")
-    keys = ("supervision.max_restarts=0", "wait=true", "places=4", "agent.births=[]")
+    keys = ("supervision.max_restarts=0", "wait=true", "places=4")
     more = ("agent.explore=0.5", "recording.split=1MiB", "recording.folder=l")
     other = made(
         file, *flags, *(word for key in keys + more for word in ("--set", key))

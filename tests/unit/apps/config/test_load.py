@@ -138,24 +138,7 @@ SOURCES = {
         "swarm.toml:5: source.broker.password_env: must be set in the environment, got 'NO_SUCH'"
     ),
 }  # fmt: skip
-BIRTH = "[agent]\nkind = 'excited'\n[[agent.births]]\naction = "
-GOOD = "literals = ['below_1', 'below_2']"
 TOGETHER = {
-    f"{BIRTH}'down'\n{GOOD}": (
-        "8: agent.births[0].action: must be one of forward, back, wait, got"
-    ),
-    f"{BIRTH}'forward'\ntick = -1\n{GOOD}": (
-        "9: agent.births[0].tick: must be a whole number, 0 or more, got -1"
-    ),
-    f"{BIRTH}'forward'\nliterals = [\n'below_2',\n'above']": (
-        "11: agent.births[0].literals[1]: must name a"
-    ),
-    f"{BIRTH}'forward'\nliterals = ['below_2']": (
-        "9: agent.births[0].literals: must be of two sensors or more"
-    ),
-    f"{BIRTH}'forward'\nliterals = ['below_2', 'below_2*']": (
-        "9: agent.births[0].literals[1]: must not be the"
-    ),
     "[snapshot]\ndecay = 0.5": (
         "6: snapshot.decay: must go with a discounted snapshot only, got 0.5"
     ),

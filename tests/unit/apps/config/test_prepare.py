@@ -144,24 +144,6 @@ def test_an_excited_agent_is_drawn_to_a_place(file: Path, target: str) -> None:
     assert {"better", "worse"} <= set(options.body.own)
 
 
-BIRTH = """[[agent.births]]
-action = "forward"
-literals = ["below_1", "below_3*"]
-tick = 40
-[[agent.births]]
-action = "back"
-literals = ["below_1*", "below_2"]
-"""
-
-
-def test_sensors_are_grown_as_the_file_says(file: Path) -> None:
-    text = f"{WORLD}[agent]\nkind = 'planner'\ntarget = 'below_1'\ngrow = 3\n{BIRTH}"
-    body = prepared(file, text).options.body
-    assert (body.room, body.finds) == (5, 3)
-    assert body.sensors[body.first_grown] == "back&~below_1&below_2"
-    assert [tick for tick, _ in body.awaited] == [40]
-
-
 # What goes before the file ------------------------------------------------------------
 
 
