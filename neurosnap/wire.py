@@ -81,9 +81,6 @@ class Observation(_Message, frozen=True):
     cut: bool = False
     """It begins a trajectory, and the one before had not come to its own end: after a
     limit on time, say."""
-    paused: bool = False
-    """Learning was paused: nothing is learned from it, but it is judged and has a
-    state like any other."""
 
 
 class Wiring(_Message, frozen=True):
@@ -539,8 +536,6 @@ class Learn(_Message, frozen=True, omit_defaults=True):
     """As in the observation."""
     known: bytes = b""
     """As in the observation."""
-    paused: bool = False
-    """As in the observation: nothing is learned."""
     frame: Natural = 0
     """The tick of a key-frame that they send the bands of, before they answer; that is
     the tick learned last. 0: none."""

@@ -212,7 +212,7 @@ class AnomalyDetector:
         """Return the anomaly in an observation that is not learned yet, if any.
 
         Args:
-            observation: The observation; one that is paused counts for no occasion.
+            observation: The observation.
             seen: The same, decoded.
             snapshot: What was learned before it.
             weighs: Whether it knows what spoke for and against implications; else
@@ -229,8 +229,7 @@ class AnomalyDetector:
             read if self._occasions else None,
         )
         if self._history is not None:
-            none = np.zeros_like(seen.bits)
-            self._history.record(seen.bits, none if observation.paused else seen.known)
+            self._history.record(seen.bits, seen.known)
         return found
 
     def to_bytes(self) -> bytes:

@@ -349,9 +349,6 @@ class Coordinator:
             return [_fault(str(error))]
         except ShapeError as error:
             return [_fault(f"observation: {error}")]
-        if observation.paused and self._grows:
-            rule = "must not be paused in a run that grows sensors"
-            return [_fault(f"observation: {rule}, got tick {observation.tick}")]
         self._observation, self._known = observation, observation.known
         self._signal = tuple(np.flatnonzero(selection(bits, known)).tolist())
         self._sensed = Sensed(bits, known, observation.begins, observation.cut)
@@ -400,10 +397,7 @@ class Coordinator:
     def _learn(self, steps: Steps) -> list[wire.Message]:
         """Learn an observation, or let the workers that share the learning do so."""
         seen = self._sensed
-        if self._observation.paused:
-            self.snapshot.skip()
-        else:
-            self._changed |= self.snapshot.learn(seen.bits, seen.known)
+        self._changed |= self.snapshot.learn(seen.bits, seen.known)
         if not self._learning.shares:
             return self._proceed(steps)
         return self._learning.ask_to_learn(self._observation, self._anomaly)

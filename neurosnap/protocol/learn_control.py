@@ -80,7 +80,6 @@ class LearnControl:
                 tick=observation.tick,
                 bits=observation.bits,
                 known=observation.known,
-                paused=observation.paused,
                 begins=self.begins,
                 sources=sources,
                 targets=targets,

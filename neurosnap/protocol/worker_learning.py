@@ -48,7 +48,7 @@ class WorkerLearning:
     @property
     def tick(self) -> int:
         """What was learned last."""
-        return self._snapshot.tick
+        return self._snapshot.clock
 
     def learn(self, message: wire.Learn) -> list[wire.Message]:
         """Learn what is to be learned now; return what changed.
@@ -61,9 +61,9 @@ class WorkerLearning:
                 nothing then makes the coordinator name this worker.
         """
         before = message.tick if message.frame else message.tick - 1
-        if message.begins and self._snapshot.tick < before:
+        if message.begins and self._snapshot.clock < before:
             self.begin(message.begins)
-        tick = self._snapshot.tick
+        tick = self._snapshot.clock
         if message.tick not in (tick, tick + 1):
             rule = f"must be of tick {tick + 1}"
             raise MessageError(f"learn: {rule}, got tick {message.tick}")
@@ -82,10 +82,7 @@ class WorkerLearning:
         except ShapeError as error:
             raise MessageError(f"learn: {error}") from error
         asked = self._evidence(message)
-        if message.paused:
-            self._snapshot.skip()
-        else:
-            self._snapshot.learn(bits, known)
+        self._snapshot.learn(bits, known)
         self._said = self._pieces(message, asked)
         return [*self._said]
 
@@ -131,12 +128,12 @@ class WorkerLearning:
 
     def bands(self) -> Iterator[wire.Band]:
         """Yield the bands of a key-frame of the tick learned last."""
-        args = self._snapshot.tick, self._band, self._who, self._shares
+        args = self._snapshot.clock, self._band, self._who, self._shares
         return bands_of(self._snapshot, *args)
 
     def receive_band(self, band: wire.Band) -> None:
         """Keep a band to begin with, if it is of this share and of a later tick."""
-        if band.tick <= self._snapshot.tick:
+        if band.tick <= self._snapshot.clock:
             return
         if any(other.tick < band.tick for other in self._bands.values()):
             self._bands = {}

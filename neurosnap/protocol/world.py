@@ -136,6 +136,4 @@ class World:
             begins=seen.begins,
             known=b"" if known is None else pack(known),
             cut=seen.cut and self._tick > 1,
-            # What is grown comes from all that was read.
-            paused=seen.paused and not self._body.room,
         )

@@ -27,8 +27,6 @@ class Observed(msgspec.Struct, frozen=True, eq=False):
     """It begins one, and the trajectory before, if there was one, had not come to its
     own end: a limit on time cut it off, or the source was not listened to for a
     while."""
-    paused: bool = False
-    """Nothing is to be learned from it: learning is paused."""
 
 
 class Source(Protocol):

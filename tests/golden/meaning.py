@@ -87,7 +87,6 @@ class _Telling:
                     for bit, read in zip(bits, known, strict=True)
                 )
                 flags = {"begins": message.begins, "cut": message.cut}
-                flags["paused"] = message.paused
                 named = [name for name, holds in flags.items() if holds]
                 return " ".join(["read", "".join(row), *named])
             case wire.State():

@@ -58,17 +58,16 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class _Rows(Scripted):
-    """Shows rows; at some ticks a trajectory begins, or learning is paused."""
+    """Shows rows; at some ticks a trajectory begins."""
 
     def __init__(
         self,
         rows: Sequence[Row],
         begins: Sequence[int] = (),
         cuts: Sequence[int] = (),
-        pauses: Sequence[int] = (),
     ) -> None:
         super().__init__(rows)
-        self._begins, self._cuts, self._pauses = begins, cuts, pauses
+        self._begins, self._cuts = begins, cuts
 
     def _show(self, *, begins: bool = False, cut: bool = False) -> Observed | None:
         shown, tick = super()._show(begins=begins, cut=cut), self._next
@@ -79,7 +78,6 @@ class _Rows(Scripted):
             shown,
             begins=tick == 1 or tick in self._begins or cut,
             cut=cut,
-            paused=tick in self._pauses,
         )
 
 
@@ -197,7 +195,6 @@ SCENARIOS = (
         {**_SPREAD, **_WATCHED},
         order=5,
         loses=199,
-        pauses=(20, 21),
     ),
     _readings(
         "spread-resumed-discounted",
@@ -216,7 +213,6 @@ SCENARIOS = (
         rows(100, 7, breaks=(50, 51, 52, 53, 80)),
         {**_WATCHED, "band": 4},
         cuts=(60,),
-        pauses=(79, 80, 81),
     ),
     _world("planner", _planner(cells="worker")),
     _world("imagining", _planner(imagine=60, cells="worker", workers=2)),

@@ -193,7 +193,6 @@ WRONG: list[tuple[type[wire.Message], int, dict[str, Any], str]] = [
     (wire.Band, 14, {"array": "clock"}, BAND),
     (wire.Band, 14, {"offset": 5}, BAND),
     (wire.Learned, 12, {"codes": b"\3", "rows": b"\1\0\0\0"}, "/learned"),
-    (wire.Learn, 14, {"paused": True}, "/learn"),
     (wire.Learn, 14, {"bits": b"\0"}, "/learn"),
 ]
 

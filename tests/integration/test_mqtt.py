@@ -211,7 +211,6 @@ async def test_home_assistant_finds_beliefs_and_anomalies(broker: Mosquitto) -> 
         f"{PREFIX}/sensor/light": b"unknown",
         f"{PREFIX}/decision": b'{"action":"on","why":"greedy"}',
         f"{PREFIX}/anomaly": b'{"now":"OFF","last":{"tick":1,"culprits":["door"]}}',
-        f"{PREFIX}/progress": b'{"ticks":2,"implications":0}',
     }
     assert device["availability"] == [{"topic": f"{PREFIX}/status"}]
     topics = {each["state_topic"] for each in device["components"].values()}

@@ -10,7 +10,6 @@ from pathlib import Path
 import aiomqtt
 import pytest
 
-from neurosnap import wire
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from tests.support.commands import Command
@@ -154,62 +153,6 @@ async def test_a_house_is_learned_and_looked_after(tmp_path: Path, cells: str) -
     raw = "".join(Recording.open(run.log).metadata.values())
     assert "HOUSE_PASSWORD" in raw
     assert SECRET not in raw
-
-
-async def test_a_switch_pauses_learning(tmp_path: Path) -> None:
-    seen: dict[str, bytes] = {}
-
-    async def show(other: aiomqtt.Client, door: bool, light: bool) -> None:
-        await publish(other, door=door, light=light, t=25)
-        word = {True: b"ON", False: b"OFF"}
-        wanted = {"memory/sensor/door": word[door], "memory/sensor/light": word[light]}
-        await see(other, seen, wanted)
-
-    async def switch(other: aiomqtt.Client, word: bytes) -> None:
-        """Turn learning on or off as Home Assistant does, and wait until it is so."""
-        await other.publish("memory/learning/set", word, qos=1, retain=True)
-        await see(other, seen, {"memory/learning": word})
-
-    with started(tmp_path, "allow_anonymous true") as broker:
-        async with (
-            peer(broker, "memory/#") as other,
-            running(tmp_path, broker, "worker") as run,
-        ):
-            await see(other, seen, {"memory/world/status": b"online"})
-            for turn in range(60):
-                await show(other, turn % 2 == 0, turn % 2 == 0 or turn % 3 == 0)
-            await see(other, seen, {"memory/learning": b"ON"})
-            await other.publish("memory/learning/set", b"perhaps", qos=1)
-            await switch(other, b"OFF")
-            # Learned from, so many would undo what they contradict.
-            for _ in range(30):
-                await publish(other, door=True, light=False, t=25)
-                await until(other, "memory/anomaly", now="ON")
-                await publish(other, door=True, light=True, t=25)
-                await until(other, "memory/anomaly", now="OFF")
-            await switch(other, b"ON")
-            await publish(other, door=True, light=False, t=25)
-            found = await until(other, "memory/anomaly", now="ON")
-            assert isinstance(found, dict)
-            (broken,) = found["last"]["broken"]
-            assert broken["implication"] == "door -> light"
-            assert broken["against"] == 0
-            assert "door or light" in found["last"]["text"] or (
-                "light or door" in found["last"]["text"]
-            )
-            assert await run.end() == 0, run.said
-    assert "memory/learning/set: must be ON or OFF, got b'perhaps'" in run.said
-    verdict = verify(run.log)
-    assert verdict.same, verdict.difference
-    assert verdict.complete
-    recording = Recording.open(run.log)
-    observations = [
-        recorded.message
-        for recorded in recording.messages(("observation",))
-        if isinstance(recorded.message, wire.Observation)
-    ]
-    paused = [observation.paused for observation in observations]
-    assert sum(paused) > 60
 
 
 async def test_a_wrong_password_is_named_at_once(tmp_path: Path) -> None:

@@ -34,7 +34,7 @@ class EagerCounts:
     def __init__(self, sensors: int, threshold: float | str) -> None:
         pairs, auto = sensors * (sensors - 1) // 2, threshold == AUTO
         self.threshold = SHARE if auto else float(threshold)
-        self.clock = self.skipped = 0
+        self.clock = 0
         self.joints = np.zeros(pairs, np.uint32)
         self.marginals = np.zeros(sensors, np.uint32)
         self.codes = np.zeros(pairs, np.uint8)
@@ -52,7 +52,7 @@ class EagerCounts:
         fresh = self._judged()
         changed = fresh != self.codes
         self.codes = fresh
-        self.since[changed] = self.clock + self.skipped
+        self.since[changed] = self.clock
         return bool(changed.any())
 
     def squares(self) -> NDArray[np.int64]:
@@ -188,14 +188,11 @@ def test_it_can_be_read_saved_and_interrupted_at_any_time(
     whens = st.lists(st.integers(0, len(rows)), max_size=4)
     stops = {
         what: set(data.draw(whens, label=what))
-        for what in ("saved", "compared", "skipped", "weighed")
+        for what in ("saved", "compared", "weighed")
     }
     for tick, bits in enumerate(rows):
         lazy.learn(bits)
         eager.learn(bits)
-        if tick in stops["skipped"]:
-            lazy.skip()
-            eager.skipped += 1
         if tick in stops["saved"]:
             lazy = EmpiricalSnapshot.from_bytes(lazy.to_bytes())
         if tick in stops["compared"]:

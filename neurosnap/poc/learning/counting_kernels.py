@@ -133,7 +133,6 @@ def learn_lazily(
     joints: NDArray[np.uint32],
     marginals: NDArray[np.uint32],
     clock: int,
-    tick: int,
     pairs: tuple[Any, ...],
     lag: tuple[Any, ...],
     spells: Spells | None,
@@ -149,7 +148,6 @@ def learn_lazily(
         joints: ``(P,)``, each row as `lag` says; updated.
         marginals: ``(N,)``, updated.
         clock: The number of observations, this one included; at least 1.
-        tick: What changes are dated with.
         pairs: A `Pairs`; updated.
         lag: A `Lag`; updated.
         spells: Where thresholds choose themselves, which then are
@@ -169,7 +167,7 @@ def learn_lazily(
     window = TURNS if auto else WINDOW
     low, high = limit_of(share, clock, auto), limit_of(share, clock + window, auto)
     limits = _Limits(clock, low, high, window)
-    changed = _judge_listed(joints, marginals, limits, tick, kept, turn, late, auto)
+    changed = _judge_listed(joints, marginals, limits, kept, turn, late, auto)
     fresh = np.empty(count, np.uint8)
     squares = np.empty((4, count if auto else 0), np.uint32)
     for i in range(first, end):
@@ -192,7 +190,7 @@ def learn_lazily(
             withstand(i, turn[i], row, spells, now, fresh)
             differ = difference(fresh, now)
         if differ:
-            rewire(i, fresh, kept, tick)
+            rewire(i, fresh, kept, clock)
             changed = True
         if turn[i]:
             slack = late.slack[start : start + i]
@@ -277,7 +275,6 @@ def _judge_listed(
     joints: NDArray[np.uint32],
     marginals: NDArray[np.uint32],
     limits: _Limits,
-    tick: int,
     pairs: Pairs,
     turn: NDArray[np.bool_],
     lag: Lag,
@@ -307,8 +304,8 @@ def _judge_listed(
             code = np.uint8(0)
         if code != was:
             flip(i, j, code ^ was, pairs.rows)
-            pairs.codes[pair], pairs.since[pair] = code, np.uint32(tick)
-            pairs.latest[i] = np.uint32(tick)
+            pairs.codes[pair], pairs.since[pair] = code, np.uint32(clock)
+            pairs.latest[i] = np.uint32(clock)
             changed = True
         on = (lag.readings[i] >> place & _ONE) > 0
         also = (lag.readings[j] >> place & _ONE) > 0

@@ -34,7 +34,6 @@ def count_squares(
     squares: NDArray[np.uint32],
     born: NDArray[np.uint32],
     clock: int,
-    tick: int,
     pairs: tuple[Any, ...],
     spells: Spells | None,
 ) -> bool:
@@ -56,7 +55,6 @@ def count_squares(
         born: ``(N,)``, the clock when each sensor began, ascending; 0 for those that
             were there from the start.
         clock: Observations so far, this one included.
-        tick: What changes are dated with.
         pairs: A `Pairs`; updated.
         spells: Where thresholds choose themselves, which then are
             `neurosnap.poc.learning.automatic_threshold.SHARE`; else None.
@@ -86,7 +84,7 @@ def count_squares(
         if spells is not None:
             withstand(i, spells[1][i], row, spells, now, fresh)
         if difference(fresh, now):
-            rewire(i, fresh, kept, tick)
+            rewire(i, fresh, kept, clock)
             changed = True
     return changed
 

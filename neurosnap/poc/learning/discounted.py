@@ -79,7 +79,7 @@ class DiscountedSnapshot(Snapshot):
         return self._decay
 
     def _update(self) -> bool:
-        weights, pairs, tick = self._weights, tuple(self._pairs), self.tick + 1
+        weights, pairs, tick = self._weights, tuple(self._pairs), self._clock + 1
         if (squares := weights.squares) is not None:
             bits, known = self._bits, self._known
             return discount_squares(bits, known, squares, self._decay, pairs, tick)

@@ -161,18 +161,16 @@ class EmpiricalSnapshot(Snapshot):
             lag: What is put off where all readings are known; if None, every pair is
                 judged.
         """
-        weights, pairs, tick = self._weights, tuple(self._pairs), clock + self._skipped
+        weights, pairs = self._weights, tuple(self._pairs)
         bits, known = self._bits, self._known
         spells = None if self._persistence is None else self._persistence.spells
         if weights.squares is not None:
             born, squares = self._born, weights.squares
-            return count_squares(bits, known, squares, born, clock, tick, pairs, spells)
+            return count_squares(bits, known, squares, born, clock, pairs, spells)
         if lag is None:
             lag = Lag.starting(len(self.sensorium), self._pairs.codes.size, clock)
         joints, marginals = weights.joints, weights.marginals
-        return learn_lazily(
-            bits, joints, marginals, clock, tick, pairs, tuple(lag), spells
-        )
+        return learn_lazily(bits, joints, marginals, clock, pairs, tuple(lag), spells)
 
     def _limit(self, a: int, b: int, square: tuple[float, ...]) -> float:
         if self._persistence is None:

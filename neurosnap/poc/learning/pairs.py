@@ -66,7 +66,7 @@ class Evidence:
     """Whether ``a -> b`` is an edge of the derived graph, equivalences included."""
     since: int
     """The observation at which what relates the two sensors last changed, from 1; 0 if
-    it never did. Those that were skipped count.
+    it never did.
 
     That is when it began to hold, or no longer did, unless an implication became an
     equivalence or the other way round, which is a change too. Also 0 if it changed

@@ -105,7 +105,6 @@ class Snapshot(Archived):
         self._share = range(count) if share is None else share
         pairs = pairs_of(self._share)
         self._clock = 0
-        self._skipped = 0
         self._bits = np.zeros(count, np.uint8)
         self._known = np.zeros(count, np.uint8)
         whole = len(self._share) in (0, count)
@@ -131,11 +130,6 @@ class Snapshot(Archived):
     def share(self) -> range:
         """The sensors whose pairs with those before them are learned here."""
         return self._share
-
-    @property
-    def tick(self) -> int:
-        """The number of observations so far, with those that were skipped."""
-        return self._clock + self._skipped
 
     @property
     def clock(self) -> int:
@@ -252,7 +246,7 @@ class Snapshot(Archived):
 
         O(N) time, and O(i) for each row `i` in which something changed.
         """
-        tick = self.tick
+        tick = self._clock
         counts = kernels.count_changes(self._pairs, tick)
         if not tick:
             counts[:] = 0
@@ -300,17 +294,6 @@ class Snapshot(Archived):
         rest = self.from_arrays(self.head(), range(0))
         rest._pairs.rows[:] = self._pairs.rows  # noqa: SLF001 - its own class
         return rest
-
-    def skip(self) -> None:
-        """Let an observation go by: it has a tick, and nothing is learned from it.
-
-        `clock` and all weights stay as they are; `Evidence.since` counts it.
-
-        Raises:
-            InvalidValueError: The clock is at its end.
-        """
-        self._check_room()
-        self._skipped += 1
 
     def newborn(
         self,
@@ -377,7 +360,7 @@ class Snapshot(Archived):
         self._weights.set(pairs, newborn.squares)
         self._sensorium = sensorium
         self._born[sensor] = self._clock - newborn.ticks
-        kernels.rewire(sensor, newborn.codes, self._pairs, self.tick)
+        kernels.rewire(sensor, newborn.codes, self._pairs, self._clock)
         self._state[2 * sensor] = reads is True
         self._state[2 * sensor + 1] = reads is False
         self._graphs.clear()
@@ -397,7 +380,7 @@ class Snapshot(Archived):
         pairs = [pair_of(literal, other) for other in others]
         self._weights.set(pairs, self._weights.start)
         codes = self._pairs.codes
-        self._pairs.since[np.array(pairs)[codes[pairs] > 0]] = self.tick
+        self._pairs.since[np.array(pairs)[codes[pairs] > 0]] = self._clock
         codes[pairs] = 0
         self._redraw()
         self._state[[literal, literal ^ 1]] = False
@@ -567,7 +550,6 @@ class Snapshot(Archived):
             "state": np.frombuffer(pack(self._state), np.uint8),
             "since": self._pairs.since,
             **({"born": self._born} if self._born.any() else {}),
-            **self._skips(),
         }
 
     def head(self) -> Arrays:
@@ -598,10 +580,6 @@ class Snapshot(Archived):
         self._clock = entry(arrays, "clock", (), np.int64).item()
         if not 0 <= self._clock < 2**_BITS:
             raise ValueError(f"clock: must be in [0, 2**{_BITS})")
-        if "skipped" in arrays:  # only where an observation went by
-            self._skipped = entry(arrays, "skipped", (), np.int64).item()
-            if not 0 <= self._skipped < 2**_BITS - self._clock:
-                raise ValueError(f"skipped: must be in [0, 2**{_BITS} - clock)")
         self._weights.restore(arrays)
         if "born" in arrays:  # only where a sensor has grown
             self._born[:] = entry(arrays, "born", self._born.shape, np.uint32)
@@ -614,19 +592,14 @@ class Snapshot(Archived):
         self._pairs.since[:] = entry(
             arrays, "since", self._pairs.since.shape, np.uint32
         )
-        if (self._pairs.since > self.tick).any():
+        if (self._pairs.since > self._clock).any():
             raise ValueError("since: must not be after the clock")
 
     def _check_room(self) -> None:
         """Refuse an observation that no count has room for."""
-        if self.tick + 1 >= 2**_BITS:
+        if self._clock + 1 >= 2**_BITS:
             rule = f"must stay below 2**{_BITS}, which the counts have room for"
-            raise InvalidValueError("clock", rule, self.tick + 1)
-
-    def _skips(self) -> Arrays:
-        """Return how many observations went by, where any did."""
-        skipped = self._skipped
-        return {"skipped": np.array(skipped, np.int64)} if skipped else {}
+            raise InvalidValueError("clock", rule, self._clock + 1)
 
     def _proper(self, a: int, b: int) -> tuple[int, int]:
         """Return two literals that are of different sensors."""

@@ -27,7 +27,7 @@ class OwnReadings(NamedTuple):
     on: NDArray[np.bool_]
     """``(n,)``, which are on."""
     known: NDArray[np.bool_]
-    """``(n,)``, which readings are known. While learning is paused none is."""
+    """``(n,)``, which readings are known."""
     begins: bool = False
     """Readings before it were missed."""
 
@@ -46,8 +46,6 @@ def own_readings(message: wire.Observation, sent: int, body: Body) -> OwnReading
     own = len(body.own)
     bits, known = unpack_readings(message.bits, message.known, body.count)
     told = np.ones(own, np.bool_) if known is None else known[:own]
-    if message.paused:
-        told = np.zeros(own, np.bool_)
     return OwnReadings(sent / _SECOND, bits[:own], told, message.begins)
 
 
@@ -85,7 +83,7 @@ def alarms_of(recording: Recording) -> Iterator[tuple[int, News]]:
 def readings_of(recording: Recording, sensorium: Sensorium, last: int) -> Readings:
     """Return the readings a run learned from, tick for tick, as a table.
 
-    What is not there is unknown, and so is what came while learning was paused.
+    What is not there is unknown.
 
     Args:
         recording: A run's.
@@ -110,7 +108,7 @@ def readings_of(recording: Recording, sensorium: Sensorium, last: int) -> Readin
         if growing.ticks < message.tick <= last:
             skip_to(message.tick - 1)
             bits, known = unpack_readings(message.bits, message.known, count)
-            growing.append(bits, np.zeros_like(bits) if message.paused else known)
+            growing.append(bits, known)
             times.append(utc(log_time / _SECOND))
     skip_to(last)
     return Readings(growing.columns(), times)

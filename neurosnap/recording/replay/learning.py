@@ -80,10 +80,7 @@ class Learning:
             )
         except ShapeError as error:
             raise RecordingError(f"{place}: /observation: {error}") from error
-        if observation.paused:
-            self.snapshot.skip()
-        else:
-            self.snapshot.learn(bits, known)
+        self.snapshot.learn(bits, known)
         self.tick = tick
         if decision is not None and self.grows:
             try:

@@ -71,8 +71,6 @@ class StatusListener:
     def receive(self, message: wire.Message) -> None:
         """Receive one message; of other kinds it passes over."""
         match message:
-            case wire.Observation(paused=paused):
-                self._publisher.learning(paused)
             case wire.State():
                 self._publisher.state(message)
                 if message.tick > self._wrong and not self._calm:
@@ -181,7 +179,6 @@ def _publisher(options: RunOptions) -> "MqttPublisher | None":
         body.sensors,
         own=len(body.own),
         actions=body.actions,
-        pauses=not body.room,
         judges=options.alarms != NEVER,
     )
 

@@ -75,20 +75,18 @@ class JournalRow(msgspec.Struct, frozen=True, array_like=True, tag="row"):
     """Which of the readings are known, packed; empty if all are."""
     begins: bool = False
     """It follows no action: readings before it were missed."""
-    paused: bool = False
-    """Nothing is to be learned from it."""
 
     @classmethod
     def of(cls, seen: Observed, number: int = 0) -> Self:
         """Return the row of an observation."""
         known = pack_known(seen.known)
-        return cls(number, pack(seen.bits), known, seen.begins, seen.paused)
+        return cls(number, pack(seen.bits), known, seen.begins)
 
     def observed(self, sensors: int) -> Observed:
         """Return the observation; what is live has no ends, so it was cut off."""
         known = unpack(self.known, sensors) if self.known else None
         bits = unpack(self.bits, sensors)
-        return Observed(bits, known, self.begins, self.begins, self.paused)
+        return Observed(bits, known, self.begins, self.begins)
 
 
 def pack_known(known: NDArray[np.bool_] | None) -> bytes:

@@ -48,7 +48,7 @@ class Feeder(Protocol):
         """Begin, and return without waiting; called once.
 
         From then on it may call, from any thread, the source's `receive`,
-        `receive_all`, `receive_whole`, `refuse`, `listens`, `pause`, `end` and `fail`;
+        `receive_all`, `receive_whole`, `refuse`, `listens`, `end` and `fail`;
         what it cannot do it reports by `fail`.
         """
 
@@ -126,7 +126,6 @@ class LiveSource:
         self._shown: Observed | None = None  # the last row, be it given or waiting
         self._turn = 0  # a waiting call ends when this has changed; see `wake_reader`
         self._away = False
-        self._pauses = False  # what comes from now on
         self._unshown: Bits = np.zeros(len(latest.sensors), np.bool_)
         self._stamps = ClockMapping(clock(), wall())
         # Serializes `start` and `stop`: no start after a stop, no stop during a start.
@@ -197,8 +196,6 @@ class LiveSource:
             shown = None if before is None else before.observed(count)
             self._waiting = deque(row.observed(count) for row in rows)
             self._shown = self._waiting[-1] if rows else shown
-            if not self._started and self._shown is not None:
-                self._pauses = self._shown.paused
             self._rows = self.journal.last
             self.given = tick
             self.resumed |= tick > 0
@@ -378,18 +375,6 @@ class LiveSource:
         with self._condition:
             self._refusals.refuse(text)
 
-    def pause(self, on: bool) -> None:
-        """Let nothing be learned from what comes from now on; or let it again.
-
-        From any thread. It makes a tick due, as a change of a reading does.
-        """
-        with self._condition:
-            if on != self._pauses:
-                self._pauses = on
-                self._changed()
-                if self._away:
-                    self._keep_change(self._clock())
-
     def listens(self, on: bool) -> None:
         """Note whether the feeder listens from now on; from any thread.
 
@@ -459,7 +444,7 @@ class LiveSource:
     def _is_change(self, seen: tuple[Bits, Bits]) -> bool:
         """Tell whether `seen`, readings and which are known, differs from the last."""
         shown, (bits, known) = self._shown, seen
-        if shown is None or shown.paused != self._pauses:
+        if shown is None:
             return True
         same = (
             known.all() if shown.known is None else np.array_equal(shown.known, known)
@@ -470,7 +455,7 @@ class LiveSource:
         """Return the next row, once it is written down."""
         sure, begins = None if known.all() else known, self._fresh
         # What is live has no ends: what begins cut off what was before.
-        row = Observed(bits, sure, begins, begins, self._pauses)
+        row = Observed(bits, sure, begins, begins)
         if self.journal is not None:
             self.journal.write(JournalRow.of(row))
         self._shown, self._fresh = row, False

@@ -21,7 +21,7 @@ from neurosnap.sources.mqtt.connection import MqttLink
 from neurosnap.sources.mqtt.options import MqttOptions, MqttSensor
 from neurosnap.sources.mqtt.outbox import Outgoing
 from neurosnap.sources.mqtt.payload import Payload, PayloadReader
-from neurosnap.sources.mqtt.published_topics import OFF, ON, Topics
+from neurosnap.sources.mqtt.published_topics import Topics
 
 
 def mqtt_source(
@@ -80,14 +80,11 @@ class MqttFeeder:
             here.append((sensor, PayloadReader(sensor)))
         self._source: LiveSource | None = None
         publish = options.publish
-        self._command = ""  # the topic that pauses learning
-        if publish is not None:
-            self._command = Topics(publish.prefix, ()).learning_set
         self._link = MqttLink(
             options.broker,
             "world",
             status=None if publish is None else Topics(publish.prefix, ()).world,
-            filters=[*filter(None, [self._command]), *self._readers],
+            filters=[*self._readers],
             receive=self._receive,
             connected=self._connected,
         )
@@ -145,8 +142,6 @@ class MqttFeeder:
         """Hand in what a message says, sensor by sensor."""
         if self._source is None:
             return
-        if topic == self._command:
-            self._pause(data)
         payload = Payload(topic, data)
         readings: dict[str, bool | None] = {}
         for sensor, reader in self._readers.get(topic, ()):
@@ -157,16 +152,6 @@ class MqttFeeder:
             except InvalidValueError as error:
                 self._source.refuse(f"{sensor.name}: {error}")
         self._source.receive_all(readings)
-
-    def _pause(self, data: bytes) -> None:
-        """Pause learning, or let it go on, as a command says."""
-        source, word = self._source, data.strip().upper()
-        if source is None or not word:  # an empty message only clears a retained one
-            return
-        if word in (ON, OFF):
-            source.pause(word == OFF)
-        else:
-            source.refuse(f"{self._command}: must be ON or OFF, got {data[:20]!r}")
 
     def _connected(self, on: bool) -> None:
         if self._source is not None:

@@ -9,17 +9,13 @@ Below the prefix, everything retained:
 ``decision``              ``{"action": "push", "why": "..."}``
 ``anomaly``               ``{"now": "ON", "last": {...}}``: whether there is one, and
                           the latest
-``progress``              ``{"ticks": 89, "implications": 12}``: how far learning is
-``learning``              ``ON``, or ``OFF`` while it is paused
-``learning/set``          to be published to: ``ON`` or ``OFF``
 ``health/<slug>``         ``{"now": "ON", "last": "hall: silent since ..."}``:
                           whether the sensor seems broken, and its latest alarm
 ``health``                ``{"changes": 89, "of_about": 300, "known": 9, "of":
                           14}``: how much is known of the sensors' habits
 ========================  ==========================================================
 
-Nothing but ``progress`` holds the tick, so that what stays the same need not be
-published again; and that is published once its ticks are a hundredth more.
+Nothing holds the tick, so that what stays the same need not be published again.
 
 Home Assistant discovers the device by one retained message, in the form of 2024.11 and
 later: the device, who says so, and its components under ids of their own. Whether the
@@ -63,9 +59,6 @@ class Topics:
         self.world = f"{prefix}/world/status"
         self.decision = f"{prefix}/decision"
         self.anomaly = f"{prefix}/anomaly"
-        self.progress = f"{prefix}/progress"
-        self.learning = f"{prefix}/learning"
-        self.learning_set = f"{prefix}/learning/set"
         self.slugs = slugs(sensors)
         """The sensors' names, in order, as they stand in topics."""
         self.sensors = tuple(f"{prefix}/sensor/{slug}" for slug in self.slugs)
@@ -118,20 +111,6 @@ Components: TypeAlias = dict[str, dict[str, Any]]
 _BELIEF = "{{ 'None' if value == 'unknown' else value }}"
 
 _DIAGNOSIS = "diagnostic"
-_PROGRESS = (
-    ("ticks", "Ticks", "counter"),
-    ("implications", "Implications", "graph-outline"),
-)
-"""How far learning is: id and key, name and icon of each entity."""
-_SWITCH: dict[str, Any] = {
-    "platform": "switch",
-    "name": "Learning",
-    "entity_category": "config",
-    "icon": "mdi:school",
-    "payload_on": ON.decode(),
-    "payload_off": OFF.decode(),
-    "retain": True,  # so that a run that starts again is still paused
-}
 _NOT_IN_ID = re.compile(r"[^a-z0-9]+")
 
 
@@ -151,7 +130,6 @@ def discovery(
     names: Sequence[str],
     *,
     acts: bool,
-    pauses: bool = False,
     judges: bool = False,
 ) -> bytes:
     """Return the announcement.
@@ -163,18 +141,12 @@ def discovery(
         topics: Where its components' states are.
         names: The sensors' names, as shown to people.
         acts: Whether it decides anything.
-        pauses: Whether learning can be paused.
         judges: Whether the health of its sensors is followed.
     """
     unique = node(publish)
-    components = _beliefs(topics, names) | _learning(topics)
+    components = _beliefs(topics, names)
     if judges:
         components |= _health(topics, names)
-    if pauses:
-        components["learning"] = _SWITCH | {
-            "state_topic": topics.learning,
-            "command_topic": topics.learning_set,
-        }
     if acts:
         template = "{{ value_json.action }}"
         components["decision"] = _diagnosis(
@@ -215,15 +187,6 @@ def _beliefs(topics: Topics, names: Sequence[str]) -> Components:
     last = "{{ value_json.last | tojson }}"
     components["anomaly"] = _problem("Anomaly", topics.anomaly, last)
     return components
-
-
-def _learning(topics: Topics) -> Components:
-    """Return the components that say how far learning is."""
-    return {
-        key: _diagnosis(name, icon, topics.progress, f"{{{{ value_json.{key} }}}}")
-        | {"state_class": "measurement"}
-        for key, name, icon in _PROGRESS
-    }
 
 
 def _health(topics: Topics, names: Sequence[str]) -> Components:

@@ -27,9 +27,6 @@ from neurosnap.sources.mqtt.published_topics import (
 
 _ON = {True: ON.decode(), False: OFF.decode()}
 
-_STEPS = 100
-"""How many times progress is published, at most, while the ticks double; about."""
-
 
 class MqttPublisher:
     """Publishes one run.
@@ -44,7 +41,6 @@ class MqttPublisher:
         own: How many of them, from the first on, are published; None if all are.
         actions: The names of the actions, one of which is taken at each step; none:
             nothing is decided.
-        pauses: Whether learning can be paused.
         judges: Whether the health of its sensors is followed.
 
     Raises:
@@ -59,7 +55,6 @@ class MqttPublisher:
         *,
         own: int | None = None,
         actions: Sequence[str] = (),
-        pauses: bool = False,
         judges: bool = False,
     ) -> None:
         self._count = len(sensors)
@@ -68,8 +63,6 @@ class MqttPublisher:
         self._topics = Topics(publish.prefix, self._names)
         self._last: Mapping[str, object] | None = None
         self._beliefs: list[bytes | None] = [None] * len(self._names)
-        self._paused: bool | None = None
-        self._due = 0  # the tick from which on progress is published again
         self._alarms: list[str | None] = [None] * len(self._names)
         self._link = MqttLink(
             broker,
@@ -83,7 +76,6 @@ class MqttPublisher:
                 self._topics,
                 self._names,
                 acts=bool(actions),
-                pauses=pauses,
                 judges=judges,
             )
             self._link.hold(discovery_topic(publish), found)
@@ -109,16 +101,6 @@ class MqttPublisher:
             if belief != last:  # few are, and each is a lock to take
                 self._link.hold(topic, belief)
         self._beliefs = [*believed]
-        if state.tick >= self._due:
-            self._due = state.tick + state.tick // _STEPS + 1
-            said = {"ticks": state.tick, "implications": state.edges}
-            self._hold_json(self._topics.progress, **said)
-
-    def learning(self, paused: bool) -> None:
-        """Publish whether what came last is learned from."""
-        if paused != self._paused:
-            self._paused = paused
-            self._link.hold(self._topics.learning, OFF if paused else ON)
 
     def decision(self, decision_: wire.Decision) -> None:
         """Publish a decision; one that is none, where nothing is decided, is left out.

@@ -16,7 +16,6 @@ from tests.support.swarm_parts import AnsweringSwarm, observation
 SENSORS = ("a", "b", "c", "d")
 TICKS = 40
 EVERY = 10
-PAUSED = range(18, 24)  # a key-frame is in it, and another after it
 
 
 def options(workers: int, snapshot: SnapshotKind, **more: object) -> RunOptions:
@@ -69,7 +68,7 @@ def run(swarm: AnsweringSwarm, first: list[wire.Message]) -> list[wire.Message]:
             break
         tick = decision.tick + 1
         shown = observation(tick, ROWS[decision.tick])
-        new = swarm.say([msgspec.structs.replace(shown, paused=tick in PAUSED)])
+        new = swarm.say([shown])
         said = said + new
     return said
 

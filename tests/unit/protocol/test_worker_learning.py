@@ -40,8 +40,6 @@ def test_what_is_learned_is_said_again_and_not_learned_again() -> None:
     first = worker.learn(learn(2))
     assert worker.learn(learn(2)) == first
     assert worker.tick == 2
-    assert said(worker, learn(3, paused=True))[0].rows == b""
-    assert worker.tick == 3
 
 
 def test_what_was_asked_is_from_before_it_was_learned() -> None:

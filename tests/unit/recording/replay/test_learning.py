@@ -1,13 +1,10 @@
-from itertools import combinations
 from pathlib import Path
 
-import msgspec
 import pytest
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import RecordingError
-from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.replay.learning import Learning
 
@@ -62,30 +59,3 @@ def test_a_key_frame_of_another_run_is_an_error() -> None:
         with pytest.raises(RecordingError, match=rf"key-frame of tick 7: .*{rule}"):
             learning.restore(wire.KeyFrame(7, snapshot))
     assert learning.tick == 0
-
-
-def test_what_is_paused_is_not_learned() -> None:
-    plain, paused = learned(10), learned(10)
-    for observation in observed(11, 12):
-        paused.learn(msgspec.structs.replace(observation, paused=True))
-    assert paused.tick == 12
-    assert paused.snapshot.clock == 10
-    for a, b in combinations(range(0, 6, 2), 2):
-        assert paused.snapshot.evidence(a, b) == plain.snapshot.evidence(a, b)
-    again = Snapshot.from_bytes(paused.snapshot.to_bytes())
-    for tick in range(13, 60):
-        for learning in (paused.snapshot, again):
-            learning.learn([tick % 2, tick % 2, tick % 3 == 0])
-    assert again.to_bytes() == paused.snapshot.to_bytes()
-
-
-def test_since_when_something_is_believed_is_a_tick() -> None:
-    plain, paused = learned(10), Learning(LOG, options())
-    for observation in observed(1, 2, 3):
-        paused.learn(msgspec.structs.replace(observation, paused=True))
-    for observation in observed(*range(1, 11)):
-        later = msgspec.structs.replace(observation, tick=observation.tick + 3)
-        paused.learn(later)
-    for a, b in combinations(range(0, 6, 2), 2):
-        since = plain.snapshot.evidence(a, b).since
-        assert paused.snapshot.evidence(a, b).since == since + 3

@@ -188,31 +188,3 @@ def test_a_full_disk_fails_the_run_once_what_was_written_is_used(
     with pytest.raises(NeurosnapError, match=r"^journal: .* No space left on device"):
         source.step(0)
     assert np.all(source.statistics().dropped == 0)
-
-
-def test_a_pause_is_a_tick_and_is_given_again(kept: Kept) -> None:
-    def shown(source: LiveSource) -> bool:
-        """Return whether the next tick is paused."""
-        seen = source.step(-1)
-        assert seen is not None
-        return seen.paused
-
-    source = kept.source()
-    source.receive("door", True)
-    said = [shown(source)]
-    source.pause(True)
-    source.pause(True)  # says nothing new
-    said.append(shown(source))
-    source.receive("door", False)
-    said.append(shown(source))
-    assert said == [False, True, True]
-    assert [row.paused for row in read_journal(kept.folder).rows] == said
-
-    again = kept.source()
-    again.resume_after(1)
-    said = [shown(again), shown(again)]
-    again.receive("motion", True)  # it was paused when it died, and is still
-    said.append(shown(again))
-    again.pause(False)
-    said.append(shown(again))
-    assert said == [True, True, True, False]

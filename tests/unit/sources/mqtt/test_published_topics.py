@@ -58,8 +58,6 @@ def test_home_assistant_is_told_of_a_device_with_its_components() -> None:
         "sensor_hall_motion_2": "neurosnap/house/sensor/hall_motion_2",
         "anomaly": "neurosnap/house/anomaly",
         "decision": "neurosnap/house/decision",
-        "ticks": "neurosnap/house/progress",
-        "implications": "neurosnap/house/progress",
     }
     assert components["sensor_hall_motion"] == {
         "platform": "binary_sensor",
@@ -76,27 +74,24 @@ def test_home_assistant_is_told_of_a_device_with_its_components() -> None:
 
 def test_a_device_has_more_where_a_run_does_more() -> None:
     publish = MqttPublish(prefix="n")
-    components = told(publish, pauses=True, judges=True)["components"]
+    components = told(publish, judges=True)["components"]
     assert "decision" not in components
-    switch = {"platform": "switch", "entity_category": "config", "retain": True}
-    switch |= {"state_topic": "n/learning", "command_topic": "n/learning/set"}
-    assert switch.items() <= components["learning"].items()
     problem = {"platform": "binary_sensor", "device_class": "problem"}
     problem |= {"state_topic": "n/health/door"}
     assert problem.items() <= components["health_door"].items()
     assert components["health"]["state_topic"] == "n/health"
 
 
-ENTITY = re.compile(r"(?!.*__)(binary_sensor|sensor|switch)\.(?!_)[a-z0-9_]+(?<!_)")
+ENTITY = re.compile(r"(?!.*__)(binary_sensor|sensor)\.(?!_)[a-z0-9_]+(?<!_)")
 """What Home Assistant takes for an entity's id (`homeassistant.core`)."""
 
 
 @given(names=st.lists(st.text(st.sampled_from("aB_-/ é02"), min_size=1), unique=True))
-@example(names=["Ticks", "Learning", "Implications", "Anomaly"])
+@example(names=["Anomaly", "Decision"])
 def test_every_entity_has_an_id_that_home_assistant_takes_and_a_name_of_its_own(
     names: list[str],
 ) -> None:
-    found = told(MqttPublish(prefix="Ö/House"), names, acts=True, pauses=True)
+    found = told(MqttPublish(prefix="Ö/House"), names, acts=True)
     components = found["components"].values()
     for component in components:
         platform, _ = component["default_entity_id"].split(".")

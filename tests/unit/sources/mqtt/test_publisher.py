@@ -1,6 +1,5 @@
 """What an outlet holds, tick after tick, without a broker."""
 
-from itertools import pairwise
 from typing import Any
 
 import msgspec
@@ -69,25 +68,6 @@ def test_a_decision_has_the_name_of_its_action() -> None:
     rule = r"^action: must be a whole number in 0\.\.1, got 2$"
     with pytest.raises(InvalidValueError, match=rule):
         outlet.decision(wire.Decision(1, 2, "greedy"))
-
-
-def test_progress_is_told_once_there_is_some(monkeypatch: pytest.MonkeyPatch) -> None:
-    outlet = publisher()
-    told: list[tuple[str, bytes]] = []
-    monkeypatch.setattr(outlet._link, "hold", lambda *said: told.append(said))
-    for tick in range(1, 1001):
-        outlet.state(state(WORDS, tick, 7))
-    said = [msgspec.json.decode(data) for topic, data in told if topic == "p/progress"]
-    assert said[0] == {"ticks": 1, "implications": 7}
-    assert all(b["ticks"] <= 1.01 * a["ticks"] + 1 for a, b in pairwise(said))
-    assert len(said) < 400
-
-
-def test_whether_it_learns_is_told() -> None:
-    outlet = publisher()
-    for paused, word in (False, b"ON"), (True, b"OFF"):
-        outlet.learning(paused)
-        assert outlet._link._outbox._held["p/learning"] == word
 
 
 def test_the_last_anomaly_and_alarm_stay_to_be_looked_at_when_they_are_over() -> None:
