@@ -25,7 +25,6 @@ SMALLEST = 1 << 16
 its header."""
 SnapshotKind: TypeAlias = Literal["empirical", "discounted"]
 HostKind: TypeAlias = Literal["process", "worker"]
-HostChoice: TypeAlias = Literal["auto", "process", "worker"]
 LearningKind: TypeAlias = Literal["coordinator", "spread"]
 CellKind: TypeAlias = Literal["process", "worker", "inline"]
 FEW_CELLS = 64

@@ -119,11 +119,8 @@ def test_more_sensors_than_fit_are_refused(
 def test_a_recording_has_the_same_table(log: Path) -> None:
     table = happy("learn", log)
     assert table["learned"] == "learned by tick 30"
-    assert table["order"]["tick"] == 30
     told = {(row["a"], row["b"]) for row in table["relations"]}
-    implied = table["order"]["implications"]
-    assert ["below_18", "below_19"] in implied
-    assert len(told) == len(table["relations"]) >= len(implied)
+    assert len(told) == len(table["relations"])
     assert ("below_18", "below_19") in told
     shown = call("learn", log).stdout
     assert "below_18 implies below_19" in shown

@@ -134,7 +134,7 @@ def learn(
             with unwinding():
                 learned.write(out, force=force, reads=data)
             say(form, learned.title, f"wrote {out}")
-        if not learned.rows and learned.snapshot is None:
+        if not learned.rows and threshold is None:
             say(form, "more readings may help; --threshold shows what a run learns")
         print_facts(form, learned.facts())
         if isinstance(found, Recording):

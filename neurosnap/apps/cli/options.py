@@ -26,7 +26,6 @@ import typer
 from neurosnap.apps.config.tables import Config
 from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.option import Shown, declared
-from neurosnap.protocol.run_options import FEW_CELLS
 
 if TYPE_CHECKING:
     from neurosnap.runtime.request import RunRequest
@@ -57,13 +56,6 @@ _PANELS = {
 """The panel of each table of a description, in the order of the help."""
 _OPTION = re.compile(r"`([a-z_]+)`")
 """Another option in a help text, by the name of its field."""
-
-HOSTS = (
-    "Process: each cell is a process of its own. Worker: a few processes share them."
-)
-"""The help of `cells`, for verbs that cannot have them inline."""
-AUTO_HOSTS = f"{HOSTS} Auto: process up to {FEW_CELLS} sensors, else worker."
-"""The same, for verbs that may choose."""
 
 Source = Annotated[
     str,

@@ -13,7 +13,6 @@ import msgspec
 import typer
 
 from neurosnap.apps.cli.options import (
-    AUTO_HOSTS,
     NETWORK,
     RECORDING,
     Described,
@@ -45,7 +44,6 @@ from neurosnap.apps.cli.shared import (
     run_async,
 )
 from neurosnap.errors import InvalidValueError
-from neurosnap.protocol.run_options import HostChoice
 from neurosnap.runtime.network import Network
 from neurosnap.runtime.request import RestartKind, check_swarm
 
@@ -62,6 +60,8 @@ serve = typer.Typer(
 app.add_typer(serve, name="serve", rich_help_panel=SWARMS)
 
 _HERE = "tcp/127.0.0.1:7447"
+_SESSIONS = 10_000
+"""Parts and programs that may be connected at once."""
 Swarm = Annotated[
     str,
     typer.Argument(
@@ -95,14 +95,6 @@ _with_place = with_parameters(
 @with_parameters(
     tls=(str, option("tls")),
     insecure=(bool, option("insecure")),
-    sessions=(
-        int,
-        typer.Option(
-            10_000,
-            rich_help_panel=NETWORK,
-            help="How many parts and programs may be connected at once.",
-        ),
-    ),
 )
 def hub(
     context: typer.Context,
@@ -153,17 +145,17 @@ def hub(
             "insecure": given["insecure"],
         }
         with telling_refusals():
-            run_async(lambda stop: _hub(stop, endpoints, given["sessions"], secured))
+            run_async(lambda stop: _hub(stop, endpoints, secured))
         print_facts(form, {"listened": endpoints})
 
 
 async def _hub(
-    stop: asyncio.Event, endpoints: list[str], sessions: int, secured: dict[str, Any]
+    stop: asyncio.Event, endpoints: list[str], secured: dict[str, Any]
 ) -> None:
     """Be a hub until `stop` is set."""
     from neurosnap.fabric.zenoh.hub import follow_links, open_hub
 
-    session = await asyncio.to_thread(open_hub, endpoints, sessions, **secured)
+    session = await asyncio.to_thread(open_hub, endpoints, _SESSIONS, **secured)
     try:
         warn(f"listening on {', '.join(endpoints)}")
         credentials = secured["credentials"]
@@ -256,7 +248,8 @@ def cells(
 
 @serve.command()
 @with_run_options(
-    *("ticks", "seed", "agent", "target", "snapshot", "threshold", "workers", "tls"),
+    *("ticks", "seed", "agent", "target", "snapshot", "threshold"),
+    *("cells", "workers", "tls"),
 )
 def coordinator(
     context: typer.Context,
@@ -271,7 +264,6 @@ def coordinator(
         ),
     ],
     given: Given = None,
-    cells: HostChoice = option("cells", AUTO_HOSTS),
     patience: Patience = 60.0,
     form: Format = "text",
 ) -> None:

@@ -8,19 +8,12 @@ from collections.abc import Sequence
 from html import escape
 from itertools import pairwise
 
-import numpy as np
-
-from neurosnap.apps.drawing.hasse_layout import HIGH, lay_out_hasse
+from neurosnap.apps.drawing.order_picture import plot_order
+from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.relation_table import Relation
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.poc.order.pocset import PocSet
 from neurosnap.sensorium import Sensorium, visible
 
-_MOST = 240
-"""Elements that are drawn: of more the names could not be read."""
-_INCH = 100.0
-"""Pixels an inch: a letter is 7.2 pixels wide."""
-_LETTER, _EDGE = 0.072, 12.0
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; margin: 2rem; color: #1c2530;
   background: #fff; }
@@ -29,12 +22,8 @@ th, td { padding: .25rem .9rem .25rem 0; text-align: right; white-space: nowrap;
   border-bottom: 1px solid #dde3ea; font-variant-numeric: tabular-nums; }
 th:first-child, td:first-child { text-align: left; white-space: normal; }
 figure { margin: 1.5rem 0; overflow-x: auto; }
-text { font: 12px ui-monospace, monospace; fill: #1c2530; text-anchor: middle; }
-rect { fill: #fff; stroke: #3a5a80; } .off rect { stroke-dasharray: 4 3; }
-polyline { fill: none; stroke: #8a9bb0; }
 @media (prefers-color-scheme: dark) {
-  body { color: #dfe6ee; background: #12171d; } text { fill: #dfe6ee; }
-  rect { fill: #12171d; stroke: #8fb3dd; } th, td { border-color: #2b3540; }
+  body { color: #dfe6ee; background: #12171d; } th, td { border-color: #2b3540; }
 }
 """
 _PAGE = """<!DOCTYPE html>
@@ -100,39 +89,13 @@ def _figure(relations: Sequence[Relation]) -> str:
     sensors = Sensorium(names)
     implications = [(sensors.literal(a), sensors.literal(b)) for a, b in pairs]
     graph = PocGraph.from_implications(len(sensors), implications)
-    stands_for = graph.representative
-    contradicted = (stands_for[::2] == stands_for[1::2]).any()
-    if contradicted or len(np.unique(stands_for)) > _MOST:
+    try:
+        picture = plot_order(graph, sensors)
+    except InvalidValueError:  # too many to be read, or what contradicts itself
         return ""
-    hasse = lay_out_hasse(
-        PocSet.from_graph(graph, sensors), lambda name: _LETTER * len(visible(name))
-    )
-    width, height = (length * _INCH + 2 * _EDGE for length in hasse.size)
-
-    def placed(x: float, y: float) -> tuple[float, float]:
-        return x * _INCH + _EDGE, height - y * _INCH - _EDGE
-
-    shapes = []
-    for line in hasse.lines:
-        ends = (placed(x, y) for x, y in line.tolist())
-        points = " ".join(f"{x:.1f},{y:.1f}" for x, y in ends)
-        shapes.append(f'<polyline points="{points}"/>')
-    high = HIGH * _INCH
-    for k, name in enumerate(hasse.names):
-        x, y = placed(*hasse.places[k].tolist())
-        half = float(hasse.wide[k]) * _INCH / 2
-        members = np.flatnonzero(stands_for == hasse.heads[k])
-        off = ' class="off"' if (members % 2 == 1).all() else ""
-        shapes.append(
-            f'<g{off}><rect x="{x - half:.1f}" y="{y - high / 2:.1f}" rx="4"'
-            f' width="{2 * half:.1f}" height="{high:.1f}"/>'
-            f'<text x="{x:.1f}" y="{y + 4:.1f}">{escape(visible(name))}</text></g>'
-        )
     return (
-        f'<figure><svg width="{width:.0f}" height="{height:.0f}" role="img"'
-        f' aria-label="The order of the sensors">{"".join(shapes)}</svg>'
-        "<figcaption>What implies stands below what it implies; a star means"
-        " off.</figcaption></figure>"
+        f"<figure>{picture}<figcaption>What implies stands below what it implies; a"
+        " star means off.</figcaption></figure>"
     )
 
 

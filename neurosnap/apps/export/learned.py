@@ -6,9 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-
-import msgspec
-import numpy as np
+from typing import TYPE_CHECKING
 
 from neurosnap.apps.drawing.relations_page import relations_page
 from neurosnap.apps.new_files import placed
@@ -16,68 +14,20 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.learning.pair_counts import OnProgress
 from neurosnap.poc.learning.relation_table import Relation, tabulate
-from neurosnap.poc.learning.snapshot import Snapshot
-from neurosnap.poc.order.graph import PocGraph
 from neurosnap.recording.format.records import MAGIC
 from neurosnap.recording.read.observations import readings_of
 from neurosnap.recording.read.recording import Recording, part_paths
-from neurosnap.recording.replay.births import Births, RecordedBirth, births_of
+from neurosnap.recording.replay.births import Births, births_of
 from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.runtime.preflight import free_memory
-from neurosnap.sensorium import Sensorium, visible
+from neurosnap.sensorium import visible
 from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.tables.csv_file import as_text
 from neurosnap.sources.tables.open_readings import first_bytes, open_readings
 from neurosnap.sources.tables.readings import Readings
 
-
-class Diagram(msgspec.Struct, frozen=True):
-    """What was learned by one tick."""
-
-    tick: int
-    sensors: tuple[str, ...]
-    height: int
-    """Edges on the longest chain."""
-    implications: list[tuple[str, str]]
-    """Covering pairs between classes, each once with its contrapositive."""
-    equivalences: list[tuple[str, ...]]
-    """Classes of equivalent literals, each once with its complement."""
-    births: tuple[RecordedBirth, ...] = ()
-    """Which of the sensors were grown by then, and when."""
-    room: int = 0
-    """How many more could be grown then."""
-
-
-def diagram(
-    tick: int, graph: PocGraph, sensorium: Sensorium, births: Births | None = None
-) -> Diagram:
-    """Return the order of `graph` by name.
-
-    Args:
-        tick: The tick it was learned by.
-        graph: The order.
-        sensorium: The names of its sensors.
-        births: What the run has grown; None if all sensors were there from the start.
-    """
-    grown = () if births is None else births.at(tick)
-    room = 0 if births is None else births.body.room - len(grown)
-    classes = [members for members in graph.classes() if members[0] % 2 == 0]
-    standing = graph.representative
-    covers = [
-        (sensorium.name(below), sensorium.name(above))
-        for below, above in np.argwhere(graph.hasse()).tolist()
-        if below <= above ^ 1 and standing[below] != standing[above]
-    ]
-    return Diagram(
-        tick=tick,
-        sensors=tuple(sensorium)[: len(sensorium) - room],
-        height=graph.height(),
-        implications=covers,
-        equivalences=[tuple(map(sensorium.name, members)) for members in classes],
-        births=grown,
-        room=room,
-    )
-
+if TYPE_CHECKING:
+    from neurosnap.poc.learning.snapshot import Snapshot
 
 HEADS = ("relation", "tested", "failed", "held in", "since", "last failure")
 """What stands above the cells of a row."""
@@ -112,7 +62,7 @@ def open_data(data: Path, wanted: Wanted = _ALL) -> Recording | Readings:
 
 @dataclass(frozen=True)
 class Findings:
-    """The relations of some sensors, and the order, if one was learned."""
+    """The relations of some sensors."""
 
     source: str
     """What the readings are of."""
@@ -121,8 +71,6 @@ class Findings:
     """By which rule, in words."""
     rows: Sequence[Relation]
     """The strongest first."""
-    snapshot: Snapshot | None = None
-    """What was learned; None if the rows are what is sure."""
     births: Births | None = None
     """What had been grown, where this is what a run has learned."""
 
@@ -140,23 +88,15 @@ class Findings:
         noun = "relation" if found == 1 else "relations"
         return f"{found} {noun} of {self.sensors} sensors in {ticks} ticks ({self.how})"
 
-    def order(self, known: Snapshot) -> Diagram:
-        """Return the order that was learned, by name."""
-        ticks = self.readings.columns.ticks
-        return diagram(ticks, known.poc_graph(), known.sensorium, self.births)
-
     def facts(self) -> dict[str, object]:
-        """Return all of it for programs: the table, and the order that was learned."""
-        facts: dict[str, object] = {
+        """Return all of it for programs."""
+        return {
             "source": visible(self.source),
             "sensors": self.sensors,
             "ticks": self.readings.columns.ticks,
             "learned": self.how,
             "relations": [self._fields(row) for row in self.rows],
         }
-        if (known := self.snapshot) is None:
-            return facts
-        return {**facts, "order": self.order(known)}
 
     def cells(self, row: Relation) -> tuple[str, ...]:
         """Return what a row shows, in the order of `HEADS`."""
@@ -280,7 +220,7 @@ def learned_from(
             )
             how = f"threshold {threshold}"
     rows = tabulate(columns, snapshot, every, on_progress)
-    return Findings(source, readings, how, rows, snapshot, births)
+    return Findings(source, readings, how, rows, births)
 
 
 def _check_room(sensors: int) -> None:
