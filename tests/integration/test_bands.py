@@ -92,7 +92,7 @@ def test_what_was_learned_is_read_from_them(banded: Banded) -> None:
         _, learned = snapshot_at(Recording.open(log), tick)
         _, without = snapshot_at(whole, tick)
         assert known_in(learned) == known_in(without)
-        assert known_in(RunView(log).snapshot(tick)) == known_in(without)
+        assert known_in(RunView(log).learned(tick).snapshot) == known_in(without)
     assert [start.frame.tick for start in starts(Recording.open(log))][-1] == 30
 
 

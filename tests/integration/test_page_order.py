@@ -140,7 +140,6 @@ async def test_an_edge_that_is_clicked_shows_its_weights(path_log: Path) -> None
         counts = [a & b, a & ~b, ~a & b, ~a & ~b]
         assert seen[:4] == [str(int(each.sum())) for each in counts]
         assert float(seen[4]) == pytest.approx(0.08 * tick, abs=1e-4)
-    await page.wait_for_selector("#choice .uplot canvas")
     await page.keyboard.press("Escape")
     await expect(page.locator("#choice")).to_be_hidden()
     for button in ("right", "middle"):

@@ -455,60 +455,6 @@ async def test_what_is_wrong_is_said_until_it_is_no_longer_so(
 
 
 @pytest.mark.slow
-async def test_the_plot_of_an_edge_is_one_and_is_taken_away(path_log: Path) -> None:
-    page = await page_at(path_log, 20)
-    session = await page.context.new_cdp_session(page)
-
-    async def listening() -> int:
-        found = await session.send("Runtime.evaluate", {"expression": "window"})
-        window = {"objectId": found["result"]["objectId"]}
-        all_ = await session.send("DOMDebugger.getEventListeners", window)
-        return sum(each["type"] == "dppxchange" for each in all_["listeners"])
-
-    await plots_are_there(page)
-    alone = await listening()
-    for source, target in [(0, 2), (2, 4)]:
-        await page.evaluate(
-            """async (edge) => {
-                document.querySelector("#choice-body").dataset.tick = "";
-                (await import("/main.js")).page.choose({ edge });
-            }""",
-            {"source": source, "target": target, "kind": "excite"},
-        )
-        for tick in (20, 21, 22):
-            await go_to(page, tick)
-            await page.wait_for_selector(f'#choice-body[data-tick="{tick}"]')
-            assert await listening() == alone + 1
-    await page.emulate_media(color_scheme="dark")
-    assert await listening() == alone + 1
-    await page.click("#choice-close")
-    assert await listening() == alone
-
-
-@pytest.mark.slow
-async def test_a_plot_says_of_which_tick_a_value_is_where_some_were_thinned_out(
-    planner_log: Path,
-) -> None:
-    async with opened(planner_log, "#t=20") as page:
-        await plots_are_there(page)
-        await page.evaluate(
-            """async () => {
-                const { page } = await import("/main.js");
-                const curve = { ticks: [1, 19, 30], values: [4, 9, 7] };
-                const columns = new Proxy({}, { get: () => curve });
-                page.time.plots._on.fetchSeries = async () => ({ columns, done: true });
-                await page.time.plots.load(1, 40);
-            }"""
-        )
-        captions = page.locator("#plots figcaption")
-        told = {20: "9 at 19", 30: "7", 19: "9", 18: "4 at 1", 31: "7 at 30"}
-        for tick, value in told.items():
-            await go_to(page, tick)
-            await expect(captions.nth(1)).to_have_text(f"Err {value} ")
-            await expect(captions.nth(5)).to_have_text(f"Distance to target {value} ")
-
-
-@pytest.mark.slow
 async def test_the_address_is_written_once_one_stays(path_log: Path) -> None:
     async with opened(path_log, "#t=5") as page:
         await page.evaluate(
@@ -620,25 +566,6 @@ ALONE = {
         return [...asked, (await frameCache.at(150)).tick, ...asked.slice(1)];
         """,
         [[120, 239], 150, [150, 150]],
-    ),
-    "a question that is dropped while it is answered is no error": (
-        """
-        const { fetchEdge } = await import("/base/api.js");
-        const drop = new AbortController();
-        const real = window.fetch;
-        window.fetch = async (what, { signal }) => {
-            const body = new ReadableStream({
-                start: (into) => signal.addEventListener("abort", () =>
-                    into.error(signal.reason)),
-                pull: () => drop.abort(),
-            });
-            return new Response(body);
-        };
-        const said = await fetchEdge(0, 2, 1, drop.signal).catch(({ name }) => name);
-        window.fetch = real;
-        return said;
-        """,
-        "AbortError",
     ),
     "a frame that is early or late skips no tick": (
         """

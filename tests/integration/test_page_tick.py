@@ -188,7 +188,7 @@ async def test_a_sensor_says_what_would_follow_if_it_were_on_or_off(
 ) -> None:
     view = RunView(planner_log)
     names = view.options.sensors
-    graph = view.snapshot(TICKS).poc_graph()
+    graph = view.learned(TICKS).snapshot.poc_graph()
     page = await page_at(planner_log, TICKS)
     told = await page.evaluate(
         """async () => {

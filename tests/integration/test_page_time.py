@@ -351,7 +351,7 @@ async def test_dragging_over_a_curve_shows_each_of_its_ticks(long_log: Path) -> 
 async def test_what_is_under_the_pointer_is_told_in_all_plots(path_log: Path) -> None:
     view = RunView(path_log)
     page = await page_at(path_log, 9)
-    await expect(page.locator("#plots .u-over")).to_have_count(5)
+    await expect(page.locator("#plots .u-over")).to_have_count(4)
     over = page.locator("#plots .u-over").first
     box = await over.bounding_box()
     assert box is not None
@@ -365,7 +365,6 @@ async def test_what_is_under_the_pointer_is_told_in_all_plots(path_log: Path) ->
     for k, told in enumerate(
         [
             f"Edges {frame.edges}",
-            "Err ",
             f"Depth {frame.depth} Longest {frame.longest} Height {frame.height}",
             f"Pulses a tick {frame.pulses}",
             f"On {frame.state.count(1)} Predicted 0 Contradicted 0 Unknown 0",
@@ -456,10 +455,10 @@ async def test_the_strip_shows_what_happened(broken_log: Path) -> None:
     page = await page_at(broken_log, 1)
     await page.wait_for_selector("#strip .anomalies")
     drawn = await page.evaluate(
-        """() => [".anomalies", ".rewired", ".begins"].map(
+        """() => [".anomalies", ".begins"].map(
             (kind) => document.querySelectorAll(`#strip ${kind}`).length)"""
     )
-    some = (marks.anomalies, marks.rewired, marks.begins)
+    some = (marks.anomalies, marks.begins)
     assert drawn == [sum(map(bool, counts)) for counts in some]
     said = await page.get_attribute("#strip", "aria-label")
     assert f"{sum(marks.anomalies)} tick" in str(said)

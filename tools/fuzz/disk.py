@@ -245,7 +245,7 @@ def _viewed(truth: _Truth, log: Path) -> None:
     frames = film.frames(1, _TICKS)
     for tick in truth.snapshots:
         try:
-            snapshot = film.snapshot(tick)
+            snapshot = film.learned(tick).snapshot
         except NeurosnapError:
             continue
         _demand(_order(snapshot) == truth.snapshots[tick], f"view of tick {tick}")

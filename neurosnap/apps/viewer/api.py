@@ -49,13 +49,9 @@ Column: TypeAlias = Literal[
     "predicted",
     "contradicted",
     "unknown",
-    "err",
-    "distance",
 ]
 """A number a tick: what `State` says; how many sensors are believed to be on, are
-predicted, contradicted and unknown; ``err``, the edges between literals of different
-sensors that were learned and are not true or the reverse, ordered pairs as in
-[GK] empirical:performance; ``distance``, the fewest actions to the target."""
+predicted, contradicted and unknown."""
 
 STATED: tuple[Column, ...] = ("edges", "depth", "longest", "height", "pulses")
 """Those that a message of the state has."""
@@ -64,7 +60,6 @@ COUNTED: tuple[Column, ...] = ("on", "predicted", "contradicted", "unknown")
 """Those that count sensors."""
 
 COLUMNS: tuple[Column, ...] = STATED + COUNTED
-"""Those that every recording has."""
 
 MOST_FRAMES = 240
 MOST_IMAGINED = 200
@@ -130,7 +125,6 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
     swarm: str
     world: Stage | None
     """None if it cannot be drawn."""
-    columns: tuple[Column, ...]
 
 
 class WaveView(msgspec.Struct, frozen=True, kw_only=True):
@@ -279,9 +273,11 @@ class Graph(msgspec.Struct, frozen=True, kw_only=True):
     stands for all."""
 
 
-class WeighedView(msgspec.Struct, frozen=True, kw_only=True):
+class Edge(msgspec.Struct, frozen=True, kw_only=True):
     """What speaks for and against an implication ``a -> b`` at one tick."""
 
+    source: int
+    target: int
     tick: int
     weights: tuple[float, float, float, float]
     """Of ``ab``, ``ab*``, ``a*b``, ``a*b*``; the second speaks against."""
@@ -292,15 +288,6 @@ class WeighedView(msgspec.Struct, frozen=True, kw_only=True):
     holds: bool
     since: int
     """The tick since when it has held, or has not; 0: from the beginning."""
-
-
-class Edge(WeighedView, frozen=True, kw_only=True):
-    """`WeighedView` at the tick asked for, and around it."""
-
-    source: int
-    target: int
-    over: list[WeighedView]
-    """Before and after the tick, evenly apart."""
 
 
 class Points(msgspec.Struct, frozen=True):
@@ -374,9 +361,6 @@ class Marks(msgspec.Struct, frozen=True, kw_only=True):
     last: int
     anomalies: list[int]
     """For each stretch, how many of its ticks have one that is told."""
-    rewired: list[int]
-    """The most edges that one of its ticks changed; an edge and its contrapositive are
-    one, and what is wired anew after a restart is no change."""
     begins: list[int]
     """How many of its ticks begin a trajectory."""
     times: list[float | None]

@@ -77,7 +77,6 @@ class RunHistory:
         """Return what happened; arguments as of `RunMarks.marks`."""
         found = Found(
             alarms=tuple(self._health.raised),
-            reached=self._series.reached(),
             born=[birth.tick for birth in self._series.births.listed],
             missing=self._series.missing(),
             read_to=self.read_to,

@@ -9,12 +9,10 @@ from collections import OrderedDict
 from collections.abc import Iterator
 from hashlib import blake2b
 
-import msgspec
 import numpy as np
 
 from neurosnap.agent.body import Body
-from neurosnap.apps.viewer.api import Arrow, Edge, Graph, NodeView, WeighedView
-from neurosnap.errors import RecordingError
+from neurosnap.apps.viewer.api import Arrow, Edge, Graph, NodeView
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.run_options import RunOptions
@@ -27,11 +25,6 @@ _ROOM = 64 * 2**20
 """Bytes of snapshots that are kept, at most; the last few in any case."""
 _A_PAIR = 12
 """Bytes a pair of sensors takes in a snapshot, about."""
-
-_AROUND = 500
-"""Ticks before and after the one asked for that are learned through again."""
-_NEAR = 100
-"""Those of them that are told, at most."""
 
 
 class SnapshotCache:
@@ -166,32 +159,16 @@ def drawn(name: str, tick: int, graph: PocGraph, body: Body) -> Graph:
     )
 
 
-def weighed(
-    cache: SnapshotCache, source: int, target: int, tick: int, ends: tuple[int, int]
-) -> Edge:
-    """Return what is known of ``source -> target`` at a tick and around it.
-
-    Cost: the learning of a thousand ticks.
-
-    Args:
-        cache: What was learned.
-        source: A literal.
-        target: Another.
-        tick: The tick.
-        ends: The first and the last tick there is.
+def weighed(tick: int, snapshot: Snapshot, source: int, target: int) -> Edge:
+    """Return what is known of ``source -> target`` after a tick.
 
     Raises:
         InvalidValueError: There is no such literal, or both are of one sensor.
-        RecordingError: An observation or a key-frame that is needed is not there.
     """
-    now = _weigh(tick, cache.at(tick).snapshot, source, target)
-    over = list(_near(cache, source, target, tick, ends))
-    return Edge(source=source, target=target, over=over, **msgspec.structs.asdict(now))
-
-
-def _weigh(tick: int, snapshot: Snapshot, source: int, target: int) -> WeighedView:
     found = snapshot.evidence(source, target)
-    return WeighedView(
+    return Edge(
+        source=source,
+        target=target,
         tick=tick,
         weights=(found.both, found.against, found.other, found.neither),
         threshold=found.limit,
@@ -199,18 +176,3 @@ def _weigh(tick: int, snapshot: Snapshot, source: int, target: int) -> WeighedVi
         holds=found.holds,
         since=found.since,
     )
-
-
-def _near(
-    cache: SnapshotCache, source: int, target: int, tick: int, ends: tuple[int, int]
-) -> Iterator[WeighedView]:
-    """Yield ticks around one, evenly apart, as far as they can be learned."""
-    first = max(ends[0], tick - _AROUND)
-    last = min(ends[1], tick + _AROUND)
-    apart = max(1, -(-(last - first + 1) // _NEAR))
-    try:
-        for learned in cache.walk(first, last):
-            if (learned.tick - tick) % apart == 0:
-                yield _weigh(learned.tick, learned.snapshot, source, target)
-    except RecordingError:
-        return  # what is known by then is shown

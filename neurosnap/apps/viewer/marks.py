@@ -14,21 +14,16 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap import wire
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.api import HomeHealth, RaisedAlarm, SensorHealthView
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.tick_messages import Ticks
-from neurosnap.errors import MessageError, RecordingError, ShapeError
+from neurosnap.errors import MessageError, ShapeError
 from neurosnap.health.alarm import Alarm
 from neurosnap.health.budget import NEVER
 from neurosnap.health.follower import Follower
 from neurosnap.protocol.anomaly_words import with_support
-from neurosnap.recording.read.chunk_messages import ChunkMessages
 from neurosnap.recording.read.observations import own_readings
-
-_EDGE = 8
-"""Bytes of an edge in a worker's wiring."""
 
 
 class Found(NamedTuple):
@@ -36,8 +31,6 @@ class Found(NamedTuple):
 
     alarms: Sequence[RaisedAlarm] = ()
     """By tick."""
-    reached: Sequence[int] = ()
-    """The ticks that come to the target."""
     born: Sequence[int] = ()
     """The ticks that grow a sensor, each as often as it grows one."""
     missing: Sequence[int] = ()
@@ -60,9 +53,8 @@ class RunMarks:
         self._anomalies: list[int] = []  # ticks, ascending
         self._begins: list[int] = []
         self._times: dict[int, int] = {}  # tick -> ns since 1970
-        self._rewired: list[tuple[int, int]] = []  # ticks, and edges changed
-        self._rewiring = 0  # edges changed since the last state wave
-        self._number = -1  # of the coordinator's messages, the last that was read
+        self._reached: list[int] = []  # ticks that come to the target
+        self._is_there = False  # at the last tick that was read
 
     def read(self, ticks: Ticks, first: int, last: int) -> None:
         """Take in the messages of the ticks that follow those read before."""
@@ -74,11 +66,11 @@ class RunMarks:
             with suppress(MessageError):  # it is none
                 if with_support(anomaly, self._run_view.options.support):
                     self._anomalies.append(tick)
-        index = self._run_view.tick_index
-        chunks = index.chunk_of(first), index.chunk_after(last) + 1
-        for _, chunk in index.readable(*chunks):
-            with suppress(RecordingError):  # something else is among them
-                self._take_rewirings(chunk)
+        for tick in range(first, last + 1):
+            was_there = self._is_there
+            self._is_there = self._run_view.scene.is_at_target(ticks.literals(tick))
+            if self._is_there and not was_there:
+                self._reached.append(tick)
 
     def marks(self, first: int, last: int, bins: int, found: Found) -> api.Marks:
         """Return what happened from one tick to another, in as many stretches.
@@ -94,20 +86,14 @@ class RunMarks:
         ticks = max(0, last - first + 1)
         edges = np.linspace(first, first + ticks, min(bins, ticks) + 1)
         inside = [one for one in found.alarms if first <= one.tick <= last]
-        rewired = np.zeros(len(edges) - 1, np.int64)
-        changes = np.array(self._rewired, np.int64).reshape(-1, 2)
-        places = np.searchsorted(edges, changes[:, 0], side="right") - 1
-        seen = (places >= 0) & (places < len(rewired))
-        np.maximum.at(rewired, places[seen], changes[seen, 1])
         return api.Marks(
             first=first,
             last=last,
             anomalies=_counted(self._anomalies, edges),
-            rewired=rewired.tolist(),
             begins=_counted(self._begins, edges),
             times=[self._time(math.ceil(edge)) for edge in edges[:-1].tolist()],
             resumed=[tick for tick in self._run_view.resumed if first <= tick <= last],
-            reached=_counted(found.reached, edges),
+            reached=_counted(self._reached, edges),
             born=_counted(found.born, edges),
             missing=_counted(found.missing, edges),
             alarms=inside[: api.MOST_ALARMS],
@@ -125,37 +111,6 @@ class RunMarks:
     def _time(self, tick: int) -> float | None:
         sent = self._times.get(tick)
         return None if sent is None else sent / 1e9
-
-    def _take_rewirings(self, chunk: ChunkMessages) -> None:
-        """Count the edges that each tick changed: those told before its state wave.
-
-        A wiring has no tick. What the coordinator says is recorded in its order.
-        """
-        said: list[tuple[int, int, int]] = []  # number, tick or 0, edges
-        for topic in ("wiring", "workerwiring"):
-            for wiring, _, number, _, _ in chunk.of_topic(topic):
-                if isinstance(wiring, wire.Wiring | wire.WorkerWiring) and wiring.after:
-                    said.append((number, 0, _edges(wiring)))
-        for start, _, number, _, _ in chunk.of_topic("wavestart"):
-            if isinstance(start, wire.WaveStart) and start.kind == "state":
-                said.append((number, start.tick, 0))
-        for number, tick, edges in sorted(said):
-            if number <= self._number:
-                continue  # a chunk that was read before
-            self._number = number
-            self._rewiring += edges
-            if tick and self._rewiring:
-                # An edge and its contrapositive are one.
-                self._rewired.append((tick, (self._rewiring + 1) // 2))
-                self._rewiring = 0
-
-
-def _edges(wiring: wire.Wiring | wire.WorkerWiring) -> int:
-    """Return how many edges a wiring changes."""
-    if isinstance(wiring, wire.WorkerWiring):
-        return (len(wiring.add) + len(wiring.drop)) // _EDGE
-    changes = (wiring.add, wiring.drop, wiring.add_complement, wiring.drop_complement)
-    return sum(map(len, changes))
 
 
 def _counted(ticks: Sequence[int], edges: NDArray[np.float64]) -> list[int]:

@@ -26,7 +26,6 @@ from neurosnap.errors import (
     RecordingError,
     ShapeError,
 )
-from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.anomaly_words import evidence, named_anomaly, with_support
 from neurosnap.recording.read.recording import Recording
@@ -116,7 +115,6 @@ class RunView:
             cut=None if live and not self.recording.spoiled else self.cut,
             swarm=self.recording.swarm,
             world=self.scene.stage,
-            columns=(*api.COLUMNS, *self.scene.columns),
         )
 
     def at_once(self, most: int) -> int:
@@ -166,26 +164,14 @@ class RunView:
         return drawn(graph_id(graph, learned.body), tick, graph, learned.body)
 
     def edge(self, source: int, target: int, tick: int) -> api.Edge:
-        """Return what is known of ``source -> target`` at a tick and around it.
-
-        Cost: the learning of a thousand ticks.
+        """Return what is known of ``source -> target`` after a tick.
 
         Raises:
             InvalidValueError: There is no such tick, no such literal, or both are of
                 one sensor.
             RecordingError: An observation or a key-frame that is needed is not there.
         """
-        self.learned(tick)
-        return weighed(self.recall, source, target, tick, (self.first, self.last))
-
-    def snapshot(self, tick: int) -> Snapshot:
-        """Return what had been learned after a tick; not to be changed.
-
-        Raises:
-            InvalidValueError: There is no such tick.
-            RecordingError: An observation or a key-frame that is needed is not there.
-        """
-        return self.learned(tick).snapshot
+        return weighed(tick, self.learned(tick).snapshot, source, target)
 
     def learned(self, tick: int) -> Learning:
         """Return what was learned by a tick, and of which sensors; not to be changed.

@@ -29,7 +29,7 @@ from neurosnap.apps.viewer.tick_messages import (
     UNKNOWN,
     Ticks,
 )
-from neurosnap.errors import InvalidValueError, RecordingError
+from neurosnap.errors import InvalidValueError
 from neurosnap.recording.replay.births import Births
 
 MOST_SENSORS = 500
@@ -55,12 +55,11 @@ class TimeSeries:
 
     def __init__(self, run_view: RunView) -> None:
         self._run_view = run_view
-        self.columns: tuple[Column, ...] = (*COLUMNS, *run_view.scene.columns)
         self.births = Births(run_view.options.body)
         """The sensors that were grown."""
         self._first = run_view.first
         self._filled = 0
-        self._values = np.full((len(self.columns), _STARTS_WITH), np.nan, np.float32)
+        self._values = np.full((len(COLUMNS), _STARTS_WITH), np.nan, np.float32)
 
     def read(
         self, ticks: Ticks | None, what: NDArray[np.uint8], first: int, last: int
@@ -75,14 +74,12 @@ class TimeSeries:
         """
         if not self._filled:
             self._first = first
-        found = np.full((len(self.columns), last - first + 1), np.nan, np.float32)
+        found = np.full((len(COLUMNS), last - first + 1), np.nan, np.float32)
         if ticks is not None:
             self._read_states(ticks, what, first, last, found)
-        if "err" in self.columns:
-            self._read_errors(first, last, found)
         needed = self._filled + found.shape[1]
         if needed > self._values.shape[1]:
-            room = np.full((len(self.columns), 2 * needed), np.nan, np.float32)
+            room = np.full((len(COLUMNS), 2 * needed), np.nan, np.float32)
             room[:, : self._filled] = self._values[:, : self._filled]
             self._values = room
         self._values[:, self._filled : needed] = found
@@ -99,23 +96,13 @@ class TimeSeries:
         first = max(first, self._first)
         last = min(last, self._run_view.last)
         curves = {}
-        for number, column in enumerate(self.columns):
+        for number, column in enumerate(COLUMNS):
             row = self._values[number, : self._filled]
             values = row[first - self._first : max(0, last - self._first + 1)]
             places = thinned(values, points)
             known = [_finite(value) for value in values[places].tolist()]
             curves[column] = Points((places + first).tolist(), known)
         return curves
-
-    def reached(self) -> list[int]:
-        """Return the ticks that come to the target, as far as it was read."""
-        if "distance" not in self.columns:
-            return []
-        row = self._values[self.columns.index("distance"), : self._filled]
-        there = row == 0
-        there[1:] &= row[:-1] != 0
-        found: list[int] = (np.flatnonzero(there) + self._first).tolist()
-        return found
 
     def missing(self) -> list[int]:
         """Return the ticks of which no state was recorded, as far as it was read."""
@@ -131,7 +118,6 @@ class TimeSeries:
         last: int,
         found: NDArray[np.float32],
     ) -> None:
-        scene = self._run_view.scene
         if self._run_view.options.body.room:
             self._follow_births(ticks.decisions, last)
         for tick, state in ticks.states.items():
@@ -139,12 +125,7 @@ class TimeSeries:
                 getattr(state, name) for name in STATED
             ]
             counts = self._counts(what[tick - first], tick)
-            found[len(STATED) : len(COLUMNS), tick - first] = counts
-        if "distance" in self.columns:
-            row = self.columns.index("distance")
-            for tick in range(first, last + 1):
-                place = scene.place(ticks.literals(tick))
-                found[row, tick - first] = scene.distance(place)
+            found[len(STATED) :, tick - first] = counts
 
     def _counts(self, what: NDArray[np.uint8], tick: int) -> list[float]:
         """Return how many sensors are what, in the order of `COUNTED`."""
@@ -167,17 +148,6 @@ class TimeSeries:
         for message in sorted(taken, key=lambda each: each.tick):
             with suppress(ValueError):  # no agent's key-frame
                 self.births.follow(message)
-
-    def _read_errors(self, first: int, last: int, found: NDArray[np.float32]) -> None:
-        row, graph, error = self.columns.index("err"), None, math.nan
-        try:
-            for learned in self._run_view.recall.walk(first, last):
-                if learned.snapshot.poc_graph() is not graph:
-                    graph = learned.snapshot.poc_graph()
-                    error = self._run_view.scene.errors(graph)
-                found[row, learned.tick - first] = error
-        except RecordingError:
-            return  # an observation is missing: not known from there on
 
 
 class Raster:

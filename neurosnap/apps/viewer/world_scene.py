@@ -2,7 +2,7 @@
 
 A recording holds what was sensed and not where that was. But a world of places says of
 every sensor where it is on, so a place follows from what is read there, wherever no
-other place reads the same; and so does what there was to learn.
+other place reads the same.
 
 Whoever wrote a recording may have named any module in it, and any size. Only
 environments under ``neurosnap/`` that are registered here are made, and none whose
@@ -17,13 +17,10 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.apps.viewer.api import Column, Stage
+from neurosnap.apps.viewer.api import Stage
 from neurosnap.errors import InvalidValueError, MissingExtraError
-from neurosnap.poc.order.fields import inclusions
-from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.sensorium import Sensorium
-from neurosnap.sources.distances import distances_to
 from neurosnap.sources.gymnasium_source import import_worlds
 
 _KINDS: dict[str, Literal["path", "cycle", "grid"]] = {
@@ -49,8 +46,7 @@ class Scene:
 
     def __init__(self, options: RunOptions) -> None:
         self.stage: Stage | None = None
-        self._true: NDArray[np.bool_] | None = None
-        self._distances: NDArray[np.float64] | None = None
+        self._aims: NDArray[np.bool_] | None = None
         self._places: dict[bytes, int] = {}
         self._count = 0
         env = _make(options)
@@ -59,12 +55,6 @@ class Scene:
                 self._survey(env, options)
             finally:
                 env.close()
-
-    @property
-    def columns(self) -> tuple[Column, ...]:
-        """The columns that only those have whose world is known."""
-        err: tuple[Column, ...] = () if self._true is None else ("err",)
-        return err if self._distances is None else (*err, "distance")
 
     def place(self, observed: NDArray[np.bool_]) -> int | None:
         """Return where the sensors read so; None if nowhere, or if not all are known.
@@ -75,24 +65,10 @@ class Scene:
         read, off = observed[: 2 * self._count : 2], observed[1 : 2 * self._count : 2]
         return self._places.get(read.tobytes()) if (read | off).all() else None
 
-    def distance(self, place: int | None) -> float:
-        """Return the fewest actions from a place to the target; NaN: not known."""
-        if place is None or self._distances is None:
-            return math.nan
-        return float(self._distances[place])
-
-    def errors(self, graph: PocGraph) -> float:
-        """Return ``Err`` of what was learned ([GK] empirical:performance).
-
-        Ordered pairs of literals of different sensors, the world's own, that are an
-        edge of the derived graph and not of the true one, or the reverse; NaN where the
-        truth is not known. O(N²) time.
-        """
-        if self._true is None:
-            return math.nan
-        literals = len(self._true)
-        wrong = graph.edges[:literals, :literals] ^ self._true
-        return float(np.count_nonzero(wrong))
+    def is_at_target(self, observed: NDArray[np.bool_]) -> bool:
+        """Return whether the place that is wanted is known and reads so."""
+        place = self.place(observed)
+        return place is not None and self._aims is not None and bool(self._aims[place])
 
     def _survey(self, env: gymnasium.Env[Any, Any], options: RunOptions) -> None:
         names = tuple(_attribute(env, "sensors") or ())
@@ -102,14 +78,11 @@ class Scene:
         self._count = len(fields)
         if not 0 < self._count <= len(names):
             return
-        self._true = _between_sensors(inclusions(fields))
         columns = [column.tobytes() for column in fields.T]
         often = Counter(columns)
         self._places = {c: place for place, c in enumerate(columns) if often[c] == 1}
-        aims = _aims(env, options, fields)
-        self.stage = _stage(env, options, len(columns), aims)
-        if aims.any():
-            self._distances = distances_to(_attribute(env, "moves"), aims)
+        self._aims = _aims(env, options, fields)
+        self.stage = _stage(env, options, len(columns), self._aims)
 
 
 def _make(options: RunOptions) -> gymnasium.Env[Any, Any] | None:
@@ -178,14 +151,6 @@ def _stage(
         height=height,
         target=int(aims.argmax()) if aims.sum() == 1 else None,
     )
-
-
-def _between_sensors(edges: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return edges without those between the two literals of one sensor."""
-    edges = edges.copy()
-    own = np.arange(len(edges))
-    edges[own, own] = edges[own, own ^ 1] = False
-    return edges
 
 
 def _attribute(env: gymnasium.Env[Any, Any], name: str) -> Any:  # noqa: ANN401

@@ -55,7 +55,7 @@ class Page {
     this.frameCache = new FrameCache(fetchFrames);
     this.alarms = new AlarmCard(names, pick);
     this.anomaly = new AnomalyCard(names, pick);
-    this.time = new TimeView(names, run, {
+    this.time = new TimeView(names, {
       fetchSeries: notices.watched("series", api.fetchSeries),
       fetchMarks: notices.watched("marks", api.fetchMarks),
       fetchRaster: notices.watched("raster", api.fetchRaster),
@@ -257,7 +257,6 @@ class Page {
   }
 
   recolour() {
-    this.choice.recolour();
     this.time.recolour();
   }
 

@@ -140,7 +140,7 @@ def test_waves_reach_what_is_above_their_signals(log: Path, tmp_path: Path) -> N
         if isinstance(message, wire.Reached)
     }
     for frame in run_view.frames(1, TICKS):
-        graph = run_view.snapshot(frame.tick).poc_graph()
+        graph = run_view.learned(frame.tick).snapshot.poc_graph()
         kinds = [wave.kind for wave in frame.waves]
         assert kinds == ["state"] + ["signal"] * (len(kinds) - 1)
         for wave in frame.waves:
@@ -164,23 +164,18 @@ def test_waves_reach_what_is_above_their_signals(log: Path, tmp_path: Path) -> N
 
 def test_weights_are_those_of_the_snapshot(path_log: Path) -> None:
     run_view = RunView(path_log)
-    found = run_view.edge(0, 4, 20)
-    shown = {each.tick: each for each in found.over}
-    assert (
-        sorted(shown) == [each.tick for each in found.over] == list(range(1, TICKS + 1))
-    )
     counts = dict.fromkeys([(1, 1), (1, 0), (0, 1), (0, 0)], 0)
     for observation in of_type(path_log, wire.Observation):
         assert isinstance(observation, wire.Observation)
         bits = unpack(observation.bits, len(run_view.options.sensors))
         counts[int(bits[0]), int(bits[2])] += 1
-        each = shown[observation.tick]
-        assert each.weights == tuple(counts.values())
-        assert each.total == observation.tick
-        assert each.threshold == pytest.approx(0.08 * observation.tick)
-        graph = run_view.snapshot(observation.tick).poc_graph()
-        assert each.holds == bool(graph.edges[0, 4])
-    assert (found.weights, found.holds) == (shown[20].weights, shown[20].holds)
+        tick = observation.tick
+        found = run_view.edge(0, 4, tick)
+        assert (found.tick, found.weights) == (tick, tuple(counts.values()))
+        assert found.total == tick
+        assert found.threshold == pytest.approx(0.08 * tick)
+        graph = run_view.learned(tick).snapshot.poc_graph()
+        assert found.holds == bool(graph.edges[0, 4])
 
 
 def test_before_the_first_tick_nothing_is_learned_and_beyond_the_ends_is_nothing(

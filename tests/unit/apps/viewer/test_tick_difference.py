@@ -39,7 +39,7 @@ def test_what_differs_at_a_tick_is_named(tmp_path: Path) -> None:
         RunView(recorded(options, tmp_path / f"{name}.mcap"))
         for name, options in {"a": run, "b": replace(run, threshold=0.02)}.items()
     )
-    learned = here.snapshot(TICKS).poc_graph()
+    learned = here.learned(TICKS).snapshot.poc_graph()
     found = difference(here, TICKS, here, 0)
     assert found.felt is None  # nothing is believed before the first tick
     assert all(learned.leq(each.source, each.target) for each in found.here.edges)

@@ -22,18 +22,16 @@ export const stopAsking = (reason) => {
   ended = reason;
 };
 
-async function ask(what, query = {}, signal = undefined) {
+async function ask(what, query = {}) {
   if (ended !== null && what !== "presence") throw new Error(ended);
   const address = at(what, query);
   let response;
   try {
-    response = await fetch(address, { signal });
-  } catch (error) {
-    if (error.name === "AbortError") throw error;
+    response = await fetch(address);
+  } catch {
     throw new Error(GONE);
   }
   const answer = await response.json().catch(() => null);
-  signal?.throwIfAborted(); // it may have been while the answer came
   if (response.ok && answer !== null) return answer;
   throw new Error(answer?.error ?? `the server answered ${response.status}`);
 }
@@ -44,7 +42,7 @@ export const fetchRuns = async () => (await ask("runs")).runs;
 /** What differs between a tick here and a tick in another recording, or in this. */
 export const fetchDifference = (tick, other, then) => ask("difference", { tick, other, then });
 
-/** What is being looked at: sensors, ticks, world, columns. */
+/** What is being looked at: sensors, ticks, world. */
 export const fetchRun = () => ask("run");
 
 /** The frames of ticks `from` to `to`, both included, as far as there are any. */
@@ -53,9 +51,8 @@ export const fetchFrames = async (from, to) => (await ask("frames", { from, to }
 /** The learned order after a tick. */
 export const fetchGraph = (tick) => ask("graph", { tick });
 
-/** The weights of an implication at a tick, and around it. */
-export const fetchEdge = (source, target, tick, signal) =>
-  ask("edge", { source, target, tick }, signal);
+/** The weights of an implication at a tick. */
+export const fetchEdge = (source, target, tick) => ask("edge", { source, target, tick });
 
 /** All columns over ticks `from` to `to`, in about `points` points each. */
 export const fetchSeries = (from, to, points) => ask("series", { from, to, points });

@@ -39,8 +39,6 @@ const TERMS = {
   grown: "Sensors that the memory has made for itself, out of an action and what was on before it.",
   "not read": "Sensors that gave no reading at this tick.",
   edges: "The implications that the cells use as wires. An edge and its contrapositive count as two.",
-  err: "How many implications were learned that are not true, or are true and were not learned, where the truth is known.",
-  distance: "The fewest actions from here to the target.",
   anomaly: "An observation that contradicts what was learned before it.",
   implies: "What is on or off whenever this sensor is on.",
   threshold: "How seldom a must be seen with b off for a to imply b, as a share of all ticks.",

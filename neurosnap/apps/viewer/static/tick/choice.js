@@ -40,11 +40,6 @@ export class ChoiceView {
     else this._showSensor(this._thing.sensor, frame, graph, reasons);
   }
 
-  /** The scheme of colours has changed. */
-  recolour() {
-    if (this._thing?.edge) this._edge.recolour();
-  }
-
   _showSensor(sensor, frame, graph, reasons) {
     if (graph !== this._graph || graph === null) {
       this._graph = graph;

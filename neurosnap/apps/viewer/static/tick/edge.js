@@ -1,10 +1,9 @@
-// An edge: the four weights of its square and the threshold, at this tick and over time.
+// An edge: the four weights of its square and the threshold, at this tick.
 // It holds while the weight that speaks against it stays below the threshold.
 
 import { make, number, write } from "../base/dom.js";
 import { complementOf, literalName } from "../base/literals.js";
 import { term } from "../base/terms.js";
-import { Chart, INKS } from "../time/chart.js";
 
 const PATIENCE = 120; // milliseconds a tick has to stay before its weights are asked for
 
@@ -16,15 +15,11 @@ export class EdgeView {
     this._fetch = fetchEdge;
     this._edge = null;
     this._known = null;
-    this._asked = null;
-    this._chart = null;
   }
 
   /** Show an edge, or none. */
   open(edge) {
-    this._stop();
-    this._chart?.end();
-    this._chart = null;
+    clearTimeout(this._timer);
     this._edge = edge;
     this._known = null;
     if (edge === null) return;
@@ -32,45 +27,32 @@ export class EdgeView {
     const backwards = [edge.target, edge.source].map((end) =>
       literalName(this._names, complementOf(end)),
     );
-    this._values = [...INKS, "limit"].map(() => make("td", { className: "number" }, "–"));
+    this._values = Array.from({ length: 5 }, () => make("td", { className: "number" }, "–"));
     this._says = make("p", { className: "quiet" });
-    const plot = make("div", { className: "plot", role: "img", ariaLabel: "Weights over time" });
     const kind = edge.kind === "excite" ? "excites" : "inhibits";
     this._home.replaceChildren(
       make("p", {}, make("b", {}, `${names[0]} → ${names[1]}`), ` ${kind}`),
       make("p", { className: "quiet" }, `the same as ${backwards[0]} → ${backwards[1]}`),
       make("table", { id: "edge" }, make("tbody", {}, ...this._lines(edge))),
       this._says,
-      plot,
     );
-    this._chart = new Chart(plot, { labels: [...INKS, "threshold"], limit: true });
   }
 
   /** Show its weights at a tick, once one stays there. */
   at(tick, playing) {
-    this._stop(); // it may have been of another tick
+    clearTimeout(this._timer); // it may have been of another tick
+    this._tick = tick;
     if (this._edge === null || playing || this._known?.tick === tick) return;
-    this._timer = setTimeout(() => this._ask(tick), PATIENCE);
+    this._timer = setTimeout(() => this._ask(this._edge, tick), PATIENCE);
   }
 
-  /** The scheme of colours has changed. */
-  recolour() {
-    this._chart?.recolour();
-  }
-
-  /** Want no answer any more. */
-  _stop() {
-    clearTimeout(this._timer);
-    this._asked?.abort();
-  }
-
-  async _ask(tick) {
-    this._asked = new AbortController();
-    const { source, target } = this._edge;
+  async _ask(edge, tick) {
+    const isWanted = () => edge === this._edge && tick === this._tick;
     try {
-      this._show(await this._fetch(source, target, tick, this._asked.signal));
+      const known = await this._fetch(edge.source, edge.target, tick);
+      if (isWanted()) this._show(known);
     } catch (error) {
-      if (error.name !== "AbortError") write(this._says, error.message);
+      if (isWanted()) write(this._says, error.message);
     }
   }
 
@@ -84,7 +66,7 @@ export class EdgeView {
       make(
         "tr",
         {},
-        make("th", { scope: "row" }, swatch(INKS[k] ?? "limit"), label),
+        make("th", { scope: "row" }, label),
         this._values[k],
       ),
     );
@@ -97,11 +79,5 @@ export class EdgeView {
     const since = known.since > 0 ? ` since tick ${known.since}` : "";
     write(this._says, `${known.holds ? "It holds" : "It does not hold"}${since}.`);
     this._home.dataset.tick = known.tick;
-    const { over, tick } = known;
-    const weights = INKS.map((_, k) => over.map((one) => one.weights[k]));
-    this._chart.at(tick);
-    this._chart.set([over.map((one) => one.tick), ...weights, over.map((one) => one.threshold)]);
   }
 }
-
-const swatch = (ink) => make("i", { className: `swatch ${ink}` });

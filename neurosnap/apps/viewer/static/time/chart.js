@@ -18,26 +18,21 @@ const moved = (event) => event === "mousemove"; // of what happens to one chart,
 export class Chart {
   /**
    * @param {HTMLElement} home it fills this
-   * @param {object} look
-   * @param {string[]} look.labels one a curve
-   * @param {boolean} [look.limit] the last curve is a limit: thin, in the colour of text
-   * @param {boolean} [look.whole] all values are whole, from 0 up
-     * @param {object} [on] without it, the pointer does nothing
+   * @param {string[]} labels one a curve; all values are whole, from 0 up
+   * @param {object} on
    * @param {(tick: number) => void} on.seek told the tick that was clicked
    * @param {(from: number, to: number) => void} on.range told the ticks that were dragged over
-   * @param {(tick: number|null, values: (number|null)[]) => void} [on.hover] told the tick
+   * @param {(tick: number|null, values: (number|null)[]) => void} on.hover told the tick
    *   under the pointer, and the value of each curve that is nearest to it
-   * @param {string} [on.together] charts of the same name show the pointer together
    */
-  constructor(home, { labels, limit = false, whole = false }, on = null) {
+  constructor(home, labels, on) {
     this._home = home;
-    this._look = { labels, limit, whole };
+    this._labels = labels;
     this._on = on;
     this._now = make("div", { className: "now" });
     this._tick = null;
     this._ends = null;
-    this._sizes = new ResizeObserver(() => this._resize());
-    this._sizes.observe(home);
+    new ResizeObserver(() => this._resize()).observe(home);
   }
 
   /**
@@ -61,33 +56,9 @@ export class Chart {
     this._place();
   }
 
-  /**
-   * The values of all curves at a tick, or at the nearest before it that has one: of a long
-   * series only some have, and the last may not be known yet.
-   *
-   * @returns {{tick: number, value: number|null}[]}
-   */
-  valuesAt(tick) {
-    const ticks = this._data?.[0] ?? [];
-    const after = ticks.findIndex((one) => one > tick);
-    return this._look.labels.map((_, k) => {
-      const values = this._data?.[k + 1] ?? [];
-      let at = after < 0 ? ticks.length - 1 : after - 1;
-      while (at >= 0 && values[at] === undefined) at -= 1; // null: not known there
-      return { tick: ticks[at] ?? tick, value: values[at] ?? null };
-    });
-  }
-
   /** The scheme of colours has changed. */
   recolour() {
     this._draw();
-  }
-
-  /** Take it away; left alone, it would listen to the window for ever. */
-  end() {
-    this._sizes.disconnect();
-    this._drawn?.destroy();
-    this._drawn = null;
   }
 
   _draw() {
@@ -96,7 +67,6 @@ export class Chart {
     this._drawn = null;
     if (!this._data || width === 0 || height === 0) return; // not seen yet
     const colours = palette();
-    const { whole } = this._look;
     const grid = {
       stroke: colours.mute,
       font: font(10),
@@ -108,12 +78,12 @@ export class Chart {
       {
         width,
         height,
-        scales: { x: { time: false, range: (_, low, high) => this._ends ?? [low, high] }, y: whole ? { range } : {} },
+        scales: { x: { time: false, range: (_, low, high) => this._ends ?? [low, high] }, y: { range } },
         axes: [
           { ...grid, size: 20, gap: 2, space: 60 },
-          { ...grid, size: 42, gap: 3, space: 22, ...(whole ? { incrs: WHOLE } : {}) },
+          { ...grid, size: 42, gap: 3, space: 22, incrs: WHOLE },
         ],
-        series: [{}, ...this._look.labels.map((label, k) => this._curve(label, k, colours))],
+        series: [{}, ...this._labels.map((label, k) => this._curve(label, k, colours))],
         legend: { show: false },
         cursor: this._cursor(),
         hooks: this._hooks(),
@@ -127,28 +97,22 @@ export class Chart {
   }
 
   _curve(label, k, colours) {
-    const { labels, limit } = this._look;
-    const all = { label, points: { show: false } };
-    if (limit && k === labels.length - 1) return { ...all, stroke: colours.ink, width: 1 };
     const [ink, dash] = [INKS[k % INKS.length], DASHES[k % DASHES.length]];
-    return { ...all, stroke: colours[ink], width: 1.6, dash };
+    return { label, points: { show: false }, stroke: colours[ink], width: 1.6, dash };
   }
 
   _cursor() {
-    if (this._on === null) return { show: false };
-    const { together } = this._on;
     return {
       y: false,
       points: { show: false },
       drag: { x: true, y: false, setScale: false, dist: DRAGGED, click: () => {} },
       bind: { dblclick: () => null }, // a second click is a click
-      ...(together ? { sync: { key: together, setSeries: false, filters: { pub: moved, sub: moved } } } : {}),
+      sync: { key: "plots", setSeries: false, filters: { pub: moved, sub: moved } },
     };
   }
 
   _hooks() {
     const place = [() => this._place()]; // sizes are known only once it is drawn
-    if (this._on === null) return { draw: place };
     const tickAt = (drawn, x) => Math.round(drawn.posToVal(x, "x"));
     return {
       draw: place,
@@ -156,8 +120,8 @@ export class Chart {
         (drawn) => {
           const { idx, idxs } = drawn.cursor;
           const isNone = idx === null || idx === undefined;
-          const values = this._look.labels.map((_, k) => drawn.data[k + 1][idxs?.[k + 1]] ?? null);
-          this._on.hover?.(isNone ? null : drawn.data[0][idx], values);
+          const values = this._labels.map((_, k) => drawn.data[k + 1][idxs?.[k + 1]] ?? null);
+          this._on.hover(isNone ? null : drawn.data[0][idx], values);
         },
       ],
       setSelect: [
@@ -173,7 +137,6 @@ export class Chart {
 
   /** A click goes to its tick; the end of a drag is none. */
   _listen(over) {
-    if (this._on === null) return;
     let from = 0;
     over.addEventListener("mousedown", ({ clientX }) => (from = clientX));
     over.addEventListener("click", ({ clientX, offsetX }) => {

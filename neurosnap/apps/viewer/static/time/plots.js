@@ -12,12 +12,11 @@ const RARELY = 100; // milliseconds between two readings while it plays: none ca
 
 // What belongs together is plotted together; the rest by itself.
 const PLOTS = [
-  ["edges"], ["err"], ["depth", "longest", "height"], ["pulses"],
-  ["on", "predicted", "contradicted", "unknown"], ["distance"],
+  ["edges"], ["depth", "longest", "height"], ["pulses"],
+  ["on", "predicted", "contradicted", "unknown"],
 ];
 const TITLES = {
   edges: "Edges",
-  err: "Err",
   depth: "Depth",
   longest: "Longest",
   height: "Height",
@@ -26,33 +25,25 @@ const TITLES = {
   predicted: "Predicted",
   contradicted: "Contradicted",
   unknown: "Unknown",
-  distance: "Distance to target",
 };
-
-/** A value of a series, and which tick it is of where that is another. */
-const valueWords = ({ tick, value }, asked) =>
-  number(value) + (tick === asked || value === null ? "" : ` at ${tick}`);
 
 /** The panel of plots. */
 export class Plots {
   /**
    * @param {HTMLElement} home
-   * @param {string[]} columns those there are
    * @param {object} on
    * @param {(from: number, to: number, points: number) => Promise} on.fetchSeries
    * @param {(tick: number) => void} on.seek
    * @param {(from: number, to: number) => void} on.range
    */
-  constructor(home, columns, on) {
+  constructor(home, on) {
     this._on = on;
     this._range = [1, 0];
     this._gathering = new Gathering(() => this._ask());
     this._frame = null;
     this._told = 0;
     this._under = null; // the tick under the pointer
-    this._plots = PLOTS.map((own) => ({
-      columns: own.filter((column) => columns.includes(column)),
-    })).filter((plot) => plot.columns.length > 0);
+    this._plots = PLOTS.map((columns) => ({ columns }));
     home.replaceChildren(...this._plots.map((plot) => this._figure(plot)));
   }
 
@@ -106,16 +97,11 @@ export class Plots {
       const swatch = make("i", { className: `swatch ${INKS[k]}` });
       return make("span", {}, swatch, term(column, TITLES[column]), " ", plot.values[k], " ");
     });
-    plot.chart = new Chart(
-      home,
-      { labels: plot.columns, whole: true },
-      {
-        seek: this._on.seek,
-        range: this._on.range,
-        hover: (tick, values) => this._hover(plot, tick, values),
-        together: "plots",
-      },
-    );
+    plot.chart = new Chart(home, plot.columns, {
+      seek: this._on.seek,
+      range: this._on.range,
+      hover: (tick, values) => this._hover(plot, tick, values),
+    });
     const figure = make("figure", {}, make("figcaption", {}, ...names), home);
     figure.style.flexGrow = 2 + names.length; // room for the names
     return figure;
@@ -125,13 +111,8 @@ export class Plots {
   _tell(plot) {
     plot.under.forEach((value, k) => write(plot.values[k], number(value)));
     if (plot.under.length || this._frame === null) return;
-    const { tick } = this._frame;
     const own = plot.columns.includes("on") ? countAll(this._frame) : this._frame;
-    const drawn = plot.chart.valuesAt(tick); // some are known by their series alone
-    plot.columns.forEach((column, k) => {
-      const words = column in own ? number(own[column]) : valueWords(drawn[k], tick);
-      write(plot.values[k], words);
-    });
+    plot.columns.forEach((column, k) => write(plot.values[k], number(own[column])));
   }
 
   /** Say which tick is under the pointer, or that more is to come. */

@@ -1,4 +1,4 @@
-// What happened when, in a strip over the slider: anomalies and alarms, edges rewired,
+// What happened when, in a strip over the slider: anomalies and alarms,
 // sensors born, targets reached, beginnings of trajectories, restarts, ticks that are not
 // there. The server counts them for stretches of ticks a few pixels wide. A range of ticks
 // is chosen by dragging over it.
@@ -23,14 +23,12 @@ const SIGNS = {
   },
   anomalies: { d: (x) => `M${x - 4} 8l4 -8l4 8z`, words: (n) => `${counted(n, "tick")} with an anomaly` },
 };
-const REWIRED = (n) => `${counted(n, "edge")} rewired`;
 const RESUMED = (x) => `M${x} 0v${HEIGHT}`;
 const ALARM = (x) => `M${x} 0l4 5l-4 5l-4 -5z`;
 // What each sign means, for the help.
 const KEY = [
   ["anomalies", SIGNS.anomalies.d, "an anomaly: an observation against what was learned"],
   ["alarm", ALARM, "an alarm: a sensor that seems broken"],
-  ["rewired", (x) => `M${x - 1} ${HEIGHT}v-11h2v11z`, "edges rewired: the higher, the more"],
   ["born", SIGNS.born.d, "a sensor grown"],
   ["reached", SIGNS.reached.d, "the target reached"],
   ["begins", SIGNS.begins.d, "a trajectory begins"],
@@ -91,7 +89,7 @@ export class Strip {
 
   /** How many stretches there are. */
   get _bins() {
-    return this._marks?.rewired.length ?? 0;
+    return this._marks?.anomalies.length ?? 0;
   }
 
   /** Where a tick begins. */
@@ -101,15 +99,9 @@ export class Strip {
   }
 
   _draw() {
-    const { rewired, resumed, alarms } = this._marks;
+    const { resumed, alarms } = this._marks;
     const wide = this._room / Math.max(1, this._bins);
     const middle = (at) => THUMB + wide * (at + 0.5);
-    const most = Math.log1p(Math.max(1, ...rewired));
-    const bars = rewired.flatMap((edges, at) => {
-      if (edges === 0) return [];
-      const height = 2 + ((HEIGHT - 3) * Math.log1p(edges)) / most;
-      return [shape("rect", { class: "rewired", x: middle(at) - 1, y: HEIGHT - height, width: 2, height })];
-    });
     const signs = Object.entries(SIGNS).flatMap(([kind, { d }]) =>
       this._marks[kind].flatMap((count, at) =>
         count ? [shape("path", { class: kind, d: d(middle(at)) })] : [],
@@ -119,7 +111,7 @@ export class Strip {
     const raised = alarms.map(({ tick }) => shape("path", { class: "alarm", d: ALARM(this._across(tick + 0.5)) }));
     this._title = shape("title");
     this._home.setAttribute("aria-label", `What happened: ${this._words()}`);
-    this._home.replaceChildren(this._title, this._band, ...bars, ...again, ...signs, ...raised);
+    this._home.replaceChildren(this._title, this._band, ...again, ...signs, ...raised);
     this._place();
     const some = alarms.length > 0 || this._marks.anomalies.some((count) => count > 0);
     for (const id of ["anomaly-back", "anomaly-on"]) find(id).hidden = !some;
@@ -135,14 +127,12 @@ export class Strip {
 
   /** All of it in a line, for those who do not see it. */
   _words() {
-    const { rewired, resumed, alarms, done, read_to: readTo } = this._marks;
+    const { resumed, alarms, done, read_to: readTo } = this._marks;
     const sum = (counts) => counts.reduce((all, one) => all + one, 0);
-    const changed = rewired.filter((edges) => edges > 0).length;
     const counts = Object.entries(SIGNS).map(([kind, { words }]) => [sum(this._marks[kind]), words]);
     return [
       ...counts.reverse().map(([count, words]) => (count ? words(count) : "")),
       alarms.length ? counted(alarms.length, "alarm") : "",
-      changed ? `edges rewired at ${counted(changed, "place")}` : "",
       resumed.length ? `taken up again after tick ${resumed.join(", ")}` : "",
       done ? "" : `read up to tick ${readTo} so far`,
     ]
@@ -174,13 +164,12 @@ export class Strip {
   _tell(x) {
     const at = this._stretch(x);
     if (at === null) return;
-    const { rewired, resumed, alarms, times } = this._marks;
+    const { resumed, alarms, times } = this._marks;
     const [from, to] = this._ticks(at);
     const within = (tick) => from <= tick && tick <= to;
     const when = times[at] === null ? "" : `, ${new Date(times[at] * 1000).toLocaleString()}`;
     const happened = [
       ...Object.entries(SIGNS).reverse().map(([kind, { words }]) => this._marks[kind][at] && words(this._marks[kind][at])),
-      rewired[at] && REWIRED(rewired[at]),
       ...resumed.filter(within).map((tick) => `taken up again after tick ${tick}`),
       ...alarms.filter(({ tick }) => within(tick)).map(({ line }) => line),
     ].filter(Boolean);

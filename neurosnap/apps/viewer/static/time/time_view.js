@@ -11,7 +11,6 @@ import { Strip } from "./strip.js";
 export class TimeView {
   /**
    * @param {string[]} names
-   * @param {{columns: string[]}} run
    * @param {object} on
    * @param {Function} on.fetchSeries
    * @param {Function} on.fetchMarks
@@ -21,13 +20,13 @@ export class TimeView {
    * @param {(sensor: number) => void} on.pick
    * @param {(alarms: object[]) => void} on.alarms told the alarms of all ticks
    */
-  constructor(names, run, on) {
+  constructor(names, on) {
     const range = (from, to) => this.range.set([from, to]);
     const seek = (tick) => this.player.seek(tick);
     this.player = new Player({ ready: on.ready, move: on.move, change: () => this.timeline.showPlayer() });
     this.timeline = new Timeline(this.player);
     this.strip = new Strip({ fetchMarks: on.fetchMarks, seek, range, alarms: on.alarms });
-    this.plots = new Plots(find("plots"), run.columns, { fetchSeries: on.fetchSeries, seek, range });
+    this.plots = new Plots(find("plots"), { fetchSeries: on.fetchSeries, seek, range });
     this.raster = new RasterView(names, { fetchRaster: on.fetchRaster, seek, pick: on.pick });
     this.range = new TickRange(() => this._showRange());
   }

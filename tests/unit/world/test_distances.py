@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from neurosnap.sources.distances import distances_to
 from tests.support.distances import fewest_actions
+from world.target import distances_to
 
 
 @st.composite
