@@ -23,34 +23,21 @@ def main() -> None:
     quit_at_once()  # before the imports: they take the longest of the start
     from neurosnap.apps.cli import app
 
-    _write_ascii_where_needed()
+    _escape_where_needed()
     app()
 
 
-def _write_ascii_where_needed() -> None:
+def _escape_where_needed() -> None:
     r"""Let standard output and error take any letter, whatever they encode in.
 
-    An arrow becomes ``->``; a letter without a likeness its escape, ``\u2603``.
+    An arrow becomes ``\u2192`` where there is none.
     """
-    import codecs
     import io
     import sys
 
-    codecs.register_error("neurosnap.ascii", _in_ascii)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="neurosnap.ascii")
-
-
-def _in_ascii(error: UnicodeError) -> tuple[str, int]:
-    """Return what to write for what cannot be encoded, and where to go on."""
-    if not isinstance(error, UnicodeEncodeError):
-        raise error
-    like = str.maketrans(
-        {"→": "->", "…": "...", "–": "-", "×": "x", "µ": "u", "²": "^2", "—": "-"}
-    )
-    text = error.object[error.start : error.end].translate(like)
-    return text.encode("ascii", "backslashreplace").decode("ascii"), error.end
+            stream.reconfigure(errors="backslashreplace")
 
 
 if __name__ == "__main__":

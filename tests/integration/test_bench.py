@@ -2,12 +2,10 @@
 
 import json
 import math
-from types import SimpleNamespace
 
 import pytest
 
 from tools.bench import __main__ as bench
-from tools.bench.report import Line
 from tools.browser import NO_BROWSER, chromium
 
 pytestmark = [pytest.mark.bench, pytest.mark.slow, pytest.mark.zenoh]
@@ -45,24 +43,6 @@ def test_an_unknown_row_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     said = capsys.readouterr().err
     assert "must be of spawn, hop, line" in said
     assert "got skip" in said
-
-
-def test_a_row_is_printed_before_the_next_is_measured(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    printed: list[str] = []
-
-    def measured(what: str) -> list[Line]:
-        printed.append(capsys.readouterr().out)
-        return [Line(what, "3 s")]
-
-    rows = {name: lambda _, name=name: measured(name) for name in ("one", "two")}
-    monkeypatch.setattr(bench, "ROWS", dict.fromkeys(rows, ("rows", "what it is")))
-    monkeypatch.setattr(bench, "import_module", lambda _: SimpleNamespace(**rows))
-    bench.main(["--only", "one,two"])
-    head = "| what | measured | against | reach |  |\n| --- | --- | --- | --- | --- |\n"
-    assert printed == [head, "| one | 3 s |  |  |  |\n"]
-    assert capsys.readouterr().out == "| two | 3 s |  |  |  |\n"
 
 
 def test_a_row_that_cannot_be_measured_says_why_and_the_others_stand(

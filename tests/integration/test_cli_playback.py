@@ -1,7 +1,6 @@
-"""`neurosnap replay` plays a recording on the network."""
+"""`neurosnap play` publishes a recording on the network."""
 
 import socket
-import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,17 +20,11 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return record_path(tmp_path_factory.mktemp("log") / "path.mcap")
 
 
-def command(*arguments: object) -> list[str]:
-    return [sys.executable, "-m", "neurosnap", *map(str, arguments)]
-
-
 def test_a_recording_plays_beyond_this_machine_only_where_that_is_asked_for(
     log: Path, tmp_path: Path
 ) -> None:
     everywhere = ("play", log, "--listen", "tcp/0.0.0.0:0")
     assert "without TLS (--insecure)" in refused(*everywhere)
-    none = tmp_path / "none.mcap"
-    assert "log: must exist" in refused("play", none, *everywhere[2:], "--insecure")
     keys = ("play", log, "--listen", "tls/localhost:1", "--tls", tmp_path)
     assert str(tmp_path) in refused(*keys)
 
@@ -80,8 +73,6 @@ def test_a_cut_recording_plays_and_says_so(
     ("option", "value", "said"),
     [
         ("--rate", 0, "rate: must be positive and finite, got 0.0"),
-        ("--rate", "nan", "rate: must be positive and finite, got nan"),
-        ("--from", 0, "from: must be in [1, 30], got 0"),
         ("--from", 31, "from: must be in [1, 30], got 31"),
     ],
 )

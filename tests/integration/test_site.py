@@ -56,14 +56,6 @@ def test_the_site_is_whole_and_asks_no_other_host(tmp_path: Path) -> None:
         assert "default-src 'self'" in page, name
 
 
-@pytest.mark.slow
-@pytest.mark.exhaustive
-def test_a_link_to_no_heading_is_no_site(tmp_path: Path) -> None:
-    page = copied(tmp_path) / "docs/index.md"
-    page.write_text(page.read_text() + "\n[there](data.md#nowhere)\n")
-    assert "anchor does not exist" in "\n".join(built(tmp_path))
-
-
 PAGE = '<h1 id="top">It</h1>{}'
 
 

@@ -68,21 +68,3 @@ async def test_a_running_swarm_is_looked_on_until_its_end(
     async with verb(tmp_path, "watch", str(log)) as again:
         output, _ = await again.communicate()
         assert b"may be wrong: breaks door -> motion" in output
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        ((), "swarm: must be one of none: no swarm runs here, got ''"),
-        (("nobody",), "swarm: must be one of none: no swarm runs here, got 'nobody'"),
-        (("--connect", "tcp/127.0.0.1:9"), "swarm: must be named with --connect"),
-        (("missing.mcap",), "missing.mcap"),
-    ],
-)
-async def test_what_cannot_be_watched_is_named(
-    tmp_path: Path, arguments: tuple[str, ...], says: str
-) -> None:
-    async with verb(tmp_path, "watch", *arguments) as watch:
-        _, errors = await watch.communicate()
-    assert watch.returncode in (1, 2)
-    assert says in " ".join(errors.decode().split())

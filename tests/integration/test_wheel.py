@@ -127,15 +127,3 @@ def test_page_examples_and_licences_are_in_it(installed: Environment) -> None:
         "LICENSE",
         "neurosnap/apps/viewer/static/vendor/uplot/LICENSE",
     }
-
-
-def test_an_uninstall_leaves_nothing_behind(tmp_path: Path, wheel: Path) -> None:
-    there = Environment(tmp_path, wheel)
-    kernels = "from neurosnap import EmpiricalSnapshot, Sensorium; "
-    kernels += "EmpiricalSnapshot(Sensorium.of(2)).observe([0, 1])"
-    there.run("python", "-c", kernels)  # compiled by now
-    # Without it pip would look at the checkout, which the dependencies lie beside.
-    (there.packages / "dependencies.pth").unlink()
-    there.pip("uninstall", "--yes", distribution.NAME)
-    assert list(there.packages.iterdir()) == []
-    assert files(there.share) == set()

@@ -1,11 +1,12 @@
 """Descriptions of runs: what is written is read, and what is wrong is found."""
 
+import re
 import tempfile
 import tomllib
 from collections.abc import Iterator
 from datetime import date
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import msgspec
 import pytest
@@ -21,118 +22,50 @@ from neurosnap.apps.config.tables import Config, HealthTable
 from neurosnap.apps.config.validate import problems
 from tools.json_schema import schema
 
-BARE = ["a", "b1", "c-d", "true", "7"]
-QUOTED = {
-    '"x y"': "x y",
-    "'[z]'": "[z]",
-    '"#"': "#",
-    '"\\u0041\\""': 'A"',
-    '"d.e"': "d.e",
-    '""': "",
+# Each key is named after its line; of what stands behind a string of several lines
+# within the same array or inline table, after the line on which that string begins.
+DOCUMENT = r'''l1 = 1
+# ] [l0] = """
+l3 = "]}#"  # = [
+"l4 x" = { l4 = [1, '"""', { l4 . l4 = true }], "l4#" = "\"[", 'l4]' = -2.5 }
+l5 . l5 = """
+[no] l0 = 1 # """
+l7 = [  # {
+  1,
+  """a\"""
+]""\
+  b""", 2,
+  1979-05-27T07:32:00Z]
+l13 = QQQ
+'' } [
+#''QQQ
+l16 = {l16 = """
+""", l16b = {}}
+[l18 . "l18.d"] # [
+l19 = nan
+  l20 . l20 = [
+  [], [
+]]
+[[ "l23" ]]
+[[l23]]
+"l25 \u0041\"" = '\'
+[[l23.l26]]
+"" = 0
+'''.replace("QQQ", "'" * 3)
+ITEMS: dict[Keys, int] = {
+    ("l4 x", "l4", 2): 4,
+    ("l7", 0): 8,
+    ("l7", 1): 9,
+    ("l7", 2): 9,
+    ("l7", 3): 12,
+    ("l18", "l18.d", "l20", "l20", 0): 21,
+    ("l18", "l18.d", "l20", "l20", 1): 21,
+    ("l23", 0): 23,
+    ("l23", 1): 24,
+    ("l23", 1, "l26", 0): 26,
+    ("l23", 1, "l26", 0, ""): 27,
 }
-SCALARS = [
-    "1", "-2.5", "true", "1979-05-27T07:32:00Z", "nan", '""', "''", '"]}#"',
-    "'\\'", '"\\"["', "'\"\"\"'", '"\'\'\'"', '"""]"""', "'''}'''", '"""""a""\\"""""',
-    "'''''b'''''",
-]  # fmt: skip
-LONG = [
-    '"""\n[no]\nkey = 1 # """', '"""a\\"""\n]""\\\n  b"""""', "'''\n'' } [\n#'''''",
-    '"""\n\n"""',
-]  # fmt: skip
-GAPS = ["", "\n", "# ] [a] = '\n", '\n  # """ {\n\n']
-
-
-class Document(NamedTuple):
-    text: str
-    lines: dict[Keys, int]
-    """The line of every key: the one on which it stands, or, behind a string of several
-    lines within its array or inline table, the one on which the first such began."""
-
-
-class Pen:
-    """Writes a document, and down on which line each key is written."""
-
-    def __init__(self, draw: st.DrawFn) -> None:
-        self.draw = draw
-        self.text = ""
-        self.line = 1
-        self.lines: dict[Keys, int] = {}
-
-    def put(self, text: str) -> None:
-        """Write something that holds no string of several lines."""
-        self.text += text
-        if "\n" in text:
-            self.line = 1 + self.text.count("\n")
-
-    def mark(self, keys: Keys) -> None:
-        for length in range(1, len(keys) + 1):
-            self.lines.setdefault(keys[:length], self.line)
-
-    def one(self, of: list[str]) -> str:
-        return self.draw(st.sampled_from(of))
-
-    def keys(self, most: int) -> list[tuple[str, str]]:
-        """Draw different keys: as they are written, and as they are meant."""
-        every = [(key, key) for key in BARE] + list(QUOTED.items())
-        drawn = st.lists(
-            st.sampled_from(every), max_size=most, unique_by=lambda key: key[1]
-        )
-        return self.draw(drawn)
-
-    def value(self, at: Keys, depth: int) -> None:
-        kinds = ["scalar", "long", "list", "table"] if depth else ["scalar", "long"]
-        match self.one(kinds):
-            case "scalar":
-                self.put(self.one(SCALARS))
-            case "long":
-                self.text += self.one(LONG)  # and the line stays
-            case "list":
-                self.put("[" + self.one(GAPS))
-                for place in range(self.draw(st.integers(0, 3))):
-                    self.mark((*at, place))
-                    self.value((*at, place), depth - 1)
-                    self.put(self.one(["", "\n"]) + "," + self.one([" ", *GAPS]))
-                self.put("]")
-            case _:
-                self.put("{ ")
-                for number, (written, key) in enumerate(self.keys(3)):
-                    self.put(", " if number else "")
-                    self.entry(written, (*at, key), depth - 1)
-                self.put(" }")
-
-    def entry(self, written: str, keys: Keys, depth: int) -> None:
-        if self.draw(st.booleans()):
-            written, keys = f"{written} . sub", (*keys, "sub")
-        self.mark(keys)
-        self.put(f"{written} = ")
-        self.value(keys, depth)
-
-    def entries(self, at: Keys) -> None:
-        for written, key in self.keys(3):
-            self.put(self.one(GAPS))
-            self.entry(written, (*at, key), 2)
-            self.put(self.one(["\n", " # '''\n"]))
-
-
-@st.composite
-def documents(draw: st.DrawFn) -> Document:
-    """Draw a document with all that TOML has to make a line hard to find."""
-    pen = Pen(draw)
-    pen.entries(())
-    for number, (written, key) in enumerate(pen.keys(4)):
-        # The names of headers begin with one of their own: none is defined twice.
-        top = f"table{number}"
-        if draw(st.booleans()):
-            pen.mark((top, key))
-            pen.put(f"[{top}.{written}] # [\n")
-            pen.entries((top, key))
-            continue
-        for place in range(draw(st.integers(1, 3))):
-            pen.mark((top, key, place))
-            pen.put(f"[[ {top} . {written} ]]\n")
-            pen.entries((top, key, place))
-    text = pen.text if draw(st.booleans()) else pen.text.removesuffix("\n")
-    return Document(text, pen.lines)
+"""The lines of items of lists, and of a key without a name."""
 
 
 VALID = Draft202012Validator(schema())
@@ -152,20 +85,18 @@ def every_key(value: object, at: Keys = ()) -> Iterator[Keys]:
             yield from every_key(item, (*at, key))
 
 
-@given(documents(), st.booleans())
-def test_every_key_is_found_on_its_line(document: Document, windows: bool) -> None:
-    text = document.text.replace("\n", "\r\n") if windows else document.text
-    lines = LineNumbers(text)
-    keys = set(every_key(tomllib.loads(text)))
-    assert keys == document.lines.keys()
-    assert {key: lines.line(key) for key in keys} == document.lines
-
-
-@given(documents(), st.sampled_from(["nowhere", 9]))
-def test_no_other_key_is_found(document: Document, other: str | int) -> None:
-    lines = LineNumbers(document.text)
-    for keys in [(), *document.lines]:
-        assert lines.line((*keys, other)) is None
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_every_key_is_found_on_its_line_and_no_other(end: str) -> None:
+    lines = LineNumbers(DOCUMENT.replace("\n", end))
+    keys = set(every_key(tomllib.loads(DOCUMENT)))
+    named = {key: re.match(r"l(\d+)", str(key[-1])) for key in keys}
+    found = {key: lines.line(key) for key in keys}
+    assert {k: n for k, n in found.items() if named[k]} == {
+        key: int(name[1]) for key, name in named.items() if name
+    }
+    assert {key: found[key] for key in ITEMS} == ITEMS
+    for key in [(), *keys]:
+        assert lines.line((*key, "nowhere")) is lines.line((*key, 9)) is None
 
 
 # Configs ------------------------------------------------------------------------------

@@ -20,19 +20,6 @@ def facts_of(result: Result) -> dict[str, Any]:
     return last_json(result.stdout)
 
 
-RUN_KEYS = {
-    "log",
-    "ticks",
-    "cells",
-    "waves",
-    "pulses",
-    "depth",
-    "height",
-    "incoherent",
-    "seconds",
-}
-
-
 def last_json(stdout: str) -> dict[str, Any]:
     facts = json.loads(stdout.splitlines()[-1])
     assert isinstance(facts, dict)

@@ -6,7 +6,6 @@ import socket
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from shutil import get_terminal_size
 from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Literal, NoReturn, TypeAlias, TypeVar
 
@@ -32,8 +31,6 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 LOST = 3
-_WIDE = 70
-"""Columns of a terminal that a table of options fits."""
 _TWICE = 0.5
 """Seconds in which a second SIGINT is the first again: `timeout -s INT` sends it to the
 program and to its group."""
@@ -49,8 +46,6 @@ app = typer.Typer(
     name="neurosnap",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    # Where a table would cut the names of options, plain text has room for them.
-    rich_markup_mode="rich" if get_terminal_size().columns >= _WIDE else None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 

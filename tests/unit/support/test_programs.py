@@ -20,13 +20,6 @@ import pytest
 
 pytest.importorskip("no_such_module")
 """
-EXPECTED_TO_FAIL = """
-import pytest
-
-@pytest.mark.xfail(reason="not yet")
-def test_that_is_known_to_fail():
-    raise AssertionError
-"""
 WHY = "needs no-such-program: apt-get install no-such-package"
 
 
@@ -64,10 +57,3 @@ def test_where_none_may_be_skipped_no_module_may(
 ) -> None:
     monkeypatch.setenv(VARIABLE, "1")
     assert outcome(pytester, LACKING_MODULE, "must not be skipped") == {"errors": 1}
-
-
-def test_what_is_known_to_fail_is_not_skipped(
-    pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv(VARIABLE, "1")
-    assert outcome(pytester, EXPECTED_TO_FAIL) == {"xfailed": 1}

@@ -1,10 +1,7 @@
 """The pages that are made from the code are what the code makes."""
 
 import pytest
-import typer
 
-from neurosnap import wire
-from neurosnap.apps.cli import app
 from tools import reference
 
 
@@ -12,18 +9,6 @@ from tools import reference
 def test_a_page_is_what_the_code_says(name: str) -> None:
     written = (reference.PAGES / name).read_text(encoding="utf-8")
     assert written == reference.MADE[name](), "run tools/reference.py"
-
-
-def test_every_option_and_message_is_on_its_page() -> None:
-    run = typer.main.get_command(app).commands["run"]  # type: ignore[attr-defined]
-    text = reference.commands()
-    start = text.index("### neurosnap run\n")
-    section = text[start : text.index("\n### ", start)]
-    for option in run.params[1:]:
-        assert all(name in section for name in option.opts), option.name
-    messages = reference.messages()
-    for topic in wire.TOPICS:
-        assert f"`/{topic}`" in messages
 
 
 def test_a_key_of_a_list_of_tables_stands_under_its_own_heading() -> None:

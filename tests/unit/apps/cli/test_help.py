@@ -1,8 +1,5 @@
 """Help that can be read: few verbs in panels, options in groups, whole names."""
 
-import os
-import subprocess
-import sys
 from collections.abc import Iterator
 
 import pytest
@@ -83,21 +80,6 @@ def test_the_options_of_a_run_are_few_and_stand_in_groups() -> None:
     assert "(logs/SOURCE" in text  # its bracket was not taken for a style
     defaults = {each.opts[0]: each.show_default for each in named}
     assert defaults["--threshold"] == "auto; discounted, 0.000125"
-
-
-@pytest.mark.slow
-def test_names_of_options_are_whole_on_a_narrow_terminal() -> None:
-    told = subprocess.run(
-        [sys.executable, "-m", "neurosnap", "run", "--help"],
-        env={**os.environ, "COLUMNS": "40", "TERMINAL_WIDTH": "40"},
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=120,
-    )
-    words = told.stdout.replace(",", " ").replace("/", " ").split()
-    names = [n for each in options("run") for n in (*each.opts, *each.secondary_opts)]
-    assert [name for name in names if name not in words] == []
 
 
 @pytest.mark.parametrize(

@@ -162,18 +162,3 @@ def test_another_broker_is_told_nothing_that_is_for_the_one_in_the_file(
     other = made(file, "--set", 'source.broker={"host": "other.test", "port": 1884}')
     broker = mqtt_options(other.options.arguments).broker
     assert broker == MqttBroker(host="other.test", port=1884)
-
-
-def test_a_flag_is_called_what_it_is_on_the_command_line(file: Path) -> None:
-    with pytest.raises(InvalidValueError) as caught:
-        made(file, "--threshold", 0.7, "--ticks", 0)
-    assert str(caught.value).splitlines() == [
-        "ticks: must be a whole number, 1 or more, got 0",
-        "threshold: must be a number in (0, 0.25] or 'auto', got 0.7",
-    ]
-
-
-def test_a_source_needs_no_file(file: Path) -> None:
-    (file.parent / "here" / "a.csv").write_text("a,b\n0,1\n1,1\n")
-    options = made("a.csv", "--out", "b.mcap").options
-    assert (options.source, options.ticks) == ("a.csv", 2)

@@ -10,8 +10,7 @@ import pytest
 from neurosnap.apps.config.load import load
 from neurosnap.apps.config.prepare import FOREVER, prepare
 from neurosnap.apps.config.problems import ConfigError
-from neurosnap.apps.new_files import free_path, new_path
-from neurosnap.errors import InvalidValueError
+from neurosnap.apps.new_files import new_path
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.network import Network
 from neurosnap.runtime.request import RunRequest, Supervision
@@ -251,12 +250,3 @@ def test_a_recording_has_a_name_that_can_be_copied_anywhere(
     stem, _, _ = new_path(source, tmp_path).name.rsplit("-", 3)[0].partition(".")
     assert stem == name
     assert not list(tmp_path.iterdir())
-
-
-def test_a_recording_replaces_nothing(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    with pytest.raises(InvalidValueError, match=r"^out: must not exist yet, got"):
-        free_path(tmp_path / "file")
-    with pytest.raises(InvalidValueError, match=r"^folder: must be a folder, or be in"):
-        new_path("x", tmp_path / "file")
-    assert free_path(tmp_path / "new") == tmp_path / "new"

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 import msgspec
 import pytest
 
-from neurosnap.apps.config.problems import LineNumbers, dotted
+from neurosnap.apps.config.problems import dotted
 from neurosnap.apps.config.tables import Config
 from neurosnap.apps.config.validate import known_keys, problems
 from neurosnap.errors import InvalidValueError
@@ -65,9 +65,3 @@ def test_keys_are_written_as_toml_has_them() -> None:
     )
     assert dotted(()) == ""
     assert ("snapshot", "decay") in known_keys(Config)
-
-
-def test_a_key_behind_a_long_string_stands_where_that_begins() -> None:
-    lines = LineNumbers('a = [\n"""\n\n""", 1,\n2]\nb = 3\n')
-    keys = [("a",), ("a", 0), ("a", 1), ("a", 2), ("b",)]
-    assert [lines.line(key) for key in keys] == [1, 2, 2, 5, 6]

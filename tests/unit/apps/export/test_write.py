@@ -210,24 +210,6 @@ def test_what_is_not_of_such_a_run_is_an_error(
     assert [path.name for path in tmp_path.iterdir()] == ["log.mcap"]
 
 
-@pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("damaged", [False, True])
-def test_what_is_cut_short_or_damaged_is_exported_as_far_as_it_goes(
-    log: Path, tmp_path: Path, form: str, damaged: bool
-) -> None:
-    path = tmp_path / "cut.mcap"
-    data = bytearray(log.read_bytes()[:-2000])
-    path.write_bytes(data)
-    chunks = Recording.open(path).files[0].layout.chunks
-    if damaged:
-        data[chunks[len(chunks) // 2].offset + 5] ^= 1
-        path.write_bytes(data)
-    done = exported(path, tmp_path / f"out.{form}")
-    assert not done.whole
-    assert 0 < done.ticks < TICKS or not damaged
-    assert Path(done.path).stat().st_size > 0
-
-
 def test_only_a_file_of_another_thing_is_replaced_and_that_by_force(
     log: Path, tmp_path: Path
 ) -> None:
