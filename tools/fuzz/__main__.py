@@ -34,7 +34,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 import psutil
 
 from tools.fuzz.disk import DiskTarget
-from tools.fuzz.run import honest_run
+from tools.fuzz.run import WORKERS, honest_run
 from tools.fuzz.targets import (
     CellTarget,
     CoordinatorTarget,
@@ -43,34 +43,26 @@ from tools.fuzz.targets import (
     FuzzError,
     RecordingTarget,
     Target,
+    WorkerTarget,
 )
-from tools.fuzz.worker import WORKERS, WorkerTarget
 
 _GROWTH = 128 * 2**20  # bytes a target may grow by
 _SHOWN = 2000  # characters of an input that failed
 
-SHARES = {
-    "decode": 0.5,
-    "cell": 0.2,
-    "coordinator": 0.12,
-    "recording": 0.03,
-    "worker": 0.2,
-    "disk": 0.002,
-}
-"""How the inputs are shared out among the targets."""
-
-
-TARGETS: dict[str, Callable[[Path], Target]] = {
-    "decode": lambda folder: Decode(honest_run(folder)),
-    "cell": lambda folder: CellTarget(honest_run(folder)),
-    "coordinator": lambda folder: CoordinatorTarget(
-        honest_run(folder), honest_run(folder, WORKERS)
+TARGETS: dict[str, tuple[float, Callable[[Path], Target]]] = {
+    "decode": (0.5, lambda folder: Decode(honest_run(folder))),
+    "cell": (0.2, lambda folder: CellTarget(honest_run(folder))),
+    "coordinator": (
+        0.12,
+        lambda folder: CoordinatorTarget(
+            honest_run(folder), honest_run(folder, WORKERS)
+        ),
     ),
-    "recording": lambda folder: RecordingTarget(honest_run(folder), folder),
-    "worker": lambda folder: WorkerTarget(honest_run(folder, WORKERS)),
-    "disk": DiskTarget,
+    "recording": (0.03, lambda folder: RecordingTarget(honest_run(folder), folder)),
+    "worker": (0.2, lambda folder: WorkerTarget(honest_run(folder, WORKERS))),
+    "disk": (0.002, lambda folder: DiskTarget(honest_run(folder, ticks=60), folder)),
 }
-"""Each is made in a folder of its own."""
+"""The share of the inputs of each target, and how it is made in a folder of its own."""
 
 
 def rounds(
@@ -119,12 +111,13 @@ def fuzz(
         FuzzError: An invariant does not hold.
     """
     ends = time.monotonic() + 60 * minutes
-    all_shares = sum(SHARES[name] for name in only)
+    all_shares = sum(TARGETS[name][0] for name in only)
     counts: dict[str, Count] = {}
     for name in only:
-        wanted = inputs * SHARES[name] / all_shares
+        share, make = TARGETS[name]
+        wanted = inputs * share / all_shares
         with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
-            target = TARGETS[name](Path(folder))
+            target = make(Path(folder))
             for _, count in rounds(name, target, seed, first or 0):
                 counts[name] = count
                 over = time.monotonic() > ends
@@ -161,12 +154,12 @@ def main() -> int:
     parser.add_argument("--inputs", type=int, default=1_000_000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--minutes", type=float, default=15.0)
-    parser.add_argument("--only", default=",".join(SHARES))
+    parser.add_argument("--only", default=",".join(TARGETS))
     parser.add_argument("--round", type=int, default=None)
     given = parser.parse_args()
     only = given.only.split(",")
-    if unknown := set(only) - SHARES.keys():
-        parser.error(f"--only: must be of {', '.join(SHARES)}, got {min(unknown)}")
+    if unknown := set(only) - TARGETS.keys():
+        parser.error(f"--only: must be of {', '.join(TARGETS)}, got {min(unknown)}")
     try:
         counts = fuzz(only, given.inputs, given.seed, given.minutes, given.round)
     except FuzzError as error:

@@ -10,6 +10,7 @@ import random
 import re
 import struct
 import zlib
+from collections.abc import Sequence
 
 import zstandard
 from mcap.data_stream import ReadDataStream, RecordBuilder
@@ -40,14 +41,22 @@ _NASTY = (
     b"18446744073709551616",
     b"[" + b"7," * 3000 + b"7]",
 )
+_BLOCK = 4096
 _TOKEN = re.compile(rb'-?\d+|"[^"]*"|\[[^]]*\]|true|false')
 
 
-def damage(whole: bytes, other: bytes, chance: random.Random) -> bytes:
+WAYS = range(8)
+DISK_WAYS = (0, 1, 6, 7)
+"""The ways of `damage` in which a disk damages a file."""
+
+
+def damage(
+    whole: bytes, other: bytes, chance: random.Random, ways: Sequence[int] = WAYS
+) -> bytes:
     """Return `whole` with bits flipped, or cut, or with something else in it."""
     at = chance.randrange(len(whole) + 1)
     to = min(len(whole), at + chance.choice((1, 4, 8, 100)))
-    match chance.randrange(6):
+    match chance.choice(ways):
         case 0:
             flipped = bytes(byte ^ (1 << chance.randrange(8)) for byte in whole[at:to])
             return whole[:at] + flipped + whole[to:]
@@ -59,8 +68,14 @@ def damage(whole: bytes, other: bytes, chance: random.Random) -> bytes:
             return whole[:to] + whole[at:]
         case 4:
             return whole[:at] + other[chance.randrange(len(other) + 1) :]
-        case _:
+        case 5:
             return whole[:at] + chance.randbytes(to - at) + whole[to:]
+        case 6:  # a block of zeros, where a disk has its blocks
+            start = at // _BLOCK * _BLOCK
+            gone = len(whole[start : start + _BLOCK])
+            return whole[:start] + bytes(gone) + whole[start + gone :]
+        case _:  # zeros at the end, as after a power cut
+            return whole[:at] + bytes(len(whole) - at)
 
 
 def damage_json(whole: bytes, other: bytes, chance: random.Random) -> bytes:

@@ -6,22 +6,19 @@ message, state, order and decision that is given out is that of the undamaged ru
 replay finds no difference, and nothing damaged is called whole.
 """
 
-import asyncio
 import random
-from collections.abc import Callable
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
 
 from neurosnap import wire
-from neurosnap.agent.body import Body
 from neurosnap.apps.cli import recording_info
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.errors import NeurosnapError, RecordingError
 from neurosnap.poc.learning.kinds import Snapshot
-from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording, part_path, part_paths
 from neurosnap.recording.replay.learning import snapshot_at
@@ -30,15 +27,11 @@ from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.copying import salvage
 from neurosnap.recording.write.rotation import Split, SplitWriter
 from neurosnap.recording.write.writer import Writer
-from neurosnap.runtime.request import RunRequest
-from neurosnap.runtime.run import run
-from neurosnap.sources.open import open_source
+from tools.fuzz.altered_bytes import DISK_WAYS, damage
+from tools.fuzz.run import Honest
 from tools.fuzz.targets import Count, FuzzError
 
-_TICKS = 60
-_EVERY = 6  # ticks from key-frame to key-frame
 _CHUNK = 3000
-_BLOCK = 4096
 _SPLIT = 10_000  # bytes; smaller than one can ask for
 
 _STATES = ("finished", "growing", "split")
@@ -52,70 +45,24 @@ class _Truth(NamedTuple):
     """Of each message, by sender and number."""
     snapshots: dict[int, bytes]
     """The order that was learned, by tick."""
+    ticks: int
     files: dict[str, dict[str, bytes]]
     """For each state, the files by name."""
 
 
-def _cut(whole: bytes, chance: random.Random) -> bytes:
-    """Return a file that ends too soon."""
-    return whole[: chance.randrange(len(whole))]
-
-
-def _flipped(whole: bytes, chance: random.Random) -> bytes:
-    """Return a file with one bit flipped."""
-    damaged = bytearray(whole)
-    damaged[chance.randrange(len(whole))] ^= 1 << chance.randrange(8)
-    return bytes(damaged)
-
-
-def _zeroed(whole: bytes, chance: random.Random) -> bytes:
-    """Return a file with a block of zeros, where a disk has its blocks."""
-    at = chance.randrange(0, len(whole), _BLOCK)
-    gone = len(whole[at : at + _BLOCK])
-    return whole[:at] + bytes(gone) + whole[at + gone :]
-
-
-def _zero_tail(whole: bytes, chance: random.Random) -> bytes:
-    """Return a file that ends with zeros, as after a power cut."""
-    at = chance.randrange(len(whole))
-    return whole[:at] + bytes(len(whole) - at)
-
-
-_KINDS: dict[str, Callable[[bytes, random.Random], bytes]] = {
-    "cut": _cut,
-    "flipped bit": _flipped,
-    "zeroed block": _zeroed,
-    "zero tail": _zero_tail,
-}
-
-
-def _true_run(folder: Path) -> _Truth:
-    """Record a run, and write it again in each of `_STATES`."""
-    source = open_source("neurosnap/Path-v0", 5, {"places": 5})
-    source.close()
-    options = RunOptions(
-        source="neurosnap/Path-v0",
-        arguments={"places": 5},
-        body=Body(own=source.sensors, actions=source.actions, orders=source.orders),
-        ticks=_TICKS,
-        seed=5,
-        threshold=0.08,
-        keyframe_every=_EVERY,
-        cells="inline",
-        watch=True,
-    )
-    log = folder / "true.mcap"
-    asyncio.run(run(RunRequest(options, log), asyncio.Event()))
-    recording = Recording.open(log)
-    messages = list(recording.messages())
-    files = {state: _written(folder / state, recording, state) for state in _STATES}
+def _true_run(honest: Honest, folder: Path) -> _Truth:
+    """Write an honest run again in each of `_STATES`."""
+    recording = Recording.open(honest.log)
     return _Truth(
-        payloads={(m.message.sender, m.sequence): m.payload for m in messages},
+        payloads={
+            (m.message.sender, m.sequence): m.payload for m in recording.messages()
+        },
         snapshots={
             tick: _order(snapshot_at(recording, tick)[1])
-            for tick in range(5, _TICKS + 1, 17)
+            for tick in range(5, honest.options.ticks + 1, 17)
         },
-        files=files,
+        ticks=honest.options.ticks,
+        files={state: _written(folder / state, recording, state) for state in _STATES},
     )
 
 
@@ -141,7 +88,7 @@ def _written(folder: Path, recording: Recording, state: str) -> dict[str, bytes]
         if state == "growing":
             writer.flush(1 << 63)
         else:
-            writer.finish({"ticks": str(_TICKS)}, expected)
+            writer.finish(recording.totals or {}, expected)
     return {path.name: path.read_bytes() for path in part_paths(log).values()}
 
 
@@ -149,28 +96,28 @@ class DiskTarget:
     """All that reads a recording: nothing is given out that is not so.
 
     Args:
-        folder: Where the run and its damaged copies are.
+        honest: The undamaged run.
+        folder: Where its damaged copies are.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._truth = _true_run(folder)
+    def __init__(self, honest: Honest, folder: Path) -> None:
+        self._truth = _true_run(honest, folder)
         self._folder = folder / "damaged"
         self._folder.mkdir()
 
     def round(self, chance: random.Random, count: Count) -> None:
         """Damage one file in each state and way."""
-        for state in _STATES:
-            for kind, damage in _KINDS.items():
-                files = dict(self._truth.files[state])
-                name = chance.choice(sorted(files))
-                files[name] = damage(files[name], chance)
-                for path in self._folder.iterdir():
-                    path.unlink()
-                for each, content in files.items():
-                    (self._folder / each).write_bytes(content)
-                log = part_path(self._folder / "run.mcap", 0)
-                judge = partial(_judge, self._truth, log)
-                count.rejected += not count.timed(f"{state}, {kind}", judge)
+        for state, way in product(_STATES, DISK_WAYS):
+            files = dict(self._truth.files[state])
+            name = chance.choice(sorted(files))
+            files[name] = damage(files[name], b"", chance, (way,))
+            for path in self._folder.iterdir():
+                path.unlink()
+            for each, content in files.items():
+                (self._folder / each).write_bytes(content)
+            log = part_path(self._folder / "run.mcap", 0)
+            judge = partial(_judge, self._truth, log)
+            count.rejected += not count.timed(f"{state}, way {way}", judge)
 
 
 def _judge(truth: _Truth, log: Path) -> bool:
@@ -184,7 +131,7 @@ def _judge(truth: _Truth, log: Path) -> bool:
         messages = _read(truth, recording)
     except RecordingError:
         return False
-    derived = _derived(log)
+    derived = _derived(truth, log)
     _described(recording)
     _learned(truth, recording)
     _viewed(truth, log)
@@ -208,13 +155,13 @@ def _is_true(truth: _Truth, each: Recorded) -> bool:
     return truth.payloads.get((each.message.sender, each.sequence)) == each.payload
 
 
-def _derived(log: Path) -> int:
+def _derived(truth: _Truth, log: Path) -> int:
     try:
         verdict = verify(log)
     except RecordingError:
         return 0
     _demand(verdict.same, f"difference {verdict.difference}")
-    if verdict.ticks < _TICKS:
+    if verdict.ticks < truth.ticks:
         _demand(not verdict.complete, f"complete, with {verdict.ticks} ticks")
     return verdict.ticks
 
@@ -242,14 +189,14 @@ def _viewed(truth: _Truth, log: Path) -> None:
         film = RunView(log)
     except RecordingError:
         return
-    frames = film.frames(1, _TICKS)
+    frames = film.frames(1, truth.ticks)
     for tick in truth.snapshots:
         try:
             snapshot = film.learned(tick).snapshot
         except NeurosnapError:
             continue
         _demand(_order(snapshot) == truth.snapshots[tick], f"view of tick {tick}")
-    if len(frames) < _TICKS:
+    if len(frames) < truth.ticks:
         _demand(film.cut is not None, f"view of {len(frames)} ticks, and no cut")
 
 
@@ -283,7 +230,7 @@ def _salvaged(truth: _Truth, log: Path, messages: int, derived: int) -> None:
     again = Recording.open(out)
     _demand(_read(truth, again) == messages, "other messages salvaged than there are")
     _demand(again.files[0].layout.sealed, "damage in what was salvaged")
-    _demand(_derived(out) == derived, f"other ticks salvaged than {derived}")
+    _demand(_derived(truth, out) == derived, f"other ticks salvaged than {derived}")
     out.unlink()
 
 

@@ -5,6 +5,7 @@ word here; a new type of field is refused until it has a way to be drawn.
 """
 
 import random
+import struct
 from typing import Any, TypeVar
 
 import msgspec
@@ -75,14 +76,46 @@ def altered(message: wire.Message, chance: random.Random) -> wire.Message:
     """Return `message` with a field or two drawn anew.
 
     An observation often becomes a partial one, or nearly: drawn each by itself, its
-    fields would hardly ever fit each other.
+    fields would hardly ever fit each other. A field that packs numbers gets past the
+    decoder whatever is in it, so there they are altered one by one as well.
     """
     if isinstance(message, wire.Observation) and chance.random() < 0.5:
         known = chance.randbytes(len(message.bits))
         masked = bytes(a & b for a, b in zip(message.bits, known, strict=True))
         bits = message.bits if chance.random() < 0.3 else masked
         return msgspec.structs.replace(message, bits=bits, known=known)
+    packed = [name for name, of in _TYPES[type(message)] if _packs(of)]
+    if packed and chance.random() < 0.6:
+        name = chance.choice(packed)
+        data = _repacked(getattr(message, name), chance)
+        return msgspec.structs.replace(message, **{name: data})
     fields = _TYPES[type(message)]
     chosen = chance.sample(fields, min(len(fields), chance.choice((1, 1, 2))))
     changes = {name: value(of, chance) for name, of in chosen}
     return msgspec.structs.replace(message, **changes)
+
+
+def _packs(kind: inspect.Type) -> bool:
+    return isinstance(kind, inspect.BytesType | inspect.MemoryViewType)
+
+
+def _repacked(data: bytes | memoryview, chance: random.Random) -> bytes:
+    """Return packed numbers with one altered, added or gone, in any order, or cut."""
+    whole = bytes(data)
+    numbers = [*struct.unpack(f"<{len(whole) // 4}i", whole[: len(whole) // 4 * 4])]
+    place = chance.randrange(len(numbers) + 1)
+    drawn = chance.choice((chance.randrange(-1, 12), -(2**31), number(chance, 0)))
+    match chance.randrange(6):
+        case 0 | 1:
+            numbers[place : place + 1] = [drawn]
+        case 2:
+            numbers.insert(place, drawn)
+        case 3:
+            del numbers[place : place + 1]
+        case 4:
+            # Columns of the same length get past more checks than one that is longer.
+            length = chance.choice((0, 1, 2, 3, 8, 300))
+            numbers = chance.choices(numbers or [drawn], k=length)
+        case _:
+            return whole[: chance.randrange(len(whole) + 1)] + bytes(place % 4)
+    return struct.pack(f"<{len(numbers)}i", *numbers)

@@ -23,7 +23,8 @@ from tests.support.inline_runs import InlineSite
 
 SENSORS = 4
 """Sensors of the run, and so its cells."""
-_TICKS = 12
+WORKERS = 2
+"""Workers of a run in which they share its cells and the learning."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,10 @@ class Honest:
     """What a small run without any meddling was."""
 
     options: RunOptions
+    log: Path
+    """Where it was recorded."""
     recording: bytes
+    """What was recorded, the same each time: no clock, no random id in it."""
     deliveries: list[wire.Delivery]
 
     def heard_by(self, keys: Sequence[str]) -> list[wire.Message]:
@@ -43,17 +47,18 @@ class Honest:
         ]
 
 
-def honest_run(folder: Path, workers: int = 0) -> Honest:
+def honest_run(folder: Path, workers: int = 0, ticks: int = 12) -> Honest:
     """Run a swarm in memory on a few readings, and read back what it said.
 
     Args:
         folder: Where its files go.
         workers: How many share the cells; 0: every cell is a part of its own.
+        ticks: How many it has.
     """
     chance = random.Random(0)
     names = tuple(f"s{sensor}" for sensor in range(SENSORS))
     rows = [",".join(names)]
-    for _ in range(_TICKS):
+    for _ in range(ticks):
         bits = [chance.random() < 0.5 for _ in names]
         bits[1] |= bits[0]
         rows.append(",".join(str(int(bit)) for bit in bits))
@@ -62,7 +67,7 @@ def honest_run(folder: Path, workers: int = 0) -> Honest:
     options = RunOptions(
         source=str(source),
         body=Body(own=names, actions=()),
-        ticks=_TICKS,
+        ticks=ticks,
         threshold=0.2,
         cells="worker" if workers else "process",
         workers=max(workers, 1),
@@ -76,16 +81,10 @@ def honest_run(folder: Path, workers: int = 0) -> Honest:
 
     asyncio.run(once())
     deliveries = [recorded.delivery for recorded in Recording.open(log).messages()]
-    return Honest(
-        options, _recorded(deliveries, folder / f"again-{workers}.mcap"), deliveries
-    )
-
-
-def _recorded(deliveries: Sequence[wire.Delivery], path: Path) -> bytes:
-    """Return a recording that is the same each time: no clock, no random id in it."""
-    with Writer(path, chunk=4096) as writer:
+    again = folder / f"again-{workers}.mcap"
+    with Writer(again, chunk=4096) as writer:
         writer.start({"swarm": "fuzz"})
         for time_, delivery in enumerate(deliveries):
             writer.add(delivery._replace(sent=time_), time_)
-        writer.finish({"ticks": str(_TICKS)}, {})
-    return path.read_bytes()
+        writer.finish({"ticks": str(ticks)}, {})
+    return Honest(options, log, again.read_bytes(), deliveries)

@@ -23,6 +23,8 @@ from neurosnap.errors import RecordingError
 from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.coordinator import Coordinator
+from neurosnap.protocol.partition import shares
+from neurosnap.protocol.worker import Worker
 from neurosnap.recording.format.chunks import unpack
 from neurosnap.recording.format.records import opened
 from neurosnap.recording.format.scan import scan_index
@@ -30,7 +32,7 @@ from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime.parts.job import decoded
 from tools.fuzz.altered_bytes import damage, damage_json, damage_recording
 from tools.fuzz.messages import altered, message
-from tools.fuzz.run import SENSORS, Honest
+from tools.fuzz.run import SENSORS, WORKERS, Honest
 
 _SLOWEST = 2.0  # seconds of computing an input may cost
 _LONGEST = 1000  # characters of a fault
@@ -147,7 +149,6 @@ class Twins:
         core: New.
         script: The honest input, in order.
         burst: What the core's `receive` takes for one message.
-        alter: How an honest message becomes a hostile one.
         after: How much of the script a core that took a hostile message goes on with:
             harm may come of it only then.
     """
@@ -157,7 +158,6 @@ class Twins:
         core: Core,
         script: Sequence[wire.Message],
         burst: Callable[[wire.Message], object] = lambda m: m,
-        alter: Callable[[wire.Message, random.Random], wire.Message] = altered,
         after: int = 0,
     ) -> None:
         self._clean = core
@@ -166,7 +166,6 @@ class Twins:
         self._abused = copy.deepcopy(core)
         self._script = script
         self._burst = burst
-        self._alter = alter
         self._after = after
 
     def play(self, chance: random.Random, count: Count, most: int) -> None:
@@ -190,7 +189,7 @@ class Twins:
         if again:
             hostile = chance.choice(past)
         elif kind < 0.8:
-            hostile = self._alter(chance.choice(self._script), chance)
+            hostile = altered(chance.choice(self._script), chance)
         else:
             hostile = message(chance)
         given = self._burst(hostile)
@@ -238,6 +237,31 @@ class CellTarget:
         cell = chance.randrange(SENSORS)
         script = self._scripts[cell]
         Twins(Cell(cell), script, lambda m: [m]).play(chance, count, 16)
+
+
+class WorkerTarget:
+    """A worker, among what it heard in a run where workers shared the learning, too.
+
+    Compiled loops do not look where they index. With ``NUMBA_BOUNDSCHECK=1`` they do,
+    and ``NUMBA_CACHE_DIR`` then has to name a folder of its own.
+    """
+
+    def __init__(self, honest: Honest) -> None:
+        self._options = honest.options
+        self._scripts = [
+            honest.heard_by((*wire.worker_keys(worker), *wire.LEARNING_KEYS))
+            for worker in range(WORKERS)
+        ]
+
+    def round(self, chance: random.Random, count: Count) -> None:
+        """Take one worker through the run."""
+        worker = chance.randrange(WORKERS)
+        learning = self._options.new_worker_learning(worker)
+        core = Worker(worker, shares(SENSORS, WORKERS), learning)
+        script = self._scripts[worker]
+        # A burst ahead of its wave is not looked at more closely until that begins.
+        twins = Twins(core, script, lambda m: [m], after=len(script))
+        twins.play(chance, count, 16)
 
 
 class CoordinatorTarget:

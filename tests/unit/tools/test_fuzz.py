@@ -35,7 +35,7 @@ DISK = {"disk", "recording"}
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "target", rows(sorted(fuzz.SHARES.keys() - DISK), sorted(DISK))
+    "target", rows(sorted(fuzz.TARGETS.keys() - DISK), sorted(DISK))
 )
 def test_no_input_does_harm(target: str) -> None:
     inputs = {"recording": 150, "disk": 12}.get(target, 1500)
