@@ -23,10 +23,9 @@ from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.run import run
 from tests.support.hypothesis_settings import cases
-from tools.simulate.__main__ import gathered
+from tools.simulate.__main__ import simulated
 from tools.simulate.case import live_on, random_options
 from tools.simulate.check import WrongError, check
-from tools.simulate.schedules import outcomes
 from tools.simulate.simulated_hub import Faults, SimulatedHub
 from tools.simulate.weather import Tally, Weather, random_weather
 
@@ -40,7 +39,7 @@ TOOL = Path(__file__).parents[2] / "tools" / "simulate"
     [0, *(pytest.param(n, marks=pytest.mark.exhaustive) for n in range(1, 8))],
 )
 def test_whatever_happens_the_run_comes_to_the_same(batch: int) -> None:
-    total = gathered(outcomes(batch * BATCH, BATCH, 1))
+    total = simulated(range(batch * BATCH, (batch + 1) * BATCH))
     assert total.schedules == BATCH
     assert min(total.crashes, total.cuts, total.losses, total.repeats) > BATCH / 2
     assert total.restarts > BATCH / 2
@@ -76,7 +75,7 @@ def test_what_fails_names_its_seed_and_how_to_see_it_again() -> None:
 
     expected = r"(?s)ZeroDivisionError.*seed 7 fails; again: tools/simulate --only 7$"
     with pytest.raises(SystemExit, match=expected):
-        gathered(outcomes(5, 5, 1, third))
+        simulated(range(5, 10), third)
 
 
 class _Deleting(RestartFiles):

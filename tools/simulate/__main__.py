@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Whole swarms in simulation, with crashes, restarts, cuts and losses.
 
-    tools/simulate [--schedules 20000] [--seed 0] [--processes 2] [--only SEED]
+    tools/simulate [--schedules 20000] [--seed 0] [--only SEED]
 
 Every schedule is a function of its seed: which sensors, which readings, who hosts the
 cells, which message comes next, what is lost, cut, late, and who dies when. Whatever
@@ -12,32 +12,38 @@ Exit code: 0 if all do, 1 if one does not; its seed is printed then.
 """
 
 import argparse
-import multiprocessing
 import sys
+import tempfile
 import time
-from collections.abc import Iterator
+import traceback
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 # Run as a folder, that is on the path and the project's is not.
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from tools.simulate.schedules import Outcome, outcome, outcomes
+from tools.simulate.case import simulate
 from tools.simulate.weather import Tally
 
 
-def gathered(found: Iterator[Outcome]) -> Tally:
-    """Return what happened in all.
+def simulated(
+    seeds: Iterable[int], schedule: Callable[[int, Path], Tally] = simulate
+) -> Tally:
+    """Go through the schedules of seeds; return what happened in all.
 
     Raises:
         SystemExit: A schedule went wrong; the text names its seed, says what happened
             and how to see it again.
     """
     total = Tally()
-    for seed, what in found:
-        if isinstance(what, str):
-            again = f"tools/simulate --only {seed}"
-            sys.exit(f"{what}\nseed {seed} fails; again: {again}")
-        total.add(what)
+    for seed in seeds:
+        with tempfile.TemporaryDirectory(prefix="simulate-") as folder:
+            try:
+                total.add(schedule(seed, Path(folder)))
+            except Exception:  # noqa: BLE001 - whatever it is, the schedule has found it
+                again = f"tools/simulate --only {seed}"
+                text = f"{traceback.format_exc()}\nseed {seed} fails; again: {again}"
+                sys.exit(text)
     return total
 
 
@@ -55,18 +61,11 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--schedules", type=int, default=20_000)
     parser.add_argument("--seed", type=int, default=0, help="of the first schedule")
-    parser.add_argument("--processes", type=int, default=multiprocessing.cpu_count())
     parser.add_argument("--only", type=int, help="the one seed to go through")
     given = parser.parse_args(arguments)
-    for name in ("schedules", "processes"):
-        if getattr(given, name) < 1:
-            parser.error(f"--{name}: must be 1 or more, got {getattr(given, name)}")
+    seeds = range(given.seed, given.seed + given.schedules)
     began = time.perf_counter()
-    if given.only is not None:
-        found = iter([outcome(given.only)])
-    else:
-        found = outcomes(given.seed, given.schedules, given.processes)
-    total = gathered(found)
+    total = simulated(seeds if given.only is None else [given.only])
     print(table(total, time.perf_counter() - began))
     return 0
 
