@@ -185,7 +185,7 @@ class Coordinator:
             pulses=frame.pulses,
             depth=frame.depth,
             height=self._graph.height(),
-            edges=(self._graph.wire_count() + 1) // 2,
+            edges=(len(self._graph.wire_list()) + 1) // 2,
             incoherent=frame.incoherent,
             anomalies=frame.anomalies,
             told=frame.told,
@@ -544,7 +544,7 @@ class Coordinator:
             depth=wave.depth,
             longest=self._longest(self._signal),
             height=self._graph.height(),
-            edges=(self._graph.wire_count() + 1) // 2,
+            edges=(len(self._graph.wire_list()) + 1) // 2,
             pulses=wave.pulses,
         )
 

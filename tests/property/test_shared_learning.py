@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.kinds import (
     DiscountedSnapshot,
     EmpiricalSnapshot,
@@ -123,11 +122,3 @@ def test_what_is_left_without_the_pairs_goes_on(kind: str) -> None:
         rest.learn(bits, known)
         follow(rest, shared, bits, known)
         np.testing.assert_array_equal(shared.poc_graph().edges, rest.poc_graph().edges)
-
-
-@pytest.mark.parametrize("share", [range(0), range(1, 3)])
-def test_without_all_pairs_equivalences_cannot_be_left_out(share: range) -> None:
-    snapshot = new("fixed", 3, share)
-    rule = "equivalences: must be True where others have pairs, got False"
-    with pytest.raises(InvalidValueError, match=rule):
-        snapshot.poc_graph(equivalences=False)

@@ -5,7 +5,9 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap.poc.learning.pairs import rows_of, strict
 from neurosnap.poc.learning.snapshot import Snapshot
+from neurosnap.poc.order.literals import from_words
 from tests.support.oracles import Edges, proper_pairs
 
 
@@ -28,8 +30,11 @@ def edges_of(matrix: NDArray[np.bool_]) -> Edges:
 
 
 def learned_edges(snapshot: Snapshot, equivalences: bool = True) -> Edges:
-    """Return the edges of its graph."""
-    return edges_of(snapshot.poc_graph(equivalences).edges)
+    """Return the edges of its graph, with or without those of equivalent literals."""
+    if equivalences:
+        return edges_of(snapshot.poc_graph().edges)
+    count = len(snapshot.sensorium)
+    return edges_of(from_words(rows_of(strict(snapshot.codes), count), 2 * count))
 
 
 def weights_of(snapshot: Snapshot) -> dict[tuple[int, int], float]:

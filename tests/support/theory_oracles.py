@@ -175,18 +175,6 @@ class Model:
                 found |= {frozenset(s) for s in sides.values() if len(s) == 2**size}
         return found
 
-    def antichain(self) -> int:
-        """The size of the largest antichain of proper elements."""
-
-        def longest(chosen: int, rest: list[int]) -> int:
-            best = chosen
-            for k, a in enumerate(rest):
-                free = [b for b in rest[k + 1 :] if not {(a, b), (b, a)} & self.order]
-                best = max(best, longest(chosen + 1, free))
-            return best
-
-        return longest(0, self.heads)
-
 
 def face_counts(cubes: set[Vertices]) -> tuple[int, ...]:
     """How many cubes have 1, 2, 4, … vertices."""

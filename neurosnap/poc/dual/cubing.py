@@ -68,8 +68,7 @@ class Cubing:
             memory.
 
         Raises:
-            InvalidValueError: There are more than `limit`; raised by the call, or,
-                where counting is hard, once the limit is passed.
+            InvalidValueError: There are more than `limit`; raised once it is passed.
 
         Example:
             >>> [v.tolist() for v in Cubing(PocSet(1)).vertices()]

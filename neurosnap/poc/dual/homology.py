@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.poc.order.masks import from_mask, to_mask
+from neurosnap.poc.order.masks import to_mask
 
 
 class CellComplex:
@@ -96,24 +96,6 @@ class CellComplex:
             if count is not None
         ]
         return f"CellComplex({', '.join(shown)})"
-
-
-def cubes_among(
-    corners: NDArray[np.bool_],
-) -> Iterator[tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
-    """Yield the cubes of `CellComplex.cubical`, vertices first.
-
-    Args:
-        corners: ``(vertices, n)`` bool, one corner of the ``n``-cube a row.
-
-    Yields:
-        A corner, ``(n,)`` bool, and the directions the cube extends in, ``(n,)`` bool;
-        the corner is the one with all of these on.
-    """
-    width = np.asarray(corners).shape[-1]
-    for cells, _ in _layers(corners):
-        for corner, spanned in cells:
-            yield from_mask(corner, width), from_mask(spanned, width)
 
 
 def _layers(

@@ -96,21 +96,16 @@ class Dual:
             pending.append(closed | self.up[a])
 
     def limited(self, closed: int, limit: int | None) -> Iterator[int]:
-        """Return `walk`, once it is known to yield at most `limit` vertices.
+        """Yield `walk`.
 
         Raises:
-            InvalidValueError: It would yield more; where counting is hard, only when
-                the limit is passed.
+            InvalidValueError: It yields more than `limit` vertices.
         """
-        if limit is None:
-            return self.walk(closed)
-        size = self.counter.within_patience(self.free(closed))
-        if size is None:
-            return self._stopped(closed, limit)
-        if size > limit:
-            rule = f"must have at most {limit} vertices to be listed, or set limit=None"
-            raise InvalidValueError("dual", rule, size)
-        return self.walk(closed)
+        for number, vertex in enumerate(self.walk(closed)):
+            if number == limit:
+                rule = f"must have at most {limit} vertices, or set limit=None"
+                raise InvalidValueError("dual", rule, "more")
+            yield vertex
 
     def flip(self, vertex: int, a: int) -> int:
         """Return a set with `a`, and all equal to it, replaced by complements."""
@@ -172,18 +167,6 @@ class Dual:
         other = b[:-1] if b.endswith("*") else f"{b}*"
         return f"{a} and {other}, although {a} <= {b}"
 
-    def _stopped(self, closed: int, limit: int) -> Iterator[int]:
-        """Yield `walk`, and raise where it passes the limit."""
-        for number, vertex in enumerate(self.walk(closed)):
-            if number == limit:
-                rule = f"must have at most {limit} vertices to be listed"
-                raise InvalidValueError("dual", rule, "more")
-            yield vertex
-
-
-PATIENCE = 5_000
-"""Sets of the undecided that are looked at before a size is left open."""
-
 
 class Counter:
     """Counts in the dual of an order.
@@ -205,7 +188,7 @@ class Counter:
 
     def vertices(self, free: int) -> int:
         """Return how many vertices complete a set that leaves `free` undecided."""
-        self._weigh(free, 0, self._counts, None)
+        self._weigh(free, 0, self._counts)
         return self._counts[free]
 
     def faces(self, free: int) -> tuple[int, ...]:
@@ -213,34 +196,24 @@ class Counter:
         # A dual of n elements has at most 3**n < 2**(2n) cubes.
         digits = max(free.bit_count(), 1)
         sums: dict[int, int] = {0: 1}
-        self._weigh(free, 1 << digits, sums, None)
+        self._weigh(free, 1 << digits, sums)
         total, vector = sums[free], []
         while total:
             vector.append(total & (1 << digits) - 1)
             total >>= digits
         return tuple(vector)
 
-    def within_patience(self, free: int) -> int | None:
-        """Return `vertices` if few sets of the undecided need looking at, else None."""
-        return (
-            self._counts[free] if self._weigh(free, 0, self._counts, PATIENCE) else None
-        )
-
-    def _weigh(
-        self, free: int, t: int, sums: dict[int, int], patience: int | None
-    ) -> bool:
-        """Enter the weight of `free`, and of all it takes; False if out of patience.
+    def _weigh(self, free: int, t: int, sums: dict[int, int]) -> None:
+        """Enter the weight of `free`, and of all it takes.
 
         An explicit stack: a chain of decisions is as long as there are elements.
         """
-        known, pending = len(sums), [free]
+        pending = [free]
         while pending:
             here = pending[-1]
             if here in sums:
                 pending.pop()
                 continue
-            if patience is not None and len(sums) - known > patience:
-                return False
             parts = list(self._parts(here))
             if len(parts) > 1:
                 missing = [part for part in parts if part not in sums]
@@ -249,7 +222,6 @@ class Counter:
             else:
                 missing = self._branch(here, t, sums)
             pending += missing
-        return True
 
     def _branch(self, part: int, t: int, sums: dict[int, int]) -> list[int]:
         """Enter the weight of a part by its pivot, or return what that still takes."""

@@ -19,8 +19,6 @@ from neurosnap.poc.order.literals import Words
 from neurosnap.system.compiled import njit
 
 _ONE, _TOP = np.uint64(1), np.uint64(63)
-_WORK = 1 << 26
-"""Words that are gone through between two reports of progress, about."""
 
 OnProgress: TypeAlias = Callable[[int, int], object]
 """Told how many pairs are done, and of how many."""
@@ -42,71 +40,57 @@ def count_pairs(columns: Columns, on_progress: OnProgress | None = None) -> Pair
         columns: ``T`` ticks of ``N`` sensors, ``T`` below ``2**32``.
         on_progress: Told now and then.
     """
-    count, words = columns.on.shape
+    count = len(columns.on)
     pairs = count * (count - 1) // 2
     counts = PairCounts(
         np.zeros((4, pairs), np.uint32), np.zeros((4, pairs), np.uint32)
     )
-    for first, last in _stretches(count, words):
-        count_rows(columns.on, columns.off, first, last, *counts)
+    for row in range(count):
+        count_row(columns.on, columns.off, row, *counts)
         if on_progress is not None:
-            on_progress(last * (last - 1) // 2, pairs)
+            on_progress(row * (row + 1) // 2, pairs)
     return counts
 
 
-def _stretches(count: int, words: int) -> list[tuple[int, int]]:
-    """Return stretches of rows that take about the same work each."""
-    stretches, first, work = [], 0, 0
-    for row in range(count):
-        work += row * words
-        if work >= _WORK or row == count - 1:
-            stretches.append((first, row + 1))
-            first, work = row + 1, 0
-    return stretches
-
-
 @njit()
-def count_rows(
+def count_row(
     on: Words,
     off: Words,
-    first: int,
-    last: int,
+    i: int,
     ticks: NDArray[np.uint32],
     occasions: NDArray[np.uint32],
 ) -> None:
-    """Count the pairs of sensors `first` to before `last` with those before each.
+    """Count the pairs of a sensor with those before it.
 
     Args:
         on: ``(N, W)``.
         off: ``(N, W)``.
-        first: A sensor.
-        last: Behind the last.
+        i: The sensor.
         ticks: ``(4, P)``, overwritten for these.
         occasions: ``(4, P)``, overwritten for these.
     """
     zero = np.uint64(0)
-    for i in range(first, last):
-        for j in range(i):
-            n11 = n10 = n01 = n00 = zero
-            r11 = r10 = r01 = r00 = zero
-            p = q = s = t = zero  # the last readings of the word before
-            for w in range(on.shape[1]):
-                x, y, u, v = on[i, w], off[i, w], on[j, w], off[j, w]
-                joint = x & u
-                n11 += population(joint)
-                r11 += population(joint & ~(joint << _ONE | p & s))
-                joint = x & v
-                n10 += population(joint)
-                r10 += population(joint & ~(joint << _ONE | p & t))
-                joint = y & u
-                n01 += population(joint)
-                r01 += population(joint & ~(joint << _ONE | q & s))
-                joint = y & v
-                n00 += population(joint)
-                r00 += population(joint & ~(joint << _ONE | q & t))
-                p, q, s, t = x >> _TOP, y >> _TOP, u >> _TOP, v >> _TOP
-            pair = i * (i - 1) // 2 + j
-            ticks[0, pair], ticks[1, pair] = np.uint32(n11), np.uint32(n10)
-            ticks[2, pair], ticks[3, pair] = np.uint32(n01), np.uint32(n00)
-            occasions[0, pair], occasions[1, pair] = np.uint32(r11), np.uint32(r10)
-            occasions[2, pair], occasions[3, pair] = np.uint32(r01), np.uint32(r00)
+    for j in range(i):
+        n11 = n10 = n01 = n00 = zero
+        r11 = r10 = r01 = r00 = zero
+        p = q = s = t = zero  # the last readings of the word before
+        for w in range(on.shape[1]):
+            x, y, u, v = on[i, w], off[i, w], on[j, w], off[j, w]
+            joint = x & u
+            n11 += population(joint)
+            r11 += population(joint & ~(joint << _ONE | p & s))
+            joint = x & v
+            n10 += population(joint)
+            r10 += population(joint & ~(joint << _ONE | p & t))
+            joint = y & u
+            n01 += population(joint)
+            r01 += population(joint & ~(joint << _ONE | q & s))
+            joint = y & v
+            n00 += population(joint)
+            r00 += population(joint & ~(joint << _ONE | q & t))
+            p, q, s, t = x >> _TOP, y >> _TOP, u >> _TOP, v >> _TOP
+        pair = i * (i - 1) // 2 + j
+        ticks[0, pair], ticks[1, pair] = np.uint32(n11), np.uint32(n10)
+        ticks[2, pair], ticks[3, pair] = np.uint32(n01), np.uint32(n00)
+        occasions[0, pair], occasions[1, pair] = np.uint32(r11), np.uint32(r10)
+        occasions[2, pair], occasions[3, pair] = np.uint32(r01), np.uint32(r00)

@@ -37,9 +37,6 @@ from neurosnap.poc.learning.graph_kernels import draw
 from neurosnap.poc.order.literals import Words
 
 _EQUAL, _OPPOSITE = 3, 12
-BLOCK = 1 << 20
-"""Pairs whose four weights are written out at a time, at most, but for long rows: all
-at once they would take eight times the room of what is stored."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,24 +130,24 @@ class Weights:
         self.squares[:, pairs] = squares
 
     def blocks(self, total: float) -> Iterator[tuple[slice, NDArray[Any]]]:
-        """Yield the four weights of each pair, some rows at a time.
+        """Yield the four weights of each pair, those of one latter sensor at a time.
+
+        All at once they would take eight times the room of what is stored.
 
         Yields:
             Which of the stored pairs they are, and ``(4, pairs)``, int64 or float64:
             their weights.
         """
         wide = np.int64 if self.joints.dtype.kind == "u" else np.float64
-        own = pairs_of(self._share).start
-        for sensors in _blocks_of(self._share):
-            numbers = pairs_of(sensors)
-            pairs = slice(numbers.start - own, numbers.stop - own)
+        marginals, stop = self.marginals.astype(wide), 0
+        for i in self._share:
+            pairs = slice(stop, stop := stop + i)
             if self.squares is not None:
                 yield pairs, self.squares[:, pairs].astype(wide)
                 continue
-            i, j = sensors_of(sensors)
-            both, mine = self.joints[pairs].astype(wide), self.marginals.astype(wide)
-            rest = total - mine[i] - mine[j] + both
-            yield pairs, np.stack([both, mine[i] - both, mine[j] - both, rest])
+            both, mine, yours = self.joints[pairs], marginals[i], marginals[:i]
+            rest = total - mine - yours + both
+            yield pairs, np.stack([both, mine - both, yours - both, rest])
 
     def weight(self, a: int, b: int, total: float) -> float:
         """Return the weight of two literals of different sensors, int or float."""
@@ -202,25 +199,6 @@ def pair_of(a: int, b: int) -> int:
 def pairs_of(share: range) -> range:
     """Return the numbers of the pairs of some sensors with those before them."""
     return range(*(k * (k - 1) // 2 for k in (share.start, share.stop)))
-
-
-def sensors_of(share: range) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the sensors of these pairs: ``(P,)`` the latter ones, and the former."""
-    sizes = np.arange(share.start, share.stop)
-    latter = np.repeat(sizes, sizes)
-    former = np.arange(len(latter)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
-    return latter, former
-
-
-def _blocks_of(share: range) -> Iterator[range]:
-    """Yield ranges of sensors that make up a share, each with few pairs."""
-    begin = share.start
-    while begin < share.stop:
-        end = begin + 1
-        while end < share.stop and len(pairs_of(range(begin, end + 1))) <= BLOCK:
-            end += 1
-        yield range(begin, end)
-        begin = end
 
 
 def strict(codes: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -22,7 +22,6 @@ from neurosnap.poc.learning.pairs import (
     leads,
     pair_of,
     pairs_of,
-    strict,
 )
 from neurosnap.poc.learning.search import Count, Question, Search
 from neurosnap.poc.order.graph import PocGraph
@@ -119,7 +118,7 @@ class Snapshot(Archived):
         )
         self._born = np.zeros(count, np.uint32)
         self._state = np.zeros(2 * count, np.bool_)
-        self._graphs: dict[bool, PocGraph] = {}
+        self._graph: PocGraph | None = None
 
     @property
     def sensorium(self) -> Sensorium:
@@ -235,7 +234,7 @@ class Snapshot(Archived):
         changed = self._update()
         self._clock += 1
         if changed:
-            self._graphs.clear()
+            self._graph = None
         return changed
 
     def changes(self) -> Changes:
@@ -277,7 +276,7 @@ class Snapshot(Archived):
         """
         kernels.relate(latter, former, codes, self._pairs.rows)
         if codes.size:
-            self._graphs.clear()
+            self._graph = None
         return codes.size > 0
 
     def draw_share(self, share: "Snapshot") -> None:
@@ -287,7 +286,7 @@ class Snapshot(Archived):
         """
         theirs = share._pairs  # noqa: SLF001 - its own class
         kernels.draw(theirs.codes, self._pairs.rows, theirs.first)
-        self._graphs.clear()
+        self._graph = None
 
     def without_pairs(self) -> Self:
         """Return what is left of a snapshot whose pairs others have: with its graph."""
@@ -363,7 +362,7 @@ class Snapshot(Archived):
         kernels.rewire(sensor, newborn.codes, self._pairs, self._clock)
         self._state[2 * sensor] = reads is True
         self._state[2 * sensor + 1] = reads is False
-        self._graphs.clear()
+        self._graph = None
 
     def silence(self, sensor: int) -> None:
         """Forget all that was learned of a sensor: it implies nothing, nor is implied.
@@ -384,7 +383,7 @@ class Snapshot(Archived):
         codes[pairs] = 0
         self._redraw()
         self._state[[literal, literal ^ 1]] = False
-        self._graphs.clear()
+        self._graph = None
 
     def adopt(self, state: NDArray[np.bool_]) -> None:
         """Set the state.
@@ -458,30 +457,15 @@ class Snapshot(Archived):
             self._state[:] = self.poc_graph().coherent_projection(read)
         return self._state.copy()
 
-    def poc_graph(self, equivalences: bool = True) -> PocGraph:
+    def poc_graph(self) -> PocGraph:
         """Return the derived graph ([GK] defn:poc graph with equivalences).
-
-        Args:
-            equivalences: Whether it has the edges of equivalent literals.
 
         Returns:
             The same object until the graph changes.
-
-        Raises:
-            InvalidValueError: Others have pairs of it, and equivalences are to be left
-                out: only the codes of the pairs say which edges those are.
         """
-        if equivalences not in self._graphs:
-            if equivalences:
-                rows = self._pairs.rows.copy()
-            elif len(self._share) == len(self._sensorium):
-                rows = np.zeros_like(self._pairs.rows)
-                kernels.draw(strict(self._pairs.codes), rows, 0)
-            else:
-                rule = "must be True where others have pairs"
-                raise InvalidValueError("equivalences", rule, equivalences)
-            self._graphs[equivalences] = PocGraph.of_rows(rows)
-        return self._graphs[equivalences]
+        if self._graph is None:
+            self._graph = PocGraph.of_rows(self._pairs.rows.copy())
+        return self._graph
 
     @abc.abstractmethod
     def _update(self) -> bool:

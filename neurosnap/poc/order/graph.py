@@ -139,11 +139,6 @@ class PocGraph:
         kernels.spread(self._rows, reached)
         return from_words(reached, len(self))
 
-    def down(self, literals: Literals) -> NDArray[np.bool_]:
-        """Return everything below the literals: ``down(A*) = (up A)*``."""
-        chosen = as_literals("literals", literals, len(self))
-        return complement(self.up(complement(chosen)))
-
     def coherent_projection(self, literals: Literals) -> NDArray[np.bool_]:
         """Return ``up(A) - up(A)*``, always coherent ([GK] coherent projection).
 
@@ -304,14 +299,6 @@ class PocGraph:
             count = int(np.bitwise_count(wires).sum())
             self._wire_lists[kind] = _frozen(kernels.pairs(wires, count))
         return self._wire_lists[kind]
-
-    def wire_count(self, kind: WiringKind = "hasse") -> int:
-        """Return how many edges `wiring` has, contrapositives counted.
-
-        Raises:
-            InvalidValueError: Another `kind`.
-        """
-        return len(self.wire_list(kind))
 
     def depth(self, signal: Literals, kind: WiringKind = "hasse") -> int:
         """Return the hops over a wiring until the last of ``up(signal)`` is reached.

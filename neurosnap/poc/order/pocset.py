@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.poc.order.closure_and_reduction import covers, width
 from neurosnap.poc.order.fields import as_fields, inclusions
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.literals import Literals, as_literal, as_literals
@@ -291,12 +290,13 @@ class PocSet:
             >>> PocSet.parse("a, b : a < b").hasse()
             [(0, 2), (3, 1)]
         """
-        heads = np.unique(self._graph.representative)
-        strict = self._strict(heads)
-        low, high = covers(strict).nonzero()
+        head = self._graph.representative
+        edges = self._graph.hasse()[head == np.arange(self.minimum)]
+        heads = np.unique(head)
+        low, high = edges[:, heads].nonzero()
         pairs = list(zip(heads[low].tolist(), heads[high].tolist(), strict=True))
         if bounds:
-            lowest = heads[~strict.any(axis=0)].tolist()
+            lowest = np.delete(heads, high).tolist()
             pairs += [(self.minimum, a) for a in lowest]
             pairs += [(a ^ 1, self.maximum) for a in lowest]
             if not lowest:
@@ -309,18 +309,6 @@ class PocSet:
         With minimum and maximum the chain is two edges longer.
         """
         return self._graph.height()
-
-    def width(self) -> int:
-        """Return the size of the largest antichain of proper elements.
-
-        A sensor's two literals never are below each other there, so both may be in
-        it: ``N`` sensors that all cross have width ``2N``. O(N³) time at worst.
-
-        Example:
-            >>> PocSet.parse("a, b, c : a < b < c").width(), PocSet(3).width()
-            (2, 6)
-        """
-        return width(self._strict(self.heads))
 
     def restricted(self, sensors: Iterable[str]) -> "PocSet":
         """Return the order among some of the sensors: the poc subset they induce.
@@ -393,8 +381,3 @@ class PocSet:
                 relations += [f"{self.name(head)} = {self.name(b)}" for b in others]
         names = ", ".join(self._sensorium)
         return f"{names} : {', '.join(relations)}" if relations else names
-
-    def _strict(self, heads: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Return which of some representatives are strictly below which."""
-        among = self.order[np.ix_(heads, heads)]
-        return among & ~np.eye(len(heads), dtype=np.bool_)

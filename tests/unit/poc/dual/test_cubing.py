@@ -55,16 +55,14 @@ def test_a_dual_of_many_sensors_is_listed_at_once(
     assert cubing.face_vector() == faces
 
 
-def test_a_dual_too_large_to_list_is_refused_with_its_size() -> None:
+def test_a_dual_too_large_to_list_is_refused() -> None:
     cubing = Cubing(PocSet(40))
     assert cubing.count() == 2**40
-    message = "dual: must have at most 1000000 vertices to be listed, or set limit=None"
-    with pytest.raises(InvalidValueError, match=rf"^{message}, got 1099511627776"):
-        cubing.vertices()
     assert next(cubing.vertices(limit=None))[::2].all()
-    with pytest.raises(InvalidValueError, match="got 2048"):
-        Cubing(PocSet(11)).vertices(limit=2047)
     assert sum(1 for _ in Cubing(PocSet(11)).vertices(limit=2048)) == 2048
+    message = "dual: must have at most 2047 vertices, or set limit=None, got 'more'"
+    with pytest.raises(InvalidValueError, match=f"^{message}$"):
+        list(Cubing(PocSet(11)).vertices(limit=2047))
 
 
 def test_convex_sets_are_values() -> None:
@@ -140,18 +138,3 @@ def test_what_cannot_be_flipped_or_projected_to_is_refused() -> None:
         cubing.convex_hull([])
     with pytest.raises(ShapeError, match=r"^literals: must be \(4,\)"):
         cubing.convex_set(np.zeros(6, np.bool_))
-
-
-def test_a_listing_stops_where_an_estimate_was_too_low(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("neurosnap.poc.dual.mask_dual.PATIENCE", -1)
-    rng = np.random.default_rng(2)
-    pairs = [p for p in rng.integers(0, 12, (16, 2)).tolist() if p[0] != p[1]]
-    cubing = Cubing(PocSet(12, [(2 * a, 2 * b + 1) for a, b in pairs]))
-    listing = cubing.vertices(limit=300)
-    with pytest.raises(
-        InvalidValueError, match=r"^dual: must have at most 300 .* 'more'"
-    ):
-        list(listing)
-    assert cubing.count() == sum(1 for _ in cubing.vertices(limit=None)) == 358

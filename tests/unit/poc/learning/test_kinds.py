@@ -23,7 +23,6 @@ def test_nothing_seen_means_no_edges_and_no_state(kind: Kind) -> None:
     assert snapshot.sensorium == Sensorium.of(3)
     assert not snapshot.state.any()
     assert not snapshot.poc_graph().edges.any()
-    assert not snapshot.poc_graph(equivalences=False).edges.any()
     assert not kind.from_bytes(snapshot.to_bytes()).poc_graph().edges.any()
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.pairs import rows_of
 from neurosnap.poc.order.literals import from_words
+from tests.support.edges import edge_matrix, learned_edges
 from tools.paper.learning_error import LearningEntry, new_snapshot
 from tools.paper.walks import (
     SETTINGS,
@@ -48,7 +49,7 @@ def test_a_row_is_how_far_each_graph_is_from_the_truth(
     snapshot, expected = new_snapshot(cell.threshold, decay, 20), []
     for place in seen.places:
         snapshot.learn(seen.fields[:, place])
-        edges = snapshot.poc_graph(equivalences=False).edges
+        edges = edge_matrix(40, learned_edges(snapshot, equivalences=False))
         expected.append(int((edges != true).sum()))
     row = cell.row(1)
     assert row.tolist() == expected
