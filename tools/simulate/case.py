@@ -148,12 +148,23 @@ def _readings(chance: random.Random, folder: Path) -> RunOptions:
     """Readings that repeat themselves: much is learned, and then broken."""
     sensors = chance.randint(2, 8)
     pool = [[chance.random() < 0.5 for _ in range(sensors)] for _ in range(4)]
-    rows = [list(chance.choice(pool)) for _ in range(chance.randint(5, 25))]
+    rows: list[list[bool | None]] = [
+        list(chance.choice(pool)) for _ in range(chance.randint(5, 25))
+    ]
     for row in rows[len(rows) // 2 :]:
         if chance.random() < 0.3:
-            row[chance.randrange(sensors)] ^= True
+            sensor = chance.randrange(sensors)
+            row[sensor] = not row[sensor]
+    unknown = chance.choice([0.0, 0.0, 0.3])
+    for row in rows:  # of each something is known: else no wave could start
+        for sensor in chance.sample(range(sensors), sensors - 1):
+            if chance.random() < unknown:
+                row[sensor] = None
     names = tuple(f"s{number}" for number in range(sensors))
-    table = [names, *([str(int(bit)) for bit in row] for row in rows)]
+    table = [
+        names,
+        *(["" if bit is None else str(int(bit)) for bit in row] for row in rows),
+    ]
     path = folder / "readings.csv"
     path.write_text("\n".join(map(",".join, table)) + "\n", encoding="utf-8")
     ticks = chance.choice([len(rows), 5, 25])  # with 25, it may be the source that ends
