@@ -98,18 +98,6 @@ def test_there_are_as_many_blocks_to_run_as_were_written() -> None:
     assert sum(len(shown(page)) for page in PAGES) == 3
 
 
-def test_make_targets_exist() -> None:
-    make = [
-        line for page in PAGES for line in commands(page) if line.startswith("make ")
-    ]
-    assert make == ["make run", "make test"]
-    for line in make:
-        dry = subprocess.run(
-            [*line.split(), "--dry-run"], cwd=ROOT, capture_output=True, check=True
-        )
-        assert b"neurosnap run" in dry.stdout or b"pytest" in dry.stdout
-
-
 def steps(page: Path) -> Iterator[tuple[str, list[str]]]:
     """Yield what a page runs, in its order, with the output that it shows right below.
 

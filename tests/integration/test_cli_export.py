@@ -1,4 +1,4 @@
-"""``neurosnap export`` as people meet it, and its CSV as a source of another run."""
+"""``neurosnap export`` as people meet it."""
 
 import itertools
 import signal
@@ -8,9 +8,7 @@ from typing import Any
 import pytest
 from typer.testing import Result
 
-from neurosnap import wire
 from neurosnap.apps.export import write
-from neurosnap.recording.read.recording import Recording
 from tests.support.command_line import call, happy
 
 pytestmark = pytest.mark.slow
@@ -27,28 +25,6 @@ def run(source: object, log: Path) -> Path:
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return run("neurosnap/Path-v0", tmp_path_factory.mktemp("logs") / "path.mcap")
-
-
-def states(log: Path) -> list[object]:
-    """Return the states of a run, without what it took to find them."""
-    messages = [each.message for each in Recording.open(log).messages(("state",))]
-    assert len(messages) == TICKS
-    return [
-        (state.tick, state.literals, state.height, state.edges, state.incoherent)
-        for state in messages
-        if isinstance(state, wire.State)
-    ]
-
-
-def test_the_readings_of_a_run_give_the_same_states_again(
-    log: Path, tmp_path: Path
-) -> None:
-    out = tmp_path / "path.csv"
-    result = call("export", log, "--only-readings", "-o", out)
-    assert result.exit_code == 0
-    assert result.stdout == f"wrote {out}\n"
-    again = run(out, tmp_path / "again.mcap")
-    assert states(again) == states(log)
 
 
 def test_a_table_goes_beside_the_recording_or_where_it_is_named(

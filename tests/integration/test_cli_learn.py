@@ -1,7 +1,6 @@
 """``neurosnap learn``, and the table of what a run learned, as a user has them."""
 
 import csv
-from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
@@ -47,23 +46,6 @@ def test_a_csv_file_has_the_same_rows(tmp_path: Path) -> None:
     assert rows[0]["tested"] == "86"
 
 
-class Page(HTMLParser):
-    """Counts what a page has, and notes what it would load."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.tags: list[str] = []
-        self.loads: list[str] = []
-        self.policy = ""
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
-        given = dict(attrs)
-        self.loads += [name for name in ("src", "href") if name in given]
-        if given.get("http-equiv") == "Content-Security-Policy":
-            self.policy = given["content"] or ""
-
-
 def test_the_page_loads_nothing_and_shows_strange_names_as_they_are(
     tmp_path: Path,
 ) -> None:
@@ -72,14 +54,11 @@ def test_the_page_loads_nothing_and_shows_strange_names_as_they_are(
     data = written(tmp_path, f"<script>alert(1)</script>,a&b\n{rows}")
     out = tmp_path / "page.html"
     assert call("learn", data, "--out", out).exit_code == 0
-    page = Page()
-    page.feed(out.read_text())
-    assert page.policy == "default-src 'none'; style-src 'unsafe-inline'"
-    assert page.loads == []
-    assert "script" not in page.tags
-    assert page.tags.count("svg") == 1
-    assert page.tags.count("rect") == 2  # an element and its complement
-    assert "url(" not in out.read_text()
+    page = out.read_text()
+    assert "content=\"default-src 'none'; style-src 'unsafe-inline'\"" in page
+    assert [mark for mark in ("src=", "href=", "<script", "url(") if mark in page] == []
+    assert page.count("<svg") == 1
+    assert page.count("<rect") == 2  # an element and its complement
 
 
 def test_a_home_says_when() -> None:
@@ -126,19 +105,3 @@ def test_a_recording_has_the_same_table(log: Path) -> None:
     assert "below_18 implies below_19" in shown
     assert "learned by tick 12" in call("learn", log, "--at", 12).stdout
     assert happy("learn", log, "--threshold", 0.01)["ticks"] == 30
-
-
-def test_a_recording_and_its_export_say_the_same(log: Path, tmp_path: Path) -> None:
-    exported = tmp_path / "readings.csv"
-    given = ("export", log, "--only-readings", "--out", exported)
-    assert call(*given).exit_code == 0
-    tables = [
-        happy("learn", data, "--threshold", 0.01, "--all") for data in (log, exported)
-    ]
-    for table in tables:
-        del table["source"]
-        for row in table["relations"]:
-            assert row.pop("since_time")
-            del row["last_failure_time"]
-    assert tables[0] == tables[1]
-    assert tables[0]["relations"]

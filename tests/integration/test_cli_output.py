@@ -86,12 +86,6 @@ def test_a_run_is_told_of_in_the_letters_a_terminal_has(
     assert names in ended.out.decode(encoding)
 
 
-def test_an_anomaly_is_told_of_in_the_letters_a_terminal_has(log: Path) -> None:
-    ended = call("watch", log, encoding="latin-1")
-    assert (ended.code, ended.err) == (0, "")
-    assert "breaks tür -> motør\\u2603" in ended.out.decode("latin-1")
-
-
 @pytest.mark.parametrize("verb", ["info", "watch"])
 def test_what_programs_read_is_utf_8_on_any_terminal(verb: str, log: Path) -> None:
     ended = call(verb, log, "--format", "json", encoding="latin-1")

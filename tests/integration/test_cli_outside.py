@@ -54,10 +54,3 @@ def test_ctrl_c_ends_a_run_that_waits_for_input(tmp_path: Path) -> None:
         process.send_signal(signal.SIGINT)
         process.wait(PATIENCE)
     assert process.returncode == 3  # the first line
-
-
-def test_no_first_line_is_an_error() -> None:
-    with running("-") as process:
-        _, errors = process.communicate(PATIENCE)
-    assert process.returncode == 2
-    assert "standard input: must begin with a line that names the sensors" in errors

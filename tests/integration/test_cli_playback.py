@@ -69,23 +69,6 @@ def test_a_cut_recording_plays_and_says_so(
 
 
 @pytest.mark.zenoh
-@pytest.mark.parametrize(
-    ("option", "value", "said"),
-    [
-        ("--rate", 0, "rate: must be positive and finite, got 0.0"),
-        ("--from", 31, "from: must be in [1, 30], got 31"),
-    ],
-)
-def test_a_wrong_playback_is_refused(
-    log: Path, endpoint: str, option: str, value: object, said: str
-) -> None:
-    result = call("play", log, option, value, "--listen", endpoint)
-    assert result.exit_code == 2
-    assert said in flat(result.stderr)
-    assert "playing" not in result.stderr
-
-
-@pytest.mark.zenoh
 def test_a_port_in_use_is_an_error(log: Path) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))

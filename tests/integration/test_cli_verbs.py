@@ -83,9 +83,7 @@ def test_every_agent_runs_and_its_recording_verifies(
     assert (verdict["same"], verdict["complete"]) == (True, True)
 
 
-def test_what_a_recording_lacks_is_said_by_info_and_verify(
-    log: Path, tmp_path: Path
-) -> None:
+def test_info_and_verify_say_what_a_recording_holds(log: Path, tmp_path: Path) -> None:
     facts = happy("info", log)
     assert facts["path"] == str(log)
     assert facts["messages"] == sum(1 for _ in Recording.open(log).messages())
@@ -94,17 +92,6 @@ def test_what_a_recording_lacks_is_said_by_info_and_verify(
     assert (verdict["same"], verdict["complete"], verdict["ticks"]) == (True, True, 30)
     said = "every state and decision of 30 ticks came out the same"
     assert said in call("verify", log).stdout
-
-    half = cut(log, tmp_path / "cut")
-    lacking = call("info", half, "--format", "json")
-    assert lacking.exit_code == 3
-    assert last_json(lacking.stdout)["messages"] < facts["messages"]
-    result = call("verify", half, "--format", "json")
-    assert result.exit_code == 3
-    verdict = last_json(result.stdout)
-    assert (verdict["same"], verdict["complete"]) == (True, False)
-    assert 0 < verdict["ticks"] < 30
-    assert "the recording is incomplete" in result.stderr
 
     result = call("verify", changed(log, tmp_path / "lie"), "--format", "json")
     assert result.exit_code == 1

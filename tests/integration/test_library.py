@@ -96,10 +96,3 @@ def test_what_is_wrong_is_refused_by_its_name(
         neurosnap.run("neurosnap/Path-v0", **whole)  # type: ignore[arg-type]
     assert str(caught.value).startswith(text)
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.slow
-@pytest.mark.zenoh
-def test_depth_is_measured() -> None:
-    rows = neurosnap.measure_depth([1, 3], sensors=(4,), waves=1)
-    assert [(row.height, row.depth) for row in rows] == [(1, 1), (3, 3)]

@@ -1,12 +1,37 @@
 """The notebooks run from top to bottom, and print what they show."""
 
+import contextlib
+import io
+import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from tests.support.notebooks import code_cells, printed, stored
-
 EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def code_cells(path: Path) -> list[dict[str, Any]]:
+    """Return the cells of a notebook that hold code."""
+    cells = json.loads(path.read_text())["cells"]
+    return [cell for cell in cells if cell["cell_type"] == "code"]
+
+
+def printed(cells: list[dict[str, Any]]) -> list[str]:
+    """Run cells in one namespace; return what each prints."""
+    names: dict[str, object] = {"__name__": "__main__"}
+    found = []
+    for number, cell in enumerate(cells, start=1):
+        source = compile("".join(cell["source"]), f"cell {number}", "exec")
+        with contextlib.redirect_stdout(io.StringIO()) as out:
+            exec(source, names)
+        found.append(out.getvalue())
+    return found
+
+
+def stored(cell: dict[str, Any]) -> str:
+    """Return what a notebook has of a cell's output."""
+    return "".join(line for output in cell["outputs"] for line in output["text"])
 
 
 @pytest.mark.parametrize("name", ["your_own_data", "an_agent"])

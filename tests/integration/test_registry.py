@@ -18,7 +18,7 @@ from neurosnap.apps.cli import app
 from neurosnap.errors import InvalidValueError, SwarmError
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime import registry
-from tests.support.command_line import call, facts_of
+from tests.support.command_line import call, last_json
 from tests.support.commands import Command
 from tests.support.patience import PATIENCE
 
@@ -48,7 +48,7 @@ def going(log: Path) -> Iterator[Command]:
 def test_a_swarm_is_listed_shown_and_stopped(tmp_path: Path) -> None:
     first, second = tmp_path / "first.mcap", tmp_path / "second.mcap"
     with going(first) as stopped, going(second) as left:
-        listed = facts_of(call("ps", "--format", "json"))["swarms"]
+        listed = last_json(call("ps", "--format", "json").stdout)["swarms"]
         assert [Path(one["log"]) for one in sorted(listed, key=_by_log)] == [
             first,
             second,
@@ -58,15 +58,16 @@ def test_a_swarm_is_listed_shown_and_stopped(tmp_path: Path) -> None:
         names = {who for who, _ in registry.parts_of(psutil.Process(pids[first]))}
         services = {"hub", "recorder", "coordinator", "world"}
         assert names == services | {f"cell/{n}" for n in range(5)}
-        assert facts_of(call("stop", ids[first], "--format", "json"))["log"] == str(
-            first
-        )
+        assert last_json(call("stop", ids[first], "--format", "json").stdout)[
+            "log"
+        ] == str(first)
         stdout, stderr = stopped.communicate(timeout=PATIENCE)
         assert stopped.returncode == 0, stderr
         assert "as asked" in stdout
         assert left.poll() is None  # the other one goes on
         assert [
-            one["swarm"] for one in facts_of(call("ps", "--format", "json"))["swarms"]
+            one["swarm"]
+            for one in last_json(call("ps", "--format", "json").stdout)["swarms"]
         ] == [ids[second]]
     verdict = verify(first)
     assert (verdict.same, verdict.complete) == (True, True)

@@ -15,11 +15,6 @@ def call(*arguments: object, stdin: str | None = None) -> Result:
     return result
 
 
-def facts_of(result: Result) -> dict[str, Any]:
-    """Return the JSON that a verb ends with."""
-    return last_json(result.stdout)
-
-
 def last_json(stdout: str) -> dict[str, Any]:
     facts = json.loads(stdout.splitlines()[-1])
     assert isinstance(facts, dict)

@@ -70,8 +70,6 @@ def as_set(literals: NDArray[Any]) -> set[int]:
 
 # Readings of several sensors as a whole -----------------------------------------------
 
-LEVELS = {-1: np.nan, 0: 0.0, 1: 1.0}
-
 
 @st.composite
 def tables(

@@ -60,16 +60,6 @@ def test_the_unit_can_write_its_recordings(
     assert log.resolve().is_relative_to(tmp_path / state.relative_to("/"))
 
 
-def test_every_file_that_the_unit_copies_is_an_example() -> None:
-    copied = [
-        line.split()[2]
-        for line in UNIT.read_text().splitlines()
-        if line.startswith("#   cp ")
-    ]
-    assert copied == ["home.toml", "neurosnap.service"]
-    assert all((EXAMPLES / name).is_file() for name in copied)
-
-
 @pytest.mark.parametrize(
     ("name", "topic", "payload", "expected"),
     [

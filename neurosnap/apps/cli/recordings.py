@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from neurosnap.apps.cli.options import FLAG, NETWORK, option
+from neurosnap.apps.cli.options import NETWORK, option
 from neurosnap.apps.cli.output import (
     in_ranges,
     print_facts,
@@ -178,15 +178,6 @@ def export(
             show_default="a .csv beside the recording",
         ),
     ] = None,
-    only_readings: Annotated[
-        bool,
-        typer.Option(
-            "--only-readings",
-            metavar=FLAG,
-            help="With .csv: the time and the sensors only, a file that `neurosnap run`"
-            " takes.",
-        ),
-    ] = False,
     force: Force = False,
     form: Format = "text",
 ) -> None:
@@ -198,14 +189,14 @@ def export(
     with errors():
         path = log.with_suffix(".csv") if out is None else out
         if path.suffix.lower() == ".mcap":
-            if force or only_readings:
-                rule = "must come without --only-readings and --force"
+            if force:
+                rule = "must come without --force"
                 raise InvalidValueError("out", rule, str(path))
             _report_salvaged(salvage(log, path), form)
             return
         recording = Recording.open(log)
         with unwinding():
-            found = write(recording, path, only_readings=only_readings, force=force)
+            found = write(recording, path, force=force)
         say(form, f"wrote {path}")
         if found.incomplete:
             say(form, f"{found.incomplete} ticks lack something")

@@ -217,7 +217,7 @@ def _is_one(value: object, kind: inspect.Type) -> bool:
                 and re.search(pattern, value) is not None
             )
         case inspect.LiteralType():
-            return any(value == one and type(value) is type(one) for one in kind.values)
+            return value in kind.values
         case _:
             return True
 

@@ -36,16 +36,13 @@ class Table:
     Args:
         body: What the run senses and does, with all that it grows; a sensor is not
             known before it is.
-        only_readings: Leave out all but the time and the readings: what
-            ``neurosnap run`` takes as a source.
     """
 
-    def __init__(self, body: Body, *, only_readings: bool = False) -> None:
+    def __init__(self, body: Body) -> None:
         self._count, self._size = len(body.sensors), body.size
         self._names = body.sensors[: body.size]
         self._grows = body.room > 0
         self._decisions = body.actions
-        self._only_readings = only_readings
         time = Column("time", "time")
         before = (Column("tick", "number"), Column("begins", "bit"))
         after = (
@@ -57,14 +54,10 @@ class Table:
             Column("why", "text"),
             *(Column(name, "text") for name in ("grew", "retired") if self._grows),
         )
-        self.columns: tuple[Column, ...]
-        if only_readings:
-            self.columns = (time, *(Column(name, "bit") for name in self._names))
-            return
         taken = [column.name for column in (time, *before, *after)]
         names = _apart(self._names, taken)
         sensed = (Column(name, "bit") for name in names)
-        self.columns = (time, *before, *sensed, *after)
+        self.columns: tuple[Column, ...] = (time, *before, *sensed, *after)
 
     def row(self, tick: Tick) -> list[Cell]:
         """Return the cells of a tick, one a column. O(N) time.
@@ -73,8 +66,6 @@ class Table:
             RecordingError: It is not of such sensors and actions.
         """
         bits = self._bits(tick)
-        if self._only_readings:
-            return [self._time(tick), *bits]
         begins = None if tick.observation is None else tick.observation.begins
         return [
             self._time(tick),

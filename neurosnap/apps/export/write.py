@@ -49,7 +49,6 @@ def export(
     recording: Recording,
     out: Path,
     *,
-    only_readings: bool = False,
     force: bool = False,
 ) -> Exported:
     """Write a row for each tick of a recording, in the format of a file's ending.
@@ -60,7 +59,6 @@ def export(
     Args:
         recording: What is written.
         out: A file .csv or .parquet.
-        only_readings: With .csv: what ``neurosnap run`` takes as a source.
         force: Replace what is there.
 
     Raises:
@@ -73,11 +71,8 @@ def export(
     if ending not in (".csv", ".parquet"):
         rule = "must end with one of .csv, .parquet, .mcap"
         raise InvalidValueError("out", rule, str(out))
-    if only_readings and ending != ".csv":
-        rule = "must go with a file .csv"
-        raise InvalidValueError("only-readings", rule, str(out))
     write = write_csv if ending == ".csv" else parquet_writer()
-    table = Table(births_of(recording).body, only_readings=only_readings)
+    table = Table(births_of(recording).body)
     count = incomplete = 0
 
     def rows() -> Iterator[list[Cell]]:

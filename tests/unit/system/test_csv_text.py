@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from neurosnap.agent.body import Body
-from neurosnap.apps.export.columns import Column, Table
+from neurosnap.apps.export.columns import Column
 from neurosnap.apps.export.write import write_csv
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import visible
@@ -34,8 +33,8 @@ def test_what_is_no_formula_stays_as_it_is(name: str) -> None:
 def test_an_export_holds_no_formula_and_gives_the_names_back(tmp_path: Path) -> None:
     names = (EVIL, "-x", "+5V", "@home", "'=x", "door")
     path = tmp_path / "out.csv"
-    table = Table(Body(own=names), only_readings=True)
-    write_csv(path, table.columns, [[0, *(True for _ in names)]])
+    columns = [Column(name, "bit") for name in names]
+    write_csv(path, columns, [[True for _ in names]])
     with path.open(encoding="utf-8", newline="") as file:
         header = next(csv.reader(file))
     assert not any(cell[0] in "=+-@" for cell in header)

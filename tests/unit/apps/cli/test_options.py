@@ -64,20 +64,6 @@ def test_every_key_but_the_source_has_one_flag() -> None:
     assert sorted(option.key for option in run_options().values()) == sorted(wanted)
 
 
-def test_a_verb_has_the_options_that_are_named_and_its_own() -> None:
-    app = typer.Typer()
-
-    @app.command()
-    @with_run_options("tls", "seed")
-    def verb(context: typer.Context, source: str, ticks: int = 5) -> None:
-        """Do nothing."""
-
-    command = typer.main.get_command(app)
-    names = [str(param.name) for param in command.params]
-    assert names[:4] == ["source", "seed", "tls", "ticks"]
-    assert command.params[3].default == 5
-
-
 def test_flags_go_before_the_file_where_they_were_given(file: Path) -> None:
     plain = made(file)
     options = plain.options

@@ -51,18 +51,8 @@ ROWS = {
     # Depth.
     "depth --heights 1,two": "heights: must be whole numbers, got '1,two'",
     "depth --heights ''": "heights: must be whole numbers, got ''",
-    "depth --heights -1,2": "heights: must be one or more numbers, each at least",
-    "depth --heights 4 --sensors 4": "sensors: must be more than the larg",
     "depth --heights 4 --sensors x": "sensors: must be whole numbers",
-    "depth --heights 1 --waves 0": "waves: must be at least 1, got 0",
     "depth --wiring wired": "'wired' is not one of 'hasse'",
-    "depth --heights 3 --cells worker --workers 5": (
-        "workers: must be at least 1 and at most the cells, 4, got 5"
-    ),
-    "depth --heights 3 --edges 7": "edges: must be even, 6 to 6, got 7",
-    "depth --heights 3 --edges 6 --wiring derived": (
-        "wiring: must be \"hasse\" for a random order, got 'derived'"
-    ),
     # Data, and recordings.
     "learn readings.csv --at 3": "at: must go with a recording, got 3",
     "learn readings.csv -o taken.csv": "out: must not exist yet, or come with --force",
@@ -77,10 +67,7 @@ ROWS = {
     "health readings.csv": "data: must say when each reading was",
     "health readings.csv --alarms often": "alarms: must be a number a hour, day, week",
     "export log.mcap -o a.xls": "out: must end with one of .csv, ",
-    "export log.mcap -o a.parquet --only-readings": (
-        "only-readings: must go with a file .csv"
-    ),
-    "export log.mcap -o a.mcap --force": "out: must come without --only-readings",
+    "export log.mcap -o a.mcap --force": "out: must come without --force",
     "export log.mcap -o taken.csv": "out: must not exist yet, or come with --force",
     "export log.mcap -o none/a.csv": "out: must be in a folder that exists",
     "resume log.mcap --ticks 30": GOES_ON,

@@ -1,9 +1,8 @@
 """Tables judged by structs, and the keys that are told."""
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 import msgspec
-import pytest
 
 from neurosnap.apps.config.problems import dotted
 from neurosnap.apps.config.tables import Config
@@ -41,18 +40,6 @@ def test_every_table_is_judged_as_a_whole_once_its_values_are_right() -> None:
         (("pairs", 1, "high"), "must be a whole number"),
         (("pairs", 2), "luck: must not be pushed, got 7"),
     ]
-
-
-class Level(msgspec.Struct, frozen=True):
-    """A choice of numbers."""
-
-    level: Literal[0, 1] | None = None
-
-
-@pytest.mark.parametrize("level", [True, False, 1.0, 2, "1"])
-def test_a_choice_of_numbers_is_one_of_numbers(level: object) -> None:
-    assert problems({"level": level}, Level) == [(("level",), "must be 0 or 1", level)]
-    assert problems({"level": 1}, Level) == []
 
 
 # Keys ---------------------------------------------------------------------------------

@@ -17,10 +17,8 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.apps.export.write import Exported, export
 from neurosnap.errors import InvalidValueError, MissingExtraError, RecordingError
-from neurosnap.recording.read.recording import Recording, part_paths
-from neurosnap.recording.write.rotation import Split
+from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
-from neurosnap.runtime.parts import recorder_process
 from tests.support.inline_runs import (
     ACTIONS,
     implying_rows,
@@ -149,27 +147,6 @@ def test_what_is_grown_has_a_column_by_its_formula(tmp_path: Path) -> None:
     grew = [(int(row["tick"]), row["grew"]) for row in rows if row["grew"]]
     assert grew == [(BIRTH, GROWN)]
     assert {row["retired"] for row in rows} == {""}
-
-
-def without_times(path: Path) -> list[dict[str, str]]:
-    return [{**row, "time": ""} for row in table(path)]
-
-
-def test_several_files_are_exported_like_one(
-    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(recorder_process, "split_of", lambda _: Split(1))
-    split = recorded(tmp_path / "log.mcap")
-    files = list(part_paths(split).values())
-    assert len(files) > 2
-    exported(log, tmp_path / "one.csv")
-    assert exported(split, tmp_path / "all.csv").ticks == TICKS
-    one = without_times(tmp_path / "one.csv")
-    assert without_times(tmp_path / "all.csv") == one
-    exported(files[1], tmp_path / "part.csv")
-    begins = Recording.open(files[1]).begins
-    share = without_times(tmp_path / "part.csv")
-    assert share == one[begins : begins + len(share)]
 
 
 def test_what_a_recording_lacks_is_told(log: Path, tmp_path: Path) -> None:
