@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable
 from copy import deepcopy
 from functools import lru_cache
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +11,8 @@ from numpy.typing import NDArray
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body
-from neurosnap.agent.growth.growth import Growth
 from neurosnap.agent.planner import Planner
 from neurosnap.agent.policy import EXPLORE, Closures, Deliberation, Policy, Signal
-from neurosnap.poc.learning.kinds import Snapshot
-from neurosnap.poc.learning.search import Search, nothing
-from neurosnap.sensorium import complete
 from tools.paper.stages import (
     Setting,
     Stage,
@@ -24,44 +20,8 @@ from tools.paper.stages import (
     stage_of,
 )
 
-Grows: TypeAlias = Literal["contexts", "nothing", "whole states"]
-"""What an agent grows where something was not guaranteed."""
-
 CHECKS = 40
 """How often a learner is held against the truth while it explores."""
-BUDGET = 600
-"""Sensors an agent may grow that grows whole states: the others stay far below."""
-
-
-class WholeStates(Growth):
-    """Grows the whole last state as a context whenever something was not guaranteed.
-
-    What is grown is believed at once: there is no search for what mattered, no trial,
-    and nothing retires. (The rule of the authors' later system UMA-SOM, whose delayed
-    sensors stand for contexts.)
-    """
-
-    def notice(
-        self,
-        action: int,
-        state: NDArray[np.bool_],
-        foretold: NDArray[np.bool_],
-        observation: NDArray[np.bool_],
-        known: NDArray[np.bool_] | None,
-        snapshot: Snapshot,
-    ) -> Search[None]:
-        """Take in an observation; the last state may have to be grown."""
-        self.history.record(observation, known)
-        self._said = {}
-        body = self._body
-        if action < 0 or len(body.grown) == body.room:
-            return nothing()
-        if (foretold >= complete(observation[: self._own])).all():
-            return nothing()
-        literals = (state & body.position).nonzero()[0].tolist()
-        context = (action, tuple(literals))
-        grown = context in body.grown
-        return nothing() if grown else self._bear(context, snapshot)
 
 
 class Explorer(Agent):
@@ -79,10 +39,6 @@ class Explorer(Agent):
         """Plan one step ahead from now on."""
         planner = Planner(self.body, target, self._seed, explore=0.0)
         self._mind.policy = _Counted(planner, self)
-
-    def grow_whole_states(self) -> None:
-        """Grow whole states from now on."""
-        self._mind.memory.grow_by(WholeStates(self.body))
 
     def whole(self, stage: Stage) -> tuple[int, int, int]:
         """Hold what actions guarantee against a stage.
@@ -153,26 +109,26 @@ class _Watched(StageEnv):
 
 
 def explored(
-    setting: Setting, grows: Grows, seed: int
+    setting: Setting, seed: int, *, grows: bool
 ) -> tuple[Explorer, NDArray[np.int32]]:
     """Return an agent that has explored a world, and its learning curve.
 
     Args:
         setting: The world.
-        grows: What the agent grows.
         seed: Draws all there is to draw.
+        grows: Whether the agent grows sensors.
 
     Returns:
         An agent of one's own; ``(CHECKS, 4)``: moves of which all is guaranteed, of
         which something false is, sensors ever grown, sensors in use.
     """
-    agent, curve = _explored(setting, grows, seed)
+    agent, curve = _explored(setting, seed, grows=grows)
     return deepcopy(agent), curve
 
 
 @lru_cache(maxsize=2)
 def _explored(
-    setting: Setting, grows: Grows, seed: int
+    setting: Setting, seed: int, *, grows: bool
 ) -> tuple[Explorer, NDArray[np.int32]]:
     stage = stage_of(setting)
     curve: list[tuple[int, int, int, int]] = []
@@ -184,17 +140,15 @@ def _explored(
 
     env = _Watched(stage, max(1, setting.steps // CHECKS), check)
     # What neither grows nor imagines could not be sent anywhere by imagined waves.
-    walker = setting.walk and grows != "nothing"
+    walker = setting.walk and grows
     agent = Explorer.of(
         env,
         "walker" if walker else "planner",
         seed=seed,
         explore=1.0 if setting.walk else EXPLORE,
-        grow={"nothing": 0, "contexts": setting.room, "whole states": BUDGET}[grows],
+        grow=setting.room if grows else 0,
         imagine=not walker,
     )
-    if grows == "whole states":
-        agent.grow_whole_states()
     explore = agent.run if setting.walk else agent.learn
     explore(env, setting.steps, seed=seed)
     while len(curve) < CHECKS:  # a reset takes a step, too

@@ -4,11 +4,11 @@ The paper has no such experiment. Walks and faults are made up; what sensors of 
 house do when they fail is not known here, since no recording at hand says which did.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any, TypeAlias
 
-import msgspec
 import numpy as np
+import pandas as pd  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
 from tools.paper.fault_detection import (
@@ -39,54 +39,25 @@ _LEARNERS: tuple[Learner, ...] = (
     (_FORGIVING, DECAYS[8]),
 )
 """A snapshot of each kind that one exception convinces, and one that takes more."""
-_EXACT = frozenset(
-    {"place", "threshold", "decay", "fault", "judge", "healthy", "shown", "episodes"}
-)
-"""What the CSV has as it is; the rest are shares and means."""
+_KEYS = ["place", "threshold", "decay", "fault", "judge"]
+"""What a row of the CSV is of; a place or fault is ``all`` for the sum of them."""
+_SHARES = {
+    "visible": ("contradicting", "shown"),
+    "recall": ("hits", "shown"),
+    "false": ("cries", "healthy"),
+    "precision": ("hits", "alarms"),
+    "caught": ("noticed", "episodes"),
+    "delay": ("waited", "noticed"),
+    "right": ("named", "hits"),
+    "among": ("listed", "hits"),
+    "early": ("before", "first"),
+}
+"""The other columns, and the counts, see `counted`, of which they are the quotients."""
 _COLUMNS = (
     *("learner", "fault", "judged", "wrong steps", "contradict truth", "recall"),
     *("precision", "false in 1000", "faults caught", "delay", "right", "among"),
 )
 """Of the table for people."""
-
-
-class Score(msgspec.Struct, frozen=True):
-    """How one judge did, in the second half of walks; the first is for learning.
-
-    A share of nothing is None.
-    """
-
-    place: str
-    """The world; ``all``: all of them."""
-    threshold: float
-    decay: float | None
-    fault: str
-    """Its kind; ``all``: all of them, the walks without one included."""
-    judge: Judge
-    healthy: int
-    """Steps on which no reading is wrong."""
-    shown: int
-    """Steps on which one is."""
-    visible: float | None
-    """The share of those that contradict the truth: what can be seen at all."""
-    recall: float | None
-    """The share of those with an anomaly."""
-    false: float | None
-    """The share of healthy steps with one."""
-    precision: float | None
-    """The share of anomalies that are on steps with a wrong reading."""
-    episodes: int
-    """Faults during which some reading is wrong."""
-    caught: float | None
-    """The share of them with an anomaly from then on until their end."""
-    delay: float | None
-    """Mean steps from the first wrong reading to the first anomaly, where caught."""
-    right: float | None
-    """The share of anomalies, with a wrong reading, that blame just the right ones."""
-    among: float | None
-    """The share of those where the right ones are among the candidates."""
-    early: float
-    """The share of steps in the first half, where nothing is wrong, with an anomaly."""
 
 
 Watched = tuple[DetectionEntry, NDArray[Any]]
@@ -113,55 +84,67 @@ def cells(options: FigureOptions) -> list[DetectionEntry]:
 
 def report(options: FigureOptions, rows: Sequence[NDArray[Any]]) -> Report:
     """Return the figure of the rows of its cells."""
-    watched = list(zip(cells(options), rows, strict=True))
-    each = [score([one], judge) for one in watched for judge in JUDGES]
-    kinds = _summed(watched, lambda cell: cell.fault)
-    whole = _summed(watched, lambda cell: "all")
-    scores = [*each, *kinds, *whole]
+    scores = scored(list(zip(cells(options), rows, strict=True)))
+    columns = [*_KEYS, "healthy", "shown", "episodes", *_SHARES]
+    sums = scores[scores["place"] == "all"]
     return Report(
-        columns=Score.__struct_fields__,
-        rows=[_row(found) for found in scores],
-        lines=markdown(_COLUMNS, map(_shown, [*kinds, *whole])),
+        columns=tuple(columns),
+        rows=scores[columns].astype(object).where(scores.notna(), "").to_numpy(),
+        lines=markdown(_COLUMNS, map(_shown, sums.to_dict("records"))),
     )
 
 
-def score(watched: Sequence[Watched], judge: Judge) -> Score:
-    """Return how a judge did in cells of the same learner.
+def scored(watched: Sequence[Watched]) -> Any:  # noqa: ANN401 - a frame of pandas
+    """Return a row of counts and shares for each cell and judge, and for their sums.
 
-    Args:
-        watched: Cells and their flags, ``(runs, steps)`` each.
-        judge: Which.
+    They are of the second half of walks; the first is for learning. After the cells
+    come the sums over worlds, by kind of fault, and those over all of them, the walks
+    without a fault included. A share of nothing is not a number.
     """
-    shift = 3 * JUDGES.index(judge)
-    cell = watched[0][0]
-    places = {one.place for one, _ in watched}
-    kinds = {one.fault for one, _ in watched}
-    every = np.concatenate([flags for _, flags in watched])
-    first, late = np.hsplit(every, [every.shape[1] // 2])
-    shown = late & SHOWN > 0
-    alarm = late >> shift & ALARM > 0
-    hits = late[shown & alarm] >> shift
-    delays = [delay for flags in late for delay in _delays(flags, shift)]
-    caught = [delay for delay in delays if delay is not None]
-    return Score(
-        place=places.pop() if len(places) == 1 else "all",
-        threshold=cell.threshold,
-        decay=cell.decay,
-        fault=kinds.pop() if len(kinds) == 1 else "all",
-        judge=judge,
-        healthy=int((~shown).sum()),
-        shown=int(shown.sum()),
-        visible=_share(late[shown] & VISIBLE > 0),
-        recall=_share(alarm[shown]),
-        false=_share(alarm[~shown]),
-        precision=_share(shown[alarm]),
-        episodes=len(delays),
-        caught=_share(delay is not None for delay in delays),
-        delay=float(np.mean(caught)) if caught else None,
-        right=_share(hits & RIGHT > 0),
-        among=_share(hits & AMONG > 0),
-        early=_share(first >> shift & ALARM > 0) or 0.0,
+    each = pd.DataFrame(
+        counted(cell, flags, judge) for cell, flags in watched for judge in JUDGES
     )
+    keep: dict[str, Any] = {"dropna": False, "sort": False, "as_index": False}
+    kinds = each.assign(place="all").groupby(_KEYS, **keep).sum()
+    whole = kinds.assign(fault="all").groupby(_KEYS, **keep).sum()
+    scores = pd.concat([each, kinds, whole], ignore_index=True)
+    for share, (part, of) in _SHARES.items():
+        scores[share] = scores[part] / scores[of]
+    return scores
+
+
+def counted(cell: DetectionEntry, flags: NDArray[Any], judge: Judge) -> dict[str, Any]:
+    """Return what a judge did in a cell, in counts.
+
+    `healthy` and `shown` are steps without and with a wrong reading, `episodes` faults
+    during which some reading is wrong; see `_SHARES` for what the others are parts of.
+    """
+    first, late = np.hsplit(flags, [flags.shape[1] // 2])
+    shift = 3 * JUDGES.index(judge)
+    shown, alarm = late & SHOWN > 0, late >> shift & ALARM > 0
+    hits = late[shown & alarm] >> shift
+    delays = [delay for run in late for delay in _delays(run, shift)]
+    caught = [delay for delay in delays if delay is not None]
+    return {
+        "place": cell.place,
+        "threshold": cell.threshold,
+        "decay": cell.decay,
+        "fault": cell.fault,
+        "judge": judge,
+        "healthy": int((~shown).sum()),
+        "shown": int(shown.sum()),
+        "contradicting": int((late[shown] & VISIBLE > 0).sum()),
+        "hits": len(hits),
+        "alarms": int(alarm.sum()),
+        "cries": int(alarm[~shown].sum()),
+        "episodes": len(delays),
+        "noticed": len(caught),
+        "waited": sum(caught),
+        "named": int((hits & RIGHT > 0).sum()),
+        "listed": int((hits & AMONG > 0).sum()),
+        "first": first.size,
+        "before": int((first >> shift & ALARM > 0).sum()),
+    }
 
 
 def _delays(flags: NDArray[Any], shift: int) -> list[int | None]:
@@ -182,53 +165,29 @@ def _delays(flags: NDArray[Any], shift: int) -> list[int | None]:
     return delays
 
 
-def _summed(
-    watched: Sequence[Watched], kind: Callable[[DetectionEntry], str]
-) -> list[Score]:
-    """Return the scores over all worlds of each learner, kind of fault and judge."""
-    groups: dict[tuple[float, float | None, str], list[Watched]] = {}
-    for cell, flags in watched:
-        key = cell.threshold, cell.decay, kind(cell)
-        groups.setdefault(key, []).append((cell, flags))
-    return [score(group, judge) for group in groups.values() for judge in JUDGES]
-
-
-def _share(of: NDArray[np.bool_] | Iterable[bool]) -> float | None:
-    """Return the share that is true; None of nothing."""
-    flags = np.fromiter(of, np.bool_) if not isinstance(of, np.ndarray) else of
-    return float(flags.mean()) if flags.size else None
-
-
-def _row(found: Score) -> list[object]:
-    """Return a row of the CSV; what is none is empty, shares have six figures."""
-    return [
-        "" if value is None else f"{value:.6g}" if name not in _EXACT else value
-        for name, value in msgspec.structs.asdict(found).items()
-    ]
-
-
-def _shown(found: Score) -> tuple[str, ...]:
+def _shown(found: dict[str, Any]) -> tuple[str, ...]:
     """Return a row of the table for people."""
     return (
-        _learner(found.threshold, found.decay),
-        found.fault,
-        found.judge,
-        str(found.shown),
-        *map(_percent, (found.visible, found.recall, found.precision)),
-        "–" if found.false is None else f"{1000 * found.false:.3g}",
-        f"{_percent(found.caught)} of {found.episodes}",
-        "–" if found.delay is None else f"{found.delay:.2g}",
-        *map(_percent, (found.right, found.among)),
+        _learner(found["threshold"], found["decay"]),
+        found["fault"],
+        found["judge"],
+        str(found["shown"]),
+        *(_number(100 * found[name], " %") for name in ("visible", "recall")),
+        _number(100 * found["precision"], " %"),
+        _number(1000 * found["false"]),
+        f"{_number(100 * found['caught'], ' %')} of {found['episodes']}",
+        _number(found["delay"]),
+        *(_number(100 * found[name], " %") for name in ("right", "among")),
     )
 
 
-def _percent(share: float | None) -> str:
-    return "–" if share is None else f"{100 * share:.3g} %"
+def _number(value: float, unit: str = "") -> str:
+    return "–" if np.isnan(value) else f"{value:.3g}{unit}"
 
 
-def _learner(threshold: float, decay: float | None) -> str:
+def _learner(threshold: float, decay: float) -> str:
     tau = f"τ = 1/{1 / threshold:.0f}"
-    if decay is None:
+    if np.isnan(decay):
         return f"empirical, {tau}"
     return f"discounted, {tau}, 1 - q = 1/{1 / (1 - decay):.0f}"
 

@@ -28,7 +28,7 @@ from tools.paper.growing import (
 from tools.paper.stages import settings, stage_of
 
 METHODS: tuple[Method, ...] = get_args(Method)
-KINDS = ("any to any", "to the goal", "fares", "squares")
+KINDS = ("any to any", "to the goal")
 _MOST_RUNS = 3  # agents go step by step: a run takes up to minutes
 _TARGETS = 500
 _ANEW: tuple[Method, ...] = ("growth and imagining", "table", "Q-learning", "Dyna-Q")

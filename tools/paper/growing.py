@@ -9,7 +9,6 @@ from numpy.typing import DTypeLike, NDArray
 from neurosnap.sensorium import complete
 from tools.paper.explorers import (
     CHECKS,
-    Grows,
     Journey,
     explored,
     journey,
@@ -27,18 +26,12 @@ Method: TypeAlias = Literal[
     "growth and imagining",
     "imagining only",
     "growth only",
-    "whole states",
     "table",
     "Q-learning",
     "Dyna-Q",
 ]
 
-_GROWS: dict[Method, Grows] = {
-    "growth and imagining": "contexts",
-    "imagining only": "nothing",
-    "growth only": "contexts",
-    "whole states": "whole states",
-}
+_AGENTS: tuple[Method, ...] = ("growth and imagining", "imagining only", "growth only")
 WHOLE, FALSE, GROWN, USED = range(4)
 """The columns of a learning curve; those of a table are moves that were tried, 0, and
 twice its entries. Of values there is none: all are 0."""
@@ -47,14 +40,10 @@ KIND, NEED, STEPS, WAVES, FALLS, UNFORESEEN = range(6)
 steps taken, -1 if it did not arrive; planning waves; steps into a hole or over the
 cliff, and those of them that the agent did not foresee. Of tables the last three are 0.
 """
-PAIR, GOAL, FARE, SQUARE = range(4)
-"""Kinds: any place to any; any place to the world's goal; of a taxi: a fare from a stop
-to its delivery; from a stop to a square, whatever else holds there."""
+PAIR, GOAL = range(2)
+"""Kinds: any place to any; any place to the world's goal."""
 SLACK = 30
 """Steps a journey may take beyond the fewest."""
-_FARES = 48  # four stops, four where the passenger is, three where it wants to go
-_SQUARES = 96  # four stops, 24 other squares
-_STOPS = {"red": (0, 0), "green": (0, 4), "yellow": (4, 0), "blue": (4, 3)}
 
 _Option = TypeVar("_Option")
 _Task: TypeAlias = tuple[int, int, NDArray[np.bool_]]
@@ -64,6 +53,7 @@ _Task: TypeAlias = tuple[int, int, NDArray[np.bool_]]
 class GrowthEntry(Entry, frozen=True, kw_only=True):
     """One method in one world: what it has learned when, and its journeys after it."""
 
+    VERSION = 2
     dtype: ClassVar[DTypeLike] = np.int32
 
     setting: Setting
@@ -81,9 +71,7 @@ class GrowthEntry(Entry, frozen=True, kw_only=True):
     @property
     def shape(self) -> tuple[int, ...]:
         """The shape of a row: ``(checks + journeys, 6)``; a curve takes 4 columns."""
-        errands = _FARES + _SQUARES if self.setting.name == "taxi" else 0
-        most = self.targets or self.setting.journeys + errands
-        return (CHECKS + most, 6)
+        return (CHECKS + (self.targets or self.setting.journeys), 6)
 
     def row(self, run: int) -> NDArray[np.int32]:
         """Return the learning curve of a run, then its journeys."""
@@ -92,7 +80,7 @@ class GrowthEntry(Entry, frozen=True, kw_only=True):
         found[CHECKS:, NEED] = -1
         (seed,) = np.random.SeedSequence(self.seed, spawn_key=(run,)).generate_state(1)
         tasks = self._tasks(stage)
-        if self.method in _GROWS:
+        if self.method in _AGENTS:
             curve, rows = self._sent(stage, tasks, int(seed))
         else:
             curve, rows = self._tabled(stage, tasks, int(seed))
@@ -108,15 +96,13 @@ class GrowthEntry(Entry, frozen=True, kw_only=True):
         anything = self.targets or self.method not in ("Q-learning", "Dyna-Q")
         if self.setting.to_goal or not anything:
             return list(_to_goal(stage, most))
-        tasks = list(_pairs(stage, most)) if most else []
-        if self.setting.name == "taxi" and not self.targets:
-            tasks += [*_fares(stage), *_squares(stage)]
-        return tasks
+        return list(_pairs(stage, most))
 
     def _sent(
         self, stage: Stage, tasks: list[_Task], seed: int
     ) -> tuple[NDArray[np.int32], Iterator[tuple[int, Journey]]]:
-        agent, curve = explored(self.setting, _GROWS[self.method], seed)
+        grows = self.method != "imagining only"
+        agent, curve = explored(self.setting, seed, grows=grows)
         imagine = self.method != "growth only"
 
         def rows() -> Iterator[tuple[int, Journey]]:
@@ -202,46 +188,3 @@ def _drawn(options: list[_Option], most: int) -> list[_Option]:
         return options
     drawn = np.random.default_rng(0).choice(len(options), most, replace=False)
     return [options[k] for k in sorted(drawn.tolist())]
-
-
-def _fares(stage: Stage) -> Iterator[_Task]:
-    """Yield a fare for each stop of the taxi, of the passenger, and to go to."""
-    for here in _STOPS.values():
-        for stop in _STOPS:
-            for last in _STOPS:
-                if last != stop:
-                    aboard = [f"passenger={stop}", f"destination={last}"]
-                    start = _holding(stage, _square(stage, *here), aboard)
-                    there = [f"passenger={last}", f"destination={last}"]
-                    end = _holding(stage, _square(stage, *_STOPS[last]), there)
-                    yield FARE, start, complete(stage.fields[:, end])
-
-
-def _squares(stage: Stage) -> Iterator[_Task]:
-    """Yield ways from each stop to each square, with a passenger waiting at red."""
-    for here in _STOPS.values():
-        waiting = ["passenger=red", "destination=green"]
-        start = _holding(stage, _square(stage, *here), waiting)
-        for row in range(5):
-            for column in range(5):
-                if (row, column) != here:
-                    yield SQUARE, start, _square(stage, row, column)
-
-
-def _square(stage: Stage, row: int, column: int) -> NDArray[np.bool_]:
-    """Return the literals of a taxi's square: ``(2 sensors,)``."""
-    goal = np.zeros(2 * len(stage.sensors), np.bool_)
-    for number, name in enumerate(stage.sensors):
-        axis, less, value = name.partition("<")
-        if less:
-            on = {"row": row, "column": column}[axis] < int(value)
-            goal[2 * number + (not on)] = True
-    return goal
-
-
-def _holding(stage: Stage, square: NDArray[np.bool_], names: list[str]) -> int:
-    """Return the first place of a square where sensors are on."""
-    held = _at(stage, square)
-    for name in names:
-        held &= stage.fields[stage.sensors.index(name)]
-    return int(held.argmax())

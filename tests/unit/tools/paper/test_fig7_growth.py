@@ -11,10 +11,7 @@ from tools.paper import fig7_growth
 from tools.paper.explorers import CHECKS
 from tools.paper.growing import (
     FALLS,
-    FARE,
-    KIND,
     NEED,
-    SQUARE,
     STEPS,
     UNFORESEEN,
     USED,
@@ -139,23 +136,8 @@ def test_with_growth_all_is_whole_and_every_journey_the_shortest() -> None:
     assert (journeys[:, WAVES] > 0).all()
 
 
-def test_whole_states_are_grown_at_once_and_never_retire() -> None:
-    row = entry("whole states").row(0)
-    assert (np.diff(row[:CHECKS, USED]) >= 0).all()
-    assert row[CHECKS - 1, USED] > 25
-
-
 @pytest.mark.parametrize("method", fig7_growth.METHODS)
 def test_every_method_runs_where_walks_are_random(method: Method) -> None:
     (rail,) = (one for one in settings() if one.name == "rail")
     row = entry(method, msgspec.structs.replace(rail, steps=80, journeys=2)).row(0)
     assert ((row[CHECKS:, STEPS] >= -1) & (row[CHECKS:, NEED] > 0)).all()
-
-
-def test_a_taxi_has_fares_and_squares() -> None:
-    (taxi,) = (one for one in settings() if one.name == "taxi")
-    short = msgspec.structs.replace(taxi, steps=100, journeys=0)
-    row = entry("table", short).row(0)[CHECKS:]
-    assert (row[:, KIND] == FARE).sum() == 48
-    assert (row[:, KIND] == SQUARE).sum() == 96
-    assert (row[:, NEED] > 0).all()
