@@ -51,17 +51,6 @@ class DetectionEntry(Entry, frozen=True, kw_only=True):
     hold: int
     """Ticks that the last judge holds on to an order."""
 
-    @property
-    def name(self) -> str:
-        """What people see of it in a listing of files."""
-        kind = "empirical" if self.decay is None else "discounted"
-        return f"watched-{kind}-{self.place}-{self.fault.replace(' ', '-')}"
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """The shape of a row: ``(steps,)``."""
-        return (self.steps,)
-
     def row(self, run: int) -> NDArray[np.uint16]:
         """Return the flags of each step of a run: ``(steps,)``."""
         walk = course(self.place, self.seed, run, self.steps)

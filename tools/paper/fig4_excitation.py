@@ -53,18 +53,6 @@ class TargetEntry(Entry, frozen=True, kw_only=True):
     target: int | None
     """The place to get to; None: one is drawn for every run."""
 
-    @property
-    def name(self) -> str:
-        """What people see of it in a listing of files."""
-        kind = "empirical" if self.decay is None else "discounted"
-        to = "" if self.target is None else f"-to-{self.target}"
-        return f"excited-{kind}-{self.setting}{to}"
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """The shape of a row: ``(steps,)``."""
-        return (self.steps,)
-
     def row(self, run: int) -> NDArray[np.uint16]:
         """Return the distance to the target at each observation of a run."""
         world, seed = task(self.setting, self.seed, run, self.target)

@@ -17,9 +17,10 @@ from tools.paper.homes.cases import (
     KINDS,
     SEGMENT_FIELDS,
     WEEK_FIELDS,
+    HomeEntry,
+    entries,
 )
 from tools.paper.homes.faults import LONG, SINGLE
-from tools.paper.homes.home_entry import HomeEntry, entries
 from tools.paper.homes.methods import METHODS
 
 Floats = NDArray[np.float64]

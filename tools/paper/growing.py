@@ -1,10 +1,10 @@
 """Growth and imagining side by side with what lacks one of them, and with tables."""
 
 from collections.abc import Iterator
-from typing import ClassVar, Literal, TypeAlias, TypeVar
+from typing import Literal, TypeAlias, TypeVar
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
 from neurosnap.sensorium import complete
 from tools.paper.explorers import (
@@ -54,7 +54,6 @@ class GrowthEntry(Entry, frozen=True, kw_only=True):
     """One method in one world: what it has learned when, and its journeys after it."""
 
     VERSION = 2
-    dtype: ClassVar[DTypeLike] = np.int32
 
     setting: Setting
     method: Method
@@ -62,21 +61,14 @@ class GrowthEntry(Entry, frozen=True, kw_only=True):
     """Journeys from any place to any, each of which a learner of values learns for
     anew; 0: the setting's, and those of values go to the world's goal only."""
 
-    @property
-    def name(self) -> str:
-        """What people see of it in a listing of files."""
-        words = f"{self.method} {self.setting.name}".replace(",", "").lower()
-        return words.replace(" ", "-") + ("-targets" if self.targets else "")
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """The shape of a row: ``(checks + journeys, 6)``; a curve takes 4 columns."""
-        return (CHECKS + (self.targets or self.setting.journeys), 6)
-
     def row(self, run: int) -> NDArray[np.int32]:
-        """Return the learning curve of a run, then its journeys."""
+        """Return the learning curve of a run, then its journeys.
+
+        It is ``(checks + journeys, 6)``; a curve takes 4 columns.
+        """
         stage = stage_of(self.setting)
-        found = np.zeros(self.shape, np.int32)
+        journeys = self.targets or self.setting.journeys
+        found = np.zeros((CHECKS + journeys, 6), np.int32)
         found[CHECKS:, NEED] = -1
         (seed,) = np.random.SeedSequence(self.seed, spawn_key=(run,)).generate_state(1)
         tasks = self._tasks(stage)

@@ -24,17 +24,6 @@ class LearningEntry(Entry, frozen=True, kw_only=True):
     truth: TruthKind
     """What its graph is compared with."""
 
-    @property
-    def name(self) -> str:
-        """What people see of it in a listing of files."""
-        kind = "empirical" if self.decay is None else "discounted"
-        return f"{kind}-{self.setting}"
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """The shape of a row: ``(steps,)``."""
-        return (self.steps,)
-
     def row(self, run: int) -> NDArray[np.uint16]:
         """Return Err(t) at each step of a run, in edges: ``(steps,)``."""
         seen = walk(self.setting, self.seed, run, self.steps)

@@ -10,10 +10,10 @@ References:
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import ClassVar, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.policies import new_policy
@@ -42,7 +42,6 @@ class ObstacleEntry(Entry, frozen=True, kw_only=True):
     """One agent in one world, put down everywhere; its runs differ in their luck."""
 
     VERSION = 2
-    dtype: ClassVar[DTypeLike] = np.int32
 
     world: str
     """The environment's id."""
@@ -55,21 +54,10 @@ class ObstacleEntry(Entry, frozen=True, kw_only=True):
     limit: int
     """Steps it is given."""
 
-    @property
-    def name(self) -> str:
-        """What people see of it in a listing of files."""
-        world = self.world.removeprefix("neurosnap/").removesuffix("-v0").lower()
-        return f"{self.agent}-{world}"
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """The shape of a row: ``(places, 2)``."""
-        return (arena(self.world, self.target).world.moves.shape[1], 2)
-
     def row(self, run: int) -> NDArray[np.int32]:
-        """Return what became of an agent put down at each place."""
+        """Return what became of an agent put down at each place: ``(places, 2)``."""
         known = arena(self.world, self.target)
-        starts = range(self.shape[0])
+        starts = range(known.world.moves.shape[1])
         return np.array([_journey(self, known, run, start) for start in starts], "i4")
 
 

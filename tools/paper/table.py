@@ -21,7 +21,7 @@ from typing import Any, ClassVar
 
 import msgspec
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
 from neurosnap.system.durable import replace_file
 
@@ -33,8 +33,6 @@ class Entry(msgspec.Struct, frozen=True, kw_only=True):
 
     VERSION: ClassVar[int] = 1
     """Raised whenever the same fields come to give other rows."""
-    dtype: ClassVar[DTypeLike] = np.uint16
-    """The type of a row."""
 
     runs: int
     """How many rows it has, each from nothing."""
@@ -42,20 +40,10 @@ class Entry(msgspec.Struct, frozen=True, kw_only=True):
     """Draws what there is to draw."""
 
     @property
-    @abstractmethod
-    def name(self) -> str:
-        """The readable part of its file's name."""
-
-    @property
     def key(self) -> str:
         """All that its rows depend on: kind, version and fields as a line of JSON."""
         made = {"kind": type(self).__name__, "version": self.VERSION}
         return json.dumps(made | msgspec.to_builtins(self), sort_keys=True)
-
-    @property
-    @abstractmethod
-    def shape(self) -> tuple[int, ...]:
-        """The shape of a row."""
 
     @abstractmethod
     def row(self, run: int) -> NDArray[Any]:
@@ -75,14 +63,14 @@ class Table:
     def path(self, entry: Entry) -> Path:
         """Return where an entry is stored."""
         digest = sha256(entry.key.encode()).hexdigest()[:16]
-        return self._folder / f"{entry.name}-{digest}.npz"
+        return self._folder / f"{type(entry).__name__}-{digest}.npz"
 
     def load(self, entry: Entry) -> NDArray[Any] | None:
         """Return the rows of an entry: ``(runs, …)``; None if they are not there.
 
         A file that is damaged is as good as none; that is logged.
         """
-        path, shape = self.path(entry), (entry.runs, *entry.shape)
+        path = self.path(entry)
         try:
             data = io.BytesIO(path.read_bytes())
             with np.load(data, allow_pickle=False) as archive:
@@ -92,7 +80,7 @@ class Table:
         except (OSError, ValueError, KeyError, zipfile.BadZipFile, zlib.error) as error:
             _logger.warning("%s: is computed anew (%s)", path, error)
             return None
-        return rows if rows.shape == shape and rows.dtype == entry.dtype else None
+        return rows
 
     def store(self, entry: Entry, rows: Sequence[NDArray[Any]]) -> None:
         """Keep the rows of an entry, whole or not at all."""

@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
-from neurosnap.errors import InvalidValueError
 from neurosnap.poc.order.fields import inclusions
 from neurosnap.sources.gymnasium_source import import_worlds
 
@@ -173,7 +172,8 @@ def follow(
 def stationary(moves: NDArray[np.intp], start: int) -> NDArray[np.float64]:
     """Return the stationary law of the walk that draws its moves uniformly.
 
-    ``pi P = pi`` is solved as it stands, so a walk that is periodic has its law too.
+    It is where a lazy walk, which stays every other time, is after 65,536 steps: so a
+    walk that is periodic has its law, too.
 
     Args:
         moves: ``(actions, places)``; where an action leads from a place.
@@ -181,29 +181,13 @@ def stationary(moves: NDArray[np.intp], start: int) -> NDArray[np.float64]:
 
     Returns:
         ``(places,)``, adds up to 1. O(places³) time.
-
-    Raises:
-        InvalidValueError: From `start` the walk may be caught in more than one part of
-            the space, so that it has no one law.
     """
     places = moves.shape[1]
-    chances = np.zeros((places, places))
+    chances = np.eye(places) / 2
     for leads in moves:
-        chances[np.arange(places), leads] += 1 / len(moves)
-    there = np.arange(places) == start
-    for _ in range(places):
-        there = there | (chances[there] > 0).any(axis=0)
-    reached = np.flatnonzero(there)
-    closed = chances[np.ix_(reached, reached)]
-    equations = np.vstack([closed.T - np.eye(len(reached)), np.ones(len(reached))])
-    right = np.append(np.zeros(len(reached)), 1.0)
-    law, _, rank, _ = np.linalg.lstsq(equations, right)
-    if rank < len(reached):
-        rule = "must lead to one recurrent part of the space"
-        raise InvalidValueError("start", rule, start)
-    pi = np.zeros(places)
-    pi[reached] = np.maximum(law, 0.0)  # a place left for good may come out at -1e-17
-    return np.asarray(pi / pi.sum(), np.float64)
+        chances[np.arange(places), leads] += 0.5 / len(moves)
+    law = np.linalg.matrix_power(chances, 1 << 16)[start]
+    return np.asarray(law / law.sum(), np.float64)
 
 
 def thresholded(

@@ -1,5 +1,10 @@
-"""The cases of the protocol: what every method says of each fault."""
+"""The cases of the protocol: what every method says of each fault, table by table."""
 
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
@@ -12,16 +17,18 @@ from tools.paper.homes.faults import (
     faulty,
     with_false,
 )
-from tools.paper.homes.home import Home
+from tools.paper.homes.home import Home, homes_in
 from tools.paper.homes.mention import HOUR, Mention
 from tools.paper.homes.methods import (
     HORIZON,
     METHODS,
     WEEK,
     Bench,
+    bench,
     credited,
 )
 from tools.paper.homes.ours import SEGMENT
+from tools.paper.table import Entry
 
 Rows = NDArray[np.float64]
 
@@ -124,7 +131,7 @@ def long_faults(bench: Bench, seed: int) -> Rows:
     return made
 
 
-def clean_days(bench: Bench) -> Rows:
+def clean_days(bench: Bench, _: int) -> Rows:
     """Return how many alarms begin on each day without faults, ``(methods, days)``."""
     days = int((bench.home.end - bench.start) // 86400)
     made = np.zeros((len(METHODS), days))
@@ -174,4 +181,58 @@ def last_week(bench: Bench, seed: int) -> Rows:
                     len(mine),
                     (new[0].begin - begin) / HOUR if new else np.nan,
                 ]
+    return made
+
+
+_TABLES: dict[str, Callable[[Bench, int], Rows]] = {
+    "segments": segments,
+    "long": long_faults,
+    "week": last_week,
+    "clean": clean_days,
+}
+
+
+class HomeEntry(Entry, frozen=True, kw_only=True):
+    """What every method says of one home: a table's cases, drawn by a seed a run."""
+
+    VERSION = 4
+
+    table: str
+    """One of `_TABLES`."""
+    home: str
+    """The name of its file."""
+    digest: str
+    """SHA-256 of the file."""
+    alarms: str
+    """The budget of the health monitor."""
+    path: str
+    """Where the file is; no part of the key."""
+
+    @property
+    def key(self) -> str:
+        """All that its rows depend on, as JSON."""
+        return super(HomeEntry, msgspec.structs.replace(self, path="")).key
+
+    def row(self, run: int) -> Rows:
+        """Return what came of one seed; what there is no case for is not a number."""
+        return _TABLES[self.table](bench(self.path, self.alarms), self.seed + run)
+
+
+def entries(folder: Path, alarms: str, runs: int, seed: int) -> list[HomeEntry]:
+    """Return the entries of all homes in a folder, by home and table."""
+    made = []
+    for path in homes_in(folder):
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        made += [
+            HomeEntry(
+                table=table,
+                home=path.stem,
+                digest=digest,
+                alarms=alarms,
+                runs=1 if table == "clean" else runs,
+                seed=seed,
+                path=str(path),
+            )
+            for table in _TABLES
+        ]
     return made

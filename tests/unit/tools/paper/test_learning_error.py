@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
-from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.pairs import rows_of
 from neurosnap.poc.order.literals import from_words
 from tests.support.edges import edge_matrix, learned_edges
@@ -53,7 +52,6 @@ def test_a_row_is_how_far_each_graph_is_from_the_truth(
         expected.append(int((edges != true).sum()))
     row = cell.row(1)
     assert row.tolist() == expected
-    assert (row.shape, row.dtype) == (cell.shape, cell.dtype)
 
 
 def test_longer_walks_begin_like_shorter_ones_and_runs_differ() -> None:
@@ -83,9 +81,6 @@ def test_a_law_is_that_of_the_part_a_walk_keeps_to() -> None:
     assert stationary(np.array([[1, 1, 0], [1, 2, 1]]), 0) == pytest.approx(
         [0.2, 0.6, 0.2], abs=0.2
     )
-    caught = np.array([[0, 1, 0], [0, 1, 1]])
-    with pytest.raises(InvalidValueError, match=r"^start: must lead to one recurrent"):
-        stationary(caught, 2)
     for name in SETTINGS:
         law = walk(name, 3, 0, 1).law
         assert law == pytest.approx(np.full(len(law), 1 / len(law)))

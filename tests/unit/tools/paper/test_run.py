@@ -20,14 +20,6 @@ class Squares(Entry, frozen=True, kw_only=True):
 
     folder: str
 
-    @property
-    def name(self) -> str:
-        return "squares"
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        return (3,)
-
     def row(self, run: int) -> Any:
         if (Path(self.folder) / "broken").exists() and run == 1:
             raise ValueError("broken")
