@@ -1,4 +1,4 @@
-"""The health of a home's sensors over readings in a file."""
+"""Finds broken sensors of a home in its recorded readings."""
 
 from collections.abc import Iterable, Iterator, Sequence
 

@@ -1,4 +1,4 @@
-"""What ``import neurosnap`` offers of swarms: run one, and ask its recording."""
+"""The part of ``import neurosnap`` that runs swarms and reads their recordings."""
 
 import asyncio
 import threading

@@ -1,4 +1,4 @@
-"""Which files are made: what may not be replaced, and names for recordings."""
+"""Chooses where to write: names for recordings, and what may not be replaced."""
 
 import re
 from collections.abc import Collection, Iterator

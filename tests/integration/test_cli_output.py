@@ -1,4 +1,4 @@
-"""What the commands print reaches any terminal, and ends with whoever reads it."""
+"""Printed output fits any terminal, and ends quietly when its reader does."""
 
 import io
 import json

@@ -1,4 +1,4 @@
-"""What ``import neurosnap`` offers of swarms: one run, asked many things."""
+"""``import neurosnap`` runs swarms: one run, asked many things."""
 
 import asyncio
 from pathlib import Path

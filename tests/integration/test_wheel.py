@@ -1,4 +1,4 @@
-"""The wheel, installed by itself, does what a checkout does, and leaves nothing behind.
+"""The wheel, installed by itself, does what a checkout does.
 
 Only its dependencies are those of the tests. `tools/wheel` makes whole environments,
 for every Python there is.
@@ -39,14 +39,11 @@ class Environment:
         self.share = home / "share" / "neurosnap"
         self.work = folder / "work"
         self.work.mkdir()
-        self.pip("install", "--no-deps", wheel)
+        pip = (sys.executable, "-m", "pip", "--python", self.bin / "python", "--quiet")
+        call(*pip, "install", "--no-deps", wheel)
         # Not through their .pth files, so without the checkout that they know.
         borrowed = self.packages / "dependencies.pth"
         borrowed.write_text(sysconfig.get_path("purelib") + "\n")
-
-    def pip(self, *arguments: str | Path) -> None:
-        python = self.bin / "python"
-        call(sys.executable, "-m", "pip", "--python", python, "--quiet", *arguments)
 
     def run(self, program: str, *arguments: str, **given: str) -> str:
         given["XDG_CACHE_HOME"] = str(self.work / "cache")

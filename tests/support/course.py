@@ -1,4 +1,4 @@
-"""What happened in a recorded run, for runs that are to come to the same."""
+"""What happened in a recorded run, to compare runs that must be equal."""
 
 from pathlib import Path
 

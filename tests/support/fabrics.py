@@ -144,7 +144,7 @@ class ZenohNetwork(Network):
         self._run = secrets.token_hex(4)  # a hub may still hold an earlier test's
 
     def end(self, who: str, *, swarm: str = "one", first: int = 0) -> Fabric:
-        # Who listens is seen by an usher, and heard by whoever is on the usher's hub.
+        # Who listens is seen by an usher, and heard by all parts on the usher's hub.
         far = who in ("sender", "a", "b", "c") or who.startswith("usher")
         return ZenohFabric(
             who,

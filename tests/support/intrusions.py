@@ -1,4 +1,4 @@
-"""What a cell with a good certificate tries that its role does not allow."""
+"""Attempts of a cell with a valid certificate that its role does not allow."""
 
 from neurosnap import wire
 from tests.support.fabrics import Seen

@@ -28,7 +28,7 @@ def lossy_run(
         log: Where to record. What is lost is recorded.
         seed: Draws the order of the messages.
         lost: The first message to a cell of which this is true is lost, and a wave that
-            is stuck for it is declared late; None: none is.
+            is stuck for it is declared late; None if none is.
         stop: The run is asked to stop as soon as this is true.
     """
     left = lost

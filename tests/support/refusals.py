@@ -1,4 +1,4 @@
-"""What a check says when it refuses."""
+"""The text with which a check refuses a message."""
 
 from collections.abc import Callable
 

@@ -45,7 +45,7 @@ class AnsweringSwarm:
         core: The coordinator.
         sensors: How many there are.
         workers: How many share the cells; 0: every cell is a part of its own.
-        lost: Which messages nobody gets.
+        lost: Which messages are not delivered.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class AnsweringSwarm:
         self.heard: list[wire.Message] = []  # what the coordinator was given
 
     def say(self, messages: Iterable[wire.Message]) -> list[wire.Message]:
-        """Deliver until nobody has more to say; return the coordinator's part."""
+        """Deliver until no part has more to say; return the coordinator's part."""
         said: list[wire.Message] = []
         queue = deque(messages)
         while queue:

@@ -1,4 +1,4 @@
-"""What came over a network, and a wait for it."""
+"""Messages received over a network, and a wait for them."""
 
 import asyncio
 

@@ -1,6 +1,7 @@
-"""The command line: parses, calls, prints; with --format json JSON, on the last line.
+"""The command line: parses arguments, calls the library and prints results.
 
-Exit codes: 0 all well, 1 failed, 2 wrong usage, 3 finished but something was lost.
+With --format json the last line is JSON. Exit codes: 0 all well, 1 failed, 2 wrong
+usage, 3 finished but something was lost.
 """
 
 # Each module adds its verbs to the app; the order is that of the help.

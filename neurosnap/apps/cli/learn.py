@@ -1,4 +1,4 @@
-"""``neurosnap learn`` and ``health``: what existing data say.
+"""``neurosnap learn`` and ``health``: relations and broken sensors in existing data.
 
 A table of relations is made of readings in a file, or of what a run has learned.
 """

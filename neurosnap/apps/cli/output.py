@@ -1,11 +1,11 @@
-"""What is printed: lines, tables, progress and the summary of a run."""
+"""Prints lines, tables, progress and the summary of a run."""
 
 import shlex
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import msgspec
 import typer
@@ -103,8 +103,8 @@ def printable(text: str) -> str:
 
 
 @contextmanager
-def progress(what: str, total: int | None = None) -> Iterator["OnProgress"]:
-    """Show a bar that follows the number the callback is given, and the total."""
+def progress(what: str, total: int | None = None) -> Iterator["Callable[..., None]"]:
+    """Show a bar; yield what is called with how much is done, and of how much."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -120,13 +120,6 @@ def progress(what: str, total: int | None = None) -> Iterator["OnProgress"]:
             bar.update(task, completed=done, total=total if of is None else of)
 
         yield on_progress
-
-
-class OnProgress(Protocol):
-    """Called with how much is done, and if not known beforehand, of how much."""
-
-    def __call__(self, done: int, of: int | None = None) -> None:
-        """Show it."""
 
 
 def outcome_facts(

@@ -1,4 +1,4 @@
-"""Serves the page of ``neurosnap view`` beside another verb."""
+"""Serves the page of ``neurosnap view``, alone or beside a run."""
 
 import asyncio
 import contextlib

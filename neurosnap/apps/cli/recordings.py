@@ -1,4 +1,4 @@
-"""``neurosnap info``, ``verify``, ``play`` and ``export``, all of a recording."""
+"""``neurosnap info``, ``verify``, ``play`` and ``export``, which read a recording."""
 
 from collections.abc import Iterator
 from pathlib import Path

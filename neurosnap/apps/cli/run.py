@@ -1,4 +1,4 @@
-"""``neurosnap run`` and ``resume``: run a source through a swarm, and go on."""
+"""``neurosnap run`` and ``resume``: start a swarm, or continue a recorded run."""
 
 import asyncio
 from dataclasses import replace

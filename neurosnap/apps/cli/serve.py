@@ -1,4 +1,4 @@
-"""``neurosnap serve``: the parts of a swarm that are started by hand, on any machine.
+"""``neurosnap serve``: start single parts of a swarm by hand, on any machine.
 
 All are given the hub and the name of the swarm; the run itself they get from its
 coordinator (`neurosnap serve coordinator`, or `run --elsewhere`).

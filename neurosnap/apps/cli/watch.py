@@ -1,4 +1,4 @@
-"""``neurosnap watch``, ``view``, ``ps`` and ``stop``: swarms that run."""
+"""``neurosnap watch``, ``view``, ``ps`` and ``stop``: observe and stop swarms."""
 
 from functools import partial
 from pathlib import Path

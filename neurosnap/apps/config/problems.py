@@ -1,4 +1,4 @@
-"""Problems found in a run's description, and the lines they stand on.
+"""Problems found in a run's description, and their line numbers.
 
 `tomllib` says what is in a document, and not where. But it can be asked what is in the
 document up to some line: the first line up to which it knows a key is the key's own.

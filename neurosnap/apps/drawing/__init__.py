@@ -1,1 +1,1 @@
-"""Pictures of an order: its Hasse diagram, by matplotlib or on a page of HTML."""
+"""Pictures of an order: its Hasse diagram, alone or on a page with its table."""

@@ -1,4 +1,4 @@
-"""A page with the relations of sensors: a table, and the order as a picture.
+"""An HTML page of relations between sensors: a table and a picture of the order.
 
 It is one file that loads nothing: no script, no font, no picture from elsewhere, which
 its policy forbids as well.

@@ -1,4 +1,4 @@
-"""What a monitor said of a home: each alarm with its end."""
+"""The alarms that a monitor raised in a home, each with its end."""
 
 from collections.abc import Sequence
 from types import SimpleNamespace

@@ -1,4 +1,4 @@
-"""What people are told fits on a screen, and names where the rest is."""
+"""Printed text fits a screen, and names where the rest is."""
 
 from pathlib import Path
 

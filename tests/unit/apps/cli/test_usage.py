@@ -18,7 +18,6 @@ NO_RECORDING = "must go with a recording, and nothing is recorded, got"
 NO_FOLDER = "out: must be another file, not a folder or what is read, got"
 SHARE = "threshold: must be a number in (0, 0.25] or 'auto'"
 SPLIT = "run readings.csv --set recording.split"
-GOES_ON = "ticks: must be more than the 30 there are"
 READING = ("info", "verify", "resume", "learn", "export", "watch", "view", "depth")
 ROWS = {
     # What is run.
@@ -57,7 +56,7 @@ ROWS = {
     "learn readings.csv --at 3": "at: must go with a recording, got 3",
     "learn readings.csv -o taken.csv": "out: must not exist yet, or come with --force",
     "learn readings.csv -o a.png": "out: must end with one of .csv",
-    "learn readings.csv --sensors nobody": "must have this sensor",
+    "learn readings.csv --sensors none": "must have this sensor",
     "learn readings.csv --when warm": "when: must be like",
     "learn readings.csv --threshold 2": "threshold: must be in",
     "learn log.mcap --time then": "must not go with a recording",
@@ -70,7 +69,6 @@ ROWS = {
     "export log.mcap -o a.mcap --force": "out: must come without --force",
     "export log.mcap -o taken.csv": "out: must not exist yet, or come with --force",
     "export log.mcap -o none/a.csv": "out: must be in a folder that exists",
-    "resume log.mcap --ticks 30": GOES_ON,
     "resume log.mcap --ticks -4": "got -4",
     "info folder": "log: must be a file, got 'folder'",
     **{f"{verb} none.mcap": "log: must exist, got 'none.mcap'" for verb in READING},

@@ -1,4 +1,4 @@
-"""What a file that describes a run is refused for, and in which words."""
+"""Errors of a file that describes a run, with their lines."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What comes of a file that describes a run, and of the command that checks one."""
+"""Requests made from a file that describes a run, and the command that checks one."""
 
 import json
 import re
@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from neurosnap.apps.config.load import load
-from neurosnap.apps.config.prepare import FOREVER, prepare
+from neurosnap.apps.config.prepare import prepare
 from neurosnap.apps.config.problems import ConfigError
 from neurosnap.apps.new_files import new_path
 from neurosnap.protocol.run_options import RunOptions
@@ -128,13 +128,6 @@ def test_a_file_of_readings_ends(
     assert prepared(file, text, **asked).options.ticks == taken
 
 
-def test_what_comes_from_outside_has_no_end_of_its_own(file: Path) -> None:
-    text = "source = {kind = 'world', id = 'zenoh:', arguments = {sensors = 'a,b'}}"
-    options = prepared(file, text).options
-    assert (options.sensors, options.ticks) == (("a", "b"), FOREVER)
-    assert prepared(file, text, run__ticks=5).options.ticks == 5
-
-
 @pytest.mark.parametrize("target", ["3", "'3'"])
 def test_an_excited_agent_is_drawn_to_a_place(file: Path, target: str) -> None:
     text = f"{WORLD}[agent]\nkind = 'excited'\ntarget = {target}\n"
@@ -189,14 +182,6 @@ def test_what_is_wrong_with_it_has_no_line_but_a_name(
     with pytest.raises(ConfigError) as caught:
         prepare(load(write(file, text), given, names))
     assert str(caught.value).replace(f"{file.parent}/", "").splitlines() == said
-
-
-def test_a_run_needs_no_file() -> None:
-    source = {"source.kind": "world", "source.id": "neurosnap/Path-v0"}
-    made = prepare(load(None, {**source, "recording.record": False}))
-    assert (made.options.source, len(made.options.sensors)) == ("neurosnap/Path-v0", 20)
-    with pytest.raises(ConfigError, match=r"^source: must be given$"):
-        prepare(load(None))
 
 
 # The command --------------------------------------------------------------------------

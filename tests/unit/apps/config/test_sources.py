@@ -1,4 +1,4 @@
-"""Tables of sources that are outside."""
+"""Tables of live sources."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Tables judged by structs, and the keys that are told."""
+"""Tables validated against structs, and the keys that errors name."""
 
 from typing import Annotated
 
