@@ -209,7 +209,7 @@ def test_cor_reconstruction(drawn: Drawn) -> None:
     """[GK] cor:reconstruction: ``a -> h(a)`` is an isomorphism from the quotient."""
     p = canonical_projection(drawn.p).target
     shown = np.array(list(Cubing(p).vertices())).T[::2]
-    assert PocSet.of_realization(shown, p.sensorium) == p
+    assert Realization(shown, p.sensorium).poc_set() == p
 
 
 @st.composite

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from neurosnap.poc.dual.cubing import Cubing
+from neurosnap.poc.dual.realization import Realization
 from neurosnap.poc.order.pocset import PocSet
 from tests.support.edges import edges_of
 from tests.support.strategies import bit_rows, graphs
@@ -54,7 +55,7 @@ def fields(draw: st.DrawFn, most: int = 7, points: int = 9) -> list[list[bool]]:
 def realized(draw: st.DrawFn, most: int = 7) -> Drawn:
     """Draw a poc set from a random realisation."""
     rows = draw(fields(most))
-    return Drawn(PocSet.of_realization(rows), Model(2 * len(rows), included(rows)))
+    return Drawn(Realization(rows).poc_set(), Model(2 * len(rows), included(rows)))
 
 
 def poc_sets(most: int = 7) -> st.SearchStrategy[Drawn]:

@@ -5,7 +5,7 @@ sensor; complements and bounds follow, so the only thing that can be wrong is th
 order, and that is checked before a morphism exists.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +23,9 @@ class PocMorphism:
     Args:
         source: Where it is from.
         target: Where it goes.
-        images: For each sensor of the source the element it is sent to: by the
-            sensors' names, or one after another. An element is a literal's name or
-            number, or one of the target's bounds, ``target.minimum`` and
-            ``target.maximum``.
+        images: For each sensor of the source, one after another, the element it is
+            sent to: a literal's name or number, or one of the target's bounds,
+            ``target.minimum`` and ``target.maximum``.
 
     Raises:
         UnknownSensorError: A name is not among the sensors.
@@ -35,7 +34,7 @@ class PocMorphism:
 
     Example:
         >>> p, q = PocSet.parse("a, b : a < b"), PocSet.parse("a, b : a* < b")
-        >>> f = PocMorphism(p, q, {"a": "a*", "b": "b"})
+        >>> f = PocMorphism(p, q, ["a*", "b"])
         >>> f("b*"), f.is_bijective
         ('b*', True)
     """
@@ -44,12 +43,14 @@ class PocMorphism:
         self,
         source: PocSet,
         target: PocSet,
-        images: Mapping[str, Element] | Sequence[Element],
+        images: Iterable[Element],
     ) -> None:
         self._source = source
         self._target = target
-        listed = _listed(source, images)
-        own = np.array([target.element(image) for image in listed], np.int64)
+        own = np.array([target.element(image) for image in images], np.int64)
+        if len(own) != len(source):
+            rule = f"must be {len(source)}, one a sensor"
+            raise ShapeError("images", rule, len(own))
         self._images = np.stack([own, own ^ 1], axis=1).reshape(-1)
         self._images.flags.writeable = False
         self._refuse_disorder()
@@ -256,24 +257,3 @@ def splitting(poc: PocSet, actions: Iterable[str]) -> PocMorphism:
     chosen = Sensorium(actions)
     rest = [name for name in poc.sensorium if name not in set(chosen)]
     return PocMorphism.named(poc.restricted(chosen) | poc.restricted(rest), poc)
-
-
-def _listed(
-    source: PocSet, images: Mapping[str, Element] | Sequence[Element]
-) -> list[Element]:
-    """Return one image a sensor, in order."""
-    if isinstance(images, Mapping):
-        for name in images:
-            if name not in source.sensorium.names:
-                source.sensorium.literal(name)
-                rule = "must be given for sensors; those of complements follow"
-                raise InvalidValueError("image", rule, name)
-        lacking = [name for name in source.sensorium if name not in images]
-        if lacking:
-            raise InvalidValueError("images", "must have one a sensor", lacking[0])
-        return [images[name] for name in source.sensorium]
-    given = list(images)
-    if len(given) != len(source):
-        rule = f"must be {len(source)}, one a sensor"
-        raise ShapeError("images", rule, len(given))
-    return given

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.dual.homology import CellComplex
 from neurosnap.poc.order.fields import as_fields, inclusions
+from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.literals import Literals, as_literals
 from neurosnap.poc.order.pocset import PocSet
 from neurosnap.sensorium import Sensorium, complete
@@ -71,8 +72,12 @@ class Realization:
         return self._points
 
     def poc_set(self) -> PocSet:
-        """Return the order of the fields by inclusion."""
-        return PocSet.of_realization(self._fields, self._sensorium)
+        """Return the order of the fields by inclusion.
+
+        ``a <= b`` iff `a` is on nowhere that `b` is off; a sensor that is on nowhere
+        is negligible, sensors with the same field are one element.
+        """
+        return PocSet.from_graph(PocGraph(inclusions(self._fields)), self._sensorium)
 
     def breaks(self, poc: PocSet) -> tuple[str, str] | None:
         """Return a relation that the fields break, if this is no poc morphism.

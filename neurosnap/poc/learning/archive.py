@@ -79,13 +79,13 @@ class Archived(abc.ABC):
     @classmethod
     def read(cls, name: str, data: bytes) -> Self:
         """Return the archive in bytes that errors call `name`; see `from_bytes`."""
-        with cls._read(name):
+        with cls.reading(name):
             arrays = unpack_arrays(data)
             return cls.kind_of(arrays).from_arrays(arrays)
 
     @classmethod
     @contextmanager
-    def _read(cls, name: str) -> Iterator[None]:
+    def reading(cls, name: str) -> Iterator[None]:
         """Say of what cannot be read that it is none of this kind."""
         try:
             yield

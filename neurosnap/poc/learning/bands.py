@@ -6,12 +6,10 @@ What grows with the square of the sensors are the arrays with a number a pair. I
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
 from typing import NamedTuple
 
 import numpy as np
 
-from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.archive import Arrays, rows_in, unpack_arrays
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.learning.pairs import pairs_of
@@ -113,25 +111,15 @@ def joined(
         InvalidValueError: They make no snapshot.
     """
     arrays = _arrays_in(head)
-    with _reading():
+    with Snapshot.reading("bands"):
         _fill(arrays, stretches, share)
         return Snapshot.kind_of(arrays).from_arrays(arrays, share)
 
 
 def _arrays_in(head: bytes) -> Arrays:
     """Return the arrays of a head."""
-    with _reading():
+    with Snapshot.reading("bands"):
         return unpack_arrays(head)
-
-
-@contextmanager
-def _reading() -> Iterator[None]:
-    """Say of what cannot be read that it is no snapshot of ours."""
-    try:
-        yield
-    except ValueError as error:
-        rule = "must be a Snapshot written by this package"
-        raise InvalidValueError("bands", rule, str(error)) from error
 
 
 def _fill(arrays: Arrays, stretches: Iterable[Stretch], share: range | None) -> None:

@@ -2,7 +2,7 @@
 
 import math
 from bisect import bisect_left
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -172,7 +172,7 @@ class EmpiricalSnapshot(Snapshot):
         joints, marginals = weights.joints, weights.marginals
         return learn_lazily(bits, joints, marginals, clock, pairs, tuple(lag), spells)
 
-    def _limit(self, a: int, b: int, square: tuple[float, ...]) -> float:
+    def _limit(self, a: int, b: int, square: Sequence[float]) -> float:
         if self._persistence is None:
             return super()._limit(a, b, square)
         both, against, _, neither = square

@@ -149,24 +149,19 @@ class Weights:
             rest = total - mine - yours + both
             yield pairs, np.stack([both, mine - both, yours - both, rest])
 
-    def weight(self, a: int, b: int, total: float) -> float:
-        """Return the weight of two literals of different sensors, int or float."""
+    def square(self, a: int, b: int, total: float) -> list[float]:
+        """Return ``w_ab, w_ab*, w_a*b, w_a*b*`` of literals of different sensors."""
         high, low = max(a, b), min(a, b)
         pair = pair_of(high, low) - pairs_of(self._share).start
         if self.squares is not None:
-            return self.squares[2 * (high & 1) + (low & 1), pair].item()  # type: ignore[no-any-return]
-        joint = self.joints[pair].item()
-        mine = self.marginals[high >> 1].item()
-        yours = self.marginals[low >> 1].item()
-        match high & 1, low & 1:
-            case 0, 0:
-                return joint  # type: ignore[no-any-return]
-            case 0, 1:
-                return mine - joint  # type: ignore[no-any-return]
-            case 1, 0:
-                return yours - joint  # type: ignore[no-any-return]
-            case _:
-                return total - mine - yours + joint  # type: ignore[no-any-return]
+            own = self.squares[:, pair].tolist()
+        else:
+            both = self.joints[pair].item()
+            mine, yours = (self.marginals[each >> 1].item() for each in (high, low))
+            own = [both, mine - both, yours - both, total - mine - yours + both]
+        first, second = (1, 2) if high == b else (2, 1)  # which place is of a, and of b
+        place = first * (a & 1) + second * (b & 1)
+        return [own[place ^ k] for k in (0, second, first, first + second)]
 
     def arrays(self) -> Arrays:
         """Return what is stored, by name."""

@@ -159,8 +159,7 @@ class Snapshot(Archived):
         Raises:
             InvalidValueError: `a` or `b` is no literal, or they have the same sensor.
         """
-        self._settle()
-        return self._weights.weight(*self._proper(a, b), self._total())
+        return self._square(*self._proper(a, b))[0]
 
     def evidence(self, a: int, b: int) -> Evidence:
         """Return what speaks for and against ``a -> b``, and since when it is so.
@@ -181,26 +180,23 @@ class Snapshot(Archived):
             (True, 3, 1, 0, 4)
         """
         a, b = self._proper(a, b)
-        self._settle()
-        total = self._total()
         pair = pair_of(a, b) - pairs_of(self._share).start
-        both, against = (
-            self._weights.weight(a, b, total),
-            self._weights.weight(a, b ^ 1, total),
-        )
-        other = self._weights.weight(a ^ 1, b, total)
-        neither = self._weights.weight(a ^ 1, b ^ 1, total)
-        total = self._whole(both, against, other, neither)
+        both, against, other, neither = square = self._square(a, b)
         return Evidence(
-            total=total,
+            total=self._whole(*square),
             both=both,
             neither=neither,
             other=other,
             against=against,
-            limit=self._limit(a, b, (both, against, other, neither)),
+            limit=self._limit(a, b, square),
             holds=leads(self._pairs.codes[pair].item(), a, b),
             since=self._pairs.since[pair].item(),
         )
+
+    def _square(self, a: int, b: int) -> list[float]:
+        """Return the weights ``w_ab, w_ab*, w_a*b, w_a*b*`` of a proper pair."""
+        self._settle()
+        return self._weights.square(a, b, self._total())
 
     def learn(self, bits: ArrayLike, known: ArrayLike | None = None) -> bool:
         """Learn an observation: weights and graph change, the state stays.
@@ -504,7 +500,7 @@ class Snapshot(Archived):
     def _whole(self, *square: float) -> float:
         """Return what four weights add up to, without the errors of rounding."""
 
-    def _limit(self, a: int, b: int, square: tuple[float, ...]) -> float:
+    def _limit(self, a: int, b: int, square: Sequence[float]) -> float:
         """Return what the weight against ``a -> b`` must be less than.
 
         Args:

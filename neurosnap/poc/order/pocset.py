@@ -12,10 +12,9 @@ from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.poc.order.fields import as_fields, inclusions
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.literals import Literals, as_literal, as_literals
 from neurosnap.poc.order.relations import (
@@ -118,29 +117,6 @@ class PocSet:
         new._sensorium = sensorium  # noqa: SLF001 - its own class
         new._graph = graph  # noqa: SLF001 - its own class
         return new
-
-    @classmethod
-    def of_realization(
-        cls, rows: Iterable[ArrayLike], names: Iterable[str] | Sensorium | None = None
-    ) -> "PocSet":
-        """Return the order of fields by inclusion ([GK] realization).
-
-        ``a <= b`` iff `a` is on nowhere that `b` is off; a sensor that is on nowhere
-        is negligible, sensors with the same field are one element.
-
-        Args:
-            rows: One field a sensor, ``(points,)`` bits each, at least one point.
-            names: The sensors' names.
-
-        Raises:
-            ShapeError: Fields have unequal lengths or no point.
-
-        Example:
-            >>> PocSet.of_realization([[1, 0, 0], [1, 1, 0]], ["a", "b"])
-            PocSet.parse('a, b : a < b')
-        """
-        fields, sensorium = as_fields(rows, names)
-        return cls.from_graph(PocGraph(inclusions(fields)), sensorium)
 
     @property
     def graph(self) -> PocGraph:

@@ -51,6 +51,19 @@ def test_fields_cannot_be_changed() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (
+            ([[1, 0], [1]],),
+            "field of s1: must have 2 points as the first has, got (1,)",
+        ),
+        (
+            ([[1, 0], [1, 2]], ["a", "b"]),
+            "field of b: must be made of bits, 0 or 1, go",
+        ),
+        (([[]],), "fields: must be over at least one point, got (1, 0)"),
+        (([[1]], ["a", "b"]), "fields: must be 2, one a sensor, got 1"),
+        (([["x"]],), "field of s0: must be made of bits, 0 or 1, got ['x']"),
+        (("ab",), "fields: must be one row of bits a sensor, got 'ab'"),
+        (([3],), "field of s0: must have 0 points as the first has, got ()"),
         ((FIELDS, None, ["x"]), "points: must be 4, one a column, got 1"),
         ((FIELDS, None, list("xxyz")), "points: must have different names, got"),
     ],
