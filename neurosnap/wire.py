@@ -23,7 +23,7 @@ import msgspec
 
 from neurosnap.errors import MessageError
 
-SCHEMA = 7
+SCHEMA = 8
 ROOT = "neurosnap"
 LARGEST_KEYFRAME = 1 << 27
 """Bytes of a key-frame, at most; a recording holds none that is larger."""
@@ -308,11 +308,32 @@ class Reached(_Message, frozen=True):
     """Pulses the wave took, as reported."""
 
 
+class WeighedLink(msgspec.Struct, frozen=True, gc=False, omit_defaults=True):
+    """A learned implication, with what spoke for it and against it."""
+
+    number: Natural
+    """Which broken implication it is a link of, from 0; or, of what a worker was asked
+    for, its place there."""
+    source: Natural
+    """The literal that implies."""
+    target: Natural
+    """The literal implied."""
+    support: float = 0.0
+    """What was learned of both at once: a count, or a share."""
+    against: float = 0.0
+    """What was learned of the source without the target, in the same units."""
+    since: Natural = 0
+    """The tick since which it is believed."""
+    occasions: Annotated[int, msgspec.Meta(ge=-1, le=_LARGEST)] = -1
+    """On how many occasions, among the last 8,192 ticks, it was put to the test and
+    held; -1: they were not counted."""
+
+
 class Anomaly(_Message, frozen=True, omit_defaults=True):
     """An observation contradicts what was believed before it was learned from.
 
     Of each broken implication the links it follows from are listed: one, wherever every
-    sensor was read. The fields from `number` on have an entry a link.
+    sensor was read.
     """
 
     _key: ClassVar[str] = "anomaly"
@@ -330,21 +351,8 @@ class Anomaly(_Message, frozen=True, omit_defaults=True):
     implications: Natural
     """Broken implications in all, those that follow from others left out; the first of
     them are listed."""
-    number: Naturals
-    """Which broken implication a link belongs to, from 0."""
-    sources: Naturals
-    """The literal that implies."""
-    targets: Naturals
-    """The literal implied."""
-    support: tuple[float, ...]
-    """What was learned of both at once: a count, or a share."""
-    against: tuple[float, ...]
-    """What was learned of the source without the target, in the same units."""
-    learned: Naturals
-    """The tick since which it is believed."""
-    occasions: Naturals = ()
-    """On how many occasions, among the last 8,192 ticks, it was put to the test and
-    held; empty: they were not counted."""
+    links: tuple[WeighedLink, ...]
+    """The links of those that are listed."""
 
 
 class Decision(_Message, frozen=True, omit_defaults=True):
@@ -580,14 +588,8 @@ class Learned(_Message, frozen=True, omit_defaults=True):
     """Their former sensors, as `numbers`."""
     single: bytes = b""
     """Their codes, a byte each."""
-    places: Naturals = ()
-    """Which of the implications asked for are of its pairs; in the last piece."""
-    support: tuple[float, ...] = ()
-    """What spoke for each."""
-    against: tuple[float, ...] = ()
-    """What spoke against each."""
-    since: Naturals = ()
-    """When what relates the two last changed."""
+    links: tuple[WeighedLink, ...] = ()
+    """The implications asked for that are of its pairs; in the last piece."""
 
 
 class Timestamp(msgspec.Struct, frozen=True, gc=False):

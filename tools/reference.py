@@ -244,7 +244,6 @@ def messages() -> str:
 
 def _message(topic: str) -> Iterator[str]:
     kind = wire.TOPICS[topic]
-    texts = dict(texts_below(kind))
     yield from (f"## {topic}", "")
     yield from (inspect.cleandoc(kind.__doc__ or ""), "")
     yield from (
@@ -252,8 +251,12 @@ def _message(topic: str) -> Iterator[str]:
         f" schema `{schemas.name(kind)}`.",
         "",
     )
-    rows = []
-    properties = schemas.schema(kind)["properties"]
+    yield from _fields(kind, schemas.schema(kind)["properties"])
+
+
+def _fields(kind: type[msgspec.Struct], properties: dict[str, Any]) -> Iterator[str]:
+    """Yield the table of a struct's fields, and those of what its lists hold."""
+    rows, texts, held = [], dict(texts_below(kind)), list[str]()
     for field in msgspec.structs.fields(kind):
         default = ""
         if not field.required:
@@ -263,7 +266,11 @@ def _message(topic: str) -> Iterator[str]:
         rows.append(
             (_code(field.encode_name), shown, texts.get(field.name, ""), default)
         )
+        if "properties" in (items := rule.get("items", {})):
+            held += [f"Each of `{field.encode_name}`:", ""]
+            held += _fields(get_args(field.type)[0], items["properties"])
     yield from _table(("field", "value", "meaning", "default"), rows)
+    yield from held
 
 
 def _page(title: str, text: str, lines: Iterable[str]) -> str:

@@ -63,8 +63,8 @@ class AnomalyDetector:
         >>> for tick, bits in enumerate([(0, 0), (0, 1), (1, 1), (1, 0)]):
         ...     found = watcher.watch(tick, snapshot.poc_graph(), bits)
         ...     state = snapshot.observe(bits)
-        >>> found.sources, found.targets, found.candidates
-        ((0,), (2,), (0, 1))
+        >>> [(one.source, one.target) for one in found.links], found.candidates
+        ([(0, 2)], (0, 1))
     """
 
     def __init__(
@@ -173,15 +173,6 @@ class AnomalyDetector:
             weakest = [min(held[pair] for pair in pairwise(chain)) for chain in chains]
             order = sorted(range(len(chains)), key=lambda k: -weakest[k])
             chains = tuple(chains[k] for k in order)
-        number, links = [], []
-        for place, chain in enumerate(chains[:MOST]):
-            for pair in pairwise(chain):
-                number.append(place)
-                links.append(pair)
-        weighed = [
-            None if snapshot is None or a >> 1 == b >> 1 else snapshot.evidence(a, b)
-            for a, b in links
-        ]
         return wire.Anomaly(
             tick=self._tick,
             since=since,
@@ -189,15 +180,11 @@ class AnomalyDetector:
             candidates=found.candidates,
             exact=found.exact,
             implications=len(chains) + found.more,
-            number=tuple(number),
-            sources=tuple(a for a, _ in links),
-            targets=tuple(b for _, b in links),
-            support=tuple(0.0 if one is None else float(one.both) for one in weighed),
-            against=tuple(
-                0.0 if one is None else float(one.against) for one in weighed
+            links=tuple(
+                _weighed(number, pair, snapshot, held.get(pair, -1))
+                for number, chain in enumerate(chains[:MOST])
+                for pair in pairwise(chain)
             ),
-            learned=tuple(0 if one is None else one.since for one in weighed),
-            occasions=tuple(held[pair] for pair in links) if held else (),
         )
 
     def judge(
@@ -247,6 +234,17 @@ class AnomalyDetector:
             history = History.from_arrays(unpack_arrays(data))
             history.check(self._history.on.shape[1])
             self._history = history
+
+
+def _weighed(
+    number: int, pair: tuple[int, int], snapshot: Snapshot | None, held: int
+) -> wire.WeighedLink:
+    """Return a broken link with what speaks for it, as far as a snapshot knows."""
+    if snapshot is None or pair[0] >> 1 == pair[1] >> 1:
+        return wire.WeighedLink(number, *pair, occasions=held)
+    one = snapshot.evidence(*pair)
+    both, against = float(one.both), float(one.against)
+    return wire.WeighedLink(number, *pair, both, against, one.since, held)
 
 
 def _held(

@@ -8,12 +8,6 @@ from neurosnap import wire
 from neurosnap.errors import MessageError
 from neurosnap.sensorium import visible
 
-_COLUMNS = (
-    *("number", "sources", "targets", "support", "against", "learned"),
-    "occasions",
-)
-"""The fields of an anomaly that have an entry a link; the last may be empty."""
-
 
 def with_support(anomaly: wire.Anomaly, support: int) -> wire.Anomaly | None:
     """Return an anomaly without what rests on too little.
@@ -27,33 +21,25 @@ def with_support(anomaly: wire.Anomaly, support: int) -> wire.Anomaly | None:
     Returns:
         None if nothing is left. Else only sensors that are in what is left may be
         wrong: they suffice to explain it, though fewer might.
-
-    Raises:
-        MessageError: It has not one entry a link.
     """
-    _check_columns(anomaly)
-    if not support or not anomaly.occasions:
+    if not support or any(link.occasions < 0 for link in anomaly.links):
         return anomaly
     least: dict[int, int] = {}
-    for number, held in zip(anomaly.number, anomaly.occasions, strict=True):
-        least[number] = min(held, least.get(number, held))
+    for link in anomaly.links:
+        least[link.number] = min(link.occasions, least.get(link.number, link.occasions))
     left = {number for number, held in least.items() if held >= support}
     if not left:
         return None
     if len(left) == len(least):
         return anomaly
-    rows = [place for place, number in enumerate(anomaly.number) if number in left]
-    columns = {
-        name: tuple(getattr(anomaly, name)[place] for place in rows)
-        for name in _COLUMNS
-    }
-    about = {literal >> 1 for literal in (*columns["sources"], *columns["targets"])}
+    links = tuple(link for link in anomaly.links if link.number in left)
+    about = {literal >> 1 for link in links for literal in (link.source, link.target)}
     return msgspec.structs.replace(
         anomaly,
         culprits=tuple(each for each in anomaly.culprits if each in about),
         candidates=tuple(each for each in anomaly.candidates if each in about),
         implications=len(left),  # those behind the ones listed rest on even less
-        **columns,
+        links=links,
     )
 
 
@@ -96,27 +82,16 @@ def named_anomaly(anomaly: wire.Anomaly, sensors: Sequence[str]) -> NamedAnomaly
     Raises:
         MessageError: It is no anomaly of such sensors.
     """
-    _check_columns(anomaly)
-    literals = 2 * len(sensors)
-    named = (*anomaly.culprits, *anomaly.candidates)
-    if max((*anomaly.sources, *anomaly.targets), default=0) >= literals or (
-        2 * max(named, default=0) >= literals
-    ):
+    named = (
+        *(2 * sensor for sensor in (*anomaly.culprits, *anomaly.candidates)),
+        *(a for link in anomaly.links for a in (link.source, link.target)),
+    )
+    if max(named, default=0) >= 2 * len(sensors):
         raise MessageError(f"anomaly: must be of {len(sensors)} sensors, got another")
 
     def name(literal: int) -> str:
         return sensors[literal >> 1] + "*" * (literal & 1)
 
-    held = anomaly.occasions or (None,) * len(anomaly.number)
-    rows = zip(
-        anomaly.sources,
-        anomaly.targets,
-        anomaly.support,
-        anomaly.against,
-        anomaly.learned,
-        held,
-        strict=True,
-    )
     return NamedAnomaly(
         tick=anomaly.tick,
         since=anomaly.since,
@@ -124,17 +99,17 @@ def named_anomaly(anomaly: wire.Anomaly, sensors: Sequence[str]) -> NamedAnomaly
         candidates=tuple(sensors[each] for each in anomaly.candidates),
         exact=anomaly.exact,
         broken=tuple(
-            Link(f"{name(source)} -> {name(target)}", *evidence)
-            for source, target, *evidence in rows
+            Link(
+                implication=f"{name(link.source)} -> {name(link.target)}",
+                support=link.support,
+                against=link.against,
+                since=link.since,
+                occasions=None if link.occasions < 0 else link.occasions,
+            )
+            for link in anomaly.links
         ),
-        more=max(0, anomaly.implications - len(set(anomaly.number))),
+        more=max(0, anomaly.implications - len({one.number for one in anomaly.links})),
     )
-
-
-def _check_columns(anomaly: wire.Anomaly) -> None:
-    counted = _COLUMNS if anomaly.occasions else _COLUMNS[:-1]
-    if len({len(getattr(anomaly, name)) for name in counted}) > 1:
-        raise MessageError("anomaly: must have an entry a link in its last fields")
 
 
 _NAMES, _LINKS = 8, 3

@@ -43,7 +43,7 @@ class LearnControl:
         self._round: Round[bool] = Round("", repeats)
         self._parts: list[set[int]] = []  # that have come, by worker
         self._sizes: list[int] = []  # how many there are, by worker; 0: not known yet
-        self._weights: list[wire.Learned] = []  # those that say what spoke for what
+        self._weighed: list[wire.WeighedLink] = []  # what spoke for what
 
     @property
     def under_way(self) -> wire.Learn | None:
@@ -62,7 +62,7 @@ class LearnControl:
         self._round = Round(f"learn (tick {learn.tick})", self._repeats, workers)
         self._parts = [set() for _ in self._shares]
         self._sizes = [0] * len(self._shares)
-        self._weights = []
+        self._weighed = []
         return [learn]
 
     def ask_to_learn(
@@ -133,8 +133,7 @@ class LearnControl:
             return None
         parts.add(learned.part)
         self._sizes[learned.worker] = learned.parts
-        if learned.places:
-            self._weights.append(learned)
+        self._weighed += learned.links
         if learned.parts == len(parts):
             self._round.answers[learned.sender] = True
         if not self._round.silent:
@@ -144,20 +143,14 @@ class LearnControl:
 
     def weighed(self, anomaly: wire.Anomaly) -> wire.Anomaly:
         """Return an anomaly with what the workers say spoke for what it broke."""
-        asked = list(zip(self._last.sources, self._last.targets, strict=True))
-        found: dict[tuple[int, int], tuple[float, float, int]] = {}
-        for each in self._weights:
-            columns = each.places, each.support, each.against, each.since
-            for place, support, against, since in zip(*columns, strict=True):
-                found[asked[place]] = support, against, since
-        links = zip(anomaly.sources, anomaly.targets, strict=True)
-        several = [found.get(pair, (0.0, 0.0, 0)) for pair in links]
-        return msgspec.structs.replace(
-            anomaly,
-            support=tuple(support for support, _, _ in several),
-            against=tuple(against for _, against, _ in several),
-            learned=tuple(since for _, _, since in several),
-        )
+        found = {(link.source, link.target): link for link in self._weighed}
+        links = []
+        for link in anomaly.links:
+            if said := found.get((link.source, link.target)):
+                kept = {"number": link.number, "occasions": link.occasions}
+                link = msgspec.structs.replace(said, **kept)
+            links.append(link)
+        return msgspec.structs.replace(anomaly, links=tuple(links))
 
     def _check(self, learned: wire.Learned, learn: wire.Learn) -> Pairs:
         """Return what a message says changed; refuse what cannot be right.
@@ -179,13 +172,15 @@ class LearnControl:
             raise MessageError(f"learned: part must be one of {size}, got {got}")
         pairs = pairs_in(learned, share)
         asked = zip(learn.sources, learn.targets, strict=True)
-        own = [k for k, pair in enumerate(asked) if max(pair) >> 1 in share]
+        own = [(k, *pair) for k, pair in enumerate(asked) if max(pair) >> 1 in share]
         expected = own if learned.part == learned.parts - 1 else []
-        sizes = {len(learned.support), len(learned.against), len(learned.since)}
-        if list(learned.places) != expected or sizes != {len(expected)}:
+        links = [(one.number, one.source, one.target) for one in learned.links]
+        if links != expected:
             rule = f"must be of {len(expected)} implications"
-            raise MessageError(f"learned: places {rule}, got {learned.places[:10]}")
-        if not np.isfinite([*learned.support, *learned.against]).all():
+            raise MessageError(f"learned: links {rule}, got {links[:10]}")
+        if not all(
+            np.isfinite((one.support, one.against)).all() for one in learned.links
+        ):
             raise MessageError("learned: support must be finite, got one that is not")
         return pairs
 
@@ -195,7 +190,7 @@ def to_weigh(anomaly: wire.Anomaly) -> tuple[wire.Naturals, wire.Naturals]:
 
     Without what is of one sensor, which none weighs.
     """
-    links = zip(anomaly.sources, anomaly.targets, strict=True)
+    links = ((link.source, link.target) for link in anomaly.links)
     some = dict.fromkeys(pair for pair in links if pair[0] >> 1 != pair[1] >> 1)
     return tuple(a for a, _ in some), tuple(b for _, b in some)
 

@@ -87,22 +87,15 @@ class WorkerLearning:
         return [*self._said]
 
     def _pieces(
-        self, message: wire.Learn, asked: wire.Learned | None = None
+        self, message: wire.Learn, links: tuple[wire.WeighedLink, ...] = ()
     ) -> list[wire.Learned]:
         """Return what the last observation changed."""
         changes = self._snapshot.changes() if message.bits else None
         pieces = pieces_of(self._worker, message.tick, changes)
-        if asked is not None:
-            pieces[-1] = msgspec.structs.replace(
-                pieces[-1],
-                places=asked.places,
-                support=asked.support,
-                against=asked.against,
-                since=asked.since,
-            )
+        pieces[-1] = msgspec.structs.replace(pieces[-1], links=links)
         return pieces
 
-    def _evidence(self, message: wire.Learn) -> wire.Learned:
+    def _evidence(self, message: wire.Learn) -> tuple[wire.WeighedLink, ...]:
         """Return what speaks for and against the implications asked for."""
         share, count = self._snapshot.share, len(self._snapshot.sensorium)
         if len(message.sources) != len(message.targets):
@@ -115,16 +108,14 @@ class WorkerLearning:
             if max(pair) >= 2 * count or pair[0] >> 1 == pair[1] >> 1:
                 rule = f"must be of two of {count} sensors"
                 raise MessageError(f"learn: implication {rule}, got {pair}")
-        own = [k for k, pair in enumerate(asked) if max(pair) >> 1 in share]
-        found = [self._snapshot.evidence(*asked[k]) for k in own]
-        return wire.Learned(
-            self._worker,
-            message.tick,
-            places=tuple(own),
-            support=tuple(float(each.both) for each in found),
-            against=tuple(float(each.against) for each in found),
-            since=tuple(each.since for each in found),
-        )
+        links = []
+        for place, pair in enumerate(asked):
+            if max(pair) >> 1 in share:
+                one = self._snapshot.evidence(*pair)
+                both, against = float(one.both), float(one.against)
+                link = wire.WeighedLink(place, *pair, both, against, one.since)
+                links.append(link)
+        return tuple(links)
 
     def bands(self) -> Iterator[wire.Band]:
         """Yield the bands of a key-frame of the tick learned last."""

@@ -140,14 +140,10 @@ def _decided(decision: wire.Decision) -> str:
 
 
 def _anomalous(anomaly: wire.Anomaly) -> str:
-    fields: Sequence[Sequence[float]] = (
-        *(anomaly.number, anomaly.sources, anomaly.targets),
-        *(anomaly.support, anomaly.against, anomaly.learned),
-        anomaly.occasions or (-1,) * len(anomaly.number),
-    )
     links = ", ".join(
-        f"{number}:{a}>{b} {on:.9g}/{off:.9g} since {since} on {occasions}"
-        for number, a, b, on, off, since, occasions in zip(*fields, strict=True)
+        f"{one.number}:{one.source}>{one.target} {one.support:.9g}/{one.against:.9g}"
+        f" since {one.since} on {one.occasions}"
+        for one in anomaly.links
     )
     whole = "" if anomaly.exact else " at least"
     return (

@@ -28,7 +28,7 @@ EACH: dict[str, wire.Message] = {
         1, 0, 1, 2, bytes(4), b"\x08\0\0\0", b"\1\0\0\0", bytes(4)
     ),
     "anomaly": wire.Anomaly(
-        9, 8, (1,), (1, 2), True, 1, (0,), (2,), (5,), (40.0,), (0.0,), (3,)
+        9, 8, (1,), (1, 2), True, 1, (wire.WeighedLink(0, 2, 5, 40.0, since=3),)
     ),
     "workerreport": wire.WorkerReport(1, 1, 0, bytes(8), bytes(8), (1, 4, 9), 7),
     "recall": wire.Recall(9, 2, 1, (4, 7), b"\1\3", bytes(8), (1, 1), 3),
@@ -38,7 +38,7 @@ EACH: dict[str, wire.Message] = {
     "learn": wire.Learn(9, b"\1", b"\3", 8, b"\5", (4,), (1,)),
     "learned": wire.Learned(
         *(1, 9, 8, 1, 2, b"\2\0\0\0", b"\x21", b"\4\0\0\0", b"\1\0\0\0", b"\x0c"),
-        *((0,), (3.0,), (0.25,), (7,)),
+        (wire.WeighedLink(0, 4, 1, 3.0, 0.25, 7),),
     ),
     "image": wire.Image(9, wire.Timestamp(NOW // 10**9, 5), "world", b"\x89P", "png"),
 }

@@ -298,15 +298,16 @@ class RunView:
             words = named_anomaly(anomaly, self.options.sensors)
         except MessageError as error:
             raise RecordingError(f"{place}: /anomaly: {error}") from error
-        pairs = zip(anomaly.sources, anomaly.targets, words.broken, strict=True)
         others = [one for one in anomaly.candidates if one not in anomaly.culprits]
         return api.AnomalyView(
             culprits=list(anomaly.culprits),
             others=others,
             exact=anomaly.exact,
             broken=[
-                api.BrokenView(source=source, target=target, evidence=evidence(link))
-                for source, target, link in pairs
+                api.BrokenView(
+                    source=one.source, target=one.target, evidence=evidence(link)
+                )
+                for one, link in zip(anomaly.links, words.broken, strict=True)
             ],
             more=words.more,
             since=anomaly.since,

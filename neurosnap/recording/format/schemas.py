@@ -40,6 +40,8 @@ def _plain(rule: dict[str, Any], components: dict[str, Any]) -> dict[str, Any]:
     """Return a property's schema without a reference, and with its type."""
     if (reference := rule.get("$ref")) is not None:
         return dict(components[reference.rpartition("/")[2]])
+    if "items" in rule:
+        return {**rule, "items": _plain(rule["items"], components)}
     return {"type": "string", **rule} if "enum" in rule else rule
 
 

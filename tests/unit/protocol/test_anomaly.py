@@ -30,7 +30,7 @@ def last_of(*readings: tuple[int, ...]) -> wire.Anomaly:
 
 
 def links(found: wire.Anomaly) -> list[tuple[int, int]]:
-    return list(zip(found.sources, found.targets, strict=True))
+    return [(one.source, one.target) for one in found.links]
 
 
 def test_an_anomaly_lasts_since_the_first_in_a_row() -> None:
@@ -46,9 +46,9 @@ def test_the_broken_implication_comes_with_its_evidence() -> None:
     found = AnomalyDetector(3).watch(5, graph, (1, 0, 1), snapshot=snapshot)
     evidence = snapshot.evidence(0, 2)
     assert found is not None
-    assert (links(found), found.number, found.implications) == ([(0, 2)], (0,), 1)
-    assert (found.support, found.against) == ((evidence.both,), (evidence.against,))
-    assert (found.learned, found.occasions) == ((evidence.since,), ())
+    weights = evidence.both, evidence.against, evidence.since
+    assert found.links == (wire.WeighedLink(0, 0, 2, *weights),)
+    assert found.implications == 1
     assert (found.candidates, len(found.culprits), found.exact) == ((0, 1), 1, True)
 
 
@@ -57,7 +57,8 @@ def test_through_what_was_not_read_it_follows_from_several_links() -> None:
     known = np.array([True, False, True])
     found = AnomalyDetector(3).watch(0, CHAIN, (1, 0, 0), known, snapshot)
     assert found is not None
-    assert (links(found), found.number) == ([(0, 2), (2, 4)], (0, 0))
+    assert links(found) == [(0, 2), (2, 4)]
+    assert {one.number for one in found.links} == {0}
     assert AnomalyDetector(3).watch(0, CHAIN, (1, 0, 0), known & False) is None
 
 
@@ -68,7 +69,7 @@ def test_a_literal_never_on_has_no_evidence() -> None:
     )
     found = AnomalyDetector(3).watch(0, never, (1, 0, 0), snapshot=snapshot)
     assert found is not None
-    assert (links(found), found.support, found.culprits) == ([(0, 1)], (0.0,), (0,))
+    assert (found.links, found.culprits) == ((wire.WeighedLink(0, 0, 1),), (0,))
 
 
 @pytest.mark.parametrize(
@@ -115,7 +116,8 @@ def test_there_is_a_bound_to_what_it_lists(sensors: int) -> None:
     assert found is not None
     pairs = sensors * (sensors - 1) // 2
     assert found.implications == pairs
-    assert len(set(links(found))) == len(set(found.number)) == min(pairs, MOST)
+    numbers = {one.number for one in found.links}
+    assert len(set(links(found))) == len(numbers) == min(pairs, MOST)
 
 
 @given(runs(), st.sampled_from([0.25, 1 / 8000]), st.booleans())
@@ -159,6 +161,6 @@ def test_what_rests_on_most_occasions_comes_first() -> None:
     graph = snapshot.poc_graph()
     found = AnomalyDetector(3).watch(14, graph, (1, 0, 1), None, snapshot, history)
     assert found is not None
-    occasions = dict(zip(links(found), found.occasions, strict=True))
+    occasions = {(one.source, one.target): one.occasions for one in found.links}
     assert (occasions[0, 2], occasions[3, 5]) == (1, 5)
     assert list(occasions.values()) == sorted(occasions.values(), reverse=True)

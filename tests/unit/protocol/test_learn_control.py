@@ -20,9 +20,13 @@ def control(repeats: int = 1) -> LearnControl:
 
 
 def learned(worker: int, **changes: Any) -> wire.Learned:
-    weights = {"support": (3.0,), "against": (1.0,), "since": (2,)}
-    given = {"places": (worker,), **weights, **changes}
-    return wire.Learned(worker, 4, **given)
+    return wire.Learned(worker, 4, **{"links": (weighed(worker),), **changes})
+
+
+def weighed(worker: int, support: float = 3.0, since: int = 2) -> wire.WeighedLink:
+    """Return what spoke for the implication asked for that is of a worker's pairs."""
+    source, target = LEARN.sources[worker], LEARN.targets[worker]
+    return wire.WeighedLink(worker, source, target, support, 1.0, since)
 
 
 def took(asked: LearnControl, message: wire.Learned) -> bool:
@@ -98,9 +102,9 @@ def test_who_is_silent_is_told_again_and_then_named() -> None:
         (wire.Learned(2, 4), "must be one of 2 workers, got worker 2"),
         (learned(0, part=1), "part must be one of 1, got 1 of 1"),
         (wire.Learned(1, 4, part=2, parts=3), "part must be one of 2, got 2 of 3"),
-        (learned(0, places=(1,)), "places must be of 1 implications"),
-        (learned(0, since=()), "places must be of 1 implications"),
-        (learned(0, support=(float("inf"),)), "support must be finite"),
+        (learned(0, links=(weighed(1),)), "links must be of 1 implications"),
+        (learned(0, links=()), "links must be of 1 implications"),
+        (learned(0, links=(weighed(0, float("inf")),)), "support must be finite"),
         (learned(0, rows=b"\3\0\0\0", codes=b"\0\0"), "rows must be in 0 to 2, got 3"),
         (learned(0, rows=b"\3"), "rows must be four bytes a number, got 1"),
         (learned(0, rows=b"\2\0\0\0"), "codes must be 1 bytes for these rows, got 0"),
@@ -131,18 +135,15 @@ def test_an_anomaly_gets_what_spoke_for_what_it_broke() -> None:
         candidates=(0,),
         exact=True,
         implications=2,
-        number=(0, 1, 1, 1),
-        sources=(2, 9, 4, 2),
-        targets=(1, 0, 5, 1),
-        support=(0.0,) * 4,
-        against=(0.0,) * 4,
-        learned=(0,) * 4,
+        links=tuple(
+            wire.WeighedLink(number, *pair)
+            for number, *pair in ((0, 2, 1), (1, 9, 0), (1, 4, 5), (1, 2, 1))
+        ),
     )
     assert to_weigh(bare) == ((2, 9), (1, 0)), "once each, and none of one sensor"
     asked = control()
     asked.receive(learned(0))
-    asked.receive(learned(1, support=(5.0,), since=(3,)))
+    asked.receive(learned(1, links=(weighed(1, 5.0, 3),)))
     full = asked.weighed(bare)
-    assert full.support == (3.0, 5.0, 0.0, 3.0)
-    assert full.against == (1.0, 1.0, 0.0, 1.0)
-    assert full.learned == (2, 3, 0, 2)
+    found = [(one.support, one.against, one.since) for one in full.links]
+    assert found == [(3.0, 1.0, 2), (5.0, 1.0, 3), (0.0, 0.0, 0), (3.0, 1.0, 2)]

@@ -47,11 +47,11 @@ def test_what_was_asked_is_from_before_it_was_learned() -> None:
     for tick in (1, 2, 3):
         worker.learn(learn(tick))
     (piece,) = said(worker, learn(4, sources=(8, 0, 3), targets=(0, 2, 11)))
-    found = [before.evidence(8, 0), before.evidence(3, 11)]
-    assert piece.places == (0, 2), "the second is another worker's"
-    assert piece.support == tuple(float(one.both) for one in found)
-    assert piece.against == tuple(float(one.against) for one in found)
-    assert piece.since == tuple(one.since for one in found)
+    asked = [(0, 8, 0), (2, 3, 11)]  # the second is another worker's
+    for link, (place, a, b) in zip(piece.links, asked, strict=True):
+        found = before.evidence(a, b)
+        weights = found.both, found.against, found.since
+        assert link == wire.WeighedLink(place, a, b, *weights)
 
 
 def test_bands_go_before_the_answer_that_is_asked_for_them() -> None:

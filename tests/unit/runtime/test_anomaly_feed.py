@@ -18,7 +18,8 @@ from neurosnap.runtime.parts.coordinator_process import RunDescription
 from tests.support.patience import PATIENCE
 
 OPTIONS = RunOptions(source="none", body=Body(own=("door", "motion")), watch=True)
-GOOD = wire.Anomaly(5, 4, (0,), (0, 1), True, 1, (0,), (0,), (2,), (9.0,), (1.0,), (3,))
+LINK = wire.WeighedLink(0, 0, 2, 9.0, 1.0, 3)
+GOOD = wire.Anomaly(5, 4, (0,), (0, 1), True, 1, (LINK,))
 BAD = msgspec.structs.replace(GOOD, culprits=(7,))
 
 

@@ -153,7 +153,7 @@ def test_a_frame_tells_its_anomaly_as_watch_does(log: Path) -> None:
         both = {*frame.anomaly.culprits, *frame.anomaly.others}
         assert both == {*anomaly.culprits, *anomaly.candidates}
         pairs = [(one.source, one.target) for one in frame.anomaly.broken]
-        assert pairs == [*zip(anomaly.sources, anomaly.targets, strict=True)]
+        assert pairs == [(one.source, one.target) for one in anomaly.links]
 
 
 def test_beginnings_of_trajectories_are_marked(tmp_path: Path) -> None:

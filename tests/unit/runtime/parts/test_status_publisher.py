@@ -110,8 +110,8 @@ def test_grown_sensors_are_called_by_their_formulas_once_they_are_born(
     past = ResumePoint("log", 3, (), b"", {}, (3,), grown=contexts[:before])
     publisher = Anomalies()
     listener = StatusListener(publisher, past.body(body))  # type: ignore[arg-type]
-    links = (0, 1), (2 * first, 2 * first + 2), (0, 0), (9.0, 9.0), (0.0, 0.0), (1, 1)
-    broken = wire.Anomaly(6, 6, (), (), True, 2, *links)
+    links = [wire.WeighedLink(k, 2 * (first + k), 0, 9.0, 0.0, 1) for k in (0, 1)]
+    broken = wire.Anomaly(6, 6, (), (), True, 2, tuple(links))
     listener.receive(broken)
     for tick, context in enumerate(contexts[before:], 4):
         born = first + before + tick - 4
