@@ -73,7 +73,7 @@ async def test_axe_finds_nothing_in_what_no_picture_shows(
     await page.click("#tab-sensors")
     await page.locator("#outline tbody button").first.click()
     await page.locator("#choice button.link").first.click()
-    await page.wait_for_selector("#choice .uplot canvas")
+    await page.wait_for_selector("#choice-body[data-tick]")
     await page.locator("#now .term", has_text="height").hover()
     await expect(page.locator("#tip")).to_be_visible()
     await no_fault_in_either_scheme(page)
