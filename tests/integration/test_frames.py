@@ -3,7 +3,7 @@
 import base64
 import io
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +17,11 @@ from PIL import Image
 from neurosnap import wire
 from neurosnap.agent.environment import Continuing
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording, part_paths
-from neurosnap.recording.replay.verify import verify
 from tests.support.command_line import refused
 from tests.support.foxglove_rules import refusals
 from tests.support.inline_runs import recorded_run, resumed_run
 from tests.support.recorded_messages import assert_true_run, course
-from tests.support.rewritten_recordings import rewritten
 from tests.support.run_options import options_for
 
 LAKE = "neurosnap/FrozenLake-v0"
@@ -83,22 +80,6 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_there_is_one_each_so_many_ticks_and_it_is_what_was_there(log: Path) -> None:
     assert_all_there(log)
     assert Recording.open(log).completeness().whole
-
-
-def test_one_that_is_lost_is_missed(log: Path, tmp_path: Path) -> None:
-    gone = 4
-
-    def without(recorded: Iterable[Recorded]) -> list[Recorded]:
-        return [
-            each
-            for each in recorded
-            if not (isinstance(each.message, wire.Image) and each.message.tick == gone)
-        ]
-
-    lost = rewritten(log, tmp_path / "lost.mcap", without)
-    assert sorted(images(lost)) == [t for t in range(1, TICKS + 1, 3) if t != gone]
-    assert Recording.open(lost).completeness().missing == {"world": 1}
-    assert verify(lost).difference is None
 
 
 def test_other_programs_read_it_as_their_own(log: Path) -> None:

@@ -117,6 +117,11 @@ async def test_it_says_how_two_recordings_differ_at_a_tick(
         assert found.here.count > 0
         heading = page.get_by_text(f"Implied here, not in {logs[1]}")
         await expect(heading).to_contain_text(str(found.here.count))
+        learned = page.locator("#compare section").filter(has=heading)
+        edges = learned.get_by_role("button")
+        await expect(edges).to_have_count(len(found.here.edges))
+        await edges.first.click()
+        assert await page.inner_text("#choice-title") == "Selected edge"
         await go_to(page, parted)
         felt = difference(views[0], parted, views[1], parted).felt
         assert felt
@@ -124,37 +129,6 @@ async def test_it_says_how_two_recordings_differ_at_a_tick(
         await expect(shown.locator("tbody tr")).to_have_count(len(felt))
         await shown.get_by_role("button", name=felt[0].name).click()
         assert await page.inner_text("#choice-title") == felt[0].name
-
-
-@pytest.mark.slow
-async def test_it_says_what_was_learned_between_two_ticks(path_log: Path) -> None:
-    view = RunView(path_log)
-    names = view.options.sensors
-    pairs = ((tick, then) for tick in range(30, 40) for then in range(3, 30))
-    tick, then, found = next(
-        (tick, then, found)
-        for tick, then in pairs
-        if 0 < (found := difference(view, tick, view, then)).here.count <= LISTED
-    )
-    async with opened(path_log, f"#t={tick}") as page:
-        await page.click("#tab-compare")
-        await page.get_by_label("Tick to compare with").fill(str(then))
-        learned = page.locator("#compare section").filter(
-            has_text=f"Implied at tick {tick}, not at tick {then} "
-        )
-        edges = learned.get_by_role("button")
-        await expect(edges).to_have_count(len(found.here.edges))
-        first = found.here.edges[0]
-        text = await edges.first.inner_text()
-        assert names[first.source >> 1] in text
-        assert names[first.target >> 1] in text
-        await edges.first.click()
-        assert await page.inner_text("#choice-title") == "Selected edge"
-        await page.get_by_label("Tick to compare with").fill("")
-        await go_to(page, 31)
-        await expect(page.locator("#compare")).to_contain_text(
-            "Implied at tick 31, not at tick 30"
-        )
 
 
 @pytest.fixture

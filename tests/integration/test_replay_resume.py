@@ -22,16 +22,13 @@ from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.writer import Writer
 from neurosnap.sensorium import unpack
 from tests.support.inline_runs import recorded_run, resumed_run
-from tests.support.lossy_runs import LOST, lossy_run
-from tests.support.recorded_messages import M, assert_true_run, course, first, of_type
-from tests.support.replayed_runs import PATH, TICKS, Run, Runs, every_run, options_for
+from tests.support.recorded_messages import M, assert_true_run, first, of_type
+from tests.support.replayed_runs import TICKS, Runs, every_run, options_for
 from tests.support.rewritten_recordings import (
     Change,
     changing,
     flipped,
-    overtaken,
     rewritten,
-    write_again,
 )
 
 pytestmark = pytest.mark.slow
@@ -40,15 +37,6 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Runs:
     return Runs(tmp_path_factory.mktemp("runs"))
-
-
-def cut_in(log: Path, target: Path, share: float) -> Path:
-    """Cut in the middle of the chunk behind a share of them."""
-    chunks = Recording.open(log).files[0].layout.chunks
-    number = int(share * len(chunks))
-    size = (chunks[number].offset + chunks[number + 1].offset) // 2
-    target.write_bytes(log.read_bytes()[:size])
-    return target
 
 
 def without(
@@ -61,31 +49,6 @@ def without(
         return recorded[:place] + recorded[place + 1 :]
 
     return rewritten(log, target, change)
-
-
-def assert_went_on(log: Path, uninterrupted: Run, resumed: list[int]) -> None:
-    """Check that `log` is a true run, and the one that was never interrupted."""
-    assert_true_run(log, ticks=uninterrupted.options.ticks)
-    assert course(log) == course(uninterrupted.log)
-    recording = Recording.open(log)
-    assert msgspec.json.decode(recording.metadata["resumed"]) == resumed
-    assert recording.completeness().whole
-
-
-@every_run
-def test_a_finished_run_goes_on_twice(
-    runs: Runs,
-    tmp_path: Path,
-    name: str,
-    wiring: WiringKind,
-    snapshot: SnapshotKind,
-) -> None:
-    source = runs.csv if name == "csv" else PATH
-    start, once, twice = (tmp_path / part for part in ("start", "once", "twice"))
-    recorded_run(options_for(source, wiring, snapshot, ticks=12), start)
-    resumed_run(start, once, 21)
-    resumed_run(once, twice, TICKS)
-    assert_went_on(twice, runs.of(name, wiring, snapshot), [12, 21])
 
 
 def test_a_run_whose_thresholds_choose_themselves_goes_on(tmp_path: Path) -> None:
@@ -106,50 +69,6 @@ def test_a_run_whose_thresholds_choose_themselves_goes_on(tmp_path: Path) -> Non
     assert learned.threshold == "auto"
     found = learned.evidence(0, 2)
     assert (found.against, found.holds) == (2, True)  # broken, and tolerated
-
-
-@pytest.mark.parametrize("name", ["path", "csv"])
-def test_a_stopped_run_goes_on(runs: Runs, tmp_path: Path, name: str) -> None:
-    # It stops within a few turns of the loop, each of which is several ticks.
-    uninterrupted = runs.of(name, ticks=2 * TICKS)
-    stopped, new = tmp_path / "stopped", tmp_path / "new"
-    outcome = recorded_run(uninterrupted.options, stopped, stop_at=1)
-    assert outcome.totals.ticks < 2 * TICKS
-    resumed_run(stopped, new, 2 * TICKS)
-    assert_went_on(new, uninterrupted, [outcome.totals.ticks])
-
-
-@pytest.mark.parametrize("seed", [None, 2])
-@pytest.mark.parametrize("share", [0.3, 0.5, 0.8])
-def test_a_cut_run_goes_on_and_is_cut_and_goes_on(
-    runs: Runs, tmp_path: Path, seed: int | None, share: float
-) -> None:
-    uninterrupted = runs.of("csv")
-    recording = Recording.open(uninterrupted.log)
-    recorded = list(recording.messages())
-    if seed is not None:
-        recorded = overtaken(recorded, random.Random(seed))
-    small = write_again(recording, tmp_path / "small", recorded, chunk=1500)
-    cut = cut_in(small, tmp_path / "cut", share)
-    tick = verify(cut).ticks
-    resumed_run(cut, tmp_path / "once", TICKS)
-    assert_went_on(tmp_path / "once", uninterrupted, [tick])
-
-    again = Recording.open(tmp_path / "once")
-    small = write_again(again, tmp_path / "again", again.messages(), chunk=1500)
-    cut = cut_in(small, tmp_path / "cut again", 0.9)
-    following = verify(cut).ticks
-    assert tick < following < TICKS
-    resumed_run(cut, tmp_path / "twice", TICKS)
-    assert_went_on(tmp_path / "twice", uninterrupted, [tick, following])
-
-
-def test_a_run_with_a_repeated_wave_goes_on(runs: Runs, tmp_path: Path) -> None:
-    log, new = tmp_path / "log", tmp_path / "new"
-    options = options_for(runs.csv, ticks=15)
-    lossy_run(options, log, 4, LOST["pulse"])
-    resumed_run(log, new, TICKS)
-    assert_went_on(new, runs.of("csv"), [15])
 
 
 def dropping(kind: type[M], last: bool = False) -> Change:

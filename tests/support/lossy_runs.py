@@ -48,6 +48,4 @@ def lossy_run(
 LOST: dict[str, Lost] = {
     "pulse": lambda m: isinstance(m, wire.Pulse) and m.wave > 20,
     "start": lambda m: isinstance(m, wire.WaveStart) and m.wave > 20,
-    "observation": lambda m: isinstance(m, wire.Observation) and m.tick > 9,
-    "wiring": lambda m: isinstance(m, wire.Wiring) and m.after > 0,
 }

@@ -89,11 +89,9 @@ class Runs:
         name: str,
         wiring: WiringKind = "hasse",
         snapshot: SnapshotKind = "empirical",
-        *,
-        ticks: int = TICKS,
     ) -> Run:
         source = PATH if name == "path" else self.csv
-        options = options_for(source, wiring, snapshot, ticks=ticks)
+        options = options_for(source, wiring, snapshot)
         key = msgspec.json.encode(options)
         made = self._made.get(key)
         if made is None:
