@@ -1,8 +1,8 @@
 """The part of ``import neurosnap`` that runs swarms and reads their recordings."""
 
 import asyncio
-import threading
 from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -250,21 +250,8 @@ def _awaited(work: Callable[[], Coroutine[Any, Any, T]]) -> T:
         asyncio.get_running_loop()
     except RuntimeError:
         return asyncio.run(work())
-    found: list[T] = []
-    failed: list[BaseException] = []
-
-    def carry_out() -> None:
-        try:
-            found.append(asyncio.run(work()))
-        except BaseException as error:  # noqa: BLE001 - raised again below
-            failed.append(error)
-
-    thread = threading.Thread(target=carry_out, name="neurosnap/run")
-    thread.start()
-    thread.join()
-    if failed:
-        raise failed[0]
-    return found[0]
+    with ThreadPoolExecutor(1, thread_name_prefix="neurosnap/run") as pool:
+        return pool.submit(lambda: asyncio.run(work())).result()
 
 
 def save_snapshot(snapshot: Snapshot, path: str | Path) -> None:

@@ -246,12 +246,6 @@ def with_parameters(
     return decorate
 
 
-def was_given(context: typer.Context, flag: str) -> bool:
-    """Return whether a flag stands on the command line."""
-    source = context.get_parameter_source(flag)
-    return source is not None and source.name == "COMMANDLINE"
-
-
 def request_of(context: typer.Context, *, here: bool = True) -> "RunRequest":
     """Return the request of a run, by the arguments of a verb.
 
@@ -272,7 +266,8 @@ def request_of(context: typer.Context, *, here: bool = True) -> "RunRequest":
     flags = {
         each.key: flag
         for flag, each in run_options().items()
-        if flag in context.params and was_given(context, flag)
+        if (given_by := context.get_parameter_source(flag)) is not None
+        and given_by.name == "COMMANDLINE"
     }
     given = _settings(context.params["given"] or [])
     given |= {key: context.params[flag] for key, flag in flags.items()}

@@ -221,8 +221,9 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
         given.setdefault("sync", _SYNC)
         if 0 < len(fitted.body.own) <= _HOME:
             given.setdefault("alarms", _ALARMS)
+    ends = [end for end in (config.run.ticks, fitted.length) if end is not None]
     settled = {
-        "ticks": _at_most(config.run.ticks, fitted.length),
+        "ticks": min(ends, default=None),
         "threshold": _threshold(config, fitted),
     }
     given |= {field: value for field, value in settled.items() if value is not None}
@@ -268,13 +269,6 @@ def _names(target: object) -> tuple[str, ...]:
     if isinstance(target, tuple):
         return target
     return tuple(name.strip() for name in str(target).split(","))
-
-
-def _at_most(asked: int | None, length: int | None) -> int | None:
-    """Return how many ticks to run: at most as many as the source has."""
-    if length is None:
-        return asked
-    return length if asked is None else min(asked, length)
 
 
 def _log(config: Config, folder: Path, source: str) -> Path | None:
