@@ -282,9 +282,7 @@ class Edge(msgspec.Struct, frozen=True, kw_only=True):
     weights: tuple[float, float, float, float]
     """Of ``ab``, ``ab*``, ``a*b``, ``a*b*``; the second speaks against."""
     threshold: float
-    """What the second has to be below: of a number, the threshold times `total`."""
-    total: float
-    """What the four add up to."""
+    """What the second has to be below: of a number, the threshold times all four."""
     holds: bool
     since: int
     """The tick since when it has held, or has not; 0: from the beginning."""

@@ -172,7 +172,6 @@ def weighed(tick: int, snapshot: Snapshot, source: int, target: int) -> Edge:
         tick=tick,
         weights=(found.both, found.against, found.other, found.neither),
         threshold=found.limit,
-        total=found.total,
         holds=found.holds,
         since=found.since,
     )

@@ -62,15 +62,12 @@ def column(history: RunHistory, name: str, last: int = FEW) -> list[float | None
 # Marks ------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module", params=["cells", "workers"])
-def log(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> Path:
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a recording in which a rule is broken, once after it was well tested."""
     folder = tmp_path_factory.mktemp("marks")
     options = csv_run(folder / "rows.csv", TICKS)
-    workers = int(request.param == "workers")
-    options = replace(options, watch=True, support=SUPPORT, workers=workers)
+    options = replace(options, watch=True, support=SUPPORT)
     return recorded(options, folder / "run.mcap")
 
 

@@ -172,7 +172,6 @@ def test_weights_are_those_of_the_snapshot(path_log: Path) -> None:
         tick = observation.tick
         found = run_view.edge(0, 4, tick)
         assert (found.tick, found.weights) == (tick, tuple(counts.values()))
-        assert found.total == tick
         assert found.threshold == pytest.approx(0.08 * tick)
         graph = run_view.learned(tick).snapshot.poc_graph()
         assert found.holds == bool(graph.edges[0, 4])
