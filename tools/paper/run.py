@@ -1,19 +1,16 @@
 """Runs the experiments: computes missing entries and writes complete figures.
 
-In the output folder every figure has its data and its facts (``NAME.csv``,
-``NAME.json``), and some a picture (``.png``, ``.svg``, ``.pdf``), each written whole or
-not at all.
+In the output folder every figure has its data (``NAME.csv``), and some a picture
+(``.png``, ``.svg``, ``.pdf``), each written whole or not at all.
 """
 
 import csv
 import io
 from collections.abc import Callable
-from typing import TYPE_CHECKING
-
-import msgspec
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.system.distribution import version
 from neurosnap.system.durable import replace_file
 from neurosnap.system.picture import KINDS, canvas_type, encoded
 from tools.paper import (
@@ -29,8 +26,6 @@ from tools.paper.figure import Claim, Figure, FigureOptions, Report, judged
 from tools.paper.table import Table
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from tools.paper.table import Entry
 
 FIGURES: dict[str, Figure] = {
@@ -48,12 +43,11 @@ FIGURES: dict[str, Figure] = {
 """All figures by name."""
 
 
-class FigureResult(msgspec.Struct, frozen=True):
+class FigureResult(NamedTuple):
     """One figure that was made."""
 
-    name: str
     title: str
-    files: "tuple[Path, ...]"
+    files: tuple[Path, ...]
     lines: tuple[str, ...]
     """Its facts for people, a line each."""
     claims: tuple[Claim, ...]
@@ -106,15 +100,11 @@ def _make(figure: Figure, options: FigureOptions, table: Table) -> FigureResult:
     rows = [table.load(cell) for cell in figure.cells(options)]
     report = figure.report(options, [each for each in rows if each is not None])
     claims = judged(report.claims, options.steps)
-    contents = {
-        **_pictures(report),
-        "csv": _data(report),
-        "json": _facts(figure, options, report.lines, claims),
-    }
+    contents = {**_pictures(report), "csv": _data(report)}
     files = tuple(options.out / f"{figure.name}.{kind}" for kind in contents)
     for path, content in zip(files, contents.values(), strict=True):
         replace_file(path, content)
-    return FigureResult(figure.name, figure.title, files, report.lines, claims)
+    return FigureResult(figure.title, files, report.lines, claims)
 
 
 def _pictures(report: Report) -> dict[str, bytes]:
@@ -132,25 +122,3 @@ def _data(report: Report) -> bytes:
     writer.writerow(report.columns)
     writer.writerows(report.rows)
     return text.getvalue().encode()
-
-
-def _facts(
-    figure: Figure,
-    options: FigureOptions,
-    lines: tuple[str, ...],
-    claims: tuple[Claim, ...],
-) -> bytes:
-    """Return the figure's JSON: how it was made, and what the paper says of it.
-
-    Nothing in it depends on where it was made or by how many workers.
-    """
-    made = {name: getattr(options, name) for name in ("seed", "runs", "steps", "truth")}
-    facts = {
-        "name": figure.name,
-        "title": figure.title,
-        "options": made,
-        "version": version(),
-        "claims": claims,
-        "lines": lines,
-    }
-    return msgspec.json.format(msgspec.json.encode(facts), indent=2) + b"\n"

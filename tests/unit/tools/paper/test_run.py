@@ -55,12 +55,12 @@ def test_an_entry_is_computed_once_and_whole_or_not_at_all(
 
 @pytest.mark.exhaustive
 @pytest.mark.slow
-def test_a_figure_comes_with_its_picture_data_and_facts(tmp_path: Path) -> None:
+def test_a_figure_comes_with_its_picture_and_data(tmp_path: Path) -> None:
     options = FigureOptions(
         only=("learning-empirical",), runs=2, steps=40, workers=0, out=tmp_path / "a"
     )
     (made,) = run_figures(options)
-    png, svg, pdf, data, facts = (path.read_bytes() for path in made.files)
+    png, svg, pdf, data = (path.read_bytes() for path in made.files)
     assert png.startswith(b"\x89PNG")
     assert svg.startswith(b"<?xml")
     assert pdf.startswith(b"%PDF")
@@ -69,9 +69,7 @@ def test_a_figure_comes_with_its_picture_data_and_facts(tmp_path: Path) -> None:
     errors = np.stack([cells[0].row(run) for run in range(2)])
     means = [float(row["mean"]) for row in lines[:40]]
     assert means == pytest.approx(errors.mean(axis=0), rel=1e-5)
-    told = msgspec.json.decode(facts)
-    assert told["options"] == {"seed": 0, "runs": 2, "steps": 40, "truth": "contained"}
-    assert len(told["claims"]) == len(made.claims) == 9
+    assert len(made.claims) == 9
     (again,) = run_figures(msgspec.structs.replace(options, out=tmp_path / "b"))
     for one, other in zip(made.files, again.files, strict=True):
         assert one.read_bytes() == other.read_bytes()
