@@ -56,16 +56,9 @@ def test_the_site_is_whole_and_asks_no_other_host(tmp_path: Path) -> None:
         assert "default-src 'self'" in page, name
 
 
-PAGE = '<h1 id="top">It</h1>{}'
-
-
 @pytest.mark.parametrize(
     ("text", "fault"),
     [
-        ('<a href="b.html">b</a>', "a.html: no such page: b.html"),
-        ('<a href="#b">b</a>', "a.html: no such anchor: #b"),
-        ('<a href="/c/a.html">b</a>', "a.html: no such page: /c/a.html"),
-        ('<img src="b.png">', "a.html: no such page: b.png"),
         (
             '<script src="https://example.org/b.js"></script>',
             "a.html: fetched from elsewhere: https://example.org/b.js",
@@ -75,24 +68,15 @@ PAGE = '<h1 id="top">It</h1>{}'
             "a.html: fetched from elsewhere: //example.org/b.css",
         ),
         (
-            "<style>p {{ background: url('https://example.org/b') }}</style>",
+            "<style>p { background: url('https://example.org/b') }</style>",
             "a.html: fetched from elsewhere: https://example.org/b",
         ),
     ],
 )
 def test_a_fault_of_a_page_is_named(tmp_path: Path, text: str, fault: str) -> None:
-    (tmp_path / "a.html").write_text(PAGE.format(text.format()))
+    own = '<a href="https://example.org">b</a><img src="b.png">'
+    (tmp_path / "a.html").write_text(own + text)
     assert list(faults(tmp_path)) == [fault]
-
-
-@pytest.mark.parametrize(
-    "link",
-    ["https://example.org/", "#top", "/a.html#top", "mailto:a@example.org", "./"],
-)
-def test_a_link_may_lead_anywhere_that_is(tmp_path: Path, link: str) -> None:
-    (tmp_path / "a.html").write_text(PAGE.format(f'<a href="{link}">b</a>'))
-    (tmp_path / "index.html").write_text("")
-    assert list(faults(tmp_path)) == []
 
 
 def test_a_style_sheet_that_asks_another_host_is_a_fault(tmp_path: Path) -> None:

@@ -27,10 +27,9 @@ from tools.bench.report import HEAD, QUICK, Line, Sizes, markdown
 ROWS = {
     "spawn": ("swarm", "from the hub's start until every cell is wired; memory a cell"),
     "hop": ("swarm", "one hop of a wave along a chain, against bare Zenoh"),
-    "line": ("swarm", "waves against their depth: a straight line"),
     "recording": ("run", "a tick with the recorder and without"),
     "observe": ("observe", "an observation of a snapshot in this process"),
-    "growth": ("growth", "decisions while exploring Taxi"),
+    "growth": ("observe", "a decision while exploring Taxi, in this process"),
     "kinds": ("run", "ticks a second of the same run with each kind of cells"),
     "scale": ("scale", "processor time of each part, and a model of other sizes"),
     "verify": ("run", "verify of a recording, against the run that made it"),

@@ -1,13 +1,21 @@
-"""The row on learning in one process: an observation of each kind of snapshot."""
+"""Rows on one process: an observation of each kind of snapshot, and a decision."""
 
+import statistics
 import time
 from itertools import cycle, islice
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap.agent.agent import Agent
+from neurosnap.agent.environment import Continuing
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from tools.bench.report import Line, Sizes
+from world.toy_text import taxi
+
+if TYPE_CHECKING:
+    from neurosnap.agent.binary_sensors import BinarySensors
 
 _PLACES = 64  # observations there are; each stays above every threshold
 _LONGEST = 100  # rounds of all places until the graph must have settled
@@ -15,6 +23,8 @@ _REACH = {145: 60e-6, 1000: 2e-3}
 _FLIPS = 0.01
 _WARM = 1800  # ticks: exceptions are tolerated from 1,568 on
 _MOST = 2.0
+_LEARNED = 10  # times as many ticks as of a run, to grow sensors in
+_DECISION = 20e-3
 
 Bits = NDArray[np.bool_]
 
@@ -79,6 +89,30 @@ def _choose(sensors: int, batches: int) -> Line:
         ratio <= _MOST,
         {"seconds": min(auto), "fixed_seconds": min(usual), "times_fixed": ratio},
     )
+
+
+def growth(sizes: Sizes) -> list[Line]:
+    """Time decisions of an agent that explores Taxi and grows sensors."""
+    env: BinarySensors = taxi()
+    agent = Agent.of(env, "planner", seed=1, grow=True, explore="planned", imagine=True)
+    going_on, seconds = Continuing(env), []
+    bits, info = going_on.reset(seed=1)
+    for _ in range(sizes.ticks * _LEARNED):
+        began = time.perf_counter()
+        action = agent.act(bits, info["begins"]).action
+        seconds.append(time.perf_counter() - began)
+        bits, _, _, _, info = going_on.step(action)
+    mean, most = statistics.fmean(seconds), max(seconds)
+    return [
+        Line(
+            "a decision while exploring Taxi, in one process",
+            f"{mean * 1e3:.1f} ms on average, {most * 1e3:.0f} at most",
+            "",
+            f"≤ {_short(_DECISION)}",
+            mean <= _DECISION,
+            {"seconds": mean, "most_seconds": most},
+        )
+    ]
 
 
 def _intervals(sensors: int) -> list[Bits]:

@@ -15,9 +15,7 @@ class Sizes:
     cells: int = 1000
     """Processes of the spawn row."""
     chain: int = 200
-    """Edges on the longest chain, for hop and line."""
-    heights: tuple[int, ...] = (2, 5, 10, 20, 50, 100, 150, 200)
-    """Chains of the line row."""
+    """Cells of the chain of the hop row."""
     waves: int = 30
     """Waves timed at each height, and laps of the bare ring."""
     pairs: int = 3
@@ -41,7 +39,6 @@ class Sizes:
 QUICK = Sizes(
     cells=20,
     chain=20,
-    heights=(2, 5, 10, 20),
     waves=5,
     pairs=1,
     ticks=20,

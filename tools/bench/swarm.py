@@ -1,4 +1,4 @@
-"""Rows on the swarm itself: coming up, a hop, wave time against depth."""
+"""Rows on the swarm itself: coming up, and a hop."""
 
 import json
 import multiprocessing
@@ -7,8 +7,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
-
 from neurosnap.depth.probe import Measured, ProbePlan
 from neurosnap.runtime.child_processes import allow_files
 from tools.bench.bare import mean_pss
@@ -16,7 +14,7 @@ from tools.bench.probe import probe, rows_of, weighed_while_up
 from tools.bench.report import Line, Sizes, ratio_of_pairs
 
 _ROOT = Path(__file__).parents[2]
-_SPAWN, _MEMORY, _HOP, _FIT = 1.5, 12.0, 2.5, 0.98
+_SPAWN, _MEMORY, _HOP = 1.5, 12.0, 2.5
 _MB = 1e6
 
 
@@ -117,39 +115,6 @@ def hop(sizes: Sizes) -> list[Line]:
     ]
 
 
-def line(sizes: Sizes) -> list[Line]:
-    """Time waves against their depth in one swarm: is it a straight line."""
-    plan = ProbePlan(
-        sensors=max(sizes.heights) + 1,
-        heights=sizes.heights,
-        wiring="hasse",
-        waves=sizes.waves,
-        warmup=3,
-    )
-    rows = rows_of(probe(plan))
-    medians = _medians(rows)
-    slope, intercept, fit = _fitted(list(medians), list(medians.values()))
-    _, _, fit_of_all = _fitted([r.depth for r in rows], [r.seconds for r in rows])
-    return [
-        Line(
-            f"wave time against depth, {plan.sensors} cells, depths"
-            f" {min(medians)} to {max(medians)}",
-            f"R² {fit:.4f} (all {len(rows)} waves {fit_of_all:.4f});"
-            f" {slope * 1e6:.0f} µs a hop + {intercept * 1e3:.1f} ms",
-            "a straight line",
-            f"R² ≥ {_FIT:g}",
-            fit >= _FIT,
-            {
-                "seconds_per_hop": slope,
-                "intercept": intercept,
-                "r2": fit,
-                "r2_all": fit_of_all,
-            }
-            | {f"depth_{depth}": seconds for depth, seconds in medians.items()},
-        )
-    ]
-
-
 def run_bare(*arguments: object) -> dict[str, float]:
     """Run the bare side in a program of its own and return what it measured."""
     # By `-c`: what is run as a file or a module, every child would import again.
@@ -172,10 +137,3 @@ def _medians(rows: list[Measured]) -> dict[int, float]:
         depth: statistics.median(row.seconds for row in rows if row.depth == depth)
         for depth in depths
     }
-
-
-def _fitted(depths: list[int], seconds: list[float]) -> tuple[float, float, float]:
-    """Return slope, intercept and R² of the least-squares line."""
-    slope, intercept = np.polyfit(depths, seconds, 1)
-    r = np.corrcoef(depths, seconds)[0, 1]
-    return float(slope), float(intercept), float(r * r)

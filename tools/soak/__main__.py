@@ -27,7 +27,6 @@ import shutil
 import sys
 import tempfile
 import time
-from collections import Counter
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -50,7 +49,7 @@ from neurosnap.runtime.journaled_run import INTAKE
 from neurosnap.runtime.request import Restart, RunRequest, Supervision, Watcher
 from neurosnap.runtime.run import run
 from neurosnap.sources.open import open_source
-from tools.soak.killer import Killer, Killing, summary
+from tools.soak.killer import Killer
 from tools.soak.memory import Gauge, Memory
 from tools.soak.outside import feed, lines_in
 from tools.soak.signals import strike_runs
@@ -68,7 +67,6 @@ class Soaked(msgspec.Struct, kw_only=True):
     """How a run went."""
 
     ticks: int
-    killings: list[Killing]
     killed: dict[str, int]
     """How often each role, and each pair, was."""
     restarts: int
@@ -221,14 +219,13 @@ def _look(log: Path, killer: Killer, seconds: float) -> Soaked:
     heard = [each.message for each in told]
     kinds = (wire.Observation, wire.State, wire.Decision)
     keys = [(type(m), m.tick) for m in heard if isinstance(m, kinds)]
-    verdict, killings = verify(log), killer.killings
+    verdict = verify(log)
     files = {*part_paths(log).values()}
     return Soaked(
         ticks=max((m.tick for m in heard if isinstance(m, wire.State)), default=0),
-        killings=killings,
-        killed=dict(Counter("+".join(killing.victims) for killing in killings)),
+        killed=dict(killer.killed),
         restarts=killer.restarts,
-        redone=sum(killing.redone for killing in killings),
+        redone=killer.redone,
         repeated=sum(isinstance(m, wire.WaveStart) and m.repeats > 0 for m in heard),
         lost=sum(recording.completeness().missing.values()),
         doubled=len(keys) - len(set(keys)),
@@ -273,9 +270,8 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"kept: {folder}", file=sys.stderr)
         return 1
     for name, value in msgspec.structs.asdict(found).items():
-        if name not in ("killings", "killed", "memory"):
+        if name != "memory":
             print(f"{name:10} {value}")
-    print(*summary(found.killings), sep="\n")
     for name, memory in found.memory.items():
         print(
             f"{name:12} {memory.begin / 2**20:8.1f} MiB {memory.end / 2**20:8.1f} MiB"

@@ -1,30 +1,19 @@
-"""Kills parts of a running swarm, and counts the ticks each killing costs."""
+"""Kills parts of a running swarm, and counts the ticks that costs."""
 
 import asyncio
 import random
 import signal
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import combinations, islice
-from statistics import fmean
 from typing import TypeAlias
 
-import msgspec
 import psutil
 
 from neurosnap.runtime.registry import parts_of
 
 Victims: TypeAlias = tuple[str, ...]
-
-
-class Killing(msgspec.Struct, kw_only=True):
-    """One killing, and what it cost."""
-
-    victims: Victims
-    restarts: int = 0
-    """Until the next killing."""
-    redone: int = 0
-    """Ticks that were whole but not on disk; they were done again."""
 
 
 def deck(roles: Sequence[str], chance: random.Random) -> Iterator[Victims]:
@@ -47,8 +36,11 @@ class Killer:
     def __init__(
         self, roles: Sequence[str], kills: int, seed: int, pause: float
     ) -> None:
-        self.killings: list[Killing] = []
+        self.killed: Counter[str] = Counter()
+        """How often each role, and each pair, was."""
         self.restarts = 0
+        self.redone = 0
+        """Ticks that were whole but not on disk; they were done again."""
         self._roles = roles
         self._kills = kills
         self._pause = pause
@@ -65,10 +57,7 @@ class Killer:
     def restarted(self, tick: int, redone: int) -> None:
         """Take in that another life of the swarm goes on from a tick."""
         self.restarts += 1
-        if self.killings:
-            killing = self.killings[-1]
-            killing.restarts += 1
-            killing.redone += redone
+        self.redone += redone
         self._from = tick
         self._under_way.clear()
         self._struck = False
@@ -81,7 +70,7 @@ class Killer:
                 await self._under_way.wait()
                 await asyncio.sleep(self._chance.uniform(0.0, self._pause))
                 killed = self._under_way.is_set() and self._kill(launcher, victims)
-            self.killings.append(Killing(victims=victims))
+            self.killed["+".join(victims)] += 1
             self._under_way.clear()
             self._struck = True
         await self._under_way.wait()
@@ -96,14 +85,3 @@ class Killer:
             with suppress(psutil.NoSuchProcess):
                 process.send_signal(signal.SIGKILL)
         return True
-
-
-def summary(killings: Sequence[Killing]) -> Iterator[str]:
-    """Yield a line for each kind of victims: how often, and ticks done again."""
-    yield f"{'killed':24} times  ticks redone: mean, most"
-    kinds = sorted({killing.victims for killing in killings}, key=lambda v: (len(v), v))
-    for victims in kinds:
-        ticks = [killing.redone for killing in killings if killing.victims == victims]
-        yield (
-            f"{'+'.join(victims):24} {len(ticks):5} {fmean(ticks):19.1f} {max(ticks):6}"
-        )

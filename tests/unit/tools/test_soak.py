@@ -13,7 +13,7 @@ import psutil
 import pytest
 
 from tools.soak.__main__ import Soaked
-from tools.soak.killer import Killer, Killing, deck, summary
+from tools.soak.killer import Killer, deck
 from tools.soak.outside import BITS, Lines, compared
 
 ROLES = ("hub", "recorder", "coordinator", "world", "cell")
@@ -58,7 +58,7 @@ async def settled(killer: Killer) -> int:
     """Return how often it has killed, once it has done all it does by itself."""
     for _ in range(20):
         await asyncio.sleep(0)
-    return len(killer.killings)
+    return killer.killed.total()
 
 
 async def test_nobody_is_killed_before_the_run_has_gone_on(sent: list[str]) -> None:
@@ -84,22 +84,7 @@ async def test_nobody_is_killed_before_the_run_has_gone_on(sent: list[str]) -> N
     await hunting
     assert sorted(sent) == ["cell/0", "cell/0", "hub", "hub"]  # each alone, and both
     assert killer.restarts == 4
-    assert [(one.restarts, one.redone) for one in killer.killings] == [
-        (2, 3),
-        (1, 0),
-        (1, 0),
-    ]
-
-
-def test_a_summary_says_what_each_kind_of_killing_cost() -> None:
-    killings = [
-        Killing(victims=("hub",), redone=1),
-        Killing(victims=("hub",), redone=4),
-        Killing(victims=("hub", "cell"), redone=2),
-    ]
-    _, hub, both = summary(killings)
-    assert hub.split() == ["hub", "2", "2.5", "4"]
-    assert both.split() == ["hub+cell", "1", "2.0", "2"]
+    assert (killer.redone, killer.killed.total()) == (3, 3)
 
 
 @pytest.mark.parametrize(
@@ -130,7 +115,6 @@ def test_more_lines_than_the_sensors_can_count_are_told_apart() -> None:
 
 FINE = Soaked(
     ticks=9,
-    killings=[],
     killed={},
     restarts=0,
     redone=0,
