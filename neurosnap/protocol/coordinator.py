@@ -97,6 +97,12 @@ class Coordinator:
         memory: What the agent knows besides the snapshot; None for nothing.
         repeats: How often a wave that does not settle is sent again, and a question
             that is not answered is asked again.
+
+    Attributes:
+        totals: What the run came to so far.
+        finished: Whether nothing more is to come.
+        questions: What the cells' histories are asked.
+        graph: The learned order that the cells are wired by.
     """
 
     def __init__(
@@ -121,9 +127,9 @@ class Coordinator:
         self._options = options
         self._ticks = options.ticks
         self._control = WaveControl(len(snapshot.sensorium), repeats, workers)
-        self._recall = RecallControl(len(snapshot.sensorium), repeats, workers)
+        self.questions = RecallControl(len(snapshot.sensorium), repeats, workers)
         self._learning = LearnControl(shares, repeats)
-        self._graph: PocGraph = snapshot.poc_graph()
+        self.graph: PocGraph = snapshot.poc_graph()
         self._changed = False  # whether the graph did since the last wiring
         self._known = b""  # which readings of the last observation were known
         self._detector: AnomalyDetector | None = None
@@ -184,8 +190,8 @@ class Coordinator:
             waves=frame.waves,
             pulses=frame.pulses,
             depth=frame.depth,
-            height=self._graph.height(),
-            edges=(len(self._graph.wire_list()) + 1) // 2,
+            height=self.graph.height(),
+            edges=(len(self.graph.wire_list()) + 1) // 2,
             incoherent=frame.incoherent,
             anomalies=frame.anomalies,
             told=frame.told,
@@ -200,11 +206,6 @@ class Coordinator:
     def tick(self) -> int:
         """The last whole tick: its decision is taken."""
         return self._mind.decision.tick
-
-    @property
-    def graph(self) -> PocGraph:
-        """The learned order the cells are wired by."""
-        return self._graph
 
     @property
     def snapshot(self) -> Snapshot:
@@ -231,15 +232,10 @@ class Coordinator:
 
         Waves by number; a question as its -round; and 0, if the workers learn.
         """
-        recall = self._recall.recall
+        recall = self.questions.recall
         asked = () if recall is None else (-recall.round,)
         learning = () if self._learning.under_way is None else (0,)
         return *self._control.in_flight, *asked, *learning
-
-    @property
-    def questions(self) -> RecallControl:
-        """What the cells' histories are asked."""
-        return self._recall
 
     @property
     def _grows(self) -> bool:
@@ -326,7 +322,7 @@ class Coordinator:
         if not number:
             return self._learning.repeat()
         if number < 0:
-            return self._recall.repeat()
+            return self.questions.repeat()
         messages = self._control.repeat(number, self._signal)
         if number in self._asked:
             self._asked[self._control.waves] = self._asked.pop(number)
@@ -384,7 +380,7 @@ class Coordinator:
             case Step.STATE_WAVE:
                 return self._start_state_wave()
             case Question():
-                return self._recall.ask(self.tick + 1, request)
+                return self.questions.ask(self.tick + 1, request)
             case _:
                 return self._start_planning(request)
 
@@ -430,9 +426,9 @@ class Coordinator:
             self._anomaly = None
         changed, self._changed = self._changed, False
         if changed:
-            self._graph = self.snapshot.poc_graph()
+            self.graph = self.snapshot.poc_graph()
         if changed or self._control.wiring.is_forgotten:
-            edges = self._graph.wire_list(self._options.wiring)
+            edges = self.graph.wire_list(self._options.wiring)
             messages += self._control.rewire(edges)
         now, seeds = self.tick + 1, len(self._signal)
         return [*messages, *self._control.start("state", now, seeds=seeds)]
@@ -467,14 +463,14 @@ class Coordinator:
         born = self.decision.born
         if born < 0:
             return []
-        return self._recall.remind(now, born, self._mind.memory.history)
+        return self.questions.remind(now, born, self._mind.memory.history)
 
     def _receive_recalled(self, message: wire.Recalled) -> list[wire.Message]:
         """Receive what a part answers from its histories; go on once all have."""
         if not self._grows:
             return [_fault(f"recalled: must be asked, got {message.who:.40}")]
         try:
-            heard = self._recall.receive(message, self._mind.memory.history)
+            heard = self.questions.receive(message, self._mind.memory.history)
         except MessageError as error:
             return [_fault(str(error))]
         return heard if isinstance(heard, list) else self._answer(heard)
@@ -500,7 +496,7 @@ class Coordinator:
             literals=pack(reached),
             depth=wave.depth,
             longest=self._longest(wave.signal),
-            height=self._graph.height(),
+            height=self.graph.height(),
             pulses=wave.pulses,
         )
         return [result] if self._asked else [result, *self._answer(self._answers)]
@@ -530,7 +526,7 @@ class Coordinator:
     # What it says ---------------------------------------------------------------------
 
     def _longest(self, signal: tuple[int, ...]) -> int:
-        return int(self._graph.heights()[list(signal)].max(initial=0))
+        return int(self.graph.heights()[list(signal)].max(initial=0))
 
     def _state(
         self, wave: Wave, reached: NDArray[np.bool_], state: NDArray[np.bool_]
@@ -543,8 +539,8 @@ class Coordinator:
             incoherent=not np.array_equal(reached, state),
             depth=wave.depth,
             longest=self._longest(self._signal),
-            height=self._graph.height(),
-            edges=(len(self._graph.wire_list()) + 1) // 2,
+            height=self.graph.height(),
+            edges=(len(self.graph.wire_list()) + 1) // 2,
             pulses=wave.pulses,
         )
 
@@ -561,7 +557,7 @@ class Coordinator:
         """Return what a run may go on from: nothing older matters then."""
         detector, options = self._detector, self._options
         history = b"" if detector is None else detector.to_bytes()
-        self._control.forget()
+        self._control.wiring.forget()
         frame = wire.KeyFrame(
             tick=self.tick,
             snapshot=b"",

@@ -28,6 +28,8 @@ class LearnControl:
         repeats: How often workers that do not answer are told again.
 
     Attributes:
+        shares: As given.
+        under_way: What is not learned by all yet; None if there is nothing.
         begins: The snapshot of the key-frame that they go on from; empty once they have
             learned something.
         passed_on: What else they have to hear until then.
@@ -36,32 +38,22 @@ class LearnControl:
     def __init__(self, shares: Sequence[range], repeats: int) -> None:
         self.begins = b""
         self.passed_on: list[wire.Band] = []
-        self._shares = shares
+        self.shares = shares
         self._repeats = repeats
-        self._learn: wire.Learn | None = None  # what is under way
+        self.under_way: wire.Learn | None = None
         self._last = wire.Learn(0)  # what was last
         self._round: Round[bool] = Round("", repeats)
         self._parts: list[set[int]] = []  # that have come, by worker
         self._sizes: list[int] = []  # how many there are, by worker; 0: not known yet
         self._weighed: list[wire.WeighedLink] = []  # what spoke for what
 
-    @property
-    def under_way(self) -> wire.Learn | None:
-        """What is not learned by all yet."""
-        return self._learn
-
-    @property
-    def shares(self) -> Sequence[range]:
-        """The sensors of each worker."""
-        return self._shares
-
     def ask(self, learn: wire.Learn) -> list[wire.Message]:
         """Return the message that tells the workers what to learn."""
-        self._learn = self._last = learn
-        workers = (f"worker/{worker}" for worker in range(len(self._shares)))
+        self.under_way = self._last = learn
+        workers = (f"worker/{worker}" for worker in range(len(self.shares)))
         self._round = Round(f"learn (tick {learn.tick})", self._repeats, workers)
-        self._parts = [set() for _ in self._shares]
-        self._sizes = [0] * len(self._shares)
+        self._parts = [set() for _ in self.shares]
+        self._sizes = [0] * len(self.shares)
         self._weighed = []
         return [learn]
 
@@ -100,7 +92,7 @@ class LearnControl:
 
     def forget(self) -> None:
         """Let nothing be under way, nor have been learned last."""
-        self._learn, self._last = None, wire.Learn(0)
+        self.under_way, self._last = None, wire.Learn(0)
 
     def repeat(self) -> list[wire.Message]:
         """Tell them again.
@@ -109,10 +101,10 @@ class LearnControl:
             AnswerLostError: They were told as often as allowed; it names the
                 silent ones.
         """
-        if self._learn is None:
+        if self.under_way is None:
             return []
         self._round.ask_again(self._round.silent)
-        return [*self.passed_on, self._learn]
+        return [*self.passed_on, self.under_way]
 
     def receive(self, learned: wire.Learned) -> Pairs | None:
         """Receive what a worker learned; nothing is under way once all have.
@@ -124,7 +116,7 @@ class LearnControl:
         Raises:
             MessageError: It cannot be right.
         """
-        learn, here = self._learn, (learned.tick, learned.frame)
+        learn, here = self.under_way, (learned.tick, learned.frame)
         if learn is None or here < (learn.tick, learn.frame):
             return None
         pairs = self._check(learned, learn)
@@ -137,7 +129,7 @@ class LearnControl:
         if learned.parts == len(parts):
             self._round.answers[learned.sender] = True
         if not self._round.silent:
-            self._learn = None
+            self.under_way = None
             self.begins, self.passed_on = b"", []
         return pairs
 
@@ -162,10 +154,10 @@ class LearnControl:
             rule = f"must be of tick {learn.tick}, key-frame {learn.frame}"
             got = f"tick {learned.tick}, key-frame {learned.frame}"
             raise MessageError(f"learned: {rule}, got {got}")
-        if learned.worker >= len(self._shares):
-            rule = f"must be one of {len(self._shares)} workers"
+        if learned.worker >= len(self.shares):
+            rule = f"must be one of {len(self.shares)} workers"
             raise MessageError(f"learned: {rule}, got worker {learned.worker}")
-        share = self._shares[learned.worker]
+        share = self.shares[learned.worker]
         size = self._sizes[learned.worker] or learned.parts
         if learned.parts != size or learned.part >= size:
             got = f"{learned.part} of {learned.parts}"

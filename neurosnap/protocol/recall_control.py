@@ -33,6 +33,9 @@ class RecallControl:
         sensors: How many cells there are.
         repeats: How often a question that is not answered is asked again.
         workers: How many workers share the cells; 0 if every cell is a part by itself.
+
+    Attributes:
+        recall: The question that is not answered yet; None if there is none.
     """
 
     def __init__(self, sensors: int, repeats: int, workers: int) -> None:
@@ -41,16 +44,11 @@ class RecallControl:
         self._all_hear = workers > 0
         self._names = hosts(sensors, workers)
         self._hosted = shares(sensors, workers or sensors)
-        self._recall: wire.Recall | None = None  # the question under way
+        self.recall: wire.Recall | None = None
         self._question = Question()
         self._asked: dict[str, list[int]] = {}  # the cells of each part that are asked
         self._tick = self._number = 0  # of the last round
         self._round: Round[wire.Recalled] = Round("", repeats)
-
-    @property
-    def recall(self) -> wire.Recall | None:
-        """The question that is not answered yet."""
-        return self._recall
 
     def cells_of(self, who: str) -> range:
         """Return the cells of a part; none, if it has none."""
@@ -94,7 +92,7 @@ class RecallControl:
         self._number += 1
         self._round.what = f"recall {self._number} (tick {recall.tick})"
         replace = msgspec.structs.replace
-        self._recall = recall = replace(recall, round=self._number, repeats=repeats)
+        self.recall = recall = replace(recall, round=self._number, repeats=repeats)
         if self._all_hear or 2 * len(cells) > self._sensors:
             return [recall]
         return [replace(recall, cell=cell) for cell in cells]
@@ -106,7 +104,7 @@ class RecallControl:
             AnswerLostError: It was asked as often as allowed; the error names the
                 parts that have not answered.
         """
-        recall = self._recall
+        recall = self.recall
         if recall is None:
             return []
         self._round.ask_again(self._round.silent)
@@ -130,7 +128,7 @@ class RecallControl:
             MessageError: It cannot be right.
             AnswerLostError: As for `repeat`: cells lack what they were reminded of.
         """
-        recall = self._recall
+        recall = self.recall
         here = answer.tick, answer.round
         if here > (self._tick, self._number):
             rule = f"must be to round {self._number} of tick {self._tick}"
@@ -147,7 +145,7 @@ class RecallControl:
         # In the order of the cells: it does not matter who answered first.
         lacking = [who for who, said in answers.items() if said and said.lacks]
         if not lacking:
-            self._recall = None
+            self.recall = None
             return self._whole(recall, history.length)
         self._round.ask_again(lacking, "without a history", spare=1)
         reminders = list(self._reminders(lacking, recall.tick, history))

@@ -50,21 +50,16 @@ class WaveControl:
         return tuple(self._flying)
 
     def start_at(self, waves: int, epochs: tuple[int, ...]) -> None:
-        """Continue after `waves` waves and wirings up to `epochs`, as after `forget`.
+        """Continue after `waves` waves and wirings up to `epochs`.
+
+        The next wiring goes to all parts, and whole: if no wave is in flight, these are
+        the whole state.
 
         Raises:
             InvalidValueError: The epochs are of another number of workers.
         """
         self._next = waves + 1
         self.wiring.start_at(epochs)
-
-    def forget(self) -> None:
-        """Let the next wiring go to all parts, and whole.
-
-        If no wave is in flight, `waves` and the wiring's epochs are then the whole
-        state.
-        """
-        self.wiring.forget()
 
     def rewire(self, edges: Edges) -> list[wire.Message]:
         """Return the messages that turn the cells' wiring into `edges`.
@@ -75,11 +70,6 @@ class WaveControl:
         messages = self.wiring.rewire(edges)
         self._stale = self._stale or bool(messages)  # the next wave is a fence
         return messages
-
-    def rewire_whole(self) -> list[wire.Message]:
-        """Return the whole wiring of every part that has or had out-edges."""
-        self._stale = True
-        return self.wiring.rewire_whole()
 
     def start(
         self,
@@ -174,6 +164,7 @@ class WaveControl:
         self._rounds[number].what = f"wave {number} (tick {wave.tick})"
         self._rounds[number].ask_again(silent, lack, rule="settle")
         del self._flying[number]
-        whole = self.rewire_whole()
+        whole = self.wiring.rewire_whole()
+        self._stale = True
         again = self.start(wave.kind, wave.tick, signal, number, seeds=wave.seeds)
         return [*whole, *again]

@@ -88,16 +88,12 @@ def test_a_wave_of_a_few_goes_to_their_cells_only(
     assert control.in_flight == tuple(range(1, len(signals) + 1))
 
 
-@pytest.mark.parametrize("whole", [False, True])
-def test_the_first_wave_after_a_wiring_is_announced_to_all(whole: bool) -> None:
+def test_the_first_wave_after_a_wiring_is_announced_to_all() -> None:
     control = WaveControl(SENSORS)
     rewire(control, CHAIN)
     control.start("state", 1)
     assert told_of(control.start("signal", 1, (0,))) == [(0, 1)]
-    if whole:
-        control.rewire_whole()
-    else:
-        rewire(control, set())
+    rewire(control, set())
     assert told_of(control.start("signal", 1, (0,))) == [(-1, 3)]
     assert told_of(control.start("signal", 1, (0,))) == [(0, 3)]
 
