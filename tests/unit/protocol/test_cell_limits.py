@@ -108,27 +108,3 @@ def test_waves_that_never_come_are_kept_to_a_number_and_then_forgotten(
     assert set(cell._waves) == {1, *range(1000, 4098, 1000)}
     (report,) = cell.receive([pulse(2, fence=1)])
     assert isinstance(report, wire.CellReport)
-
-
-@pytest.mark.slow
-def test_pulses_are_kept_to_a_number_and_forgotten_with_their_waves() -> None:
-    cell = Cell(1)
-    said = flood(cell, lambda source: pulse(2, source), 200_000)
-    assert len(said) == 3
-    assert said[0].startswith("pulse: must be one of 131072 in flight")
-    assert cell._remembered == limits.REMEMBERED
-    cell.receive([start(3, settled_below=3)])
-    (report,) = cell.receive([pulse(3)])
-    assert isinstance(report, wire.CellReport)
-    assert cell._remembered == 1
-
-
-def test_of_a_signal_only_its_own_literals_are_kept() -> None:
-    cell = Cell(1)
-    for kind in ("signal", "state"):
-        wave = 2 if kind == "signal" else 3
-        signal = (*range(100_000), OWN)
-        cell.receive([wire.WaveStart(wave, 0, kind, 0, 1, signal, fence=9)])
-        kept = cell._waves[wave].start
-        assert kept is not None
-        assert len(kept.signal) == 2
