@@ -55,10 +55,6 @@ class AgentMemory:
         self._begins = False  # the observation whose state is to come
         self._actions = None if self.is_empty else Actions(body)
 
-    def grow_by(self, growth: Growth) -> None:
-        """Let another rule say what is grown."""
-        self._growth = growth
-
     @property
     def chance(self) -> dict[str, tuple[str, ...]]:
         """Return by action which of the world's own sensors it leaves to chance."""

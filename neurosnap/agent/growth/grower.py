@@ -120,6 +120,9 @@ class Grower:
             context of every literal that may be in a cover.
         confirmations: How often a cover must hold before its sensor is born.
 
+    Attributes:
+        hopeless: ``(actions, own literals)``: which results seem to be left to chance.
+
     Raises:
         InvalidValueError: The body's actions are not sensed in context.
     """
@@ -161,11 +164,6 @@ class Grower:
     def _fit(self, body: Body) -> None:
         self._grown = set(body.in_use)
         self._births = len(body.grown)
-
-    @property
-    def hopeless(self) -> NDArray[np.bool_]:
-        """``(actions, own literals)``: which results seem to be left to chance."""
-        return self._hopeless
 
     def notice(
         self,
@@ -245,7 +243,7 @@ class Grower:
 
     def _judge(self) -> None:
         """Tell anew what is left to chance; an array that was given out stays."""
-        self._hopeless: NDArray[np.bool_] = self._lost >= HOPELESS * (1 + self._won)
+        self.hopeless: NDArray[np.bool_] = self._lost >= HOPELESS * (1 + self._won)
 
     def _is_due(self, action: int, state: NDArray[np.bool_], result: int) -> bool:
         """Tell whether to look for a cover of what was not guaranteed."""

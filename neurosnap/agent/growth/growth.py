@@ -28,6 +28,7 @@ class Growth:
 
     Attributes:
         history: The last readings of every sensor.
+        changes: What the decision of the tick under way says of growth, by field.
 
     Raises:
         InvalidValueError: As for `Grower`.
@@ -38,7 +39,7 @@ class Growth:
         self.history = History(len(body.sensors), length)
         self._own = len(body.own)
         self._body = body
-        self._said: dict[str, Any] = {}  # in the decision of the tick under way
+        self.changes: dict[str, Any] = {}
 
     def fit(self, body: Body) -> None:
         """Go on with a body that has grown, or retired, a sensor."""
@@ -88,13 +89,13 @@ class Growth:
         snapshot: Snapshot,
     ) -> Search[None]:
         """Prepare what a decision says: one sensor is grown at most, or one retires."""
-        self._said = {}
+        self.changes = {}
         due, tick = None, self.history.tick
         if action >= 0:
             before = self.hopeless[action]
             due = yield from self._grower.notice(action, state, foretold, came, tick)
             if (given_up := self.hopeless[action] & ~before).any():
-                self._said["chance"] = tuple(np.flatnonzero(given_up).tolist())
+                self.changes["chance"] = tuple(np.flatnonzero(given_up).tolist())
         if due is None:
             yield from self._retire(snapshot)
         else:
@@ -112,13 +113,8 @@ class Growth:
         ticks = self.history.ticks
         unread = [body.first_grown + place for place in body.retired]
         newborn = yield from snapshot.newborn(sensor, ticks, on, off, unread)
-        self._said |= {"born": sensor, "context": action, "literals": literals}
-        self._said |= birth_fields(newborn, snapshot)
-
-    @property
-    def changes(self) -> dict[str, Any]:
-        """What a tick's decision says of growth, by field."""
-        return self._said
+        self.changes |= {"born": sensor, "context": action, "literals": literals}
+        self.changes |= birth_fields(newborn, snapshot)
 
     def _retire(self, snapshot: Snapshot) -> Search[None]:
         """Look at one grown sensor every few ticks; prepare that it retires."""
@@ -130,7 +126,7 @@ class Growth:
         if place in body.retired:
             return
         if (yield from is_needless(body, place, snapshot)):
-            self._said["retires"] = body.first_grown + place
+            self.changes["retires"] = body.first_grown + place
 
     def arrays(self) -> Arrays:
         """Return its whole state as arrays, by name."""
