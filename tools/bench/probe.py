@@ -10,15 +10,24 @@ from neurosnap.depth.probe import Measured, ProbeJob, ProbePlan
 from neurosnap.runtime.launch import Ending, Jobs, host_jobs, launch
 from neurosnap.runtime.request import Site, Watcher
 
-_ENDLESS = 10**9
-"""More waves than a swarm will ever send: it is stopped when all is measured."""
 
+def probe(plan: ProbePlan, weigh: Callable[[], None] | None = None) -> Ending:
+    """Return how a swarm ended that passed all waves of a plan.
 
-def probe(plan: ProbePlan) -> Ending:
-    """Return how a swarm ended that passed all waves of a plan."""
+    Args:
+        plan: Its cells and waves.
+        weigh: Called once some waves have passed; the swarm is stopped after it.
+    """
+    jobs = Jobs(partial(ProbeJob, plan), host_jobs(plan.sensors, plan.workers))
+    stop = asyncio.Event()
+
+    def on_wave(passed: int) -> None:
+        if passed and weigh is not None and not stop.is_set():
+            weigh()
+            stop.set()
 
     async def run() -> Ending:
-        return await launch(_swarm(plan), Site(), asyncio.Event())
+        return await launch(jobs, Site(), stop, Watcher(on_wave))
 
     return asyncio.run(run())
 
@@ -26,44 +35,3 @@ def probe(plan: ProbePlan) -> Ending:
 def rows_of(ending: Ending) -> list[Measured]:
     """Return what was measured of each wave."""
     return msgspec.json.decode(ending.result, type=list[Measured])
-
-
-def weighed_while_up(
-    plan: ProbePlan, weigh: Callable[[], float]
-) -> tuple[float, float]:
-    """Return the seconds until the first waves had passed, and what was weighed then.
-
-    Args:
-        plan: Its number of waves does not count: they go on until all is weighed.
-        weigh: Called in a thread, while waves pass.
-    """
-    return asyncio.run(_while_up(plan, weigh))
-
-
-async def _while_up(plan: ProbePlan, weigh: Callable[[], float]) -> tuple[float, float]:
-    endless = msgspec.structs.replace(plan, waves=_ENDLESS)
-    stop, up = asyncio.Event(), asyncio.Event()
-    loop = asyncio.get_running_loop()
-    began, seconds, found = loop.time(), 0.0, 0.0
-
-    async def measure() -> None:
-        nonlocal seconds, found
-        try:
-            await up.wait()
-            seconds = loop.time() - began
-            found = await asyncio.to_thread(weigh)
-        finally:
-            stop.set()
-
-    async with asyncio.TaskGroup() as group:
-        measuring = group.create_task(measure(), name="bench/memory")
-        try:
-            watcher = Watcher(lambda tick: up.set() if tick else None)
-            await launch(_swarm(endless), Site(), stop, watcher)
-        finally:
-            measuring.cancel()
-    return seconds, found
-
-
-def _swarm(plan: ProbePlan) -> Jobs:
-    return Jobs(partial(ProbeJob, plan), host_jobs(plan.sensors, plan.workers))

@@ -10,12 +10,13 @@ from pathlib import Path
 from neurosnap.depth.probe import Measured, ProbePlan
 from neurosnap.runtime.child_processes import allow_files
 from tools.bench.bare import mean_pss
-from tools.bench.probe import probe, rows_of, weighed_while_up
+from tools.bench.probe import probe, rows_of
 from tools.bench.report import Line, Sizes, ratio_of_pairs
 
 _ROOT = Path(__file__).parents[2]
 _SPAWN, _MEMORY, _HOP = 1.5, 12.0, 2.5
 _MB = 1e6
+_ENDLESS = 10**9  # waves: the swarm is stopped when its memory is measured
 
 
 def spawn(sizes: Sizes) -> list[Line]:
@@ -55,9 +56,11 @@ def spawn(sizes: Sizes) -> list[Line]:
 
 
 def _memory(sizes: Sizes) -> Line:
-    """Measure the cells' memory while waves go on passing through them."""
-    plan = ProbePlan(sensors=sizes.cells, heights=(1,), wiring="hasse", waves=1)
-    ours = weighed_while_up(plan, _cells_pss)[1] / _MB
+    """Measure the cells' memory once waves have passed through them."""
+    plan = ProbePlan(sensors=sizes.cells, heights=(1,), wiring="hasse", waves=_ENDLESS)
+    found: list[float] = []
+    probe(plan, lambda: found.append(_cells_pss()))
+    ours = found[0] / _MB
     theirs = run_bare("spawn", sizes.cells, "--memory")["pss"] / _MB
     return Line(
         "memory a cell (PSS)",

@@ -28,6 +28,8 @@ from tools.simulate.source import source_of
 Said = tuple[object, ...]
 Edges = set[tuple[int, int]]
 
+_TOPICS = ("observation", "state", "reached", "decision")
+
 
 class WrongError(Exception):
     """A simulated run did not come to what it must."""
@@ -44,13 +46,13 @@ class Truth(msgspec.Struct):
 
 def truth(options: RunOptions) -> Truth:
     """Make the run in process."""
-    found = Truth({"observation": [], "state": [], "reached": [], "decision": []}, {})
+    found = Truth(dict[str, list[Said]]((topic, []) for topic in _TOPICS), {})
     source = source_of(options)
     memory, snapshot = options.new_memory(), options.new_snapshot()
     mind = Mind(snapshot, options.policy_with(memory), memory)
     before = None
     for number in range(1, options.ticks + 1):
-        found.said["decision"].append(_decided(mind.decision))
+        found.said["decision"].append(msgspec.structs.astuple(mind.decision))
         action = mind.decision.action
         seen = source.first() if number == 1 else source.step(action)
         if seen is None:
@@ -156,12 +158,7 @@ def _check_completeness(
 
 def _said(recorded: Iterable[Recorded]) -> dict[str, list[Said]]:
     """Return what was said, as in `Truth`."""
-    said: dict[str, list[Said]] = {
-        "observation": [],
-        "state": [],
-        "reached": [],
-        "decision": [],
-    }
+    said: dict[str, list[Said]] = {topic: [] for topic in _TOPICS}
     for one in recorded:
         match one.message:
             case wire.Observation() as m:
@@ -171,16 +168,11 @@ def _said(recorded: Iterable[Recorded]) -> dict[str, list[Said]]:
             case wire.Reached() as m:
                 said["reached"].append((m.tick, m.signal, m.literals))
             case wire.Decision() as m:
-                said["decision"].append(_decided(m))
+                said["decision"].append(msgspec.structs.astuple(m))
             case _:
                 pass
     _sort(said)
     return said
-
-
-def _decided(decision: wire.Decision) -> Said:
-    """Return what a decision says, with the weights of what it grows."""
-    return msgspec.structs.astuple(decision)
 
 
 def _sort(said: dict[str, list[Said]]) -> None:

@@ -31,7 +31,6 @@ from neurosnap.runtime.parts.job import decoded
 from neurosnap.sources.protocol import Source
 from tools.simulate.check import WrongError
 from tools.simulate.disk import Disk
-from tools.simulate.hubs import Link, between
 from tools.simulate.recorder import Recorder
 from tools.simulate.simulated_hub import Faults, SimulatedHub
 from tools.simulate.source import source_of
@@ -41,6 +40,9 @@ if TYPE_CHECKING:
     from neurosnap.fabric.in_memory import MemoryFabric
 
 Transition = Callable[[wire.Message], list[wire.Message]]
+
+Link = tuple[tuple[str, str], ...]
+"""All pairs of parts that lose each other when it is cut: the far one is second."""
 
 _OTHER = "a hub that is not the recorder's"
 _MOST = 200_000  # deliveries in one life; more, and it does not end
@@ -354,3 +356,16 @@ class Life:
             self._recorder.finish()
         else:
             self._recorder.lose(self._weather)
+
+
+def between(hub: int, at: Mapping[str, int], parts: Sequence[str]) -> Link:
+    """Return the link in front of a hub.
+
+    Args:
+        hub: Its place in the line, from 1.
+        at: The place of each part's hub.
+        parts: Those that count.
+    """
+    near = [who for who in parts if at[who] < hub]
+    far = [who for who in parts if at[who] >= hub]
+    return tuple((one, other) for one in near for other in far)
