@@ -56,7 +56,7 @@ class DetectionEntry(Entry, frozen=True, kw_only=True):
         walk = course(self.place, self.seed, run, self.steps)
         count = walk.bits.shape[1]
         # Every kind of fault strikes at the same times, and where it can the same.
-        key = ([place.name for place in PLACES].index(self.place), run, 3)
+        key = (list(PLACES).index(self.place), run, 3)
         (drawn,) = np.random.SeedSequence(self.seed, spawn_key=key).generate_state(1)
         episodes = faults(self.fault, count, self.steps, int(drawn))
         read = seen(walk.bits, self.fault, episodes)

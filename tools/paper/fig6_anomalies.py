@@ -67,7 +67,7 @@ def cells(options: FigureOptions) -> list[DetectionEntry]:
     """Return a cell a world, learner and fault, worlds outermost."""
     return [
         DetectionEntry(
-            place=place.name,
+            place=place,
             threshold=threshold,
             decay=decay,
             fault=fault,

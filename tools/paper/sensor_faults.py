@@ -7,7 +7,6 @@ has one fault somewhere in it, that lasts one step, a fiftieth of a spell or a f
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,25 +24,17 @@ _SPELLS = 8
 _LENGTHS = (1 / 5, 1 / 50, 0)
 
 
-class Place(msgspec.Struct, frozen=True):
-    """An environment that is walked through."""
+PLACES = {
+    "path": ("neurosnap/Path-v0", None),
+    "cycle": ("neurosnap/Cycle-v0", None),
+    "grid": ("neurosnap/Grid-v0", None),
+    "waiting": ("neurosnap/Rail-v0", None),
+    "target": ("neurosnap/Path-v0", "drawn"),
+}
+"""The worlds that are walked through, by id and target.
 
-    name: str
-    """What it is called in the data."""
-    world: str
-    """Its id."""
-    drawn: bool = False
-    """Whether it has a target, drawn at the start."""
-
-
-PLACES = (
-    Place("path", "neurosnap/Path-v0"),
-    Place("cycle", "neurosnap/Cycle-v0"),
-    Place("grid", "neurosnap/Grid-v0"),
-    Place("waiting", "neurosnap/Rail-v0"),
-    Place("target", "neurosnap/Path-v0", drawn=True),
-)
-"""Their order goes into the seed of every walk: add last."""
+Their order goes into the seed of every walk: add last.
+"""
 
 
 @dataclass(frozen=True)
@@ -74,12 +65,10 @@ def course(name: str, seed: int, run: int, steps: int) -> Course:
         run: From 0 up; with the seed it says all.
         steps: Observations, at least 1.
     """
-    number = [place.name for place in PLACES].index(name)
-    chosen = PLACES[number]
-    key = (number, run, 2)  # not the streams of walks and tasks
+    key = (list(PLACES).index(name), run, 2)  # not the streams of walks and tasks
     of_world, of_moves = np.random.SeedSequence(seed, spawn_key=key).spawn(2)
-    target = "drawn" if chosen.drawn else None
-    world = world_of(chosen.world, int(of_world.generate_state(1)[0]), target)
+    world_name, target = PLACES[name]
+    world = world_of(world_name, int(of_world.generate_state(1)[0]), target)
     moves = world.moves
     draws = np.random.default_rng(of_moves).integers(len(moves), size=steps - 1)
     after = follow(moves, world.place, draws)

@@ -44,14 +44,14 @@ CELL = DetectionEntry(
 )
 
 
-@pytest.mark.parametrize("place", [place.name for place in PLACES])
+@pytest.mark.parametrize("place", PLACES)
 def test_a_course_is_what_the_world_shows_of_some_walk(place: str) -> None:
-    chosen = next(each for each in PLACES if each.name == place)
     walk = course(place, 7, 1, 60)
     assert (course(place, 7, 1, 60).bits == walk.bits).all()
-    arguments: dict[str, Any] = {"target": "drawn"} if chosen.drawn else {}
-    env: gymnasium.Env[Any, Any] = gymnasium.make(chosen.world, **arguments)
-    number = list(PLACES).index(chosen)
+    name, target = PLACES[place]
+    arguments: dict[str, Any] = {"target": target} if target else {}
+    env: gymnasium.Env[Any, Any] = gymnasium.make(name, **arguments)
+    number = list(PLACES).index(place)
     of_world, of_moves = np.random.SeedSequence(7, spawn_key=(number, 1, 2)).spawn(2)
     reading, _ = env.reset(seed=int(of_world.generate_state(1)[0]))
     count = len(env.get_wrapper_attr("moves"))
@@ -62,7 +62,7 @@ def test_a_course_is_what_the_world_shows_of_some_walk(place: str) -> None:
     assert (np.array(shown) == walk.bits).all()
 
 
-@pytest.mark.parametrize("place", [place.name for place in PLACES])
+@pytest.mark.parametrize("place", PLACES)
 def test_no_walk_contradicts_the_truth_and_there_is_some(place: str) -> None:
     walk = course(place, 0, 0, 400)
     assert all(walk.truth.is_coherent(complete(bits)) for bits in walk.bits)
