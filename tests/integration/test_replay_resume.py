@@ -15,7 +15,7 @@ from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.run_options import SnapshotKind, WiringKind
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.read.stretches import last_tick
+from neurosnap.recording.read.tick_index import TickIndex
 from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
@@ -138,7 +138,7 @@ def test_a_snapshot_at_a_tick_is_one_that_learned_that_far(
 ) -> None:
     log, options, _ = runs.of(name, "hasse", snapshot)
     recording = Recording.open(log)
-    assert last_tick(recording) == TICKS
+    assert TickIndex(recording).last_tick() == TICKS
     frames = [frame.tick for frame in of_type(log, wire.KeyFrame)]
     assert frames == [7, 14, 21, 28, TICKS]
     reference = options.new_snapshot()

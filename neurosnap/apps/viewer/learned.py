@@ -97,10 +97,10 @@ class SnapshotCache:
         """
         known = max((kept for kept in self._kept if kept <= tick), default=-1)
         if tick - known > far or known < 0:
-            frame = self.tick_index.keyframe(tick)
-            if frame is not None and frame.tick > known:
+            found = self.tick_index.keyframe(tick)
+            if found is not None and found[0].tick > known:
                 learning = self._blank()
-                learning.restore(frame, self.tick_index.bands(frame))
+                learning.restore(*found)
                 return learning
         if known < 0:
             return self._blank()

@@ -141,10 +141,10 @@ class TimeSeries:
 
     def _follow_births(self, decisions: dict[int, wire.Decision], last: int) -> None:
         """Take in what decisions say, and the last key-frame, which knows the rest."""
-        frame = self._run_view.tick_index.keyframe(last)
+        found = self._run_view.tick_index.keyframe(last)
         taken: list[wire.Decision | wire.KeyFrame] = [*decisions.values()]
-        if frame is not None:
-            taken.append(frame)
+        if found is not None:
+            taken.append(found[0])
         for message in sorted(taken, key=lambda each: each.tick):
             with suppress(ValueError):  # no agent's key-frame
                 self.births.follow(message)

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import msgspec
 
-from neurosnap import wire
 from neurosnap.recording.format.records import TOTALS, Cut, Layout
 from neurosnap.recording.read.file import RecordingFile
 from neurosnap.recording.read.keyframes import starts
@@ -156,12 +155,3 @@ def _real(file: RecordingFile, breaks: list[_Break]) -> list[_Break]:
         if before is not None and (before.certain or jumps):
             real.append(before)
     return real
-
-
-def last_tick(recording: Recording) -> int:
-    """Return the last tick whose state was recorded, 0 if there is none."""
-    tick = 0
-    for recorded in recording.messages(("state",)):
-        if isinstance(recorded.message, wire.State):
-            tick = max(tick, recorded.message.tick)
-    return tick

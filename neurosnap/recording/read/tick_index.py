@@ -149,19 +149,20 @@ class TickIndex:
                     return max(state.tick for state in states)
         return 0
 
-    def keyframe(self, tick: int) -> wire.KeyFrame | None:
-        """Return the last key-frame at a tick or before; None if there is none.
+    def keyframe(self, tick: int) -> tuple[wire.KeyFrame, list[wire.Band]] | None:
+        """Return the last key-frame at a tick or before, with its bands.
 
-        Only chunks that are said to have one are unpacked.
+        Of one that lacks a band nothing can be made: the one before it is taken; None
+        if there is none. Only chunks that are said to have one are unpacked.
         """
         for number in reversed(range(min(self.chunk_after(tick) + 2, len(self)))):
-            found = self._keyframes(number)
-            before = [frame for frame in found if frame.tick <= tick]
-            if before:
-                return max(before, key=lambda frame: frame.tick)
+            found = sorted(self._keyframes(number), key=lambda frame: -frame.tick)
+            for frame in found:
+                if frame.tick <= tick and len(own := self._bands(frame)) >= frame.bands:
+                    return frame, own
         return None
 
-    def bands(self, frame: wire.KeyFrame) -> list[wire.Band]:
+    def _bands(self, frame: wire.KeyFrame) -> list[wire.Band]:
         """Return the bands of a key-frame that are there."""
         found: list[wire.Band] = []
         number = max(0, self.chunk_of(frame.tick) - 1)
@@ -191,13 +192,14 @@ class TickIndex:
         ]
 
     def _has_keyframe(self, number: int) -> bool:
-        """Return whether a chunk is said to have a key-frame.
+        """Return whether a chunk is said to have a key-frame, or nothing is said of it.
 
-        In a recording that was cut short that is not certain. Without a key-frame one
-        has to begin further back, and comes to the same.
+        The last chunk of a recording that was cut short may lack what says so.
         """
         file, chunk = self.recording.chunks[number]
-        return any(file.topics.get(k) == "keyframe" for k in chunk.counts)
+        return not chunk.counts or any(
+            file.topics.get(k) == "keyframe" for k in chunk.counts
+        )
 
     def _first_tick(self, number: int) -> int:
         """Return the first tick observed in a chunk or after it; very large: none."""

@@ -18,9 +18,9 @@ from neurosnap.errors import (
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.key_frames import snapshot_of
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.keyframes import last_start, starts
+from neurosnap.recording.read.keyframes import starts
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.read.stretches import last_tick
+from neurosnap.recording.read.tick_index import TickIndex
 from neurosnap.sensorium import unpack_readings
 
 
@@ -161,7 +161,7 @@ def _body_in(frame: wire.KeyFrame, options: RunOptions, path: Path) -> Body:
 def snapshot_at(recording: Recording, tick: int | None = None) -> tuple[int, Snapshot]:
     """Return a tick and the snapshot after it; its state is left unset.
 
-    Cost: reading every state, beside `learned_at`.
+    Cost: as `learned_at`; of a recording that is not whole, reading what was observed.
 
     Args:
         recording: A run's.
@@ -172,7 +172,7 @@ def snapshot_at(recording: Recording, tick: int | None = None) -> tuple[int, Sna
         InvalidValueError: There is no such tick.
         RecordingError: The recording lacks an observation.
     """
-    last = last_tick(recording)
+    last = TickIndex(recording).last_tick()
     wanted = last if tick is None else tick
     if not 0 <= wanted <= last:
         raise InvalidValueError("tick", f"must be in [0, {last}]", wanted)
@@ -199,9 +199,8 @@ def _last_known(recording: Recording, last: int) -> int:
 def learned_at(recording: Recording, tick: int) -> Snapshot:
     """Return the snapshot after a tick; its state is left unset.
 
-    Cost: learning the ticks since the last key-frame before it, and reading key-frames
-    and, from there on, observations; what is in other chunks of a finished recording is
-    not unpacked.
+    Cost: learning the ticks since the last key-frame before it, and unpacking the
+    chunks that these are in.
 
     Args:
         recording: A run's.
@@ -210,24 +209,11 @@ def learned_at(recording: Recording, tick: int) -> Snapshot:
     Raises:
         RecordingError: The recording is damaged, or lacks an observation.
     """
-    learning, since = Learning(recording.path, recording.options), 0
-    if (last := last_start(recording, tick)) is not None:
-        learning.restore(last.frame, last.bands)
-        since = last.since
-    observations: dict[int, wire.Observation] = {}
-    decisions: dict[int, wire.Decision] = {}
-    topics = ("observation", "decision") if learning.grows else ("observation",)
-    for recorded in recording.messages(topics, start=since):
-        match recorded.message:
-            case wire.Observation() as observation if (
-                learning.tick < observation.tick <= tick
-            ):
-                observations[observation.tick] = observation
-            case wire.Decision() as decision:
-                decisions[decision.tick] = decision
-            case _:
-                pass
-    in_order = (observations[each] for each in sorted(observations))
-    for _ in learning.learn_to(tick, in_order, decisions):
+    learning, index = Learning(recording.path, recording.options), TickIndex(recording)
+    if (found := index.keyframe(tick)) is not None:
+        learning.restore(*found)
+    first = learning.tick + 1
+    decisions = index.decisions(first, tick) if learning.grows else {}
+    for _ in learning.learn_to(tick, index.observations(first, tick), decisions):
         pass
     return learning.snapshot

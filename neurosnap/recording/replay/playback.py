@@ -20,7 +20,7 @@ from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.hub import open_hub
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.read.stretches import last_tick
+from neurosnap.recording.read.tick_index import TickIndex
 from neurosnap.recording.replay.learning import learned_at
 
 _NS = 1e9
@@ -112,7 +112,7 @@ async def play(
     rate, start, on_begin, on_progress = playing
     if not 0 < rate < float("inf"):
         raise InvalidValueError("rate", "must be positive and finite", rate)
-    last = last_tick(recording)
+    last = TickIndex(recording).last_tick()
     if not 1 <= start <= max(last, 1):
         raise InvalidValueError("from", f"must be in [1, {last}]", start)
     await on_begin()

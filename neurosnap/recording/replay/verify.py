@@ -11,7 +11,8 @@ import msgspec
 from neurosnap.errors import RecordingError
 from neurosnap.recording.read.keyframes import starts
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.read.stretches import last_tick, stretches
+from neurosnap.recording.read.stretches import stretches
+from neurosnap.recording.read.tick_index import TickIndex
 from neurosnap.recording.replay.replay import DifferenceError, Replay, start_of
 
 
@@ -129,5 +130,5 @@ def _between(
         if start > reached + 1:
             yield reached + 1, start - 1
         reached = stop
-    if recording.damage and (last := last_tick(recording)) > reached:
+    if recording.damage and (last := TickIndex(recording).last_tick()) > reached:
         yield reached + 1, last
