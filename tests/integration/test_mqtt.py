@@ -5,7 +5,6 @@ topic says ``online``, and readings show in ticks.
 """
 
 import asyncio
-import json
 import logging
 import socket
 import subprocess
@@ -178,43 +177,6 @@ STATE = wire.State(
     edges=0,
     pulses=0,
 )
-
-
-async def test_home_assistant_finds_beliefs_and_anomalies(broker: Mosquitto) -> None:
-    publish = MqttPublish(prefix=PREFIX, device="House")
-    names = ["door", "hall motion", "light", "light&door"]
-    outlet = MqttPublisher(broker.options, publish, names, own=3, actions=["off", "on"])
-    state = msgspec.structs.replace(STATE, literals=pack([1, 0, 0, 1, 0, 0, 1, 0]))
-    outlet.state(state)
-    stop = asyncio.Event()
-    async with asyncio.TaskGroup() as group:
-        serving = group.create_task(outlet.serve(stop))
-        outlet.decision(wire.Decision(1, 1, "greedy"))
-        outlet.anomaly({"tick": 1, "culprits": ["door"]})
-        async with peer(broker, f"{PREFIX}/#") as other:
-            await heard(other, f"{PREFIX}/sensor/hall_motion", b"OFF")
-            outlet.state(msgspec.structs.replace(state, tick=2))
-            outlet.anomaly(None)
-            await heard(
-                other,
-                f"{PREFIX}/anomaly",
-                b'{"now":"OFF","last":{"tick":1,"culprits":["door"]}}',
-            )
-        stop.set()
-        await serving
-    found = await left(broker)
-    device = json.loads(found.pop("homeassistant/device/neurosnap_house/config"))
-    assert found == {
-        f"{PREFIX}/status": b"offline",
-        f"{PREFIX}/sensor/door": b"ON",
-        f"{PREFIX}/sensor/hall_motion": b"OFF",
-        f"{PREFIX}/sensor/light": b"unknown",
-        f"{PREFIX}/decision": b'{"action":"on","why":"greedy"}',
-        f"{PREFIX}/anomaly": b'{"now":"OFF","last":{"tick":1,"culprits":["door"]}}',
-    }
-    assert device["availability"] == [{"topic": f"{PREFIX}/status"}]
-    topics = {each["state_topic"] for each in device["components"].values()}
-    assert topics == set(found) - {f"{PREFIX}/status"}
 
 
 async def test_the_status_of_who_reads_is_offline_in_the_end(

@@ -1,7 +1,6 @@
 """Gymnasium's toy texts with binary sensors: what they sense, alone and in a swarm."""
 
 import asyncio
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,21 +12,17 @@ from gymnasium.utils.env_checker import check_env
 
 from neurosnap import wire
 from neurosnap.agent.agent import Agent
-from neurosnap.agent.binary_sensors import BinarySensors
-from neurosnap.agent.body import Body
-from neurosnap.agent.environment import Continuing, describe
-from neurosnap.agent.senses import Senses
-from neurosnap.agent.sensor import decreased, increased, one_hot
+from neurosnap.agent.environment import describe
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
-from neurosnap.sensorium import complete, unpack
+from neurosnap.sensorium import unpack
 from neurosnap.sources.open import open_source
 from tests.support.recorded_messages import of_type
 from tests.support.rewritten_recordings import changing, rewritten
 from tests.support.run_options import options_for
 from tests.support.taught_agents import BEDS, Bed
-from tests.support.transition_tables import Table, state_fields, transition_fields
+from tests.support.transition_tables import Table, state_fields
 from world.toy_text import cliff_walking, frozen_lake, taxi
 
 VARIANTS: list[tuple[Bed, dict[str, Any]]] = [
@@ -133,45 +128,6 @@ def test_a_taxi_picks_up_and_drops_off() -> None:
     assert env.state_of(inner.s, {}) == (0, 4, "taxi", "yellow")
     env.step(env.actions.index("dropoff"))
     assert env.state_of(inner.s, {}) == (0, 4, "green", "yellow")
-
-
-def lake_with_changes() -> BinarySensors:
-    """The lake with two sensors of order 1 among its own."""
-    bare = frozen_lake()
-    inner: Any = bare.unwrapped
-    sensors = [*one_hot("state", range(15)), increased("further"), decreased("back")]
-    return BinarySensors(inner, sensors, actions=bare.actions)
-
-
-@pytest.mark.parametrize("make", [frozen_lake, lake_with_changes])
-def test_transitions_are_sensed_as_an_agent_senses_them(
-    make: Callable[[], BinarySensors],
-) -> None:
-    env = make()
-    table = Table.of(env)
-    body = Body.full(env.sensors, env.actions, env.orders)
-    senses = Senses(body)
-    fields = transition_fields(env, table, body.context)
-    assert fields.shape == (len(body.sensors), len(table.before))
-    inner: Any = env.unwrapped
-    column = {
-        move: k for k, move in enumerate(zip(table.before, table.action, strict=True))
-    }
-    place = {state: k for k, state in enumerate(table.states.tolist())}
-    going_on = Continuing(env)
-    before = going_on.reset(seed=0)[0].astype(np.bool_)
-    seen = set()
-    for action in np.random.default_rng(0).integers(4, size=6000).tolist():
-        k = column[(place[inner.s], action)]
-        readings, _, _, _, info = going_on.step(action)
-        after = readings.astype(np.bool_)
-        assert info["begins"] == table.over[table.before[k]]
-        taken = -1 if info["begins"] else action
-        whole = senses.observe(after, taken, complete(before))
-        np.testing.assert_array_equal(fields[:, k], whole)
-        before = after
-        seen.add(k)
-    assert len(seen) == len(table.before)
 
 
 @pytest.mark.slow

@@ -9,23 +9,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from neurosnap.agent.binary_sensors import BinarySensors
-from neurosnap.agent.policy import AgentKind
-from neurosnap.agent.sensor import decreased, increased
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
-from tests.support.exhaustive import rows
 from tests.support.taught_agents import (
-    THRESHOLDS,
-    Bed,
     Taught,
     attempt,
     distances,
-    taught,
     tile,
     walker,
 )
-from tests.support.transition_tables import Situation, Table, recordable, state_fields
-from world.toy_text import cliff_walking, frozen_lake, taxi
+from tests.support.transition_tables import recordable
+from world.toy_text import cliff_walking, frozen_lake
 
 # What is learned ----------------------------------------------------------------------
 
@@ -46,87 +39,6 @@ def test_what_can_be_recorded_is_what_is_recorded_after_seeing_everything(
     for bits in fields.T:
         snapshot.learn(bits)
     np.testing.assert_array_equal(recordable(fields), snapshot.poc_graph().edges)
-
-
-def learn(
-    fields: NDArray[np.bool_], places: NDArray[np.intp], threshold: float
-) -> NDArray[np.int64]:
-    """Return the number of wrong edges after each step ([GK] eqn:true dir matrix)."""
-    truth = recordable(fields)
-    snapshot = EmpiricalSnapshot(len(fields), threshold)
-    wrong = int(truth.sum())
-    errors = np.empty(len(places), np.int64)
-    for t, place in enumerate(places.tolist()):
-        if snapshot.learn(fields[:, place]):
-            wrong = int((snapshot.poc_graph().edges != truth).sum())
-        errors[t] = wrong
-    return errors
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("bed", "steps", "seed"),
-    rows(
-        [(frozen_lake, 10_000, 0), (cliff_walking, 100_000, 0)],
-        [(taxi, 200_000, seed) for seed in range(3)],
-    ),
-)
-def test_a_random_walk_learns_exactly_what_is_true(
-    bed: Bed, steps: int, seed: int
-) -> None:
-    env = bed()
-    table = Table.of(env)
-    walk = table.walk(steps, np.random.default_rng(seed))
-    errors = learn(state_fields(env, table), walk, THRESHOLDS[bed])
-    assert errors[0] > 0
-    assert not errors[-steps // 5 :].any()
-
-
-# An excited agent ---------------------------------------------------------------------
-
-
-def drawn_to(bed: Bed, goal: Situation) -> BinarySensors:
-    """A bed with `better` and `worse`, by the fewest actions to a place."""
-    bare = bed()
-    table = Table.of(bare)
-    at = np.array([place == goal for place in table.situations])
-    ways = zip(table.states.tolist(), distances(table, at), strict=True)
-    far = {bare.state_of(state, {}): distance for state, distance in ways}
-    scent = (decreased("better", far.__getitem__), increased("worse", far.__getitem__))
-    return BinarySensors(
-        bare.env,
-        (*bare.definitions, *scent),
-        lambda _, observation, info: bare.state_of(observation, info),
-        bare.actions,
-    )
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("bed", "goal", "kind", "steps", "reached", "starts"),
-    rows(
-        [
-            (frozen_lake, (15, True), "walker", 8000, 3, 11),
-            (frozen_lake, (15, True), "excited", 8000, 9, 11),
-        ],
-        [
-            (cliff_walking, (47, True), "walker", 40_000, 37, 37),
-            (cliff_walking, (47, True), "excited", 10_000, 37, 37),
-        ],
-    ),
-)
-def test_an_excited_agent_goes_where_it_gets_better(
-    bed: Bed, goal: Situation, kind: AgentKind, steps: int, reached: int, starts: int
-) -> None:
-    who = taught(drawn_to(bed, goal), THRESHOLDS[bed], steps, kind=kind)
-    # Only an agent that went everywhere knows all, and nothing that is false.
-    learned = np.array_equal(who.snapshot.poc_graph().edges, who.truth)
-    assert learned == (kind == "walker")
-    at = np.array([place == goal for place in who.table.situations])
-    alive = (~who.table.over).nonzero()[0].tolist()
-    ways = [attempt(who, start, at, "excited", explore=0.2) for start in alive]
-    assert len(alive) == starts
-    assert sum(way[-1] == goal for way in ways) == reached
 
 
 # A planner on the lake and at the cliff -----------------------------------------------

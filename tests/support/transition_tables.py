@@ -10,10 +10,8 @@ References:
     [GK] "Performance of Empirical Agents": the random walk.
 """
 
-from bisect import bisect_right
 from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import accumulate
 from typing import Any, Self, TypeAlias
 
 import numpy as np
@@ -43,16 +41,12 @@ class Table:
     """``(places,)``, the environment's state at each place, ascending."""
     over: NDArray[np.bool_]
     """``(places,)``, whether the episode is over there."""
-    start: NDArray[np.float64]
-    """``(places,)``, the probability of beginning there."""
     before: NDArray[np.intp]
     """``(transitions,)``, the place a transition is from."""
     action: NDArray[np.intp]
     """``(transitions,)``, the action taken there, counted from 0."""
     after: NDArray[np.intp]
     """``(transitions,)``, the place it leads to."""
-    chance: NDArray[np.float64]
-    """``(transitions,)``, its probability, in (0, 1], given place and action."""
 
     @classmethod
     def of(cls, env: Environment) -> Self:
@@ -63,60 +57,25 @@ class Table:
                 `initial_state_distrib` of Gymnasium's toy texts.
         """
         inner: Any = env.unwrapped
-        starts = {
-            (state, False): float(share)
-            for state, share in enumerate(inner.initial_state_distrib)
-            if share > 0
-        }
+        begun = np.flatnonzero(inner.initial_state_distrib).tolist()
+        starts = {(state, False) for state in begun}
         moves = _moves(inner.P, starts)
-        places = sorted(starts.keys() | {after for _, _, after in moves})
+        places = sorted(starts | {after for _, _, after in moves})
         number = {place: k for k, place in enumerate(places)}
-        rows = sorted((number[b], a, number[c], p) for (b, a, c), p in moves.items())
+        rows = sorted((number[b], a, number[c]) for b, a, c in moves)
         return cls(
             actions=len(inner.P[places[0][0]]),
             states=np.array([state for state, _ in places], np.intp),
             over=np.array([over for _, over in places], np.bool_),
-            start=np.array([starts.get(place, 0.0) for place in places]),
             before=np.array([row[0] for row in rows], np.intp),
             action=np.array([row[1] for row in rows], np.intp),
             after=np.array([row[2] for row in rows], np.intp),
-            chance=np.array([row[3] for row in rows]),
         )
 
     @property
     def situations(self) -> list[Situation]:
         """What is to be known of each place."""
         return list(zip(self.states.tolist(), self.over.tolist(), strict=True))
-
-    @property
-    def moves(self) -> set[Move]:
-        """The transitions, by situation."""
-        at, columns = self.situations, (self.before, self.action, self.after)
-        rows = zip(*(column.tolist() for column in columns), strict=True)
-        return {(at[before], action, at[after]) for before, action, after in rows}
-
-    def walk(self, steps: int, generator: np.random.Generator) -> NDArray[np.intp]:
-        """Return the places of a random walk, the start first: ``(steps + 1,)``.
-
-        Every action is as likely as any other.
-        """
-        # Where each place and action may lead, and all but the last of the cumulative
-        # probabilities: what is drawn falls between two of them.
-        rows = self.before * self.actions + self.action
-        cuts = np.flatnonzero(np.diff(rows)) + 1
-        ways = [ends.tolist() for ends in np.split(self.after, cuts)]
-        shares = [
-            list(accumulate(p.tolist()))[:-1] for p in np.split(self.chance, cuts)
-        ]
-        actions = generator.integers(self.actions, size=steps)
-        place = int(generator.choice(len(self.start), p=self.start))
-        places = [place]
-        draws = generator.random(steps)
-        for action, draw in zip(actions.tolist(), draws.tolist(), strict=True):
-            row = place * self.actions + action
-            place = ways[row][bisect_right(shares[row], draw)]
-            places.append(place)
-        return np.array(places, np.intp)
 
 
 def state_fields(env: Environment, table: Table) -> NDArray[np.bool_]:
@@ -198,26 +157,20 @@ def recordable(fields: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return kept
 
 
-def _moves(P: _Outcomes, starts: dict[Situation, float]) -> dict[Move, float]:
-    """Return every transition that some walk makes, with its probability."""
-    moves: dict[Move, float] = {}
+def _moves(P: _Outcomes, starts: set[Situation]) -> set[Move]:
+    """Return every transition that some walk makes."""
+    moves: set[Move] = set()
     found, frontier = set(starts), list(starts)
     while frontier:
         place = frontier.pop()
         state, over = place
         for action, outcomes in P[state].items():
             ways = (
-                starts.items()
-                if over
-                else [((int(s), bool(end)), float(p)) for p, s, _, end in outcomes]
+                starts if over else {(int(s), bool(e)) for p, s, _, e in outcomes if p}
             )
-            for after, chance in ways:
-                if chance > 0:
-                    move = (place, action, after)
-                    moves[move] = moves.get(move, 0.0) + chance
-                    if after not in found:
-                        found.add(after)
-                        frontier.append(after)
+            moves |= {(place, action, after) for after in ways}
+            frontier += ways - found
+            found |= ways
     return moves
 
 
