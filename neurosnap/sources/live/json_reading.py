@@ -137,10 +137,9 @@ def hand_in(source: LiveSource, payload: bytes, *, spare: bool) -> None:
     """
     said = read(payload)
     if said.sensor is not None:
-        source.receive(said.sensor, value(said.on), said.at)
+        source.receive({said.sensor: value(said.on)}, said.at)
         return
     readings = said.in_order(source.sensors)
     named = said.bits if isinstance(said.bits, dict) else {}
-    for name in named.keys() - set(source.sensors):
-        source.receive(name, None)
+    source.receive(dict.fromkeys(named.keys() - set(source.sensors)))
     source.receive_whole(readings, said.at, spare=spare)

@@ -48,7 +48,7 @@ class Feeder(Protocol):
         """Begin, and return without waiting; called once.
 
         From then on it may call, from any thread, the source's `receive`,
-        `receive_all`, `receive_whole`, `refuse`, `listens`, `end` and `fail`;
+        `receive_whole`, `refuse`, `listens`, `end` and `fail`;
         what it cannot do it reports by `fail`.
         """
 
@@ -268,27 +268,19 @@ class LiveSource:
         """There are all the rows that there are to be."""
         return self._most is not None and self._rows >= self._most
 
-    def receive(self, sensor: str, on: bool | None, at: float | None = None) -> None:
-        """Receive one reading; from any thread, and without waiting.
-
-        Args:
-            sensor: Its name.
-            on: What it read; None if it does not know.
-            at: When, in seconds since the epoch; if None, now.
-        """
-        self.receive_all({sensor: on}, at)
-
-    def receive_all(
+    def receive(
         self, readings: Mapping[str, bool | None], at: float | None = None
     ) -> None:
         """Receive readings that belong together: no tick shows half of them.
 
-        A name that is none of `sensors` is counted and named once: a run has the
-        sensors it began with.
+        From any thread, and without waiting.
+
+        A name that is none of `sensors` is refused: a run has the sensors it began
+        with.
 
         Args:
-            readings: By name.
-            at: As for `receive`.
+            readings: By name; None if a sensor does not know.
+            at: When, in seconds since the epoch; if None, now.
         """
         with self._condition:
             now = self._clock()
@@ -296,7 +288,10 @@ class LiveSource:
             for sensor, on in readings.items():
                 number = self._number.get(sensor)
                 if number is None:
-                    self._refusals.refuse_sensor(sensor)
+                    self._refusals.refuse(
+                        f"sensor: must be one the run began with, got {sensor[:100]!r}"
+                        " (name it among the sensors and start again)"
+                    )
                 elif self._latest.update(number, on, as_of, now):
                     self._taken += 1
                     self._coalesced += int(self._unshown[number])

@@ -47,8 +47,6 @@ class Statistics(msgspec.Struct, frozen=True):
 EVERY = 1.0
 """Seconds between two lines about bad input."""
 
-_NAMED = 100  # unknown sensors that are named; names come from outside, without end
-
 _logger = logging.getLogger(__name__)
 
 
@@ -64,7 +62,6 @@ class Refusals:
         self._clock = clock
         self._next = float("-inf")
         self._untold = 0
-        self._strangers: set[str] = set()
 
     def refuse(self, text: str) -> None:
         """Count one, and log it unless the last line is too recent.
@@ -80,21 +77,6 @@ class Refusals:
         self.flush()
         self._next = now + EVERY
         _logger.warning("%s", text)
-
-    def refuse_sensor(self, name: str) -> None:
-        """Count a reading of an unknown sensor, and name each such sensor once.
-
-        No more than 100 are named.
-        """
-        self.count += 1
-        if name in self._strangers or len(self._strangers) == _NAMED:
-            return
-        self._strangers.add(name)
-        _logger.warning(
-            "sensor: must be one the run began with, got %.100r"
-            " (name it among the sensors and start again)",
-            name,
-        )
 
     def flush(self) -> None:
         """Log how many were not logged since the last line, if any."""

@@ -127,6 +127,7 @@ def hand_over(source: LiveSource, key: str, payload: zenoh.ZBytes) -> None:
         if not named:
             hand_in(source, text, spare=False)
         else:
-            source.receive(sensor, *read_on(text))
+            on, at = read_on(text)
+            source.receive({sensor: on}, at)
     except InvalidValueError as error:
         source.refuse(str(within(key, error)))

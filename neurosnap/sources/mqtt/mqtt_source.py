@@ -151,7 +151,7 @@ class MqttFeeder:
                 readings[sensor.name] = reader.read(payload)
             except InvalidValueError as error:
                 self._source.refuse(f"{sensor.name}: {error}")
-        self._source.receive_all(readings)
+        self._source.receive(readings)
 
     def _connected(self, on: bool) -> None:
         if self._source is not None:

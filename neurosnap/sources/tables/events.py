@@ -9,7 +9,6 @@ which, in any order; Home Assistant's own history export calls them ``last_chang
 """
 
 from array import array
-from datetime import UTC, datetime
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from neurosnap.poc.learning.columns import GrowingColumns
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.meaning import Reader, Wanted
 from neurosnap.sources.tables.csv_file import TableFile
-from neurosnap.sources.tables.readings import Readings, utc
+from neurosnap.sources.tables.readings import Readings, parse_time, utc
 
 _UNKNOWN = -1
 
@@ -94,8 +93,6 @@ _ROLES = {
     "sensor": ("sensor", "entity_id"),
     "value": ("value", "state"),
 }
-_MILLISECONDS = 1e11
-"""Numbers from here on count these: in seconds it would be the year 5138."""
 
 
 def roles(header: list[str], time: str | None = None) -> tuple[int, int, int] | None:
@@ -142,24 +139,8 @@ def read_event_log(
         if not readers[name]:
             continue
         where = f"{file.path}:{line}"
-        time = _seconds(cells[when], f"{where}: {file.header[when]}")
+        time = parse_time(cells[when], f"{where}: {file.header[when]}")
         for reader in readers[name]:
             events.read(time, reader, cells[what], f"{where}: {name}")
     wanted.check(list(readers), file.path)
     return events.readings()
-
-
-def _seconds(text: str, where: str) -> float:
-    """Return a moment in seconds since 1970; without a zone it is one of UTC."""
-    try:
-        number = float(text)
-    except ValueError:
-        pass
-    else:
-        return number / 1000 if abs(number) >= _MILLISECONDS else number
-    try:
-        moment = datetime.fromisoformat(text)
-    except ValueError:
-        rule = "must be seconds since 1970, or a date such as 2026-07-01 12:00:00"
-        raise InvalidValueError(where, rule, text) from None
-    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()

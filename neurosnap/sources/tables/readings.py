@@ -47,7 +47,7 @@ def seconds_of(readings: Readings) -> NDArray[np.float64]:
     """
     if readings.times is None:
         raise InvalidValueError("data", "must say when each reading was", "no times")
-    made = np.array([_second(text) for text in readings.times])
+    made = np.array([parse_time(text, "time") for text in readings.times])
     back = np.flatnonzero(np.diff(made) < 0)
     if len(back):
         text = readings.times[int(back[0]) + 1]
@@ -55,15 +55,25 @@ def seconds_of(readings: Readings) -> NDArray[np.float64]:
     return made
 
 
-def _second(text: str) -> float:
-    """Return seconds since 1970; a time without a zone is in UTC."""
+_MILLISECONDS = 1e11
+"""Numbers from here on count these: in seconds it would be the year 5138."""
+
+
+def parse_time(text: str, name: str) -> float:
+    """Return a moment in seconds since 1970; without a zone it is one of UTC.
+
+    Raises:
+        InvalidValueError: It is none; `name` says which.
+    """
     try:
-        return float(text)
+        number = float(text)
     except ValueError:
         pass
+    else:
+        return number / 1000 if abs(number) >= _MILLISECONDS else number
     try:
         moment = datetime.fromisoformat(text.strip())
-    except ValueError as error:
-        rule = "must be a date and a time, or seconds since 1970"
-        raise InvalidValueError("time", rule, text) from error
+    except ValueError:
+        rule = "must be seconds since 1970, or a date such as 2026-07-01 12:00:00"
+        raise InvalidValueError(name, rule, text) from None
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()

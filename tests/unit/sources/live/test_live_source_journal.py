@@ -134,10 +134,10 @@ def test_changes_that_nobody_asks_for_are_kept(
     time = FakeTime()
     source = kept.source(schedule, time)
     source.resume_after(0)
-    source.receive_all({"door": True, "motion": True})
+    source.receive({"door": True, "motion": True})
     assert taken(source, 1) == bits(3)
     for moment, on in puts:
-        time.at(moment, lambda on=on: source.receive("door", on))  # type: ignore[misc]
+        time.at(moment, lambda on=on: source.receive({"door": on}))  # type: ignore[misc]
     time.at(3.0 * WAITING, source.wake_reader)
     source.keep_changes()
     assert kept.rows() == 1 + len(kept_)

@@ -26,7 +26,7 @@ class Hub:
 def after(*messages: tuple[str, bytes]) -> tuple[list[bool | None], LiveSource]:
     """Return what the next tick shows once all came; None is what is not known."""
     source = LiveSource(LatestReadings(NAMES), Clocked(1.0))
-    source.receive("door", False)
+    source.receive({"door": False})
     for key, payload in messages:
         hand_over(source, key, zenoh.ZBytes(payload))
     seen = source.first()

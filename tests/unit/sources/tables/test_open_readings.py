@@ -266,7 +266,7 @@ def test_bytes_that_are_nothing_are_refused(tmp_path: Path) -> None:
     [
         (None, "data: must say when each reading was"),
         (["20", "10"], "time: must not be before the one above it, got '10'"),
-        (["noon", "10"], "time: must be a date and a time, or seconds since 1970"),
+        (["noon", "10"], "time: must be seconds since 1970, or a date such as"),
     ],
 )
 def test_readings_without_times_or_out_of_order_are_refused(
