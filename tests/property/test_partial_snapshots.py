@@ -12,10 +12,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
-from neurosnap.poc.order.pocset import PocSet
 from tests.support import oracles
 from tests.support.edges import learned_edges, weights_of
-from tests.support.oracles import Edges, Weights
 from tests.support.strategies import as_set, bit_rows, observations
 
 Matrix: TypeAlias = NDArray[np.float64]
@@ -28,17 +26,6 @@ EXACT_SHARES = st.sampled_from([1 / 4, 1 / 8, 1 / 16])
 EXACT_DECAYS = st.integers(0, 7).map(lambda k: k / 8)
 KINDS = pytest.mark.parametrize("kind", [EmpiricalSnapshot, DiscountedSnapshot])
 
-# What to see of a pair, so that it gets a code; the bits are those of `poc/codes.py`.
-SIGHTS = {
-    0: [],
-    1: [(1, 1), (0, 1), (0, 0)],
-    2: [(1, 1), (1, 0), (0, 0)],
-    4: [(1, 0), (0, 1), (0, 0)],
-    8: [(1, 1), (1, 0), (0, 1)],
-    3: [(1, 1), (0, 0)],
-    12: [(1, 0), (0, 1)],
-}
-
 
 @st.composite
 def partial_runs(
@@ -50,29 +37,6 @@ def partial_runs(
     known = st.just([True] * sensors) | some | st.just([False] * sensors)
     seen = draw(observations(sensors, longest))
     return sensors, [(bits, draw(known)) for bits in seen]
-
-
-@st.composite
-def relations(draw: st.DrawFn, most: int = 5) -> tuple[EmpiricalSnapshot, Edges]:
-    """Draw a snapshot that saw each pair alone, and the edges it should have.
-
-    Whatever each pair may say comes out, with cycles and contradictions.
-    """
-    sensors = draw(st.integers(2, most))
-    snapshot = EmpiricalSnapshot(sensors, 0.25)
-    edges: Edges = set()
-    for i, j in itertools.combinations(range(sensors - 1, -1, -1), 2):
-        code = draw(st.sampled_from(sorted(SIGHTS)))
-        for x, y in 2 * SIGHTS[code]:  # once is too seldom to be judged
-            bits, known = np.zeros((2, sensors), np.bool_)
-            bits[[i, j]] = x, y
-            known[[i, j]] = True
-            snapshot.observe(bits, known)
-        ways = [(2 * i, 2 * j), (2 * j, 2 * i), (2 * i, 2 * j + 1), (2 * i + 1, 2 * j)]
-        for bit, (a, b) in enumerate(ways):
-            if code >> bit & 1:
-                edges |= {(a, b), (b ^ 1, a ^ 1)}
-    return snapshot, edges
 
 
 def literals_of(reading: Reading) -> list[int]:
@@ -99,12 +63,14 @@ def test_an_empirical_snapshot_counts_each_pair_where_both_are_known(
     snapshot = EmpiricalSnapshot(sensors, tau)
     count: Counter[tuple[int, int]] = Counter()
     since = dict.fromkeys(itertools.permutations(range(sensors), 2), 0)
-    before: Edges = set()
+    before: oracles.Edges = set()
     for tick, reading in enumerate(seen, 1):
         twin = Snapshot.from_bytes(snapshot.to_bytes())
         state = snapshot.observe(*reading)
         count.update(itertools.permutations(literals_of(reading), 2))
-        weights: Weights = {pair: count[pair] for pair in oracles.proper_pairs(n)}
+        weights: oracles.Weights = {
+            pair: count[pair] for pair in oracles.proper_pairs(n)
+        }
         total = {
             (i, j): sum(count[2 * i + s, 2 * j + t] for s in (0, 1) for t in (0, 1))
             for i, j in since
@@ -151,9 +117,9 @@ def test_a_discounted_snapshot_discounts_each_pair_where_both_are_known(
     sensors, seen = run
     n = 2 * sensors
     snapshot = DiscountedSnapshot(sensors, tau, decay)
-    weights: Weights = dict.fromkeys(oracles.proper_pairs(n), Fraction(1, 4))
+    weights: oracles.Weights = dict.fromkeys(oracles.proper_pairs(n), Fraction(1, 4))
     since = dict.fromkeys(weights, 0)
-    before: Edges = set()
+    before: oracles.Edges = set()
     for tick, (bits, known) in enumerate(seen, 1):
         state = snapshot.observe(bits, known)
         faded = oracles.discounted(n, weights, bits, Fraction(decay))
@@ -298,51 +264,3 @@ def test_sensors_always_known_together_have_the_edges_of_their_own_snapshot(
     assert (edges == alone.poc_graph().edges).all()
     strict = learned_edges(snapshot, equivalences=False)
     assert not oracles.has_cycle({edge for edge in strict if {*edge} <= {*within}})
-
-
-@given(relations(), st.data())
-def test_whatever_relation_comes_out_is_ordered_and_projected(
-    drawn: tuple[EmpiricalSnapshot, Edges], data: st.DataObject
-) -> None:
-    snapshot, edges = drawn
-    graph, n = snapshot.poc_graph(), 2 * len(snapshot.sensorium)
-    assert learned_edges(snapshot) == edges
-    order = oracles.below_or_equal(n, edges)
-    classes = {
-        tuple(b for b in range(n) if {(a, b), (b, a)} <= order) for a in range(n)
-    }
-    assert graph.classes() == sorted(group for group in classes if len(group) > 1)
-    heights = graph.heights().tolist()
-    for a in range(n):
-        assert {b for b in range(n) if graph.leq(a, b)} == oracles.reach(edges, [a])
-        assert heights[a] == oracles.chain(order, a)
-    chosen = data.draw(st.sets(st.integers(0, n - 1)))
-    projection = graph.coherent_projection(chosen)
-    assert as_set(projection) == oracles.projected(edges, chosen)
-    assert oracles.coherent(order, as_set(projection))
-    assert (graph.coherent_projection(projection) == projection).all()
-    assert graph.is_coherent(chosen) == oracles.coherent(order, chosen)
-    load = data.draw(st.sets(st.integers(0, n - 1)))
-    above = oracles.reach(edges, chosen)
-    assert as_set(graph.propagate(load, chosen)) == (
-        (oracles.reach(edges, load) | above) - oracles.stars(above)
-    )
-
-
-@given(relations())
-def test_a_contradiction_generates_no_poc_set(
-    drawn: tuple[EmpiricalSnapshot, Edges],
-) -> None:
-    snapshot, edges = drawn
-    graph, literals = snapshot.poc_graph(), range(2 * len(snapshot.sensorium))
-    order = oracles.below_or_equal(len(literals), edges)
-    torn = {a for a in literals if {(a, a ^ 1), (a ^ 1, a)} <= order}
-    if torn:
-        rule = rf"^literal: must not be equivalent .* got {min(torn)}$"
-        with pytest.raises(ValueError, match=rule):
-            PocSet.from_graph(graph)
-        assert not as_set(graph.coherent_projection(literals)) & torn
-    else:
-        p = PocSet.from_graph(graph)
-        pairs = itertools.product(literals, literals)
-        assert {(a, b) for a, b in pairs if p.leq(a, b)} == order

@@ -80,7 +80,7 @@ class Snapshot(Archived):
             implication must be; in (0, 1/4]. With unknown readings it is a share of
             the observations in which both sensors were known.
         share: The sensors whose pairs with those before them are learned here, where
-            several share the pairs; if None, all. `learn`, `skip`, `evidence` of these
+            several share the pairs; if None, all. `learn`, `evidence` of these
             pairs and `arrays` are then as ever, and there is no graph; of no sensor
             there is one, which `relate` makes.
 

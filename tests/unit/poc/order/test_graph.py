@@ -9,6 +9,7 @@ import pytest
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.literals import to_words
+from neurosnap.poc.order.pocset import PocSet
 from neurosnap.sensorium import Sensorium
 
 CHAIN = PocGraph.from_implications(3, [(0, 2), (2, 4), (0, 4)])
@@ -109,6 +110,9 @@ def test_a_derived_class_that_is_its_own_complement_breaks_nothing() -> None:
     graph = PocGraph.of_rows(to_words(edges))
     assert graph.classes() == [(0, 1, 2, 3)]
     assert not graph.coherent_projection([0, 4]).any()
+    rule = r"^literal: must not be equivalent to its own complement, got 0$"
+    with pytest.raises(InvalidValueError, match=rule):
+        PocSet.from_graph(graph)
     for kind in ("hasse", "derived"):
         wiring = graph.wiring(kind)
         again = PocGraph.of_rows(to_words(wiring))
