@@ -34,7 +34,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _figures(given: argparse.Namespace) -> None:
     options = FigureOptions(
-        only=_names(given.only),
+        only=tuple(filter(None, given.only.split(","))),
         runs=given.runs,
         steps=given.steps,
         seed=given.seed,
@@ -55,10 +55,6 @@ def _figures(given: argparse.Namespace) -> None:
             print(f"  {line}")
         for claim in result.claims:
             print(f"  {claim.verdict}: {claim.says} ({claim.numbers})")
-
-
-def _names(text: str) -> tuple[str, ...]:
-    return tuple(name.strip() for name in text.split(",") if name.strip())
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -32,13 +32,13 @@ ALARM, RIGHT, AMONG = 8, 16, 32
 wrong; those are among its candidates. Each next judge has them three bits up."""
 
 HOLD = 200
-"""Ticks that an order is held on to."""
+"""Ticks that the last judge holds on to an order."""
 
 
 class DetectionEntry(Entry, frozen=True, kw_only=True):
     """A learner in a world with one kind of fault, under the eyes of all judges."""
 
-    VERSION = 2
+    VERSION = 3
     steps: int
     """Observations in each run."""
     place: str
@@ -48,8 +48,6 @@ class DetectionEntry(Entry, frozen=True, kw_only=True):
     decay: float | None
     """``q`` of a discounted snapshot; None: it is empirical."""
     fault: Fault
-    hold: int
-    """Ticks that the last judge holds on to an order."""
 
     def row(self, run: int) -> NDArray[np.uint16]:
         """Return the flags of each step of a run: ``(steps,)``."""
@@ -80,7 +78,7 @@ class DetectionEntry(Entry, frozen=True, kw_only=True):
         """Let the learner learn, and each judge flag what it finds."""
         sensors = read.shape[1]
         snapshot = new_snapshot(self.threshold, self.decay, sensors)
-        judges = [AnomalyDetector(sensors, hold) for hold in (0, self.hold)]
+        judges = [AnomalyDetector(sensors, hold) for hold in (0, HOLD)]
         for step, bits in enumerate(read):
             believed = snapshot.poc_graph()
             snapshot.learn(bits)

@@ -39,25 +39,21 @@ _SINCE = (1000, 4000)  # steps from which on means are told
 class TargetEntry(Entry, frozen=True, kw_only=True):
     """An excitation-driven agent in a setting; its runs are one entry of the table."""
 
-    VERSION = 3
+    VERSION = 4
     steps: int
     """Observations in each run."""
     setting: str
     """The setting's name."""
-    threshold: float
-    """``tau`` of every pair."""
     decay: float | None
     """``q`` of a discounted snapshot; None: it is empirical."""
-    explore: float
-    """The share of random actions where nothing better than `worse*` is guaranteed."""
     target: int | None
     """The place to get to; None: one is drawn for every run."""
 
     def row(self, run: int) -> NDArray[np.uint16]:
         """Return the distance to the target at each observation of a run."""
         world, seed = task(self.setting, self.seed, run, self.target)
-        policy = new_policy("excited", world.body, seed, explore=self.explore)
-        snapshot = new_snapshot(self.threshold, self.decay, len(world.body.sensors))
+        policy = new_policy("excited", world.body, seed, explore=EXPLORE)
+        snapshot = new_snapshot(learners.LEAST, self.decay, len(world.body.sensors))
         agent = Agent(world.body, policy, snapshot)
         places = [world.place] * 2
         for _ in range(self.steps):
@@ -110,9 +106,7 @@ def cells(options: FigureOptions) -> list[TargetEntry]:
     return [
         TargetEntry(
             setting=name,
-            threshold=learners.LEAST,
             decay=decay,
-            explore=EXPLORE,
             target=target,
             runs=options.runs,
             steps=options.steps,

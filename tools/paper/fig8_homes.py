@@ -95,14 +95,10 @@ def _segments(row: Floats) -> Measured:
         yield group, "always alarm", "F1", 2 / 3, 2 / 3, 2 / 3
 
 
-def _there(values: Floats) -> Floats:
-    return values[~np.isnan(values)]
-
-
 def _long(row: Floats) -> Measured:
     for number, kind in enumerate(LONG):
         for place, method in enumerate(METHODS):
-            hours = _there(row[:, number, ..., place].ravel())
+            hours = row[:, number, ..., place].ravel()
             got = np.isfinite(hours).astype(float)
             yield kind, method, "found", *ratio(got, np.ones(len(got)))
             yield kind, method, "median hours", *median(hours)
@@ -117,11 +113,12 @@ def _week(row: Floats) -> Measured:
             found, true = case[:, at["found"]], case[:, at["true"]]
             yield kind, method, "recall", *ratio(found, np.ones(len(case)))
             yield kind, method, "precision", *ratio(true, case[:, at["all"]])
-            yield kind, method, "median hours", *median(_there(case[:, at["hours"]]))
+            hours = case[:, at["hours"]]
+            yield kind, method, "median hours", *median(hours[np.isfinite(hours)])
 
 
 def _clean(row: Floats) -> Measured:
-    days = row[0][:, ~np.isnan(row[0, 0])]
+    days = row[0]
     for place, method in enumerate(METHODS):
         one = np.ones(days.shape[1])
         yield "none", method, "alarms a day", *ratio(days[place], one)

@@ -91,7 +91,11 @@ def report(
 
     # A decay is empty where there is none.
     heads = [
-        (c.cell.setting, repr(c.cell.threshold), repr(c.cell.decay or "").strip("'"))
+        (
+            c.cell.setting,
+            repr(c.cell.threshold),
+            "" if c.cell.decay is None else repr(c.cell.decay),
+        )
         for c in every
     ]
     return Report(

@@ -37,7 +37,6 @@ CELL = DetectionEntry(
     threshold=0.01,
     decay=None,
     fault="flipped",
-    hold=20,
     runs=2,
     steps=800,
     seed=3,
