@@ -81,7 +81,6 @@ _FEW: Final = 16
 """A row is dense if more than one in so many of its pairs are listed."""
 _RARE: Final = 32
 """Or if more than one in so many of its pairs have another sensor that changed."""
-_SAMPLE: Final = 64
 _ONE = np.uint64(1)
 
 
@@ -163,7 +162,7 @@ def learn_lazily(
     turn = _turns(count, clock, spells)
     _read(bits, clock, marginals, late)
     end = end_of(first, codes.shape[0])
-    busy = _RARE * _list_changed(bits, clock, turn, late, first, end) > count
+    _list_changed(bits, clock, turn, late, first, end)
     window = TURNS if auto else WINDOW
     low, high = limit_of(share, clock, auto), limit_of(share, clock + window, auto)
     limits = _Limits(clock, low, high, window)
@@ -194,8 +193,8 @@ def learn_lazily(
             changed = True
         if turn[i]:
             slack = late.slack[start : start + i]
-            kinds = _plan(i, bits, joint, marginals, limits, slack, busy)
-            modes[i] = _mode(i, kinds, slack, late)
+            _write_slack(i, bits, joint, marginals, limits, slack)
+            modes[i] = _mode(i, slack, late)
     return changed
 
 
@@ -243,13 +242,10 @@ def _list_changed(
     lag: Lag,
     first: int,
     end: int,
-) -> int:
+) -> None:
     """List the pairs in which a sensor changed, or let their row be dense.
 
     The rows are those from `first` to before `end`.
-
-    Returns:
-        How many sensors changed.
     """
     before = np.uint64((clock - 1) & 63)
     changes, found = np.empty(bits.shape[0], np.int64), 0
@@ -267,7 +263,6 @@ def _list_changed(
         if differs:
             changes[found] = i
             found += 1
-    return found
 
 
 @njit()
@@ -449,35 +444,13 @@ def _fill(
 
 
 @njit()
-def _plan(
-    i: int,
-    bits: NDArray[np.uint8],
-    joint: NDArray[np.uint32],
-    marginals: NDArray[np.uint32],
-    limits: _Limits,
-    slack: NDArray[np.uint8],
-    busy: bool,
-) -> np.uint8:
-    """Write the slack of one row's pairs until its next turn.
-
-    Returns:
-        All the kinds that there are; or `DENSE`, if not all of the first pairs are free
-        and much changes, for then the row becomes dense at once.
-    """
-    few = joint[: _SAMPLE if busy else 0]
-    _write_slack(i, bits, few, marginals, limits, slack)
-    if _kinds(slack[: few.shape[0]]) & ~FREE:
-        return DENSE
-    _write_slack(i, bits, joint, marginals, limits, slack)
-    return _kinds(slack)
-
-
-@njit()
-def _mode(i: int, kinds: np.uint8, slack: NDArray[np.uint8], lag: Lag) -> np.uint8:
-    """Return the mode of a row with pairs of these kinds, and list those to be."""
-    if kinds in (FREE, DENSE):
-        return kinds
-    listed = 0
+def _mode(i: int, slack: NDArray[np.uint8], lag: Lag) -> np.uint8:
+    """Return the mode of a row whose pairs have this slack, and list those to be."""
+    kinds, listed = np.uint8(0), 0
+    for j in range(i):
+        kinds |= slack[j]
+    if kinds == FREE:
+        return FREE
     for j in range(i if kinds & LISTED else 0):
         listed += slack[j] == LISTED
     if _FEW * listed > i or lag.length[0] + listed > lag.listed.shape[1]:
@@ -489,15 +462,6 @@ def _mode(i: int, kinds: np.uint8, slack: NDArray[np.uint8], lag: Lag) -> np.uin
 
 
 @njit()
-def _kinds(slack: NDArray[np.uint8]) -> np.uint8:
-    """Return all the kinds of slack that there are."""
-    kinds = np.uint8(0)
-    for j in range(slack.shape[0]):
-        kinds |= slack[j]
-    return kinds
-
-
-@njit()
 def _write_slack(
     i: int,
     bits: NDArray[np.uint8],
@@ -506,7 +470,7 @@ def _write_slack(
     limits: _Limits,
     slack: NDArray[np.uint8],
 ) -> None:
-    """Write the slack of one row's pairs, or of its first."""
+    """Write the slack of one row's pairs until its next turn."""
     on, mine, low, high = bits[i] > 0, marginals[i], limits.low, limits.high
     rest, window = np.uint32(np.uint32(limits.clock) - mine), np.uint32(limits.window)
     for j in range(joint.shape[0]):
