@@ -166,19 +166,6 @@ def test_eqn_median_formula(drawn: Drawn, data: st.DataObject) -> None:
     assert frozen(median) == (u & v) | (u & w) | (v & w)
 
 
-@given(poc_sets(7))
-def test_a_dual_is_a_tree_iff_nested_and_a_cube_iff_transverse(drawn: Drawn) -> None:
-    """[GK] the remark before example:N-path."""
-    cubing, heads = drawn.cubing, drawn.model.heads
-    own = [a for a in heads if not a & 1]
-    pairs = list(itertools.combinations(own, 2))
-    counts = cubing.face_vector()
-    edges = counts[1] if len(counts) > 1 else 0
-    assert (edges == counts[0] - 1) == all(drawn.p.nested(*pair) for pair in pairs)
-    full = all(drawn.p.crosses(*pair) for pair in pairs)
-    assert (counts[0] == 2 ** len(own)) == full
-
-
 def half_spaces(model: Model) -> set[frozenset[Vertex]]:
     """The convex sets with convex complements, by looking at all sets of vertices."""
     everything = frozenset(model.vertices)

@@ -16,7 +16,7 @@ from neurosnap.poc.dual.cubing import Cubing
 from neurosnap.poc.dual.morphism import PocMorphism, canonical_projection
 from neurosnap.poc.order.pocset import PocSet
 from tests.support.hypothesis_settings import examples
-from tests.support.theory_strategies import Drawn, array, frozen, order_of, poc_sets
+from tests.support.theory_strategies import Drawn, frozen, poc_sets
 
 
 def morphisms(p: PocSet, q: PocSet) -> list[PocMorphism]:
@@ -31,15 +31,6 @@ def morphisms(p: PocSet, q: PocSet) -> list[PocMorphism]:
             with pytest.raises(InvalidValueError, match=r"^morphism: must keep"):
                 PocMorphism(p, q, images)
     return found
-
-
-def distinct(found: list[PocMorphism]) -> list[PocMorphism]:
-    """Those that differ in more than the names of equal elements."""
-    different: list[PocMorphism] = []
-    for f in found:
-        if f not in different:
-            different.append(f)
-    return different
 
 
 @examples(50)
@@ -69,17 +60,6 @@ def test_lemma_reduction_to_poc_sets(drawn: Drawn) -> None:
         assert large.distance(*images) == small.distance(u, v)
 
 
-@given(poc_sets(3))
-def test_vertices_are_the_morphisms_onto_the_minimal_poc_set(drawn: Drawn) -> None:
-    """[GK] the remark after example:simple example of a dual."""
-    two = PocSet(0)
-    onto = {
-        frozenset(np.flatnonzero(f.images == two.maximum).tolist())
-        for f in morphisms(drawn.p, two)
-    }
-    assert onto == set(drawn.model.vertices)
-
-
 @examples(40)
 @given(poc_sets(2), poc_sets(2), poc_sets(2), st.data())
 def test_defn_dual_map_preserves_medians_and_turns_compositions(
@@ -97,33 +77,3 @@ def test_defn_dual_map_preserves_medians_and_turns_compositions(
     identity = PocMorphism.identity(second.p)
     assert all((identity.dual(u) == u).all() for u in far.vertices())
     assert identity @ f == f == f @ PocMorphism.identity(first.p)
-
-
-@examples(40)
-@given(poc_sets(2), poc_sets(2))
-def test_duality_morphisms_are_the_median_maps_between_the_duals(
-    first: Drawn, second: Drawn
-) -> None:
-    """[GK] subsection:duality theory, at the level of maps, for poc sets."""
-    p, q = canonical_projection(first.p).target, canonical_projection(second.p).target
-    near, far = order_of(p), order_of(q)
-    medians = {
-        triple: next(iter(near.medians(*triple)))
-        for triple in itertools.product(near.vertices, repeat=3)
-    }
-    triples = list(itertools.product(far.vertices, repeat=3))
-    maps = set()
-    for images in itertools.product(near.vertices, repeat=len(far.vertices)):
-        sent = dict(zip(far.vertices, images, strict=True))
-        if all(
-            sent[next(iter(far.medians(*t)))]
-            == medians[sent[t[0]], sent[t[1]], sent[t[2]]]
-            for t in triples
-        ):
-            maps.add(images)
-    duals = [
-        tuple(frozen(f.dual(array(u, q.minimum))) for u in far.vertices)
-        for f in distinct(morphisms(p, q))
-    ]
-    assert len(duals) == len(set(duals))
-    assert set(duals) == maps
