@@ -41,7 +41,10 @@ def claims(curves: Curves) -> tuple[Claim, ...]:
 
 def _not_monotone(curves: Curves) -> Claim:
     levels = {name: [c.level for c in chosen] for name, chosen in curves.items()}
-    bent = [not _is_monotone(each) for each in levels.values()]
+    bent = [
+        each not in (sorted(each), sorted(each, reverse=True))
+        for each in levels.values()
+    ]
     woken = _woken(curves)
     return Claim(
         "learning does not depend on q monotonically (the eventual deviation both falls"
@@ -53,10 +56,6 @@ def _not_monotone(curves: Curves) -> Claim:
         )
         + f"; the first change is at step {_listed(woken)} for the first {len(woken)} k",
     )
-
-
-def _is_monotone(values: Sequence[float]) -> bool:
-    return list(values) in (sorted(values), sorted(values, reverse=True))
 
 
 def _best(curves: Curves) -> Claim:

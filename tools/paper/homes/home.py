@@ -13,14 +13,12 @@ from neurosnap.sources.tables.readings import Readings, seconds_of
 
 Spans = NDArray[np.float64]
 """``(n, 2)``, when a sensor came on and went off, seconds since 1970, in order."""
-__all__ = ["Home", "Spans", "homes_in", "merged", "read_home"]
 
 
 @dataclass(frozen=True)
 class Home:
     """A home; sensors have the numbers of their places."""
 
-    name: str
     sensors: tuple[str, ...]
     spans: tuple[Spans, ...]
     begin: float
@@ -53,7 +51,7 @@ class Home:
     def with_spans(self, changed: dict[int, Spans]) -> "Home":
         """Return the home with other spans of some sensors."""
         spans = tuple(changed.get(s, own) for s, own in enumerate(self.spans))
-        return Home(self.name, self.sensors, spans, self.begin, self.end)
+        return Home(self.sensors, spans, self.begin, self.end)
 
 
 SUFFIXES = (".sensors", ".csv", ".parquet", ".db")
@@ -98,7 +96,6 @@ def read_home(path: Path) -> Home:
     if not used:
         raise InvalidValueError(str(path), "must have a sensor that was on", "none")
     return Home(
-        path.stem,
         sensors,
         tuple(spans),
         min(float(own[0, 0]) for own in used),

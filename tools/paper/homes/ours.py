@@ -46,7 +46,11 @@ class Watched:
                 self.begins.append(now)
                 self.judges.append(deepcopy(monitor.judge))
                 self.learned.append(monitor.learned)
-            monitor.follow(part(self.steps, at, at + 1))
+            one = slice(at, at + 1)
+            steps = self.steps
+            monitor.follow(
+                Steps(steps.came_on[one], steps.longest[one], steps.first + at)
+            )
             _note(monitor.judge, now + STEP, open_, self.mentions)
         self.mentions += [Mention(s, at, home.end) for s, at in open_.items()]
         self.mentions.sort(key=lambda mention: mention.begin)
@@ -55,11 +59,6 @@ class Watched:
         """Return the state at the beginning of a segment."""
         place = bisect.bisect_left(self.begins, begin)
         return deepcopy(self.judges[place]), self.learned[place]
-
-
-def part(steps: Steps, low: int, high: int) -> Steps:
-    """Return some of the steps."""
-    return Steps(steps.came_on[low:high], steps.longest[low:high], steps.first + low)
 
 
 class Ours:

@@ -32,7 +32,7 @@ def home_of(days: int, seed: int) -> Home:
         made[sensor].append((on, off))
     spans = tuple(merged(np.array(own).reshape(-1, 2)) for own in made)
     begin = min(float(own[0, 0]) for own in spans)
-    return Home("made up", SENSORS, spans, begin, max(float(s[-1, 1]) for s in spans))
+    return Home(SENSORS, spans, begin, max(float(s[-1, 1]) for s in spans))
 
 
 def write(path: Path, days: int, seed: int) -> None:
@@ -132,7 +132,7 @@ def test_the_silence_rule_is_its_definition() -> None:
     spans = tuple(
         np.column_stack([times[who == s], times[who == s] + 1]) for s in (0, 1)
     )
-    home = Home("made up", ("a", "b"), spans, 0.0, 12000.0)
+    home = Home(("a", "b"), spans, 0.0, 12000.0)
     rule = Silence(home, 9000.0)
     assert rule.mentions(home, 9000.0, 12000.0) == []
     silent = home.with_spans({0: spans[0][spans[0][:, 0] < 9000]})
@@ -146,7 +146,7 @@ def test_groups_name_what_is_new() -> None:
         np.column_stack([times, times + 1]),
         np.column_stack([times + 20, times + 21]),
     )
-    home = Home("made up", ("a", "b"), spans, 0.0, 60000.0)
+    home = Home(("a", "b"), spans, 0.0, 60000.0)
     lone = home.with_spans({1: spans[1][spans[1][:, 0] < 54000]})
     # The first alone was never seen; no minute at all and both are equally near.
     said = Groups(home, 54000.0).mentions(lone, 54000.0, 60000.0)
