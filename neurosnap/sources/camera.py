@@ -60,11 +60,11 @@ class Camera:
         if getattr(drawn, "dtype", None) != np.uint8 or shape[2:] != (3,) or 0 in shape:
             rule = "must be an array of bytes, (height, width, 3)"
             raise InvalidValueError("image", rule, shape)
-        if drawn.size > wire.LARGEST_IMAGE:
-            rule = f"must be of at most {wire.LARGEST_IMAGE // 3:,} pixels"
-            raise InvalidValueError("image", rule, shape)
         packed = io.BytesIO()
         self._from_array(drawn).save(packed, "PNG")
+        if packed.tell() > wire.LARGEST_IMAGE:
+            rule = f"must be of at most {wire.LARGEST_IMAGE:,} bytes as PNG"
+            raise InvalidValueError("image", rule, packed.tell())
         data = packed.getvalue()
         return wire.Image(tick, wire.Timestamp(sec, nsec), "world", data, "png")
 

@@ -72,9 +72,7 @@ async def test_a_look_at_a_broker_gives_a_file_that_runs(
         options = prepare(load(out)).options
         source = open_live(options.source, options.arguments)
         assert isinstance(source, LiveSource)
-        wanted = dict.fromkeys(
-            ("home_kitchen_motion", "zigbee2mqtt_door_contact"), True
-        )
+        wanted = dict.fromkeys(("home_kitchen_motion", "door_contact"), True)
         wanted["home_bath_motion"] = False
         with closing(source):
             await until(source, lambda reading: reading == wanted)

@@ -11,8 +11,8 @@ publishes, and attributes beside a state of Home Assistant's statestream.
 """
 
 import re
+from collections import Counter
 from collections.abc import Iterator
-from itertools import takewhile
 from typing import Any
 
 import msgspec
@@ -103,30 +103,21 @@ class Survey:
         return [self._heard[topic] for topic in sorted(self._heard)]
 
     def sensors(self) -> list[MqttSensor]:
-        """Return a sensor for each place that looks like one, by topic and field.
-
-        Names leave out the levels that all topics begin with. Where two are the same,
-        the later one gets a number.
-        """
-        found = [
-            sensor
-            for heard in self.topics()
-            if not self._is_left_out(heard.topic.split("/"))
-            for field, values in sorted(heard.values.items())
-            if (sensor := _sensor(heard.topic, field, list(values))) is not None
+        """Return a sensor for each place that looks like one, by topic and field."""
+        found: list[tuple[tuple[str, ...], MqttSensor]] = []
+        for heard in self.topics():
+            levels = heard.topic.split("/")
+            if self._is_left_out(levels):
+                continue
+            for field, values in sorted(heard.values.items()):
+                sensor = _sensor(heard.topic, field, list(values))
+                if sensor is not None:
+                    found.append((_name_parts(levels, field), sensor))
+        names = _names([parts for parts, _ in found])
+        return [
+            msgspec.structs.replace(sensor, name=name)
+            for name, (_, sensor) in zip(names, found, strict=True)
         ]
-        levels = [sensor.topic.split("/") for sensor in found]
-        steps = zip(*(each[:-1] for each in levels), strict=False)
-        common = len([*takewhile(lambda step: len(set(step)) == 1, steps)])
-        named: dict[str, MqttSensor] = {}
-        for sensor, each in zip(found, levels, strict=True):
-            place = " ".join([*each[common:], sensor.field or ""])
-            plain = name = _NO_NAME.sub("_", place).strip("_") or "sensor"
-            number = 2
-            while name in named:
-                name, number = f"{plain}_{number}", number + 1
-            named[name] = msgspec.structs.replace(sensor, name=name)
-        return list(named.values())
 
     def _is_left_out(self, levels: list[str]) -> bool:
         if sum(map(len, levels)) + len(levels) > _LONG:
@@ -211,3 +202,34 @@ def _word(value: object) -> str:
 def _is_entity(levels: list[str]) -> bool:
     """Whether the levels end with a domain of Home Assistant, an entity, and a word."""
     return len(levels) >= 3 and levels[-3] in _DOMAINS
+
+
+def _name_parts(levels: list[str], field: str) -> tuple[str, ...]:
+    """Return what a name is made of, from the general to the particular."""
+    if levels[-1] == "state" and len(levels) > 1 and not field:
+        levels = levels[:-1]
+    inner = field.split(".") if field else []
+    if inner == ["state"]:
+        inner = []
+    parts = (_NO_NAME.sub("_", part).strip("_") for part in levels)
+    named = [part for part in parts if part]
+    # A field alone says too little: the device belongs to it.
+    last = "_".join([*named[-1:], *(_NO_NAME.sub("_", part) for part in inner)])
+    return (*named[:-1], last or "sensor")
+
+
+def _names(places: list[tuple[str, ...]]) -> list[str]:
+    """Return the last part of each place, or all of them where others have that, too.
+
+    Where two are the same to their beginning, the later ones get a number.
+    """
+    often = Counter(parts[-1] for parts in places)
+    names: list[str] = []
+    for parts in places:
+        name = found = parts[-1] if often[parts[-1]] == 1 else "_".join(parts)
+        number = 2
+        while found in names:
+            found = f"{name}_{number}"
+            number += 1
+        names.append(found)
+    return names

@@ -21,7 +21,7 @@ from neurosnap.sources.open import open_source
 NOISE = np.random.default_rng(0).integers(256, size=(400, 400, 3), dtype=np.uint8)
 DRAWN: dict[str, Any] = {
     "noise": NOISE,
-    "large": np.zeros((3000, 3000, 3), np.uint8),
+    "large": np.resize(NOISE, (2400, 2400, 3)),
     "floats": NOISE[:2, :2] / 256,
     "grey": NOISE[:2, :2, 0],
     "empty": NOISE[:0, :2],
@@ -89,7 +89,7 @@ BYTES = "image: must be an array of bytes, (height, width, 3), got"
 @pytest.mark.parametrize(
     ("name", "arguments", "rule"),
     [
-        (DRAWING, {"kind": "large"}, "image: must be of at most 5,592,405 pixels, got"),
+        (DRAWING, {"kind": "large"}, "image: must be of at most 16,777,216 bytes"),
         (DRAWING, {"kind": "floats"}, f"{BYTES} (2, 2, 3)"),
         (DRAWING, {"kind": "grey"}, f"{BYTES} (2, 2)"),
         (DRAWING, {"kind": "empty"}, f"{BYTES} (0, 2, 3)"),
