@@ -46,7 +46,6 @@ def linked_hubs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Hub,
     params=[
         "memory",
         pytest.param("zenoh", marks=pytest.mark.zenoh),
-        pytest.param("zenoh-swift", marks=pytest.mark.zenoh),
         pytest.param("zenoh-linked", marks=[pytest.mark.zenoh, pytest.mark.slow]),
     ]
 )
@@ -55,7 +54,5 @@ def network(request: pytest.FixtureRequest) -> Network:
         return MemoryNetwork()
     if request.param == "zenoh-linked":
         near, far = request.getfixturevalue("linked_hubs")
-        return ZenohNetwork(near, swift=False, far=far)
-    return ZenohNetwork(
-        request.getfixturevalue("hub"), swift=request.param == "zenoh-swift"
-    )
+        return ZenohNetwork(near, far)
+    return ZenohNetwork(request.getfixturevalue("hub"))
