@@ -93,25 +93,11 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
-        "--only",
-        type=_names,
-        default=tuple(ROWS),
-        metavar="A,B",
-        help="rows to measure",
+        "--only", nargs="+", choices=ROWS, default=tuple(ROWS), help="rows to measure"
     )
     parser.add_argument("--quick", action="store_true", help="small sizes, as a trial")
     parser.add_argument("--json", action="store_true", help="add one object, last")
     return parser
-
-
-def _names(text: str) -> tuple[str, ...]:
-    """Return the rows that are named, in the table's order."""
-    named = {name.strip() for name in text.split(",")}
-    if unknown := sorted(named - set(ROWS)):
-        raise argparse.ArgumentTypeError(
-            f"must be of {', '.join(ROWS)}, got {', '.join(unknown)}"
-        )
-    return tuple(name for name in ROWS if name in named)
 
 
 if __name__ == "__main__":

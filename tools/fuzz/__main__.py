@@ -126,26 +126,13 @@ def fuzz(
     return counts
 
 
-def table(counts: dict[str, Count]) -> str:
-    """Return what came of each target, a line each, and in all."""
-    head = "target", "inputs", "inputs/s", "rejected", "accepted", "slowest", "grew"
-    lines = [f"{head[0]:<12}" + "".join(f"{name:>12}" for name in head[1:])]
-    for name, count in counts.items():
-        cells = (
-            f"{count.inputs:,}",
-            f"{count.inputs / max(count.seconds, 1e-9):,.0f}",
-            f"{count.rejected:,}",
-            f"{count.inputs - count.rejected:,}",
-            f"{count.slowest * 1e3:,.1f} ms",
-            f"{count.grown / 2**20:,.1f} MiB",
-        )
-        lines.append(f"{name:<12}" + "".join(f"{cell:>12}" for cell in cells))
-    inputs = sum(count.inputs for count in counts.values())
-    seconds = sum(count.seconds for count in counts.values())
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    rate = inputs / max(seconds, 1e-9)
-    lines.append(f"{inputs:,} inputs, {rate:,.0f} a second, peak {peak:,.0f} MiB")
-    return "\n".join(lines)
+def line(name: str, count: Count) -> str:
+    """Return what came of a target."""
+    rate = count.inputs / max(count.seconds, 1e-9)
+    return (
+        f"{name:<12} {count.inputs:,} inputs, {rate:,.0f} a second, {count.rejected:,}"
+        f" rejected, slowest {count.slowest * 1e3:.1f} ms, grew {count.grown >> 20} MiB"
+    )
 
 
 def main() -> int:
@@ -165,7 +152,10 @@ def main() -> int:
     except FuzzError as error:
         print(error, file=sys.stderr)
         return 1
-    print(table(counts))
+    for name, count in counts.items():
+        print(line(name, count))
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(f"peak {peak:,.0f} MiB")
     return 0
 
 

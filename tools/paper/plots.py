@@ -90,10 +90,8 @@ def _draw_one(axes: "Axes", stroke: Stroke, scale: Scale) -> None:
     """Draw the mean of each bin of steps: late steps lie too dense on a log scale."""
     count = stroke.values.shape[1]
     spaced = np.geomspace if scale == "log" else np.linspace
-    edges = (
-        np.unique(spaced(1, count + 1, _BINS[scale], endpoint=False).astype(np.intp))
-        - 1
-    )
+    first = spaced(1, count + 1, _BINS[scale], endpoint=False)
+    edges = np.unique(first.astype(np.intp)) - 1
     widths = np.diff(np.append(edges, count))
     binned = np.add.reduceat(stroke.values, edges, axis=1, dtype=np.float64) / widths
     steps = edges + (widths + 1) / 2

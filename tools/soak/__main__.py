@@ -40,7 +40,7 @@ from rich.console import Console
 
 from neurosnap import wire
 from neurosnap.apps.cli import options
-from neurosnap.errors import InvalidValueError, NeurosnapError
+from neurosnap.errors import NeurosnapError
 from neurosnap.protocol.run_options import HostKind, RunOptions
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.verify import verify
@@ -334,15 +334,6 @@ def _lake(given: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def _in_bytes(text: str) -> int:
-    """Return a size in bytes, from a text such as 64MiB."""
-    try:
-        return options.in_bytes(text)
-    except InvalidValueError as error:
-        rule = f"{error.rule}, got {text!r}"
-        raise argparse.ArgumentTypeError(rule) from error
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="soak", description=__doc__.split("\n")[0])
     add = parser.add_argument
@@ -362,7 +353,12 @@ def _parser() -> argparse.ArgumentParser:
     add("--sensors", type=int, default=8, help="sensors, and so cells, of the swarm")
     add("--cells", choices=("process", "worker", "inline"), default="process")
     add("--learning", choices=("coordinator", "spread"), default="coordinator")
-    add("--split", type=_in_bytes, default=0, help="size of a file, such as 64MiB")
+    add(
+        "--split",
+        type=options.in_bytes,
+        default=0,
+        help="size of a file, such as 64MiB",
+    )
     add("--keep", type=int, default=0, help="files kept of the recording")
     add("--keyframe-every", type=int, default=1000, help="ticks between key-frames")
     add("--rate", type=float, default=200.0, help="lines a second, with --run lines")
