@@ -186,7 +186,7 @@ class ProbeJob(msgspec.Struct, frozen=True):
     async def run(self, part: PartContext) -> None:
         """Send every wave, and bring the rows home."""
         core, count = Probe(self.plan), len(self.parts)
-        async with part.connection.fabric() as fabric:
+        async with part.connection.fabric(swift=True) as fabric:
             await take_part(
                 fabric,
                 run_coordinator(

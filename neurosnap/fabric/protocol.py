@@ -5,10 +5,10 @@
 - A message is lost only with an error or with a gap in its sender's running numbers.
 
 Handlers are plain functions that get a burst of deliveries: a pulse needs neither an
-``await`` nor a task, and either would cost more than the work. Over Zenoh each
-subscription has a thread of its own for them, unless it polls; in memory they run on
-the event loop. What a handler shares with the loop, or with a handler of another
-subscription, needs a lock. Handlers of presence run on the loop always.
+``await`` nor a task, and either would cost more than the work. They run on the event
+loop's thread, unless a part asked for a swift fabric: then each subscription has a
+thread of its own for them. What such a handler shares with the loop, or with a handler
+of another subscription, needs a lock. Handlers of presence run on the loop always.
 """
 
 import asyncio

@@ -1,35 +1,35 @@
-"""The anomalies, births and alarms of a run, from its recording: whole, or growing."""
+"""A stream of a run's anomalies, births and alarms, live or recorded."""
 
 import asyncio
-import time
+import contextlib
+import heapq
 from collections.abc import Callable, Iterator
+from operator import itemgetter
 from pathlib import Path
-from typing import TypeAlias
+from typing import Self, TypeAlias
 
 from neurosnap import wire
 from neurosnap.agent.growth.changed import Changed
-from neurosnap.errors import InvalidValueError, RecordingError
-from neurosnap.fabric.events import wait_at_most
-from neurosnap.health.alarm import News, news
+from neurosnap.agent.growth.sensor_changes import changes_in
+from neurosnap.errors import InvalidValueError, MessageError, SwarmError
+from neurosnap.fabric.events import wait_any
+from neurosnap.fabric.zenoh.discovery import FoundSwarm
+from neurosnap.health.alarm import News, Standing, news
 from neurosnap.health.budget import NEVER
-from neurosnap.health.follower import Follower
 from neurosnap.protocol.anomaly_words import (
     NamedAnomaly,
     named_anomaly,
     with_support,
 )
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.chunk_messages import Recorded
-from neurosnap.recording.read.observations import own_readings
+from neurosnap.recording.read.observations import alarms_of
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.replay.births import Births
-from neurosnap.runtime.parts.health_listener import LATE, SILENT_FOR
-from neurosnap.runtime.registry import recorded_in
+from neurosnap.recording.replay.births import Births, births_of
+from neurosnap.runtime.network import Connections, Network
+from neurosnap.runtime.parts.coordinator_process import read_description
+from neurosnap.runtime.parts.health_listener import HealthListener, Past
 
 Fed: TypeAlias = NamedAnomaly | Changed | News
-
-_LOOK = 0.25  # seconds between two looks at a recording that grows
-_BETWEEN = 10.0  # seconds that one incarnation of a swarm may follow another by
 
 
 def recorded(recording: Recording, support: int | None = None) -> Iterator[Fed]:
@@ -44,11 +44,25 @@ def recorded(recording: Recording, support: int | None = None) -> Iterator[Fed]:
         RecordingError: While iterating: it is damaged, or not a run's.
         MessageError: While iterating: an anomaly is none of such a run.
     """
-    feed = _Feed(recording.options, support, recording.path)
-    for each in recording.messages(feed.topics):
-        yield from feed.receive(each)
-    if recording.closing is not None:
-        yield from feed.follow(recording.closing)
+    support = _support(recording.options, support)
+    streams = _anomalies_and_births(recording, support), alarms_of(recording)
+    for _, each in heapq.merge(*streams, key=itemgetter(0)):
+        yield each
+
+
+def _anomalies_and_births(
+    recording: Recording, support: int
+) -> Iterator[tuple[int, NamedAnomaly | Changed]]:
+    births = births_of(recording)
+    sensors, changes = births.body.sensors, births.changes()
+    for each in recording.messages(("anomaly",)):
+        if isinstance(each.message, wire.Anomaly):
+            tick = each.message.tick
+            while changes and changes[0].tick < tick:
+                yield changes[0].tick, changes.pop(0)
+            if (rest := with_support(each.message, support)) is not None:
+                yield tick, named_anomaly(rest, sensors)
+    yield from ((change.tick, change) for change in changes)
 
 
 def _support(options: RunOptions, wanted: int | None) -> int:
@@ -82,199 +96,178 @@ def without_anomalies(recording: Recording, support: int | None = None) -> str:
     )
 
 
-class _Feed:
-    """Derives what is to be reported from the messages of a run, in their order.
-
-    Args:
-        options: The run's.
-        support: As for `recorded`.
-        path: The recording, for errors.
-    """
-
-    def __init__(self, options: RunOptions, support: int | None, path: Path) -> None:
-        self._least = _support(options, support)
-        self._path = path
-        self._births = Births(options.body)
-        self._changes: list[Changed] = []
-        judged = options.alarms != NEVER
-        self._follower = Follower(options.body.own, options.alarms) if judged else None
-        self._standing = self._follower.standing if self._follower else None
-        self.topics: tuple[str, ...] = ("anomaly",)
-        """The topics of the messages that it needs."""
-        if judged:
-            self.topics += ("observation",)
-        if options.body.room:
-            self.topics += ("decision", "keyframe")
-
-    def receive(self, recorded: Recorded) -> Iterator[Fed]:
-        """Receive a message, and yield what follows from it."""
-        match recorded.message:
-            case wire.Observation() as seen if self._follower is not None:
-                sensed = own_readings(seen, recorded.sent, self._births.first)
-                at, on, known, begins = sensed
-                self._follower.observe(on, known, at, begins=begins)
-                yield from self._news()
-            case wire.Anomaly() as anomaly:
-                rest = with_support(anomaly, self._least)
-                if rest is not None:
-                    yield named_anomaly(rest, self._births.body.sensors)
-            case wire.Decision() | wire.KeyFrame() as message:
-                yield from self.follow(message)
-            case _:
-                pass
-
-    def follow(self, message: wire.Decision | wire.KeyFrame) -> Iterator[Changed]:
-        """Yield what a message shows to be grown or retired.
-
-        Raises:
-            RecordingError: A key-frame holds no agent of this run.
-        """
-        listed = self._births.listed
-        try:
-            self._births.follow(message)
-        except ValueError as error:
-            place = f"{self._path}: key-frame of tick {message.tick}"
-            raise RecordingError(f"{place}: must hold an agent, {error}") from error
-        if self._births.listed is not listed:
-            before, self._changes = self._changes, self._births.changes()
-            yield from (each for each in self._changes if each not in before)
-
-    def pass_until(self, at: float) -> Iterator[News]:
-        """Yield the alarms that follow where nothing was read until a time."""
-        if self._follower is not None:
-            self._follower.until(at)
-            yield from self._news()
-
-    def in_force(self) -> Iterator[News]:
-        """Yield the alarms that there are now."""
-        if self._standing is not None:
-            yield from news(None, self._standing)
-
-    def _news(self) -> Iterator[News]:
-        if self._follower is not None and self._standing is not None:
-            before, self._standing = self._standing, self._follower.standing
-            yield from news(before, self._standing)
-
-
 async def watch(
-    log: Path,
+    network: Network,
+    swarm: str,
     stop: asyncio.Event,
     report: Callable[[Fed], None],
     *,
     support: int | None = None,
-    on_ready: Callable[[], None] = lambda: None,
+    log: Path | None = None,
+    patience: float = 10.0,
 ) -> None:
-    """Follow a recording that grows, until its run is over or `stop` is set.
+    """Look on at a swarm that runs, until it is over or `stop` is set.
 
-    A run that goes on after a death is followed further. Alarms in force are reported
-    at the beginning.
+    A swarm that goes on after a death is looked on at further. Alarms in force are
+    reported at the beginning.
 
     Args:
-        log: Where a swarm of this machine is recorded.
+        network: Where its hub is; `Network.connect` names it.
+        swarm: Its id.
         stop: Ends it.
         report: Is given each anomaly, each sensor that is grown or retired, each alarm
             and its end.
         support: The occasions an anomaly must rest on; if None, what the run asks for.
-        on_ready: Called once all that is recorded from now on will be reported.
+        log: Its recording, from which the sensors are known that may be broken. If
+            None it is not here, so what is learned of them begins now.
+        patience: Seconds until a coordinator is there, the first or the next.
 
     Raises:
         InvalidValueError: The run reports no anomalies and alarms, and grows nothing;
             or support is asked for, and the run does not count occasions.
+        SwarmError: There is no such swarm.
     """
-    growing = _Growing(log, support)
-    for alarm in await asyncio.to_thread(growing.catch_up):
-        report(alarm)
-    on_ready()
-    until = time.monotonic() + _BETWEEN
-    while not stop.is_set():
-        # Asked first: what was written before its end is seen after.
-        runs = bool(recorded_in(log))
-        for each in await asyncio.to_thread(growing.look):
-            report(each)
-        if runs:
-            until = time.monotonic() + _BETWEEN
-        elif growing.has_end or time.monotonic() > until:
-            return
-        await wait_at_most(stop, _LOOK)
+    seen_one = False
+    connections = Connections(network)
+    async with (
+        _Alarms(report, log) as alarms,
+        connections.discovery(swarm, stop) as discovery,
+    ):
+        while True:
+            try:
+                seen = await discovery.next(stop, patience)
+            except TimeoutError:
+                if seen_one:
+                    return
+                rule = f"must have a coordinator within {patience:g} s, none came"
+                raise SwarmError(f"swarm {swarm}: {rule}") from None
+            if seen is None:
+                return
+            incarnation = _Incarnation(report, alarms, support)
+            if await incarnation.look_on(connections, seen, stop):
+                return
+            seen_one = True
 
 
-class _Growing:
-    """A recording that grows, and what is new in it. Used by one thread at a time."""
+class _Incarnation:
+    """One incarnation of a swarm that is looked on at."""
 
-    def __init__(self, log: Path, support: int | None) -> None:
-        self._log = log
+    def __init__(
+        self, report: Callable[[Fed], None], alarms: "_Alarms", support: int | None
+    ) -> None:
+        self._report = report
+        self._alarms = alarms
         self._support = support
-        self._recording: Recording | None = None
-        self._seen: dict[Path, int] = {}  # chunks
-        # The last tick that was seen, by kind of message: a run that goes on after a
-        # death is recorded in a new file, which begins with what was seen.
-        self._reached: dict[type[wire.Message], int] = {}
-        self._silent_since = time.monotonic()
+        self._least = 0  # occasions
+        self._births: Births | None = None
+        # Before it is known what the sensors are called.
+        self._early: list[tuple[wire.Message, int]] = []
+        self._over = asyncio.Event()
 
-    @property
-    def has_end(self) -> bool:
-        """The last file that there is was finished."""
-        return self._recording is not None and self._recording.totals is not None
+    async def look_on(
+        self, connections: Connections, seen: FoundSwarm, stop: asyncio.Event
+    ) -> bool:
+        """Report until it is over or `stop` is set; tell whether it ended in order."""
+        topics = ("observation", "anomaly", "decision", "keyframe", "leave/coordinator")
+        async with connections.to("watcher", seen.name).fabric() as fabric:
+            await fabric.subscribe(topics, self._handle)
+            content = await fabric.ask()
+            if content is None:
+                return False
+            self._begin(read_description(content).options, seen.name)
+            await wait_any(seen.gone, self._over, stop)
+            return self._over.is_set() or stop.is_set()
 
-    def catch_up(self) -> list[News]:
-        """Pass over what is recorded by now; return the alarms in force."""
-        self.look()
-        return [] if self._recording is None else list(self._feed.in_force())
-
-    def look(self) -> list[Fed]:
-        """Return what is new.
-
-        Raises:
-            RecordingError: What is new is damaged, or not a run's.
-        """
-        found: list[Fed] = []
-        try:
-            if self._recording is None or self._recording.replaced():
-                self._open()
-            else:
-                self._recording.grow()
-            found.extend(self._new())
-        except RecordingError:
-            # Deleted; or the run, or what goes on with it, has not begun.
-            if self._is_there():
-                raise
-        return found
-
-    def _is_there(self) -> bool:
-        """Return whether what was opened is what there is."""
-        try:
-            return self._recording is not None and not self._recording.replaced()
-        except RecordingError:
-            return False
-
-    def _open(self) -> None:
-        recording = Recording.open(self._log, verify=False)
-        options = recording.options
+    def _begin(self, options: RunOptions, swarm: str) -> None:
+        """Report what came early, now that it is known what the run is."""
+        self._alarms.begin(options)
         if not (options.watch or options.body.room or options.alarms != NEVER):
             rule = "must be run with --anomalies or --alarms"
-            raise InvalidValueError("swarm", rule, recording.swarm)
-        self._feed = _Feed(options, self._support, self._log)
-        self._recording, self._seen = recording, {}
+            raise InvalidValueError("swarm", rule, swarm)
+        self._least = _support(options, self._support)
+        self._births = Births(options.body)
+        for message, sent in self._early:
+            self._receive(message, sent, self._births)
 
-    def _new(self) -> Iterator[Fed]:
-        for file in self._recording.files if self._recording is not None else ():
-            chunks = file.layout.chunks
-            for noted in chunks[self._seen.get(file.path, 0) :]:
-                for each in file.chunk(noted).recorded(self._feed.topics):
-                    yield from self._receive(each)
-            self._seen[file.path] = len(chunks)
-        now = time.monotonic()
-        if now - self._silent_since >= SILENT_FOR:
-            self._silent_since = now
-            yield from self._feed.pass_until(time.time() - LATE)
+    def _handle(self, deliveries: list[wire.Delivery]) -> None:
+        for delivery in deliveries:
+            with contextlib.suppress(MessageError):
+                message = wire.decode(delivery.key, delivery.payload)
+                if isinstance(message, wire.Leave):
+                    self._over.set()
+                elif self._births is None:
+                    self._early.append((message, delivery.sent))
+                else:
+                    self._receive(message, delivery.sent, self._births)
 
-    def _receive(self, recorded: Recorded) -> Iterator[Fed]:
-        self._silent_since = time.monotonic()
-        found, message = list(self._feed.receive(recorded)), recorded.message
-        if isinstance(
-            message, wire.Observation | wire.Anomaly | wire.Decision | wire.KeyFrame
-        ):
-            kind, tick = type(message), message.tick
-            if tick > self._reached.get(kind, -1):
-                self._reached[kind] = tick
-                yield from found
+    def _receive(self, message: wire.Message, sent: int, births: Births) -> None:
+        with contextlib.suppress(ValueError):  # it is none of such a run
+            match message:
+                case wire.Observation():
+                    self._alarms.receive(message, sent)
+                case wire.Anomaly():
+                    rest = with_support(message, self._least)
+                    if rest is not None:
+                        self._report(named_anomaly(rest, births.body.sensors))
+                case wire.Decision():
+                    births.follow(message)
+                    for change in _changes(message, births):
+                        self._report(change)
+                case wire.KeyFrame():  # what was grown before it was looked on at
+                    births.follow(message)
+                case _:
+                    pass
+
+
+class _Alarms:
+    """Reports the alarms of a run that is looked on at."""
+
+    def __init__(self, report: Callable[[Fed], None], log: Path | None) -> None:
+        self._report = report
+        self._past = None if log is None else Past(log)
+        self._last: Standing | None = None
+        self._stop = asyncio.Event()
+        self._listener: HealthListener | None = None
+        self._serving: asyncio.Task[None] | None = None
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        self._stop.set()
+        if self._serving is not None:
+            await self._serving
+
+    def begin(self, options: RunOptions) -> None:
+        """Follow the sensors of a run, unless it judges none, or that was begun."""
+        if self._listener is None and options.alarms != NEVER:
+            listener = HealthListener(
+                options.body, options.alarms, self._report_news, self._past
+            )
+            self._listener = listener
+            serving = listener.serve(self._stop)
+            self._serving = asyncio.create_task(serving, name="watch/health")
+
+    def receive(self, message: wire.Observation, sent: int) -> None:
+        """Receive what was read, and when it was sent."""
+        if self._listener is not None:
+            self._listener.receive(message, sent)
+
+    def _report_news(self, standing: Standing) -> None:
+        before, self._last = self._last, standing
+        for each in news(before, standing):
+            self._report(each)
+
+
+def _changes(decision: wire.Decision, births: Births) -> Iterator[Changed]:
+    """Yield what a decision grew and retired.
+
+    What was grown before anybody looked on is known from the next key-frame on; until
+    then a sensor that is grown has its formula alone.
+    """
+    if decision.born < births.body.size:
+        yield from changes_in(decision, births.body)
+        return
+    context = decision.context, decision.literals
+    body = births.first.grow(context)
+    yield Changed(decision.tick, decision.born, body.sensors[body.first_grown])

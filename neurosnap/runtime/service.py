@@ -15,6 +15,7 @@ from neurosnap import wire
 from neurosnap.errors import (
     InvalidValueError,
     MessageError,
+    NeurosnapError,
     PartDiedError,
     SwarmError,
 )
@@ -24,6 +25,7 @@ from neurosnap.runtime.network import Connections, Network
 from neurosnap.runtime.parts.coordinator_process import read_description
 from neurosnap.runtime.parts.job import PartConnection
 from neurosnap.runtime.remote_parts import ChooseParts, RemotePart
+from neurosnap.runtime.request import RestartKind
 from neurosnap.runtime.supervisor import RunningPart, Supervisor
 
 _GRACE = 10.0  # seconds a part may take to end
@@ -48,26 +50,30 @@ async def serve(
     swarm: str,
     stop: asyncio.Event,
     *,
+    restart: RestartKind = "on-failure",
     patience: float = 60.0,
     on_served: Callable[[Served], None] = lambda _: None,
 ) -> None:
     """Run some parts of a swarm, a process each. No process outlives the call.
-
-    When its coordinator vanishes or fails, or a part of this service dies, its next
-    incarnation is waited for; when it ends in order, this ends, too.
 
     Args:
         choose: Which parts.
         network: Where the hub is; `Network.connect` names it.
         swarm: The swarm's id.
         stop: Ends it; a swarm that goes on without these parts fails.
+        restart: What follows a swarm. ``never``: nothing, however it ended.
+            ``on-failure``: nothing, if it ended in order; if its coordinator vanished
+            or failed, or a part of this service died, its next incarnation.
+            ``always``: whatever comes next under this id, without end.
         patience: Seconds until the hub answers, until a coordinator is there, and until
-            the next incarnation is.
+            the next incarnation is; with ``always``, as long as it takes.
         on_served: Called with each swarm when it is over.
 
     Raises:
-        InvalidValueError: The network cannot be, or the run is not one for these parts.
-        SwarmError: None came; or a part failed, would not end, or was there already.
+        InvalidValueError: The network cannot be, or, but for ``always``, the run is not
+            one for these parts.
+        SwarmError: None came; or, but for ``always``, a part failed, would not end, or
+            was there already.
     """
     if not network.connect:
         rule = "must say where the hub of the swarm listens"
@@ -75,22 +81,27 @@ async def serve(
     network.check("watcher")
     connections = Connections(network)
     host = _Host(choose, connections, stop)
+    wait = None if restart == "always" else patience
     trouble = ""
     async with connections.discovery(swarm, stop, patience) as discovery:
         while True:
             try:
-                seen = await discovery.next(stop, patience)
+                seen = await discovery.next(stop, wait)
             except TimeoutError:
                 raise SwarmError(_no_coordinator(swarm, patience, trouble)) from None
             if seen is None:
                 return
             try:
                 served = await host.take_part(seen)
-            except PartDiedError as error:
+            except NeurosnapError as error:
+                mends = restart == "on-failure" and isinstance(error, PartDiedError)
+                if restart != "always" and not mends:
+                    raise
                 served = Served(seen.name, str(error), {})
             on_served(served)
             trouble = served.trouble
-            if not trouble or stop.is_set():
+            over = restart == "never" or (restart == "on-failure" and not trouble)
+            if over or stop.is_set():
                 return
 
 
@@ -194,20 +205,17 @@ class _Ending:
     """How a swarm ends, by its coordinator's last words."""
 
     def __init__(self) -> None:
-        self._loop = asyncio.get_running_loop()
         self._left = asyncio.Event()
         self._complaint = ""
         self._complained = -1  # the number of its last fault
 
     def handle(self, deliveries: list[wire.Delivery]) -> None:
-        """Receive faults and last words; on the fabric's thread."""
+        """Receive faults and last words."""
         for delivery in deliveries:
             with contextlib.suppress(MessageError):
                 message = wire.decode(delivery.key, delivery.payload)
                 if message.sender == "coordinator":
-                    self._loop.call_soon_threadsafe(
-                        self._receive, message, delivery.sequence
-                    )
+                    self._receive(message, delivery.sequence)
 
     def _receive(self, message: wire.Message, sequence: int) -> None:
         if isinstance(message, wire.Fault):

@@ -46,6 +46,7 @@ def linked_hubs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Hub,
     params=[
         "memory",
         pytest.param("zenoh", marks=pytest.mark.zenoh),
+        pytest.param("zenoh-swift", marks=pytest.mark.zenoh),
         pytest.param("zenoh-linked", marks=[pytest.mark.zenoh, pytest.mark.slow]),
     ]
 )
@@ -54,5 +55,7 @@ def network(request: pytest.FixtureRequest) -> Network:
         return MemoryNetwork()
     if request.param == "zenoh-linked":
         near, far = request.getfixturevalue("linked_hubs")
-        return ZenohNetwork(near, far)
-    return ZenohNetwork(request.getfixturevalue("hub"))
+        return ZenohNetwork(near, swift=False, far=far)
+    return ZenohNetwork(
+        request.getfixturevalue("hub"), swift=request.param == "zenoh-swift"
+    )

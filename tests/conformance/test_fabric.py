@@ -173,7 +173,7 @@ async def test_numbers_run_from_the_first_over_all_keys_heard_or_not(
 
 @pytest.mark.zenoh
 async def test_a_hub_that_stalls_loses_nothing(hub: Hub) -> None:
-    network = ZenohNetwork(hub)
+    network = ZenohNetwork(hub, swift=False)
     count = 100  # of 200 kB: more than anything on the way can hold
 
     async with listening(network, "keyframe") as heard, network.end("sender") as sender:
@@ -194,7 +194,7 @@ async def test_a_hub_that_stalls_loses_nothing(hub: Hub) -> None:
 async def test_threads_may_publish_at_once_and_every_number_is_used_once(
     hub: Hub,
 ) -> None:
-    network = ZenohNetwork(hub)
+    network = ZenohNetwork(hub, swift=True)
     async with listening(network, "leave/**") as heard, network.end("sender") as sender:
 
         def publish() -> None:

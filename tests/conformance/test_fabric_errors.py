@@ -78,7 +78,7 @@ async def test_what_fails_a_part_comes_out_of_serve_once_first(
 
 @pytest.mark.zenoh
 async def test_nothing_listens_on_tcp_or_udp(hub: Hub) -> None:
-    async with ZenohNetwork(hub).end("part") as end:
+    async with ZenohNetwork(hub, swift=False).end("part") as end:
         await end.announce()
         for process in (psutil.Process(hub.pid), psutil.Process()):
             assert process.net_connections("inet") == []
@@ -100,12 +100,14 @@ async def test_a_hub_that_cannot_be_reached_is_an_error_in_time(endpoint: str) -
 @pytest.mark.zenoh
 async def test_a_hub_that_comes_late_is_waited_for(endpoint: str) -> None:
     fabric = ZenohFabric("cell/3", "one", HubAddress(endpoint), patience=PATIENCE)
-    opening = asyncio.get_running_loop().run_in_executor(None, open_hub, [endpoint], 3)
+    entering = asyncio.create_task(fabric.__aenter__())
+    await asyncio.sleep(0)
+    session = await asyncio.to_thread(open_hub, [endpoint], 3)
     try:
-        async with fabric:
-            pass
+        await entering
+        await fabric.__aexit__(None, None, None)
     finally:
-        await asyncio.to_thread((await opening).close)
+        await asyncio.to_thread(session.close)
 
 
 @pytest.mark.zenoh
@@ -119,7 +121,7 @@ def test_a_place_where_none_can_listen_is_an_error(hub: Hub) -> None:
 @pytest.mark.zenoh
 async def test_a_session_leaves_no_thread_of_ours(hub: Hub) -> None:
     before = set(threading.enumerate())
-    async with listening(ZenohNetwork(hub), "leave/**"):
+    async with listening(ZenohNetwork(hub, swift=True), "leave/**"):
         during = {thread.name for thread in set(threading.enumerate()) - before}
     assert "inbox/listener" in during
     after = {thread.name for thread in set(threading.enumerate()) - before}

@@ -48,10 +48,11 @@ def waiting(endpoint: str, folder: Path, *line: object) -> Iterator[Command]:
     rows(
         [
             (("run", PATH, "--ticks", 3), signal.SIGINT, 130),
-            (("serve", "recorder", "demo"), signal.SIGHUP, 0),
+            (("watch", "demo"), signal.SIGHUP, 0),
         ],
         [
             (("serve", "coordinator", PATH, "--swarm", "demo"), signal.SIGTERM, 130),
+            (("serve", "recorder", "demo"), signal.SIGINT, 0),
         ],
     ),
     ids=lambda value: value[0] if isinstance(value, tuple) else str(value),

@@ -115,7 +115,7 @@ def test_a_world_elsewhere_that_hangs_is_named(
     async def elsewhere() -> None:
         world, network = remote_parts.world(hanging.source), Network(connect=where)
         with contextlib.suppress(SwarmError):  # it will not end when it is asked to
-            await serve(world, network, "demo", stop)
+            await serve(world, network, "demo", stop, restart="never")
 
     async def both() -> None:
         async with asyncio.TaskGroup() as group:

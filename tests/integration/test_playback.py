@@ -130,10 +130,9 @@ async def test_playing_on_an_endpoint_reaches_a_program_that_connects(
 ) -> None:
     expected = deliveries(recording)
     shown: list[int] = []
-    is_up, connected = asyncio.Event(), asyncio.Event()
+    connected = asyncio.Event()
 
-    async def begin() -> None:
-        is_up.set()
+    async def begin() -> None:  # the hub is up by now
         await connected.wait()
 
     playing = Playing(1e6, on_begin=begin, on_progress=shown.append)
@@ -141,7 +140,6 @@ async def test_playing_on_an_endpoint_reaches_a_program_that_connects(
         played = group.create_task(
             play_on(recording, endpoint, asyncio.Event(), playing)
         )
-        await is_up.wait()
         async with watching(recording.swarm, endpoint) as watcher:
             connected.set()
             await watcher.wait_for(len(expected))

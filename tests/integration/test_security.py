@@ -63,10 +63,9 @@ async def test_a_recording_plays_to_who_has_a_certificate(
         await run_swarm(hub, options(), log)
     recording = Recording.open(log)
     heard, seen, stop = Heard(), Seen(), asyncio.Event()
-    is_up, connected = asyncio.Event(), asyncio.Event()
+    connected = asyncio.Event()
 
     async def begin() -> None:
-        is_up.set()
         await connected.wait()
 
     endpoint = hub.endpoint.replace("127.0.0.1", "0.0.0.0")
@@ -81,7 +80,6 @@ async def test_a_recording_plays_to_who_has_a_certificate(
                 credentials=credentials,
             )
         )
-        await is_up.wait()
         async with (
             ZenohFabric(
                 "watcher",

@@ -37,9 +37,12 @@ async def broken(said: asyncio.StreamReader, implication: str) -> dict[str, Any]
             return found
 
 
-async def test_a_running_swarm_is_looked_on_until_its_end(tmp_path: Path) -> None:
+@pytest.mark.parametrize("cells", ["process", "worker"])
+async def test_a_running_swarm_is_looked_on_until_its_end(
+    tmp_path: Path, cells: str
+) -> None:
     log = tmp_path / "log.mcap"
-    arguments = ("--cells", "worker", "--workers", "1", "--threshold", "0.25")
+    arguments = ("--cells", cells, "--workers", "1", "--threshold", "0.25")
     async with verb(tmp_path, "run", "-", *arguments, "--out", str(log)) as run:
         for door, motion in REGULAR:
             tell(run, door, motion)

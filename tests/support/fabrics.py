@@ -137,9 +137,10 @@ class MemoryNetwork(Network):
 class ZenohNetwork(Network):
     """Parts on one hub; given a far one, those that only speak are there."""
 
-    def __init__(self, hub: Hub, far: Hub | None = None) -> None:
+    def __init__(self, hub: Hub, *, swift: bool, far: Hub | None = None) -> None:
         self._endpoint = hub.endpoint
         self._far = hub.endpoint if far is None else far.endpoint
+        self._swift = swift
         self._run = secrets.token_hex(4)  # a hub may still hold an earlier test's
 
     def end(self, who: str, *, swarm: str = "one", first: int = 0) -> Fabric:
@@ -151,6 +152,7 @@ class ZenohNetwork(Network):
             HubAddress(self._far if far else self._endpoint),
             first=first,
             patience=PATIENCE,
+            swift=self._swift,
         )
 
 

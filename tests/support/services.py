@@ -71,13 +71,13 @@ def begun(endpoint: str, tick: int, swarm: str = SWARM) -> None:
     """Return once a swarm has come so far."""
 
     async def wait() -> None:
-        far, loop = asyncio.Event(), asyncio.get_running_loop()
+        far = asyncio.Event()
 
         def handle(burst: list[wire.Delivery]) -> None:
             for each in burst:
                 state = wire.decode(each.key, each.payload)
                 if isinstance(state, wire.State) and state.tick >= tick:
-                    loop.call_soon_threadsafe(far.set)
+                    far.set()
 
         async with ZenohFabric("watcher", swarm, HubAddress(endpoint)) as fabric:
             await fabric.subscribe(("state",), handle)

@@ -12,13 +12,12 @@ class Heard:
     def __init__(self) -> None:
         self.messages: list[wire.Message] = []
         self.sequences: list[int] = []
-        self._loop = asyncio.get_running_loop()
         self._more = asyncio.Event()
 
     def __call__(self, burst: list[wire.Delivery]) -> None:
         self.messages += [wire.decode(each.key, each.payload) for each in burst]
         self.sequences += [each.sequence for each in burst]
-        self._loop.call_soon_threadsafe(self._more.set)
+        self._more.set()
 
     async def wait(self, message: wire.Message) -> list[wire.Message]:
         async with asyncio.timeout(PATIENCE):

@@ -45,7 +45,7 @@ from neurosnap.apps.cli.shared import (
 )
 from neurosnap.errors import InvalidValueError
 from neurosnap.runtime.network import Network
-from neurosnap.runtime.request import check_swarm
+from neurosnap.runtime.request import RestartKind, check_swarm
 
 if TYPE_CHECKING:
     from neurosnap.recording.format.completeness import Completeness
@@ -76,8 +76,14 @@ Patience = Annotated[
         help="How long to wait until the other parts have connected.",
     ),
 ]
+_RESTART = (
+    "What to do when the swarm has ended. Never: end, too. On-failure: if a part had"
+    " died, wait for the swarm that continues it. Always: wait for the next of this name,"
+    " until Ctrl-C."
+)
 _with_place = with_parameters(
     connect=(Connect, ...),
+    restart=(RestartKind, option("restart", _RESTART)),
     patience=(Patience, 60.0),
     tls=(str, option("tls")),
     insecure=(bool, option("insecure")),
@@ -151,11 +157,9 @@ async def _hub(
 
     session = await asyncio.to_thread(open_hub, endpoints, _SESSIONS, **secured)
     try:
-        said = f"listening on {', '.join(endpoints)}"
-        if links := secured["links"]:
-            said += f", looking for hubs at {', '.join(links)}"
-        warn(said)
-        await follow_links(session, stop, warn, secured["credentials"])
+        warn(f"listening on {', '.join(endpoints)}")
+        credentials = secured["credentials"]
+        await follow_links(session, secured["links"], stop, warn, credentials)
     finally:
         await asyncio.to_thread(session.close)
 
@@ -316,6 +320,7 @@ def _serve(
             network,
             swarm,
             stop,
+            restart=given["restart"],
             patience=given["patience"],
             on_served=report,
         )

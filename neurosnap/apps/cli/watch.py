@@ -2,11 +2,11 @@
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from neurosnap.apps.cli.options import FLAG
+from neurosnap.apps.cli.options import FLAG, NETWORK, option, with_parameters
 from neurosnap.apps.cli.output import (
     changed_line,
     print_facts,
@@ -22,20 +22,35 @@ from neurosnap.apps.cli.shared import (
     Form,
     Format,
     app,
+    convert,
     end_by,
     errors,
     run_async,
 )
 from neurosnap.errors import InvalidValueError
+from neurosnap.runtime.network import Network
 from neurosnap.sensorium import visible
 
 if TYPE_CHECKING:
     from neurosnap.runtime.anomaly_feed import Fed
-    from neurosnap.runtime.registry import Note
 
 
 @app.command(rich_help_panel=WATCH)
+@with_parameters(
+    connect=(
+        str,
+        typer.Option(
+            "",
+            metavar="ENDPOINT",
+            rich_help_panel=NETWORK,
+            help="Where the hub of a swarm on another machine listens.",
+        ),
+    ),
+    tls=(str, option("tls")),
+    insecure=(bool, option("insecure")),
+)
 def watch(
+    context: typer.Context,
     what: Annotated[
         str | None,
         typer.Argument(
@@ -67,15 +82,14 @@ def watch(
     alarm names a sensor that seems broken; its end is reported, too. So is a sensor
     that is grown, or retired.
 
-    For a recording, shows those of all ticks; for a swarm, which must be recorded,
-    those to come, until it ends or Ctrl-C. Anomalies that rest on few occasions are
-    left out: see --support.
+    For a recording, shows those of all ticks; for a swarm, those to come, until Ctrl-C.
+    Anomalies that rest on few occasions are left out: see --support.
     """
     with errors():
         if what is not None and _is_recording(what):
             _watch_recording(Path(what), support, form)
         else:
-            _watch_swarm(what or "", support, form)
+            _watch_swarm(what, context.params, support, form)
 
 
 def _watch_recording(log: Path, support: int | None, form: str) -> None:
@@ -93,26 +107,28 @@ def _watch_recording(log: Path, support: int | None, form: str) -> None:
     end_by(recording.file)
 
 
-def _watch_swarm(swarm: str, support: int | None, form: str) -> None:
-    from neurosnap.runtime.anomaly_feed import watch as follow
-    from neurosnap.runtime.registry import find
+def _watch_swarm(
+    what: str | None, given: dict[str, Any], support: int | None, form: str
+) -> None:
+    from neurosnap.runtime import registry
+    from neurosnap.runtime.anomaly_feed import watch as look_on
 
-    note = find(swarm)
-    log, show = _log_of(note), partial(_report, form=form)
-    say_so = partial(warn, f"watching {note.swarm}; Ctrl-C ends it")
-    run_async(lambda stop: follow(log, stop, show, support=support, on_ready=say_so))
-
-
-def _log_of(note: "Note") -> Path:
-    """Return where a swarm is recorded.
-
-    Raises:
-        InvalidValueError: It is not.
-    """
-    if not note.log:
-        rule = "must be recorded to be watched or viewed"
-        raise InvalidValueError("swarm", rule, note.swarm)
-    return Path(note.log)
+    connect = given["connect"]
+    if connect and what is None:
+        raise InvalidValueError("swarm", "must be named with --connect", what)
+    swarm, log = what or "", None
+    if not connect:
+        note = registry.find(what or "")
+        swarm, connect = note.swarm, note.endpoint
+        log = Path(note.log) if note.log else None
+    secured = {name: given[name] for name in ("tls", "insecure")}
+    network = convert(Network, connect=connect, **secured)
+    network.check("watcher")
+    warn(f"watching {swarm}; Ctrl-C ends it")
+    show = partial(_report, form=form)
+    run_async(
+        lambda stop: look_on(network, swarm, stop, show, support=support, log=log)
+    )
 
 
 def _report(told: "Fed", form: str) -> None:
@@ -182,10 +198,15 @@ def _logs(given: list[str]) -> list[Path]:
 
     if not given and not (given := [note.swarm for note in registry.swarms()]):
         raise InvalidValueError("swarm", "must run here, or a recording be given", "")
-    return [
-        Path(each) if _is_recording(each) else _log_of(registry.find(each))
-        for each in given
-    ]
+    found: list[Path] = []
+    for each in given:
+        if _is_recording(each):
+            found.append(Path(each))
+        elif log := registry.find(each).log:
+            found.append(Path(log))
+        else:
+            raise InvalidValueError("swarm", "must be recorded to be viewed", each)
+    return found
 
 
 def _is_recording(what: str) -> bool:

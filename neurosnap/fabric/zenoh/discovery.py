@@ -6,7 +6,6 @@ another prefix, since the numbers of its waves begin anew. ``demo`` goes on as
 """
 
 import asyncio
-from contextlib import suppress
 from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Any, Self
@@ -16,6 +15,7 @@ import zenoh
 from neurosnap import wire
 from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.security.hub_address import HubAddress
+from neurosnap.fabric.zenoh.inbox import Inbox
 from neurosnap.fabric.zenoh.session import reach
 
 _ALIVE = "alive/coordinator"
@@ -68,7 +68,7 @@ class Discovery:
     Args:
         swarm: The id.
         hub: Where the hub listens.
-        stop: Ends the wait for the hub; then no swarm is seen.
+        stop: Ends the wait for the hub; then no swarm is seen. None if nothing does.
         patience: Seconds to go on trying until the hub answers.
     """
 
@@ -77,18 +77,17 @@ class Discovery:
         swarm: str,
         hub: HubAddress,
         *,
-        stop: asyncio.Event,
+        stop: asyncio.Event | None = None,
         patience: float = 60.0,
     ) -> None:
         self._swarm = swarm
         self._hub = hub
-        self._stop = stop
+        self._stop = stop or asyncio.Event()
         self._patience = patience
         self._there: dict[str, FoundSwarm] = {}  # by name, in the order they came
         # The last that came, until it was returned.
         self._next: FoundSwarm | None = None
         self._came = asyncio.Event()
-        self._loop = asyncio.get_running_loop()
 
     async def __aenter__(self) -> Self:
         """Connect and look; say so where the hub is waited for.
@@ -99,6 +98,8 @@ class Discovery:
         self._session = await reach("watcher", self._hub, self._stop, self._patience)
         if self._session is None:
             return self
+        # Both ends of what this needs are here, so it cannot fail but by a bug.
+        self._inbox: Inbox[tuple[str, bool]] = Inbox("watcher", self._receive, _raise)
         try:
             self._declared = await asyncio.to_thread(self._declare, self._session)
         except BaseException:
@@ -109,9 +110,7 @@ class Discovery:
     def _declare(self, session: zenoh.Session) -> Any:  # noqa: ANN401
         def hand_over(sample: zenoh.Sample) -> None:
             name = str(sample.key_expr).split("/")[1]
-            alive = sample.kind == zenoh.SampleKind.PUT
-            with suppress(RuntimeError):  # the loop has been closed meanwhile
-                self._loop.call_soon_threadsafe(self._receive, name, alive)
+            self._inbox.push((name, sample.kind == zenoh.SampleKind.PUT))
 
         return session.liveliness().declare_subscriber(
             f"{wire.ROOT}/*/{_ALIVE}",
@@ -129,24 +128,28 @@ class Discovery:
         if self._session is None:
             return
         await asyncio.to_thread(self._declared.undeclare)
+        self._inbox.close()
         await asyncio.to_thread(self._session.close)
 
-    def _receive(self, name: str, alive: bool) -> None:
-        """Note that a coordinator came or went."""
-        if not is_of(name, self._swarm):
-            return
-        if alive and name not in self._there:
-            self._next = self._there[name] = FoundSwarm(name)
-            self._came.set()
-        elif not alive and name in self._there:
-            self._there.pop(name).gone.set()
+    def _receive(self, changes: list[tuple[str, bool]]) -> None:
+        """Note which coordinators came and went."""
+        for name, alive in changes:
+            if not is_of(name, self._swarm):
+                continue
+            if alive and name not in self._there:
+                self._next = self._there[name] = FoundSwarm(name)
+                self._came.set()
+            elif not alive and name in self._there:
+                self._there.pop(name).gone.set()
 
-    async def next(self, stop: asyncio.Event, patience: float) -> FoundSwarm | None:
+    async def next(
+        self, stop: asyncio.Event, patience: float | None = None
+    ) -> FoundSwarm | None:
         """Return the swarm that came last, one each time it came.
 
         Args:
             stop: Ends the wait.
-            patience: Seconds one may take to come.
+            patience: Seconds one may take to come; None if it may take any time.
 
         Returns:
             The swarm, which is there now; None if `stop` was set.
@@ -162,3 +165,7 @@ class Discovery:
                 self._came.clear()
                 await wait_any(self._came, stop)
         return None
+
+
+def _raise(error: BaseException) -> None:
+    raise error

@@ -4,13 +4,14 @@ Without credentials it stays on this machine; with them every link is mutual TLS
 passes on only what `neurosnap.fabric.security.roles` allows. Each hub holds its own
 parts to that, and takes a linked hub's word for the parts of that one.
 
-Zenoh looks for a linked hub that is not there by itself, and lets any session be a
-router's. The access list holds that one to what its certificate
+Zenoh looks for a linked hub that is not there by itself, and does not report it. And it
+lets any session be a router's. The access list holds that one to what its certificate
 may publish and read; but other hubs send messages for each other through it where that
 seems the shorter way, and there the list drops them. So its name is logged.
 """
 
 import asyncio
+import contextlib
 import re
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -18,14 +19,15 @@ from typing import Any
 import zenoh
 
 from neurosnap.errors import FabricError, InvalidValueError
-from neurosnap.fabric.events import wait_any
+from neurosnap.fabric.events import wait_any, wait_at_most
 from neurosnap.fabric.security.hub_address import Credentials, check_endpoint, nearest
 from neurosnap.fabric.security.roles import access_list
-from neurosnap.fabric.zenoh.session import configuration
+from neurosnap.fabric.zenoh.session import absence, configuration
 
 _SOURCE = re.compile(r" at /\S+\.rs:\d+")  # places in the engine's own code
 _SPARE = 100  # sessions beside those expected: watchers, and parts that come back
 _RETRY = {"period_init_ms": 50, "period_max_ms": 1000, "period_increase_factor": 1.5}
+_SAID_AFTER = 2.0  # seconds
 _DANGER = "what hubs send each other may be lost; make new keys without it"
 
 
@@ -87,14 +89,18 @@ def open_hub(
 
 async def follow_links(
     session: zenoh.Session,
+    links: Sequence[str],
     stop: asyncio.Event,
     report: Callable[[str], None],
     credentials: Credentials | None = None,
 ) -> None:
     """Report each hub that is linked to this one, or is not any more, until `stop`.
 
+    After two seconds it is reported, once, which hubs are waited for.
+
     Args:
         session: The hub's.
+        links: Where it looks for others.
         stop: Ends it.
         report: Gets a line for people.
         credentials: The hub's; what is linked and no hub is named.
@@ -111,22 +117,25 @@ async def follow_links(
     there: dict[str, str] = {}
     intruders: set[str] = set()  # by certificate; each is reported once
     try:
-        while not stop.is_set():
-            changed.clear()
-            now = {}
-            for link in await asyncio.to_thread(_links, session):
-                name = link.auth_identifier
-                if credentials is None or name == "hub":
-                    now[str(link.zid)] = str(link.dst)
-                elif name not in intruders:
-                    intruders.add(name)
-                    report(f"{name} is linked and no hub: {_DANGER}")
-            for hub in now.keys() - there.keys():
-                report(f"linked with the hub at {now[hub]}")
-            for hub in there.keys() - now.keys():
-                report(f"lost the link with the hub at {there[hub]}")
-            there = now
-            await wait_any(changed, stop)
+        async with asyncio.TaskGroup() as group:
+            missing = _report_missing(session, links, stop, report)
+            group.create_task(missing, name="hub/missing links")
+            while not stop.is_set():
+                changed.clear()
+                now = {}
+                for link in await asyncio.to_thread(_links, session):
+                    name = link.auth_identifier
+                    if credentials is None or name == "hub":
+                        now[str(link.zid)] = str(link.dst)
+                    elif name not in intruders:
+                        intruders.add(name)
+                        report(f"{name} is linked and no hub: {_DANGER}")
+                for hub in now.keys() - there.keys():
+                    report(f"linked with the hub at {now[hub]}")
+                for hub in there.keys() - now.keys():
+                    report(f"lost the link with the hub at {there[hub]}")
+                there = now
+                await wait_any(changed, stop)
     finally:
         await asyncio.to_thread(listener.undeclare)
 
@@ -139,3 +148,36 @@ def _links(session: zenoh.Session) -> list[Any]:
     """
     routers = set(map(str, session.info.routers_zid()))
     return [link for link in session.info.links() if str(link.zid) in routers]
+
+
+def _address(name: Any) -> str:  # noqa: ANN401
+    """Return an end of a connection as Zenoh writes it."""
+    if not isinstance(name, tuple):
+        return ""
+    host, port = name[:2]
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
+async def _report_missing(
+    session: zenoh.Session,
+    links: Sequence[str],
+    stop: asyncio.Event,
+    report: Callable[[str], None],
+) -> None:
+    await wait_at_most(stop, _SAID_AFTER)
+    ends = {str(link.dst) for link in await asyncio.to_thread(_links, session)}
+    for link in links:
+        if not stop.is_set() and ends.isdisjoint(await _addresses(link)):
+            report(absence(link))
+
+
+async def _addresses(endpoint: str) -> set[str]:
+    """Return an endpoint, and what Zenoh may call it once its name is looked up."""
+    protocol, _, address = endpoint.partition("/")
+    host, _, port = address.rpartition(":")
+    found = {endpoint}
+    if protocol != "unixsock-stream":
+        lookup = asyncio.get_running_loop().getaddrinfo(host.strip("[]"), port)
+        with contextlib.suppress(OSError):
+            found |= {f"{protocol}/{_address(entry[4])}" for entry in await lookup}
+    return found

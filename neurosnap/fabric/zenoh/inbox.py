@@ -1,17 +1,18 @@
 """Hands messages from Zenoh's threads to the rest of the process.
 
 An `Inbox` is filled by any thread, which never blocks, and delivers in bursts, in
-order, on a thread of its own. Waking an event loop takes two system calls and its
-selector, a hundred microseconds on a small machine, and a wave would pay that at every
-hop; waking a thread takes a fifth of it. It is bounded: a push beyond the bound is an
-error for the owner, never a silent loss. A `Poll` reads every so often, on the loop.
+order: on the event loop, or on a thread where latency counts. Waking an event loop
+takes two system calls and its selector, a hundred microseconds on a small machine, and
+a wave pays that at every hop; waking a thread takes a fifth of it. It is bounded: a
+push beyond the bound is an error for the owner, never a silent loss. A `Poll` reads
+every so often.
 """
 
 import asyncio
 import queue
 import threading
 from collections.abc import Callable
-from contextlib import suppress
+from typing import Generic, TypeVar
 
 import zenoh
 
@@ -20,27 +21,31 @@ from neurosnap.errors import InboxOverflowError
 from neurosnap.fabric.events import Failure
 from neurosnap.fabric.protocol import Handler
 
+T = TypeVar("T")
+
 _CAPACITY = 1 << 20
 _CHUNK = 4096  # deliveries a poll handles before other tasks get their turn
 
 
-class Inbox:
+class Inbox(Generic[T]):
     """A bounded queue from any thread to one that delivers.
 
     Args:
         owner: Whose inbox it is, for the error.
-        deliver: Called on the thread of the inbox with all that waited, oldest first.
-        fail: Called on the loop with what `deliver` raised or with an
+        deliver: Called with all that waited, oldest first.
+        fail: Called on the loop, once, with what `deliver` raised or with an
             `InboxOverflowError`; nothing more is let in then.
+        swift: Deliver on a thread of the inbox, not on the loop.
         capacity: How many items may wait.
     """
 
     def __init__(
         self,
         owner: str,
-        deliver: Handler,
+        deliver: Callable[[list[T]], None],
         fail: Callable[[BaseException], None],
         *,
+        swift: bool = False,
         capacity: int = _CAPACITY,
     ) -> None:
         self._owner = owner
@@ -49,43 +54,75 @@ class Inbox:
         self._capacity = capacity
         self._loop = asyncio.get_running_loop()
         # Not `queue.Queue`: this one is a single lock in C, safe to use in a callback.
-        self._items: queue.SimpleQueue[wire.Delivery | None] = queue.SimpleQueue()
+        self._items: queue.SimpleQueue[T | None] = queue.SimpleQueue()
         # Written by `close`, by the thread that delivers and by any that pushes too
-        # much. It only ever becomes true, so a push may read it without a lock: what
+        # much. It only ever becomes true, so a push may read it without the lock: what
         # it then still puts is an item that came while the inbox was closed.
         self._closed = False
-        self._thread = threading.Thread(target=self._run, name=f"inbox/{owner}")
-        self._thread.start()
+        self._lock = threading.Lock()  # of `_woken`, and of calls to a loop that runs
+        self._woken = False
+        self._failed = False  # used on the loop alone
+        self._broken = False  # `deliver` has raised; used by what delivers alone
+        self._thread: threading.Thread | None = None
+        if swift:
+            self._thread = threading.Thread(target=self._run, name=f"inbox/{owner}")
+            self._thread.start()
 
-    def push(self, item: wire.Delivery) -> None:
+    def push(self, item: T) -> None:
         """Leave `item`; any thread, never blocks, ignored when closed."""
         if self._closed:
             return
-        if self._items.qsize() < self._capacity:
-            self._items.put(item)
-        else:
-            self._give_up(InboxOverflowError(self._owner, self._capacity))
+        if self._items.qsize() >= self._capacity:
+            self._overflow()
+            return
+        self._items.put(item)
+        if self._thread is not None:
+            return
+        # Under the lock: `close` cannot come between the check and the call, so the
+        # loop is still running here.
+        with self._lock:
+            if not self._woken and not self._closed:
+                self._woken = True
+                self._loop.call_soon_threadsafe(self._drain)
+
+    def _overflow(self) -> None:
+        error = InboxOverflowError(self._owner, self._capacity)
+        with self._lock:
+            if not self._closed:
+                self._closed = True
+                self._loop.call_soon_threadsafe(self._report, error)
 
     def close(self) -> None:
-        """Ignore every later push; block until what waits is delivered."""
-        self._closed = True
-        self._items.put(None)
-        self._thread.join()
+        """Ignore every later push. What waits is still delivered.
+
+        Blocks until the thread has ended, where there is one; otherwise the loop
+        delivers the rest.
+        """
+        with self._lock:
+            self._closed = True
+        if self._thread is not None:
+            self._items.put(None)
+            self._thread.join()
+
+    def _drain(self) -> None:
+        """Deliver what waits, on the loop."""
+        with self._lock:
+            self._woken = False  # first: what is put from now on wakes the loop again
+        batch: list[T] = []
+        self._collect(batch)
+        if batch and not self._broken:
+            self._hand_over(batch)
 
     def _run(self) -> None:
         """Deliver until the inbox is closed, on its thread."""
-        while (first := self._items.get()) is not None:
+        while not self._broken and (first := self._items.get()) is not None:
             batch = [first]
             is_last = self._collect(batch)
-            try:
-                self._deliver(batch)
-            except BaseException as error:  # noqa: BLE001 - goes on to the owner, whole
-                self._give_up(error)
-                return
+            self._hand_over(batch)
             if is_last:
                 return
 
-    def _collect(self, batch: list[wire.Delivery]) -> bool:
+    def _collect(self, batch: list[T]) -> bool:
         """Move what waits into `batch`; tell whether the inbox was closed after it."""
         # Only one thread takes items out, so what is not empty can be taken.
         while not self._items.empty():
@@ -95,10 +132,17 @@ class Inbox:
             batch.append(item)
         return False
 
-    def _give_up(self, error: BaseException) -> None:
-        self._closed = True
-        with suppress(RuntimeError):  # the loop has been closed meanwhile
-            self._loop.call_soon_threadsafe(self._fail, error)
+    def _hand_over(self, batch: list[T]) -> None:
+        try:
+            self._deliver(batch)
+        except BaseException as error:  # noqa: BLE001 - goes on to the owner, whole
+            self._closed = self._broken = True
+            self._loop.call_soon_threadsafe(self._report, error)
+
+    def _report(self, error: BaseException) -> None:
+        if not self._failed:
+            self._failed = True
+            self._fail(error)
 
 
 class Poll:

@@ -1,4 +1,4 @@
-"""What the world's own sensors read in a recorded run."""
+"""What the world's own sensors read in a recorded run, and the alarms that raises."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
+from neurosnap.health.alarm import News, news
+from neurosnap.health.budget import NEVER
+from neurosnap.health.follower import Follower
 from neurosnap.poc.learning.columns import GrowingColumns
 from neurosnap.recording.read.recording import Recording
 from neurosnap.sensorium import Sensorium, unpack_readings
@@ -56,6 +59,25 @@ def observations(recording: Recording) -> Iterator[tuple[int, OwnReadings]]:
     for message, _, _, sent, _ in recording.messages(("observation",)):
         if isinstance(message, wire.Observation):
             yield message.tick, own_readings(message, sent, body)
+
+
+def alarms_of(recording: Recording) -> Iterator[tuple[int, News]]:
+    """Yield the alarms of a run by its own budget, and their ends, each after its tick.
+
+    Raises:
+        RecordingError: While iterating: the recording is damaged, or not a run's.
+    """
+    options = recording.options
+    if options.alarms == NEVER:
+        return
+    follower = Follower(options.body.own, options.alarms)
+    before = follower.standing
+    for tick, (at, on, known, begins) in observations(recording):
+        follower.observe(on, known, at, begins=begins)
+        now = follower.standing
+        for each in news(before, now):
+            yield tick, each
+        before = now
 
 
 def readings_of(recording: Recording, sensorium: Sensorium, last: int) -> Readings:

@@ -126,7 +126,7 @@ class CoordinatorJob(msgspec.Struct, frozen=True):
         if patience is None:
             patience = 60.0 + 0.05 * len(self.parts)
         swarm = part.connection.swarm
-        async with part.connection.fabric() as fabric:
+        async with part.connection.fabric(swift=True) as fabric:
             await _wait_alone(fabric, swarm, description.vacant, part.stop)
             await fabric.describe_run(description.to_bytes())
             part.reporter.ready()

@@ -24,9 +24,9 @@ from neurosnap.recording.read.observations import (
 )
 from neurosnap.recording.read.recording import Recording, first_path
 
-SILENT_FOR = 60.0
+_LOOK = 60.0
 """Seconds without a reading after which it looks at the clock."""
-LATE = 60.0
+_LATE = 60.0
 """Seconds that a reading may be under way. By as much what is said of silence is late:
 who reads the recording then finds each reading in the same step."""
 _LAST = 10.0
@@ -133,9 +133,9 @@ class HealthListener:
             self._report_new(report)
         while True:
             try:
-                observed = self._waiting.get(timeout=SILENT_FOR)
+                observed = self._waiting.get(timeout=_LOOK)
             except Empty:
-                self._follower.until(self._clock() - LATE)
+                self._follower.until(self._clock() - _LATE)
             else:
                 if observed is None:
                     return

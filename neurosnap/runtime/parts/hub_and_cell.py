@@ -37,7 +37,7 @@ class CellJob(msgspec.Struct, frozen=True):
 
     async def run(self, part: PartContext) -> None:
         """Be the cell until the end."""
-        async with part.connection.fabric() as fabric:
+        async with part.connection.fabric(swift=True) as fabric:
             await take_part(fabric, run_cell(self.cell, fabric, part.stop))
 
 

@@ -170,11 +170,17 @@ class PartConnection(msgspec.Struct, frozen=True):
     local: "MemoryHub | None" = None
     """The network in memory, where all parts are tasks of one loop."""
 
-    def fabric(self) -> Fabric:
+    def fabric(self, *, swift: bool = False) -> Fabric:
         """Return the part's end of the network, to be entered; see `ZenohFabric`."""
         if self.local is not None:
             return self.local.fabric(self.who, first=self.first)
-        return ZenohFabric(self.who, self.swarm, self.address, first=self.first)
+        return ZenohFabric(
+            self.who,
+            self.swarm,
+            self.address,
+            first=self.first,
+            swift=swift,
+        )
 
     @property
     def address(self) -> HubAddress:

@@ -31,7 +31,7 @@ class WorkerJob(msgspec.Struct, frozen=True):
         Reads `wire.worker_keys`, and `wire.LEARNING_KEYS` if it learns; publishes
         bursts, reports and faults, and what it learned.
         """
-        async with part.connection.fabric() as fabric:
+        async with part.connection.fabric(swift=True) as fabric:
             await take_part(fabric, self._work(fabric, part.stop))
 
     async def _work(self, fabric: Fabric, stop: asyncio.Event) -> None:

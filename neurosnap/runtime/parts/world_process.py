@@ -144,7 +144,7 @@ class WorldJob(msgspec.Struct, frozen=True):
                 tick = 0 if past is None else past.tick
                 known = await asyncio.to_thread(kept.resume_after, tick)
             async with (
-                connection.fabric() as fabric,
+                connection.fabric(swift=True) as fabric,
                 synced(source, options.sync),
             ):
                 work = run_world(

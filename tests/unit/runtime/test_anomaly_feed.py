@@ -1,60 +1,110 @@
-"""A recording that grows tells what a whole one does, each once."""
+"""Whoever looks on at a swarm bears whatever comes."""
 
-from pathlib import Path
+import asyncio
+from typing import Any, Self
 
 import msgspec
-import pytest
 
-from neurosnap.errors import InvalidValueError
-from neurosnap.recording.read.chunk_messages import Recorded
-from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.write.writer import Writer
-from neurosnap.runtime.anomaly_feed import Fed, _Growing, recorded
-from tests.support.lamp import BIRTH, lamp_options
-from tests.support.recorded_runs import csv_run
-from tests.support.recorded_runs import recorded as made
+from neurosnap import wire
+from neurosnap.agent.body import Body
+from neurosnap.agent.growth.changed import Changed
+from neurosnap.agent.memory import AgentMemory
+from neurosnap.fabric.protocol import Handler
+from neurosnap.fabric.zenoh.discovery import FoundSwarm
+from neurosnap.protocol.anomaly_words import NamedAnomaly
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.runtime.anomaly_feed import Fed, _Alarms, _Incarnation
+from neurosnap.runtime.parts.coordinator_process import RunDescription
+from tests.support.patience import PATIENCE
 
-
-def written(log: Path, whole: Recording, messages: list[Recorded]) -> None:
-    """Write messages as a recorder that has not ended."""
-    with Writer(log) as writer:
-        writer.start(whole.metadata)
-        for each in messages:
-            writer.add(each.delivery, each.log_time)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["anomalies", "births"])
-def test_a_recording_that_grows_and_is_begun_anew_tells_each_once(
-    kind: str, tmp_path: Path
-) -> None:
-    options = csv_run(tmp_path / "readings.csv")
-    changes: dict[str, object] = {"watch": True, "support": 0}
-    if kind == "births":
-        options, changes = lamp_options(ticks=BIRTH + 2), {"cells": "inline"}
-    options = msgspec.structs.replace(options, **changes)
-    whole = Recording.open(made(options, tmp_path / "whole.mcap"))
-    told, messages = [*recorded(whole)], [*whole.messages()]
-    assert told
-    log, heard = tmp_path / "log.mcap", list[Fed]()
-    growing = _Growing(log, None)
-    assert [*growing.catch_up(), *growing.look()] == []  # it has not begun
-    for end in range(len(messages) // 3, len(messages), len(messages) // 3):
-        log.unlink(missing_ok=True)  # as where a run goes on after a death
-        assert growing.look() == []
-        written(log, whole, messages[:end])
-        heard += growing.look()
-        assert growing.look() == []
-        assert heard == told[: len(heard)]
-    (tmp_path / "whole.mcap").replace(log)
-    assert [*heard, *growing.look()] == told
-    assert growing.has_end
-    late = _Growing(log, None)
-    assert [*late.catch_up(), *late.look()] == []
+OPTIONS = RunOptions(source="none", body=Body(own=("door", "motion")), watch=True)
+LINK = wire.WeighedLink(0, 0, 2, 9.0, 1.0, 3)
+GOOD = wire.Anomaly(5, 4, (0,), (0, 1), True, 1, (LINK,))
+BAD = msgspec.structs.replace(GOOD, culprits=(7,))
 
 
-def test_a_run_that_reports_nothing_is_refused(tmp_path: Path) -> None:
-    options = csv_run(tmp_path / "readings.csv", 2)
-    log = made(msgspec.structs.replace(options, watch=False), tmp_path / "log.mcap")
-    with pytest.raises(InvalidValueError, match="must be run with --anomalies or"):
-        _Growing(log, None).catch_up()
+class Swarm:
+    """A swarm whose coordinator says something before it is asked what the run is."""
+
+    who = "watcher"
+
+    def __init__(
+        self,
+        before: list[wire.Message],
+        after: list[wire.Message],
+        options: RunOptions = OPTIONS,
+    ) -> None:
+        self._options = options
+        self._before = before
+        self._after = after
+
+    def to(self, *_: str) -> Self:
+        return self
+
+    def fabric(self) -> Self:
+        return self
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        self._handler([])
+
+    async def subscribe(self, _: tuple[str, ...], handler: Handler) -> None:
+        self._handler = handler
+
+    async def ask(self) -> bytes:
+        self._say(self._before)
+        asyncio.get_running_loop().call_soon(self._say, self._after)
+        return RunDescription(options=self._options).to_bytes()
+
+    def _say(self, messages: list[wire.Message]) -> None:
+        self._handler([wire.Delivery(m.key, 0, 0, wire.encode(m)) for m in messages])
+
+
+async def test_an_anomaly_that_cannot_be_is_passed_over_early_and_late() -> None:
+    heard: list[tuple[str, ...]] = []
+
+    def hear(told: Fed) -> None:
+        assert isinstance(told, NamedAnomaly)
+        heard.append(told.culprits)
+
+    said: list[wire.Message] = [BAD, GOOD]
+    swarm: Any = Swarm(said, [*said, wire.Leave("coordinator")])
+    async with asyncio.timeout(PATIENCE):
+        incarnation = _Incarnation(hear, _Alarms(hear, None), None)
+        in_order = await incarnation.look_on(swarm, FoundSwarm("demo"), asyncio.Event())
+    assert in_order
+    assert heard == [("door",), ("door",)]
+
+
+def grown(tick: int, literals: tuple[int, ...], sensor: int) -> wire.Decision:
+    return wire.Decision(tick, 0, "", born=sensor, literals=literals)
+
+
+async def test_births_are_told_also_by_who_came_after_the_first() -> None:
+    body = Body.full(["door", "dark"], ["push"], room=4)
+    first = body.size
+    memory = AgentMemory(body)
+    memory.body = body.grow((0, (0, 2))).grow((0, (1, 3)))
+    frame = wire.KeyFrame(7, b"", agent=memory.to_bytes())
+    early: list[wire.Message] = [
+        grown(6, (1, 3), first + 1),
+        frame,
+    ]  # that of `first` was not heard
+    late: list[wire.Message] = [
+        grown(8, (0, 2), first + 2),
+        wire.Decision(9, 0, "", retires=first),
+        wire.Leave("coordinator"),
+    ]
+    options = RunOptions(source="none", body=body, agent="planner")
+    heard: list[object] = []
+    async with asyncio.timeout(PATIENCE):
+        swarm: Any = Swarm(early, late, options)
+        incarnation = _Incarnation(heard.append, _Alarms(heard.append, None), None)
+        await incarnation.look_on(swarm, FoundSwarm("demo"), asyncio.Event())
+    assert heard == [
+        Changed(6, first + 1, "push&~door&~dark"),
+        Changed(8, first + 2, "push&door&dark#2"),
+        Changed(9, first, "push&door&dark", retires=True),
+    ]

@@ -8,7 +8,6 @@ import zenoh
 
 from neurosnap.fabric.security.hub_address import HubAddress
 from neurosnap.fabric.zenoh.discovery import Discovery, incarnation, is_of
-from tests.support.patience import PATIENCE
 
 
 @pytest.mark.parametrize(("number", "name"), [(0, "a"), (1, "a-1"), (10, "a-10")])
@@ -27,44 +26,38 @@ def test_what_only_looks_like_an_incarnation_is_none(name: str) -> None:
 
 def looking() -> Discovery:
     """A lookout that is told what to see."""
-    hub = HubAddress("tcp/127.0.0.1:1")
-    return Discovery("demo", hub, stop=asyncio.Event())
-
-
-def see(discovery: Discovery, *changes: tuple[str, bool]) -> None:
-    for name, alive in changes:
-        discovery._receive(name, alive)
+    return Discovery("demo", HubAddress("tcp/127.0.0.1:1"))
 
 
 async def test_the_last_that_came_is_returned_once() -> None:
     discovery, stop = looking(), asyncio.Event()
-    see(discovery, ("other", True), ("demo", True), ("demo-1", True))
-    seen = await discovery.next(stop, PATIENCE)
+    discovery._receive([("other", True), ("demo", True), ("demo-1", True)])
+    seen = await discovery.next(stop)
     assert seen is not None
     assert (seen.name, seen.gone.is_set()) == ("demo-1", False)
     with pytest.raises(TimeoutError):
         await discovery.next(stop, 0.01)
-    see(discovery, ("demo-1", False))
+    discovery._receive([("demo-1", False)])
     assert seen.gone.is_set()
 
 
 async def test_one_that_has_gone_again_is_not_returned() -> None:
     discovery = looking()
-    see(discovery, ("demo", True), ("demo", False))
+    discovery._receive([("demo", True), ("demo", False)])
     with pytest.raises(TimeoutError):
         await discovery.next(asyncio.Event(), 0.01)
 
 
 async def test_one_that_comes_again_is_another() -> None:
     discovery, stop = looking(), asyncio.Event()
-    see(discovery, ("demo", True))
-    first = await discovery.next(stop, PATIENCE)
-    waiting = asyncio.create_task(discovery.next(stop, PATIENCE))
+    discovery._receive([("demo", True)])
+    first = await discovery.next(stop)
+    waiting = asyncio.create_task(discovery.next(stop))
     await asyncio.sleep(0)
-    see(discovery, ("demo", True))  # known: a token may be told of twice
+    discovery._receive([("demo", True)])  # known: a token may be told of twice
     await asyncio.sleep(0)
     assert not waiting.done()
-    see(discovery, ("demo", False), ("demo", True))
+    discovery._receive([("demo", False), ("demo", True)])
     second = await waiting
     assert first is not None
     assert second is not None
@@ -74,7 +67,7 @@ async def test_one_that_comes_again_is_another() -> None:
 
 async def test_a_wait_ends_when_asked_to() -> None:
     discovery, stop = looking(), asyncio.Event()
-    waiting = asyncio.create_task(discovery.next(stop, PATIENCE))
+    waiting = asyncio.create_task(discovery.next(stop))
     await asyncio.sleep(0)
     stop.set()
     assert await waiting is None

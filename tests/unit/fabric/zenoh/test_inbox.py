@@ -3,11 +3,14 @@
 import asyncio
 import threading
 from collections.abc import Callable
-from typing import Any
+
+import pytest
 
 from neurosnap.errors import InboxOverflowError
 from neurosnap.fabric.zenoh.inbox import Inbox
 from tests.support.patience import PATIENCE
+
+both = pytest.mark.parametrize("swift", [False, True], ids=["loop", "thread"])
 
 
 class Owner:
@@ -43,15 +46,12 @@ class Owner:
                 self._changed.clear()
 
 
-def inbox_of(owner: Owner, who: str = "me", **more: int) -> Any:
-    """Return an inbox of numbers: it looks at nothing that is in it."""
-    inbox: Any = Inbox
-    return inbox(who, owner.deliver, owner.fail, **more)
-
-
-async def test_threads_that_push_at_once_lose_nothing_and_keep_their_order() -> None:
+@both
+async def test_threads_that_push_at_once_lose_nothing_and_keep_their_order(
+    swift: bool,
+) -> None:
     owner = Owner()
-    inbox = inbox_of(owner)
+    inbox = Inbox("me", owner.deliver, owner.fail, swift=swift)
 
     def push(first: int) -> None:
         for item in range(first, first + 1000):
@@ -68,28 +68,45 @@ async def test_threads_that_push_at_once_lose_nothing_and_keep_their_order() -> 
         assert mine == list(range(first, first + 1000))
     assert all(owner.bursts)
     assert owner.failures == []
-    assert owner.threads == {"inbox/me"}
+    here = threading.current_thread().name
+    assert owner.threads == {"inbox/me" if swift else here}
 
 
-async def test_what_waits_when_it_is_closed_is_delivered() -> None:
+async def test_an_inbox_wakes_the_loop_once_a_burst() -> None:
     owner = Owner()
-    inbox = inbox_of(owner)
+    inbox = Inbox("me", owner.deliver, owner.fail)
+    for item in range(100):
+        inbox.push(item)
+    await owner.until(lambda: len(owner.items) == 100)
+    assert owner.bursts == [list(range(100))]
+    inbox.push(100)
+    await owner.until(lambda: len(owner.items) == 101)
+    assert len(owner.bursts) == 2
+
+
+@both
+async def test_what_waits_when_it_is_closed_is_delivered(swift: bool) -> None:
+    owner = Owner()
+    inbox = Inbox("me", owner.deliver, owner.fail, swift=swift)
     for item in range(10):
         inbox.push(item)
     inbox.close()
     inbox.close()  # twice changes nothing
     inbox.push(99)
+    await owner.until(lambda: len(owner.items) == 10)
+    await asyncio.sleep(0)
     assert owner.items == list(range(10))
 
 
-async def test_an_inbox_that_is_pushed_too_much_is_an_error() -> None:
+@both
+async def test_an_inbox_that_is_pushed_too_much_is_an_error(swift: bool) -> None:
     go_on = threading.Event()
 
     def block(_: list[int]) -> None:
-        assert go_on.wait(10)
+        assert not swift or go_on.wait(10)
 
     owner = Owner(block)
-    inbox = inbox_of(owner, "cell/3", capacity=3)
+    inbox = Inbox("cell/3", owner.deliver, owner.fail, swift=swift, capacity=3)
     try:
         for item in range(1000):  # of which a thread takes some first
             inbox.push(item)
@@ -111,14 +128,17 @@ class TroubleError(Exception):
     """What a delivery raises."""
 
 
-async def test_what_a_delivery_raises_goes_to_the_owner_on_the_loop() -> None:
+@both
+async def test_what_a_delivery_raises_goes_to_the_owner_on_the_loop_and_is_the_last(
+    swift: bool,
+) -> None:
     def refuse(items: list[int]) -> None:
         for item in range(5):
             inbox.push(item)  # as another thread may, just then
         raise TroubleError(items[0])
 
     owner = Owner(refuse)
-    inbox = inbox_of(owner)
+    inbox = Inbox("me", owner.deliver, owner.fail, swift=swift)
     inbox.push(7)
     await owner.until(lambda: bool(owner.failures))
     inbox.push(8)
@@ -131,3 +151,15 @@ async def test_what_a_delivery_raises_goes_to_the_owner_on_the_loop() -> None:
     assert isinstance(error, TroubleError)
     assert error.args == (7,)
     assert threading.current_thread().name in owner.threads
+
+
+async def test_an_inbox_that_overflows_and_fails_says_so_once() -> None:
+    def refuse(_: list[int]) -> None:
+        raise TroubleError
+
+    owner = Owner(refuse)
+    inbox = Inbox("me", owner.deliver, owner.fail, capacity=2)
+    for item in range(5):
+        inbox.push(item)
+    await owner.until(lambda: bool(owner.failures))
+    assert [type(error) for error in owner.failures] == [InboxOverflowError]

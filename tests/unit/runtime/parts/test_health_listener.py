@@ -70,7 +70,7 @@ async def test_that_a_door_stays_open_is_told_although_nothing_is_read_any_more(
     home: Home, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The clock says so; whoever reads the recording further on says the same."""
-    monkeypatch.setattr(health_listener, "SILENT_FOR", 0.0)
+    monkeypatch.setattr(health_listener, "_LOOK", 0.0)
     heard: list[Standing] = []
     stop = asyncio.Event()
     now = itertools.count(home[-1][0], STEP)
