@@ -26,8 +26,8 @@ A thousand cell processes import this file: it needs neither numpy nor numba.
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
-from neurosnap.protocol.cell_history import CellHistory
 from neurosnap.protocol.host import Host, check_number
+from neurosnap.protocol.part_history import PartHistory
 from neurosnap.protocol.wave import DEEPEST, split_evenly
 
 
@@ -78,7 +78,7 @@ class Cell(Host[_Wave, wire.Observation]):
         super().__init__(f"cell/{cell}", range(2 * cell, 2 * cell + 2))
         self.cell = cell
         self._targets: dict[int, list[int]] = {each: [] for each in self._literals}
-        self._history = CellHistory(cell)
+        self._history = PartHistory(self._who, range(cell, cell + 1))
         self._touched: dict[int, _Wave] = {}  # waves that owe a report
 
     def _receive(self, message: wire.Message) -> None:

@@ -1,58 +1,53 @@
-"""The last readings of many cells as arrays, and what is answered from them.
+"""The last readings of the sensors of a cell or a worker, and its answers from them.
 
-What a worker answers for its cells is what each of them would answer, see
-`neurosnap.protocol.cell_history`; and a replay derives either from the readings.
+A cell has no history until it is asked for one: then it says that it lacks it, is
+reminded, and keeps it up from there with its own readings. A part that has missed a
+reading has none again. So a history is always whole up to its last tick.
+
+Cell processes import this module: it needs neither numpy nor numba.
 """
 
-from collections.abc import Sequence
-
-import numpy as np
-from numpy.typing import NDArray
+import struct
+from collections.abc import Iterable
+from itertools import accumulate, chain, pairwise
+from typing import NamedTuple
 
 from neurosnap import wire
-from neurosnap.poc.learning.history import History
-from neurosnap.poc.learning.search import Count, Question
-from neurosnap.poc.order.literals import Words
-from neurosnap.protocol.cell_history import check_recall, check_reminder
+from neurosnap.errors import MessageError
 
 
-def packed(ring: Words) -> bytes:
-    """Return a ring of bits, ``(W,)``, as bytes."""
-    return ring.astype("<u8").tobytes()
-
-
-def unpacked(data: bytes, length: int) -> Words:
-    """Return a ring of bits, ``(length / 64,)``; what is beyond is left out."""
-    padded = data[: length // 8].ljust(length // 8, b"\0")
-    return np.frombuffer(padded, "<u8").astype(np.uint64)
-
-
-class WorkerHistory:
-    """The histories of a worker's cells: those that it was asked for.
+class PartHistory:
+    """The histories of those cells of a part that were asked for one.
 
     Args:
-        worker: Its number.
+        who: The part's name.
         cells: Its cells.
     """
 
-    def __init__(self, worker: int, cells: range) -> None:
-        self._who = f"worker/{worker}"
+    def __init__(self, who: str, cells: range) -> None:
+        self._who = who
         self._cells = cells
-        self._history: History | None = None
-        self._held = np.zeros(len(cells), np.bool_)  # which cells have theirs
+        self._tick = 0  # the last in it; 0: there is none
+        self._length = 0
+        self._rings: dict[int, int] = {}  # by literal: bits of the ticks it was read at
 
-    def observe(
-        self, tick: int, bits: NDArray[np.bool_], known: NDArray[np.bool_] | None
-    ) -> None:
-        """Add what the worker's cells read at a tick. O(cells) time."""
-        history = self._history
-        if history is None or tick <= history.tick:
+    def observe(self, tick: int, literals: Iterable[int]) -> None:
+        """Add what was read at a tick. O(length) bits are copied for each cell.
+
+        Args:
+            tick: The tick.
+            literals: The part's that were on; none of a cell whose reading is unknown.
+        """
+        if tick <= self._tick or not self._tick:
             return
-        if tick > history.tick + 1:
-            self._history = None
-            self._held[:] = False
-        else:
-            history.record(bits, known)
+        if tick > self._tick + 1:
+            self._tick, self._rings = 0, {}
+            return
+        bit, read = 1 << (tick - 1) % self._length, set(literals)
+        for literal, ring in self._rings.items():
+            others = ring & ~bit
+            self._rings[literal] = others | bit if literal in read else others
+        self._tick = tick
 
     def remember(self, reminder: wire.Reminder) -> None:
         """Take over the histories that the coordinator has.
@@ -60,22 +55,15 @@ class WorkerHistory:
         Raises:
             MessageError: They cannot be right.
         """
-        rings = check_reminder(reminder, self._who, self._cells)
-        history = self._history
-        if history is not None and reminder.tick < history.tick:
+        found = check_reminder(reminder, self._who, self._cells)
+        if reminder.tick < self._tick:
             return
-        if history is None or (reminder.tick, reminder.length) != (
-            history.tick,
-            history.length,
-        ):
-            history = self._history = History(len(self._cells), reminder.length)
-            history.tick = reminder.tick
-            self._held[:] = False
-        for cell, on, off in rings:
-            place = cell - self._cells.start
-            both = unpacked(on, history.length), unpacked(off, history.length)
-            history.set_readings(place, *both)
-            self._held[place] = True
+        here = reminder.tick, reminder.length
+        if here != (self._tick, self._length):
+            (self._tick, self._length), self._rings = here, {}
+        for cell, *both in found:
+            for literal, ring in zip((2 * cell, 2 * cell + 1), both, strict=True):
+                self._rings[literal] = int.from_bytes(ring, "little")
 
     def answer(self, recall: wire.Recall) -> list[wire.Message]:
         """Answer a question, if any cell is asked anything.
@@ -83,63 +71,107 @@ class WorkerHistory:
         Raises:
             MessageError: It cannot be right.
         """
-        asked = cells_asked(recall, self._cells)
-        history = self._history
-        if not asked or (history is not None and recall.tick < history.tick):
+        counted = check_recall(recall)
+        own = range(2 * self._cells.start, 2 * self._cells.stop)
+        readings = [a for a in recall.readings if a in own]
+        asked = [[a for a in count.literals if a in own] for count in counted]
+        several = {a >> 1 for a in chain(readings, *asked)}
+        if recall.tick < self._tick or not several:
             return []
-        if history is None or recall.tick > history.tick:
-            lacks = asked
-        else:
-            lacks = [cell for cell in asked if not self._held[cell - self._cells.start]]
-        if history is None or lacks:
-            here = self._who, recall.tick, recall.round
+        here, rings = (self._who, recall.tick, recall.round), self._rings
+        late = recall.tick > self._tick
+        lacks = sorted(cell for cell in several if late or 2 * cell not in rings)
+        if lacks:
             return [wire.Recalled(*here, lacks=tuple(lacks))]
-        return [answer_of(self._who, recall, history, self._cells)]
+        counts = []
+        for literals, count in zip(asked, counted, strict=True):
+            within = int.from_bytes(count.within, "little")
+            counts += [(rings[a] & within).bit_count() for a in literals]
+        return [
+            wire.Recalled(
+                *here,
+                readings=wire.joined_rings([_packed(rings[a]) for a in readings]),
+                counts=struct.pack(f"<{len(counts)}i", *counts),
+            )
+        ]
 
 
-def cells_asked(recall: wire.Recall, cells: range) -> list[int]:
-    """Return which of some cells are asked anything, ascending.
+def _packed(ring: int) -> bytes:
+    return ring.to_bytes((ring.bit_length() + 7) // 8, "little")
+
+
+class Counted(NamedTuple):
+    """One of the counts that a question asks for."""
+
+    within: bytes
+    """The ticks, as a ring of bits."""
+    literals: tuple[int, ...]
+    """How often was each read at these?"""
+
+
+def check_recall(recall: wire.Recall) -> list[Counted]:
+    """Refuse a question that contradicts itself.
+
+    Returns:
+        The counts that it asks for.
 
     Raises:
-        MessageError: The question cannot be right.
+        MessageError: It does.
     """
-    counted = [a for count in check_recall(recall) for a in count.literals]
-    several = np.unique(np.array((*recall.readings, *counted), np.int64) >> 1)
-    own = several[(several >= cells.start) & (several < cells.stop)]
-    found: list[int] = own.tolist()
+    literals = wire.numbers("recall: counted", recall.counted)
+    if sum(recall.sizes) != len(literals):
+        rule = f"must be of {sum(recall.sizes)} literals"
+        raise MessageError(f"recall: counted: {rule}, got {len(literals)}")
+    rings = wire.split_rings("recall: within", recall.within, len(recall.sizes))
+    check_rings("recall", rings, wire.HISTORY)
+    ends = list(accumulate(recall.sizes, initial=0))
+    return [
+        Counted(ring, literals[first:last])
+        for ring, (first, last) in zip(rings, pairwise(ends), strict=True)
+    ]
+
+
+def check_reminder(
+    reminder: wire.Reminder, who: str, cells: range
+) -> list[tuple[int, bytes, bytes]]:
+    """Refuse a history that is not of some of a part's cells, or contradicts itself.
+
+    Returns:
+        Each cell, and its rings: the ticks at which it read on, and off.
+
+    Raises:
+        MessageError: It is.
+    """
+    length, count = reminder.length, len(reminder.cells)
+    if reminder.to != who:
+        raise MessageError(f"reminder: must be for {who}, got {reminder.to:.40}")
+    if length % 64 or length > wire.HISTORY:
+        rule = f"must keep a multiple of 64 ticks, up to {wire.HISTORY}"
+        raise MessageError(f"reminder: {rule}, got {length}")
+    several = set(reminder.cells)
+    if not several <= set(cells) or not 0 < len(several) == count:
+        got = ", ".join(map(str, reminder.cells[:10])) or "none"
+        rule = f"must be of cells of {who}, each once"
+        raise MessageError(f"reminder: {rule}, got {got}")
+    on = wire.split_rings("reminder: on", reminder.on, count)
+    off = wire.split_rings("reminder: off", reminder.off, count)
+    check_rings("reminder", (*on, *off), length)
+    found = list(zip(reminder.cells, on, off, strict=True))
+    for cell, *both in found:
+        reads_on, reads_off = (int.from_bytes(ring, "little") for ring in both)
+        if reads_on & reads_off:
+            rule = f"must have sensor {cell} on or off at a tick"
+            raise MessageError(f"reminder: {rule}, got both")
     return found
 
 
-def answer_of(
-    who: str, recall: wire.Recall, history: History, cells: range
-) -> wire.Recalled:
-    """Return what a part answers to a question.
-
-    Args:
-        who: Its name.
-        recall: The question.
-        history: That of its cells, and of no other.
-        cells: Its cells.
+def check_rings(name: str, rings: Iterable[bytes], length: int) -> None:
+    """Refuse bits beyond the length of a ring.
 
     Raises:
-        MessageError: The question cannot be right.
+        MessageError: There are some.
     """
-    first, length = 2 * cells.start, history.length
-
-    def own(literals: Sequence[int]) -> NDArray[np.intp]:
-        here = np.array(literals, np.intp) - first
-        return here[(here >= 0) & (here < 2 * len(cells))]
-
-    counts = tuple(
-        Count(unpacked(count.within, length), own(count.literals))
-        for count in check_recall(recall)
-    )
-    readings = tuple(own(recall.readings).tolist())
-    answer = history.answer(Question(readings, counts))
-    return wire.Recalled(
-        who=who,
-        tick=recall.tick,
-        round=recall.round,
-        readings=wire.joined_rings([packed(answer.readings[a]) for a in readings]),
-        counts=b"".join(found.astype("<i4").tobytes() for found in answer.counts),
-    )
+    longest = max(map(len, rings), default=0)
+    if longest > length // 8:
+        rule = f"must have up to {length} bits a ring"
+        raise MessageError(f"{name}: {rule}, got {8 * longest}")

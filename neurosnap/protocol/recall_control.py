@@ -18,8 +18,8 @@ from neurosnap import wire
 from neurosnap.errors import MessageError
 from neurosnap.poc.learning.history import History
 from neurosnap.poc.learning.search import Answer, Question
-from neurosnap.protocol.cell_history import check_rings
-from neurosnap.protocol.part_history import cells_asked, packed, unpacked
+from neurosnap.poc.order.literals import Words
+from neurosnap.protocol.part_history import PartHistory, check_recall, check_rings
 from neurosnap.protocol.partition import hosts, shares
 from neurosnap.protocol.round import Round
 
@@ -50,7 +50,7 @@ class RecallControl:
         self._tick = self._number = 0  # of the last round
         self._round: Round[wire.Recalled] = Round("", repeats)
 
-    def cells_of(self, who: str) -> range:
+    def _cells_of(self, who: str) -> range:
         """Return the cells of a part; none, if it has none."""
         known = who in self._names
         return self._hosted[self._names.index(who)] if known else range(0)
@@ -70,13 +70,13 @@ class RecallControl:
             tick=tick,
             round=1,
             readings=question.readings,
-            within=wire.joined_rings([packed(one.within) for one in question.counts]),
+            within=wire.joined_rings([_packed(one.within) for one in question.counts]),
             counted=b"".join(
                 one.literals.astype("<i4").tobytes() for one in question.counts
             ),
             sizes=tuple(len(one.literals) for one in question.counts),
         )
-        cells = cells_asked(recall, range(self._sensors))
+        cells = _cells_asked(recall, range(self._sensors))
         starts = np.array([part.start for part in self._hosted])
         owners = np.searchsorted(starts, cells, side="right") - 1
         self._asked = {}
@@ -176,7 +176,7 @@ class RecallControl:
                 rule = f"must lack histories of cells of {answer.who} that were asked"
                 raise MessageError(f"recalled: {rule}, got {answer.lacks}")
             return
-        cells = self.cells_of(answer.who)
+        cells = self._cells_of(answer.who)
         readings = len(_own(np.array(recall.readings, np.intp), cells))
         several = self._question.counts
         counted = sum(len(_own(one.literals, cells)) for one in several)
@@ -190,6 +190,20 @@ class RecallControl:
             rule = f"must be in 0..{length}"
             raise MessageError(f"recalled: counts: {rule}, got {counts[:10]}")
 
+    def answer(
+        self, who: str, recall: wire.Recall, history: History
+    ) -> list[wire.Message]:
+        """Return what a part answers to a question that lacks nothing of a history.
+
+        Raises:
+            MessageError: The question cannot be right.
+        """
+        part = PartHistory(who, self._cells_of(who))
+        asked = _cells_asked(recall, self._cells_of(who))
+        if asked:
+            part.remember(_reminder(who, recall.tick, tuple(asked), history))
+        return part.answer(recall)
+
     def _whole(self, recall: wire.Recall, length: int) -> Answer:
         """Return what all parts say."""
         readings: dict[int, NDArray[np.uint64]] = {}
@@ -200,11 +214,11 @@ class RecallControl:
         for who, answer in self._round.answers.items():
             if answer is None:
                 continue
-            cells = self.cells_of(who)
+            cells = self._cells_of(who)
             literals = asked[_own(asked, cells)].tolist()
             rings = wire.split_rings("recalled", answer.readings, len(literals))
             for literal, ring in zip(literals, rings, strict=True):
-                readings[literal] = unpacked(ring, length)
+                readings[literal] = _unpacked(ring, length)
             found, first = np.frombuffer(answer.counts, "<i4"), 0
             for count, one in zip(counts, self._question.counts, strict=True):
                 own = _own(one.literals, cells)
@@ -222,9 +236,31 @@ def _reminder(
         tick=tick,
         length=history.length,
         cells=cells,
-        on=wire.joined_rings([packed(history.on[:, k]) for k in cells]),
-        off=wire.joined_rings([packed(history.off[:, k]) for k in cells]),
+        on=wire.joined_rings([_packed(history.on[:, k]) for k in cells]),
+        off=wire.joined_rings([_packed(history.off[:, k]) for k in cells]),
     )
+
+
+def _packed(ring: Words) -> bytes:
+    """Return a ring of bits, ``(W,)``, as bytes."""
+    return ring.astype("<u8").tobytes()
+
+
+def _unpacked(data: bytes, length: int) -> Words:
+    """Return a ring of bits, ``(length / 64,)``."""
+    return np.frombuffer(data.ljust(length // 8, b"\0"), "<u8").astype(np.uint64)
+
+
+def _cells_asked(recall: wire.Recall, cells: range) -> list[int]:
+    """Return which of some cells are asked anything, ascending.
+
+    Raises:
+        MessageError: The question cannot be right.
+    """
+    counted = [a for count in check_recall(recall) for a in count.literals]
+    asked = np.unique(np.array((*recall.readings, *counted), np.int64))
+    own: list[int] = np.unique(asked[_own(asked, cells)] >> 1).tolist()
+    return own
 
 
 def _own(literals: NDArray[np.intp], cells: range) -> NDArray[np.intp]:

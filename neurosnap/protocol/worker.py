@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from neurosnap import wire
 from neurosnap.errors import MessageError
 from neurosnap.protocol.host import Host, check_number
-from neurosnap.protocol.part_history import WorkerHistory
+from neurosnap.protocol.part_history import PartHistory
 from neurosnap.protocol.worker_edges import WorkerEdges
 from neurosnap.protocol.worker_kernels import (
     Ints,
@@ -82,7 +82,7 @@ class Worker(Host[_WorkerWave, Ints]):
         self._hosted = hosted
         self._edges = WorkerEdges(hosted, worker)
         self._learning = learning
-        self._history = WorkerHistory(worker, cells)
+        self._history = PartHistory(self._who, cells)
         self._held = 0  # pulses that came and wait, in all waves
 
     def _receive(self, message: wire.Message) -> None:
@@ -211,13 +211,12 @@ class Worker(Host[_WorkerWave, Ints]):
         if not self._is_new(observation):
             return
         cells = np.arange(self._cells.start, self._cells.stop, dtype=np.int32)
-        bits, known = _unpacked(observation.bits), None
-        own = bits[cells] > 0
+        bits = _unpacked(observation.bits)
         if observation.known:
-            known = _unpacked(observation.known)[cells] > 0
-            cells = cells[known]
-        self._readings.keep(observation.tick, 2 * cells + (1 - bits[cells]))
-        self._history.observe(observation.tick, own, known)
+            cells = cells[_unpacked(observation.known)[cells] > 0]
+        read = 2 * cells + (1 - bits[cells])
+        self._readings.keep(observation.tick, read)
+        self._history.observe(observation.tick, read)
 
     def _rewire(self, wiring: wire.WorkerWiring) -> None:
         # One far ahead would make the true ones all come too late.

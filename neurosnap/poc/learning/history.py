@@ -138,13 +138,6 @@ class History:
         counted: NDArray[Any] = np.bitwise_count(rings).sum(axis=0)
         return counted
 
-    def part(self, sensors: slice) -> "History":
-        """Return the history of some sensors; a view of this one's rings."""
-        part = History(0, self.length)
-        part.on, part.off = self.on[:, sensors], self.off[:, sensors]
-        part.tick = self.tick
-        return part
-
     def set_readings(self, sensor: int, on: Words, off: Words) -> None:
         """Let a sensor have read on and off at the ticks given, ``(W,)`` each."""
         self.on[:, sensor], self.off[:, sensor] = on, off

@@ -25,7 +25,6 @@ from neurosnap import wire
 from neurosnap.agent.senses import Senses
 from neurosnap.errors import NeurosnapError, RecordingError, ShapeError
 from neurosnap.protocol.coordinator import Coordinator
-from neurosnap.protocol.part_history import answer_of
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.protocol.worker_learning import WorkerLearning
 from neurosnap.recording.read.chunk_messages import Recorded
@@ -419,16 +418,15 @@ class Replay:
 
         That it lacks a history is taken at its word: it may have missed a reading.
         """
-        memory, cells = self.core.memory, self.core.questions.cells_of(answer.who)
         if answer.lacks:
             return
-        history = memory.history.part(slice(cells.start, cells.stop))
-        derived = answer_of(answer.who, recall, history, cells)
-        if derived != answer:
+        history = self.core.memory.history
+        derived = self.core.questions.answer(answer.who, recall, history)
+        if derived != [answer]:
             raise DifferenceError(
                 f"tick {recall.tick}: /recalled {answer.who}, round {recall.round}:"
                 f" recorded {wire.encode(answer).decode()[:_SHOWN]},"
-                f" derived {wire.encode(derived).decode()[:_SHOWN]}"
+                f" derived {b''.join(map(wire.encode, derived)).decode()[:_SHOWN]}"
             )
 
     # Reading --------------------------------------------------------------------------
