@@ -18,7 +18,7 @@ from neurosnap.agent.senses import Contexts
 from neurosnap.errors import InvalidValueError
 
 
-class Actions:
+class Actions(Contexts):
     """The actions of a body, and what to ask in order to know what they lead to.
 
     Args:
@@ -32,7 +32,7 @@ class Actions:
         if not body.actions or not body.senses_actions:
             rule = "must have actions that are sensors"
             raise InvalidValueError("agent", rule, body.actions)
-        self._contexts = Contexts(body)
+        super().__init__(body)
         self._actions = range(len(body.actions))
         self._own = len(body.own)
         self._first = self._own + len(body.actions)
@@ -47,15 +47,19 @@ class Actions:
             ``α`` and every ``α∧c`` with ``c`` in the state, for each action ``α``;
             ``c`` is one literal, or the several of a grown sensor.
         """
-        holds = self._contexts.hold(state)
+        holds = self.hold(state)
         return [self._signal(action, holds) for action in self._actions]
 
     def signal(self, action: int, state: NDArray[np.bool_]) -> tuple[int, ...]:
         """Return what one action would switch on here, as in `signals`."""
-        return self._signal(action, self._contexts.hold(state))
+        return self._signal(action, self.hold(state))
+
+    def literals_of(self, action: int) -> tuple[int, ...]:
+        """Return what one action may switch on anywhere, as in `signals`."""
+        return self._signal(action, self.in_use)
 
     def _signal(self, action: int, holds: NDArray[np.bool_]) -> tuple[int, ...]:
-        contexts = np.flatnonzero(holds & (self._contexts.action == action))
+        contexts = np.flatnonzero(holds & (self.action == action))
         on = 2 * (self._first + contexts)
         return (2 * (self._own + action), *on.tolist())
 

@@ -19,7 +19,7 @@ References:
 
 import functools
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import TypeAlias
 
@@ -203,16 +203,6 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         """The numbers of the sensors that are read: neither to be grown nor retired."""
         retired = {self.first_grown + place for place in self.retired}
         return tuple(sensor for sensor in range(self.size) if sensor not in retired)
-
-    def sensing(self, action: int) -> Iterator[int]:
-        """Yield the numbers of sensors in use that are on only after an action."""
-        if self.senses_actions:
-            yield len(self.own) + action
-        first = self.first_grown - len(self.context)
-        contexts = (*self.context, *self.grown)
-        for sensor in self.read[first:]:
-            if contexts[sensor - first][0] == action:
-                yield sensor
 
     def split(
         self, literals: tuple[int, ...]

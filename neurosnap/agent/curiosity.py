@@ -2,7 +2,8 @@
 
 While states are imagined, nearest first, each outcome is put down as unknown or known.
 An unknown one is a sure surprise. Of a known one that was never seen, and of a new
-episode, `Surprises` tells how likely it is. What gives most surprises a step is chosen.
+episode, `Experience.hope` tells how likely it is. What gives most surprises a step is
+chosen.
 
 References:
     Not the paper's. To go where an outcome is unknown is the exploration of R-max
@@ -53,7 +54,7 @@ class Curiosity:
         if (told.key(state.place), action) in told.tried:
             self._seen.append(trial)
         else:
-            self._weigh(trial, told.surprises.share(action))
+            self._weigh(trial, told.hope(action))
 
     def end(self, state: ImaginedState) -> None:
         """Put down a state at which an episode ends, whatever is done."""
@@ -88,7 +89,7 @@ class Curiosity:
         """Return whether another episode is better than anything to be tried."""
         if self._aims:
             return not self._best
-        hope = self._experience.surprises.share(BEGINNING) / (end.steps + 1)
+        hope = self._experience.hope(BEGINNING) / (end.steps + 1)
         return 0 < self._hope < hope
 
     def _weigh(self, trial: Trial, share: float) -> None:

@@ -17,33 +17,6 @@ BEGINNING: Final = -1
 """Stands for the beginning of an episode where an action may."""
 
 
-class Surprises:
-    """Counts trials and surprises, of each action and of beginning an episode.
-
-    A trial of an action is where all that it leads to seemed to be known, and it had
-    never been taken; a surprise, that something else came. An episode that begins is a
-    trial, and a surprise where nothing was ever done.
-
-    Args:
-        counts: ``(actions + 1, 2)``: trials and surprises so far, changed in place.
-    """
-
-    def __init__(self, counts: NDArray[np.int64]) -> None:
-        self.counts = counts
-
-    def count(self, action: int, surprise: bool) -> None:
-        """Count a trial of an action, or of `BEGINNING`."""
-        self.counts[action] += (1, surprise)
-
-    def share(self, action: int) -> float:
-        """Return the share of trials to expect a surprise of, in (0, 1).
-
-        It is Laplace's rule of succession: 1/2 before there was any trial.
-        """
-        trials, surprises = self.counts[action]
-        return float((surprises + 1) / (trials + 2))
-
-
 class Experience:
     """The sensations an agent has met, and the places where its episodes ended.
 
@@ -62,7 +35,11 @@ class Experience:
             own, seem to be left to chance.
         raised: Places that led no nearer to the target, as `key` tells them apart, and
             how many subgoals farther away each seems to be than it looks.
-        surprises: What came of trying something new.
+        surprises: ``(actions + 1, 2)``: trials and surprises so far, of each action and
+            last of `BEGINNING`. A trial of an action is where all that it leads to
+            seemed to be known, and it had never been taken; a surprise, that something
+            else came. An episode that begins is a trial, and a surprise where nothing
+            was ever done.
         plan: What is under way; None if nothing is.
     """
 
@@ -75,7 +52,7 @@ class Experience:
         self._foreseen = np.ones(2 * len(body.sensors), np.bool_)
         self._unread = ~body.position[: 2 * len(body.own)]  # no part of a place
         self.raised: dict[bytes, int] = {}
-        self.surprises = Surprises(np.zeros((len(body.actions) + 1, 2), np.int64))
+        self.surprises = np.zeros((len(body.actions) + 1, 2), np.int64)
         self.plan: Plan | None = None
 
     def aim(self) -> None:
@@ -172,14 +149,23 @@ class Experience:
         """
         here = self.key(state & self.looked_at)
         if (here, action) not in self.tried and self.is_whole(foretold, action):
-            self.surprises.count(action, bool((complement(foretold) & came).any()))
+            surprise = (complement(foretold) & came).any()
+            self.surprises[action] += (1, surprise)
 
     def begin(self, state: NDArray[np.bool_]) -> None:
         """Count the beginning of an episode in a state, ``(2N,)``."""
         here = self.key(state & self.looked_at)
         actions = range(len(self.hopeless))
         news = all((here, action) not in self.tried for action in actions)
-        self.surprises.count(BEGINNING, news)
+        self.surprises[BEGINNING] += (1, news)
+
+    def hope(self, action: int) -> float:
+        """Return the share of trials of an action to expect a surprise of, in (0, 1).
+
+        It is Laplace's rule of succession: 1/2 before there was any trial.
+        """
+        trials, surprises = self.surprises[action]
+        return float((surprises + 1) / (trials + 2))
 
     def leave(self, state: NDArray[np.bool_], ends: bool, action: int = -1) -> None:
         """Remember how a state was left: by another episode, or by the next step.
@@ -203,10 +189,6 @@ class Experience:
     def _own(self, place: NDArray[np.bool_]) -> NDArray[np.bool_]:
         return place[: self.hopeless.shape[1]]
 
-    def meet(self, state: NDArray[np.bool_]) -> None:
-        """Remember what a state, ``(2N,)``, had."""
-        self.met |= state
-
     def arrays(self) -> Arrays:
         """Return its whole state as arrays, by name."""
         size = len(self.met)
@@ -223,7 +205,7 @@ class Experience:
             "taken": np.array([action for _, action in self.tried], np.int64),
             "raised": raised.reshape(len(self.raised), octets),
             "heights": np.array(list(self.raised.values()), np.int64),
-            "surprises": self.surprises.counts,
+            "surprises": self.surprises,
             "plan": np.array(plan.actions, np.int64),
             "places": plan.places,
             "why": np.array(plan.why, np.str_),
@@ -255,8 +237,8 @@ class Experience:
             place.tobytes(): height
             for place, height in zip(raised, heights, strict=True)
         }
-        shape = self.surprises.counts.shape
-        self.surprises = Surprises(entry(arrays, "surprises", shape, np.int64).copy())
+        shape = self.surprises.shape
+        self.surprises = entry(arrays, "surprises", shape, np.int64).copy()
         steps = rows_in(arrays, "plan")
         actions = entry(arrays, "plan", (steps,), np.int64).tolist()
         places = entry(arrays, "places", (steps, size), np.bool_)

@@ -37,7 +37,6 @@ from neurosnap.agent.policy import (
     checked_share,
     pick,
 )
-from neurosnap.agent.senses import Contexts
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import complement
 
@@ -95,7 +94,6 @@ class ImaginingPlanner:
 
     def _fit(self, body: Body) -> None:
         self._actions = Actions(body)
-        self._contexts = Contexts(body)
         self._looked_at = body.looked_at
         self._first = 2 * (self._own + len(body.actions))  # contextual literal
 
@@ -187,9 +185,9 @@ class ImaginingPlanner:
     def _imaginable(self, state: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return for each action whether all its contexts in a state have been met."""
         met = self._experience.met[self._first :: 2]
-        never = self._contexts.hold(state) & ~met
+        never = self._actions.hold(state) & ~met
         possible = np.ones(len(self._names), np.bool_)
-        possible[self._contexts.action[never]] = False
+        possible[self._actions.action[never]] = False
         return possible
 
 

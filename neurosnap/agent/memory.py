@@ -85,7 +85,7 @@ class AgentMemory:
         known: NDArray[np.bool_] | None,
         snapshot: Snapshot,
     ) -> Search[None]:
-        """Record an observation before it is learned.
+        """Hold an observation against what was believed, before it is learned.
 
         Args:
             action: That of the last decision; -1: none was taken.
@@ -96,8 +96,8 @@ class AgentMemory:
                 born.
 
         Returns:
-            What is to be asked of the history of the readings once the observation is
-            learned and before `settle`; the observation is in it then.
+            What is to be done once the observation is learned and before `settle`: it
+            goes into the history of the readings, and that is asked.
         """
         own, told, state = 2 * len(self.body.own), self.experience, snapshot.state
         foretold = np.zeros(own, np.bool_)
@@ -120,7 +120,7 @@ class AgentMemory:
         told, begins, self._begins = self.experience, self._begins, False
         if told is None:
             return
-        told.meet(state)
+        told.met |= state
         if begins:
             told.begin(state)
         if self._growth is not None:

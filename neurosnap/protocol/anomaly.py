@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from neurosnap import wire
-from neurosnap.agent.tick import Sensed
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
 from neurosnap.poc.learning.history import History
@@ -50,9 +49,8 @@ class AnomalyDetector:
         sensors: How many there are.
         hold: For how many ticks after the first anomaly to go on judging by the order
             that it broke; 0: always by the order given.
-        occasions: Whether to count the occasions that what an anomaly breaks rests on.
-        remembers: Whether to keep the last readings of all sensors for that. A run
-            whose sensors grow has them anyway, and gives them to `judge`.
+        occasions: Whether to keep the last readings of all sensors, and count in them
+            the occasions that what an anomaly breaks rests on.
 
     Raises:
         InvalidValueError: `hold` is negative.
@@ -73,16 +71,12 @@ class AnomalyDetector:
         hold: int = 0,
         *,
         occasions: bool = False,
-        remembers: bool = False,
     ) -> None:
         if hold < 0:
             raise InvalidValueError("hold", "must be 0 or more", hold)
         self._names = Sensorium.of(sensors)
         self._hold = hold
-        self._occasions = occasions
-        self._history = (
-            History(sensors, wire.HISTORY) if occasions and remembers else None
-        )
+        self._history = History(sensors, wire.HISTORY) if occasions else None
         self._begin()
 
     def _begin(self) -> None:
@@ -101,7 +95,6 @@ class AnomalyDetector:
         bits: ArrayLike,
         known: NDArray[np.bool_] | None = None,
         snapshot: Snapshot | None = None,
-        history: History | None = None,
     ) -> wire.Anomaly | None:
         """Return what is wrong with an observation, if anything is.
 
@@ -111,7 +104,6 @@ class AnomalyDetector:
             bits: ``(N,)``, one bit a sensor.
             known: ``(N,)`` bool, which of them are known; None if all are.
             snapshot: Where to find evidence; it did not learn the observation yet.
-            history: The readings before it, for occasions; None if none are counted.
 
         Raises:
             ShapeError: Something has another number of sensors.
@@ -130,17 +122,21 @@ class AnomalyDetector:
             self._held = self._since = None
         order = graph if self._held is None else self._held
         found = contradiction(order, seen, self._suspicion(seen))
+        anomaly: wire.Anomaly | None = None
         if found.coherent:
             self._calm = seen
             if self._held is None:
                 self._since = None
-            return None
-        if self._since is None:
-            self._since = tick
-        if self._hold and self._held is None:
-            self._held, self._until = order, tick + self._hold
-        self._blame[list(found.candidates)] += 1 / len(found.candidates)
-        return self._anomaly(found, snapshot, history, self._since)
+        else:
+            if self._since is None:
+                self._since = tick
+            if self._hold and self._held is None:
+                self._held, self._until = order, tick + self._hold
+            self._blame[list(found.candidates)] += 1 / len(found.candidates)
+            anomaly = self._anomaly(found, snapshot, self._since)
+        if self._history is not None:
+            self._history.record(seen[::2], seen[::2] | seen[1::2])
+        return anomaly
 
     def _observed(
         self, graph: PocGraph, bits: ArrayLike, known: NDArray[np.bool_] | None
@@ -160,16 +156,14 @@ class AnomalyDetector:
         self,
         found: Contradiction,
         snapshot: Snapshot | None,
-        history: History | None,
         since: int,
     ) -> wire.Anomaly:
         """Return an anomaly with what speaks for the implications it breaks."""
         chains = found.chains
         held: dict[tuple[int, int], int] = {}
-        if history is not None:
-            held = _held(
-                {pair for chain in chains for pair in pairwise(chain)}, history
-            )
+        if self._history is not None:
+            links = {pair for chain in chains for pair in pairwise(chain)}
+            held = _held(links, self._history)
             weakest = [min(held[pair] for pair in pairwise(chain)) for chain in chains]
             order = sorted(range(len(chains)), key=lambda k: -weakest[k])
             chains = tuple(chains[k] for k in order)
@@ -186,38 +180,6 @@ class AnomalyDetector:
                 for pair in pairwise(chain)
             ),
         )
-
-    def judge(
-        self,
-        observation: wire.Observation,
-        seen: Sensed,
-        snapshot: Snapshot,
-        *,
-        weighs: bool,
-        history: History | None,
-    ) -> wire.Anomaly | None:
-        """Return the anomaly in an observation that is not learned yet, if any.
-
-        Args:
-            observation: The observation.
-            seen: The same, decoded.
-            snapshot: What was learned before it.
-            weighs: Whether it knows what spoke for and against implications; else
-                that is left out.
-            history: The readings before it, in a run whose sensors grow.
-        """
-        read = history if self._history is None else self._history
-        found = self.watch(
-            observation.tick,
-            snapshot.poc_graph(),
-            seen.bits,
-            seen.known,
-            snapshot if weighs else None,
-            read if self._occasions else None,
-        )
-        if self._history is not None:
-            self._history.record(seen.bits, seen.known)
-        return found
 
     def to_bytes(self) -> bytes:
         """Return what it remembers, for a key-frame, and forget everything else."""

@@ -122,7 +122,7 @@ class Coordinator:
         elif shares and len(snapshot.share):
             snapshot = snapshot.without_pairs()
         memory = options.new_memory() if memory is None else memory
-        policy = options.policy_with(memory) if policy is None else policy
+        policy = options.new_policy(memory) if policy is None else policy
         self._mind = Mind(snapshot, policy, memory)
         self._options = options
         self._ticks = options.ticks
@@ -138,7 +138,6 @@ class Coordinator:
                 len(snapshot.sensorium),
                 options.hold,
                 occasions=options.support > 0,
-                remembers=not self._grows,
             )
         # Of the tick under way.
         self._steps: Steps | None = None
@@ -356,12 +355,13 @@ class Coordinator:
         """Return the anomaly in the observation, if any; it is not learned yet."""
         if self._detector is None:
             return None
-        found = self._detector.judge(
-            self._observation,
-            self._sensed,
-            self.snapshot,
-            weighs=not self._learning.shares,
-            history=self._mind.memory.history if self._grows else None,
+        # Workers that share the learning weigh what it breaks later.
+        found = self._detector.watch(
+            self._observation.tick,
+            self.snapshot.poc_graph(),
+            self._sensed.bits,
+            self._sensed.known,
+            None if self._learning.shares else self.snapshot,
         )
         if found is not None:
             self.totals.anomalies += 1
@@ -453,17 +453,7 @@ class Coordinator:
         self.snapshot.adopt(state)
         report_on_it = self._state(wave, reached, state)
         self._count(report_on_it)
-        return [report_on_it, *self._remind(wave.tick), *self._answer(state)]
-
-    def _remind(self, now: int) -> list[wire.Message]:
-        """Tell a cell that has just been born what it would have read before.
-
-        It has taken part in a wave by now: its host has this tick's readings.
-        """
-        born = self.decision.born
-        if born < 0:
-            return []
-        return self.questions.remind(now, born, self._mind.memory.history)
+        return [report_on_it, *self._answer(state)]
 
     def _receive_recalled(self, message: wire.Recalled) -> list[wire.Message]:
         """Receive what a part answers from its histories; go on once all have."""
@@ -575,8 +565,7 @@ class Coordinator:
             history=history,
         )
         shares = self._learning.shares
-        band = options.largest_band if shares else options.band
-        return [*with_snapshot(frame, self.snapshot, band, _WHO, shares)]
+        return [*with_snapshot(frame, self.snapshot, options.band, _WHO, shares)]
 
 
 def _fault(what: str) -> wire.Fault:

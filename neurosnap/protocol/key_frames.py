@@ -29,7 +29,7 @@ def with_snapshot(
         frame: Without a snapshot.
         snapshot: It. It must not change before the last band is on its way.
         most: Numbers of an array in a band, at most; with more pairs than that there
-            are bands. 0: there are none.
+            are bands.
         who: Sends them.
         shares: The sensors of each worker that learns; if there are any, the bands are
             theirs, and they send them.
@@ -39,7 +39,7 @@ def with_snapshot(
         yield msgspec.structs.replace(frame, snapshot=head, bands=several)
         return
     count = len(snapshot.sensorium)
-    if not most or count * (count - 1) // 2 <= most:
+    if count * (count - 1) // 2 <= most:
         yield msgspec.structs.replace(frame, snapshot=snapshot.to_bytes())
         return
     bands = [*bands_of(snapshot, frame.tick, most, who)]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from neurosnap import wire
 from neurosnap.errors import MessageError
 from neurosnap.protocol.round import Round
+from neurosnap.protocol.worker_edges import ints
 
 Pairs: TypeAlias = tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.uint8]]
 """``(C,)`` each: the latter sensors of pairs, the former ones, and their codes."""
@@ -197,9 +198,9 @@ def pairs_in(message: wire.Learned, share: range) -> Pairs:
     Raises:
         MessageError: It cannot be right.
     """
-    rows = _sensors("rows", message.rows)
-    latter = _sensors("latter", message.latter)
-    former = _sensors("former", message.former)
+    rows = ints("learned: rows", message.rows).astype(np.intp)
+    latter = ints("learned: latter", message.latter).astype(np.intp)
+    former = ints("learned: former", message.former).astype(np.intp)
     single = np.frombuffer(message.single, np.uint8)
     if not len(latter) == len(former) == len(single):
         got = f"{len(latter)}, {len(former)} and {len(single)}"
@@ -230,15 +231,3 @@ def pairs_in(message: wire.Learned, share: range) -> Pairs:
         np.concatenate([*map(np.arange, rows), former]),
         codes,
     )
-
-
-def _sensors(name: str, data: bytes) -> NDArray[np.intp]:
-    """Return numbers of sensors.
-
-    Raises:
-        MessageError: There is a part of one in it.
-    """
-    if len(data) % 4:
-        rule = "must be four bytes a number"
-        raise MessageError(f"learned: {name} {rule}, got {len(data)}")
-    return np.frombuffer(data, "<i4").astype(np.intp)

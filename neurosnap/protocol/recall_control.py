@@ -7,7 +7,6 @@ asked follows from the question and from what parts lack, whatever the order in 
 the answers came.
 """
 
-from bisect import bisect_right
 from collections.abc import Iterator
 
 import msgspec
@@ -54,12 +53,6 @@ class RecallControl:
         """Return the cells of a part; none, if it has none."""
         known = who in self._names
         return self._hosted[self._names.index(who)] if known else range(0)
-
-    def remind(self, tick: int, cell: int, history: History) -> list[wire.Message]:
-        """Return the message that tells a cell its history, up to a tick."""
-        starts = [part.start for part in self._hosted]
-        owner = bisect_right(starts, cell) - 1
-        return [_reminder(self._names[owner], tick, (cell,), history)]
 
     def ask(self, tick: int, question: Question) -> list[wire.Message]:
         """Return the messages that ask the cells, about their readings up to a tick."""

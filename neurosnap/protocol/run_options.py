@@ -31,7 +31,6 @@ FEW_CELLS = 64
 """Cells up to this number are a process each, unless told otherwise."""
 
 _BYTES_A_SENSOR = 64  # of a key-frame, its name and its last readings not counted
-_BAND = 1 << 20  # numbers
 _FRAME_BESIDE = 1 << 22  # bytes of a key-frame for all that does not grow with sensors
 
 
@@ -269,9 +268,9 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
             gt=0,
         ),
     ] = 10.0
-    band: int = _BAND
+    band: Annotated[int, msgspec.Meta(ge=1)] = 1 << 20
     """Numbers that travel in one band of a key-frame, at most: of so many pairs, and
-    more, the weights follow it in bands. 0: they are in the key-frame."""
+    more, the weights follow it in bands."""
 
     def __post_init__(self) -> None:
         if self.alarms != NEVER:
@@ -297,16 +296,12 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
         """The sensors' names, in order."""
         return self.body.sensors
 
-    def new_policy(self) -> Policy:
-        """Return the policy that decides.
+    def new_policy(self, memory: AgentMemory) -> Policy:
+        """Return the policy that decides, by what a memory knows.
 
         Raises:
             InvalidValueError: The body or the target is not fit for such an agent.
         """
-        return self.policy_with(self.new_memory())
-
-    def policy_with(self, memory: AgentMemory) -> Policy:
-        """Return the policy that decides, by what a memory knows."""
         return new_policy(
             self.agent,
             self.body,
@@ -357,17 +352,12 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
         # Base64 takes four bytes for three.
         room = LARGEST_KEYFRAME * 3 // 4 - _FRAME_BESIDE
         a_sensor = _BYTES_A_SENSOR + 4 * max(map(len, self.sensors), default=0)
-        if self.counts_occasions or self.body.room:
-            a_sensor += HISTORY // 4  # two rings of bits
+        watches = self.watch and self.support > 0
+        a_sensor += HISTORY // 4 * (watches + bool(self.body.room))  # two rings of bits
         if count * a_sensor > room:
             limit = f"{LARGEST_KEYFRAME >> 20} MiB"
             rule = f"must be at most {room // a_sensor:,}, for a key-frame of {limit}"
             raise InvalidValueError("sensors", rule, count)
-
-    @property
-    def counts_occasions(self) -> bool:
-        """Whether it is counted on how many occasions an implication held."""
-        return self.watch and self.support > 0
 
     @property
     def learning_shares(self) -> list[range]:
@@ -384,12 +374,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
         if not (shares := self.learning_shares):
             return None
         snapshot = self.new_snapshot(shares[worker])
-        return WorkerLearning(worker, snapshot, shares, self.largest_band)
-
-    @property
-    def largest_band(self) -> int:
-        """Numbers in a band at most, where there are bands whatever the size."""
-        return self.band or _BAND
+        return WorkerLearning(worker, snapshot, shares, self.band)
 
     def new_snapshot(self, share: range | None = None) -> Snapshot:
         """Return the snapshot the run starts with.

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, MessageError
-from neurosnap.protocol.partition import shares
+from neurosnap.protocol.partition import hosts, shares
 from neurosnap.protocol.worker_edges import parted
 
 FRAME = 1 << 16
@@ -42,6 +42,7 @@ class SentWiring:
         self.workers = workers
         self.is_forgotten = False
         self._parts = shares(sensors, workers or sensors)
+        self._names = hosts(sensors, workers)
         # The literals at which those of each part begin, and where the last end.
         starts = [2 * cells.start for cells in self._parts]
         self._ends = np.array([*starts, 2 * sensors], np.int64)
@@ -192,16 +193,10 @@ class SentWiring:
             raise MessageError(f"{wire.topic(report.key)}: {rule}, got {got}")
 
     def named(self, cells: Sequence[int]) -> list[str]:
-        """Return the names of the parts that have `cells`; a worker's with how many."""
-        if not self.workers:
-            return [f"cell/{cell}" for cell in cells]
+        """Return the names of the parts that have `cells`."""
         literals = 2 * np.array(cells, np.int64)
         owners = np.searchsorted(self._ends, literals, side="right") - 1
-        workers, counts = np.unique(owners, return_counts=True)
-        return [
-            f"{count} of worker/{worker}"
-            for worker, count in zip(workers.tolist(), counts.tolist(), strict=True)
-        ]
+        return [self._names[part] for part in np.unique(owners).tolist()]
 
 
 def _part(report: wire.CellReport | wire.WorkerReport) -> int:

@@ -160,7 +160,7 @@ class WaveControl:
         wave = self._flying[number]
         signal = wave.signal or signal
         silent = self.wiring.named(wave.silent(signal, self.wiring.targets))
-        lack = f"missing credit {float(wave.missing):.6g}, silent cells"
+        lack = f"missing credit {float(wave.missing):.6g}, silent"
         self._rounds[number].what = f"wave {number} (tick {wave.tick})"
         self._rounds[number].ask_again(silent, lack, rule="settle")
         del self._flying[number]

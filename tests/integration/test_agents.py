@@ -120,7 +120,7 @@ def by_one_agent(
         source = open_source(options.source, options.seed, options.arguments)
     memory = options.new_memory()
     agent = Agent(
-        options.body, options.policy_with(memory), options.new_snapshot(), memory
+        options.body, options.new_policy(memory), options.new_snapshot(), memory
     )
     states, decisions = list[bytes](), list[wire.Decision]()
     seen = source.first()

@@ -241,19 +241,6 @@ def cell_of(answer: wire.Recalled) -> int:
     return int(answer.who.rpartition("/")[2])
 
 
-def test_a_newborn_cell_is_told_its_history_before_it_is_asked(inline: Path) -> None:
-    log = [each.message for each in Recording.open(inline).messages()]
-    births = [m for m in log if isinstance(m, wire.Decision) and m.born >= 0]
-    assert births
-    for birth in births:
-        told = [
-            m for m in log if isinstance(m, wire.Reminder) and birth.born in m.cells
-        ]
-        assert [(m.tick, m.cells) for m in told] == [(birth.tick + 1, (birth.born,))]
-    lacked = {k for m in log if isinstance(m, wire.Recalled) for k in m.lacks}
-    assert lacked.isdisjoint(birth.born for birth in births)
-
-
 def test_a_reader_may_begin_anywhere(inline: Path) -> None:
     for tick in (10, 20, 30):
         verdict = verify(inline, tick)

@@ -144,7 +144,9 @@ def test_a_swarm_senses_no_action_where_an_episode_begins(tmp_path: Path) -> Non
     )
     asyncio.run(run(RunRequest(options, log), asyncio.Event()))
     source = open_source(options.source, options.seed)
-    agent = Agent(options.body, options.new_policy(), options.new_snapshot())
+    agent = Agent(
+        options.body, options.new_policy(options.new_memory()), options.new_snapshot()
+    )
     seen, own = source.first(), len(source.sensors)
     observed, decisions = of_type(log, wire.Observation), []
     for one in observed:

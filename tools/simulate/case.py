@@ -140,7 +140,7 @@ def random_options(chance: random.Random, folder: Path) -> RunOptions:
         learning="spread" if spreads else "coordinator",
         workers=chance.randint(1, min(3, sensors)),
         keyframe_every=chance.choice([1, 3, 1000]),
-        band=chance.choice([0, 1, 4]),
+        band=chance.choice([1 << 20, 1, 4]),
     )
 
 

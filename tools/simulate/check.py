@@ -49,7 +49,7 @@ def truth(options: RunOptions) -> Truth:
     found = Truth(dict[str, list[Said]]((topic, []) for topic in _TOPICS), {})
     source = source_of(options)
     memory, snapshot = options.new_memory(), options.new_snapshot()
-    mind = Mind(snapshot, options.policy_with(memory), memory)
+    mind = Mind(snapshot, options.new_policy(memory), memory)
     before = None
     for number in range(1, options.ticks + 1):
         found.said["decision"].append(msgspec.structs.astuple(mind.decision))

@@ -134,18 +134,12 @@ class Grower:
         self._own = len(body.own)
         self._room = body.room
         self._confirmations = confirmations
-        self._fit(body)
+        self.fit(body)
         # For each action: the literals in whose context it is sensed, and that sensor.
+        which, literals = np.array(body.context, np.intp).T
+        places = [np.flatnonzero(which == k) for k in range(len(body.actions))]
         first = self._own + len(body.actions)
-        self._contexts: list[tuple[NDArray[np.intp], NDArray[np.intp]]] = []
-        for action in range(len(body.actions)):
-            pairs = [
-                (literal, first + place)
-                for place, (which, literal) in enumerate(body.context)
-                if which == action
-            ]
-            table = np.array(sorted(pairs), np.intp).reshape(-1, 2)
-            self._contexts.append((table[:, 0], table[:, 1]))
+        self._contexts = [(literals[mine], first + mine) for mine in places]
         # What tells of the step before: the actions and the single contexts.
         self._last = np.arange(self._own, body.first_grown)
         self._trials: dict[tuple[int, int], list[_Candidate]] = {}
@@ -161,7 +155,8 @@ class Grower:
         self._won = counts[3]  # covers of which sensors were born
         self._judge()
 
-    def _fit(self, body: Body) -> None:
+    def fit(self, body: Body) -> None:
+        """Go on with a body that has grown, or retired, a sensor."""
         self._grown = set(body.in_use)
         self._births = len(body.grown)
 
@@ -300,14 +295,8 @@ class Grower:
             self._won[due.action, due.result] += 1
             self._judge()
             if due.context not in self._grown:
-                self._grown.add(due.context)
-                self._births += 1
                 return due.context
         return None
-
-    def retire(self, context: Context) -> None:
-        """Let a sensor that is read no more be grown again."""
-        self._grown.discard(context)
 
     def arrays(self) -> Arrays:
         """Return its whole state as arrays, by name."""
@@ -316,17 +305,12 @@ class Grower:
         text = msgspec.json.encode((trials, self._ready))
         return {"covers": self._counts, "trials": np.frombuffer(text, np.uint8)}
 
-    def restore(self, body: Body, arrays: Arrays) -> None:
+    def restore(self, arrays: Arrays) -> None:
         """Be as the arrays say.
-
-        Args:
-            body: By now.
-            arrays: Of such a grower.
 
         Raises:
             ValueError: They make no sense.
         """
-        self._fit(body)
         shape = self._counts.shape
         self._adopt(entry(arrays, "covers", shape, np.int64).copy())
         text = entry(arrays, "trials", (rows_in(arrays, "trials"),), np.uint8)
@@ -338,7 +322,8 @@ class Grower:
         _, actions, results = shape
         for one in (*trials, *self._ready):
             known = 0 <= one.action < actions and 0 <= one.result < results
-            if not (known and all(0 <= a < 2 * body.first_grown for a in one.literals)):
+            first_grown = self._own + len(self._last)
+            if not (known and all(0 <= a < 2 * first_grown for a in one.literals)):
                 raise ValueError(f"trials: must be of what there is, got {one}")
         self._trials = {}
         for trial in trials:

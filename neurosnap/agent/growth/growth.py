@@ -43,8 +43,7 @@ class Growth:
 
     def fit(self, body: Body) -> None:
         """Go on with a body that has grown, or retired, a sensor."""
-        for place in set(body.retired) - set(self._body.retired):
-            self._grower.retire(body.grown[place])
+        self._grower.fit(body)
         self._body = body
 
     @property
@@ -61,38 +60,24 @@ class Growth:
         known: NDArray[np.bool_] | None,
         snapshot: Snapshot,
     ) -> Search[None]:
-        """Record an observation before it is learned.
+        """Record an observation, and prepare what the decision on it says.
 
-        What is returned is to be run once it is learned.
+        One sensor is grown at most, or one retires.
 
         Args:
             action: That of the step that has ended; -1: none was.
             state: ``(2N,)``, recorded before it.
             foretold: ``(2n,)``, what the action guaranteed of the world's own sensors.
-            observation: ``(N,)``.
+            observation: ``(N,)``; it is learned by now.
             known: ``(N,)``, which of it is known; if None, all.
             snapshot: Weighs what is born.
-
-        Returns:
-            What is to be asked of the history; the observation is in it then.
         """
         self.history.record(observation, known)
-        came = selection(observation, known)[: 2 * self._own]
-        return self._changed(action, state, foretold, came, snapshot)
-
-    def _changed(
-        self,
-        action: int,
-        state: NDArray[np.bool_],
-        foretold: NDArray[np.bool_],
-        came: NDArray[np.bool_],
-        snapshot: Snapshot,
-    ) -> Search[None]:
-        """Prepare what a decision says: one sensor is grown at most, or one retires."""
         self.changes = {}
         due, tick = None, self.history.tick
         if action >= 0:
             before = self.hopeless[action]
+            came = selection(observation, known)[: 2 * self._own]
             due = yield from self._grower.notice(action, state, foretold, came, tick)
             if (given_up := self.hopeless[action] & ~before).any():
                 self.changes["chance"] = tuple(np.flatnonzero(given_up).tolist())
@@ -140,4 +125,4 @@ class Growth:
         """
         self.history = History.from_arrays(arrays)
         self.history.check(len(self._body.sensors))
-        self._grower.restore(self._body, arrays)
+        self._grower.restore(arrays)

@@ -8,7 +8,7 @@ not where the agent has not been yet, that is a surprise, and it is grown again.
 
 import numpy as np
 
-from neurosnap.agent.actions import guaranteed
+from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
 from neurosnap.poc.learning.search import Question, Search
 from neurosnap.poc.learning.snapshot import Snapshot
@@ -63,7 +63,7 @@ def _not_covered(
         snapshot: Who believes, and has counted how often the sensor was on.
     """
     mine = 2 * (body.first_grown + place)
-    others = [2 * k for k in body.sensing(body.grown[place][0]) if 2 * k != mine]
+    others = [a for a in Actions(body).literals_of(body.grown[place][0]) if a != mine]
     by: dict[int, list[int]] = {}
     for result in results:
         # a -> r if and only if r* -> a*

@@ -101,7 +101,7 @@ def prepare(loaded: Loaded, swarm: str = "", *, here: bool = True) -> RunRequest
         rest.new_snapshot()
     if fitted is not None:
         with judge.of("agent"):
-            rest.new_policy()
+            rest.new_policy(rest.new_memory())
         with judge.of("cells"):
             away = _away(config, rest, swarm)
             _check_cells(rest, away, here=here)

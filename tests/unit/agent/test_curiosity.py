@@ -57,7 +57,7 @@ def test_the_nearest_unknown_outcomes_are_equal() -> None:
 def test_a_known_outcome_is_as_good_as_it_surprised_before() -> None:
     experience = Experience(BODY)
     here, near, far = states(3)
-    experience.surprises.count(0, False)  # a third
+    experience.surprises[0] += (1, False)  # a third
     curiosity = Curiosity(experience, BODY.actions, aims=False)
     curiosity.unknown(far, 1)
     curiosity.known(here, 0)
@@ -87,14 +87,14 @@ def test_what_was_seen_is_seen_again_if_there_is_nothing_else() -> None:
 
 def test_another_episode_is_begun_where_many_began_at_new_places() -> None:
     experience = Experience(BODY)
-    experience.surprises.count(0, False)
+    experience.surprises[0] += (1, False)
     here, near, _ = states(3)
     curiosity = Curiosity(experience, BODY.actions, aims=False)
     curiosity.known(here, 0)  # a third
     curiosity.end(near)  # a half in two steps
     assert choices(curiosity) == {(0, 0, "test")}
     for _ in range(8):
-        experience.surprises.count(BEGINNING, True)
+        experience.surprises[BEGINNING] += (1, True)
     assert choices(curiosity) == {(1, 0, "begin"), (1, 1, "begin")}
 
 

@@ -80,31 +80,31 @@ def test_a_trial_is_where_all_seemed_to_be_known_and_it_was_never_taken() -> Non
     came = place(wall=False, goal=False, coin=True)[: 2 * len(BODY.own)]
     other = place(wall=True, goal=False, coin=True)[: 2 * len(BODY.own)]
     experience.count_trial(0, here, place(wall=False)[: 2 * len(BODY.own)], came)
-    assert experience.surprises.share(0) == 1 / 2  # not all was foretold
+    assert experience.hope(0) == 1 / 2  # not all was foretold
     experience.count_trial(0, here, other, came)
-    assert experience.surprises.share(0) == 2 / 3
+    assert experience.hope(0) == 2 / 3
     experience.count_trial(0, there, came, came)
-    assert experience.surprises.share(0) == 2 / 4
-    assert experience.surprises.share(1) == 1 / 2
+    assert experience.hope(0) == 2 / 4
+    assert experience.hope(1) == 1 / 2
     experience.leave(here, ends=False, action=0)
     experience.count_trial(0, here, other, came)
-    assert experience.surprises.share(0) == 2 / 4  # it was taken there before
+    assert experience.hope(0) == 2 / 4  # it was taken there before
     # What is left to chance need not be foretold.
     experience.give_up(by_chance(1))
     experience.count_trial(1, here, came & ~by_chance(1)[1], came)
-    assert experience.surprises.share(1) == 1 / 3
+    assert experience.hope(1) == 1 / 3
     again = Experience(BODY)
     again.restore(experience.arrays())
-    assert [again.surprises.share(a) for a in (0, 1)] == [2 / 4, 1 / 3]
+    assert [again.hope(a) for a in (0, 1)] == [2 / 4, 1 / 3]
 
 
 def test_an_episode_that_begins_where_nothing_was_done_is_a_surprise() -> None:
     experience = Experience(BODY)
     here, there = place(wall=True), place(wall=False)
     experience.begin(here)
-    assert experience.surprises.share(BEGINNING) == 2 / 3
+    assert experience.hope(BEGINNING) == 2 / 3
     experience.leave(here, ends=False, action=1)
     experience.begin(here)
-    assert experience.surprises.share(BEGINNING) == 2 / 4
+    assert experience.hope(BEGINNING) == 2 / 4
     experience.begin(there)
-    assert experience.surprises.share(BEGINNING) == 3 / 5
+    assert experience.hope(BEGINNING) == 3 / 5

@@ -145,7 +145,7 @@ def test_the_curious_go_to_the_nearest_action_of_which_they_know_too_little(
 ) -> None:
     walk = Walk(None, graph)
     for action in [0, 1] * 20:  # what it knew was so, each time that it tried
-        walk.experience.surprises.count(action, False)
+        walk.experience.surprises[action] += (1, False)
     walk.unmeet(unmet)
     learn = f"to learn what {learned} does there, in 3: {', '.join(way)}"
     assert walk.decide(place) == (way[0], learn)

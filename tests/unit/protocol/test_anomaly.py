@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.poc.learning.history import History
 from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.anomaly import MOST, AnomalyDetector
@@ -153,13 +152,13 @@ def test_nonsense_is_refused() -> None:
 
 
 def test_what_rests_on_most_occasions_comes_first() -> None:
-    snapshot, history = EmpiricalSnapshot(3, 0.25), History(3, 64)
+    snapshot, detector = EmpiricalSnapshot(3, 0.25), AnomalyDetector(3, occasions=True)
     # 0 implies 1 from the first; 2 implies 1, often.
-    for bits in [(0, 0, 0), (1, 1, 0), *[(0, 1, 1), (0, 0, 0)] * 5, (0, 1, 0)]:
+    shown = [(0, 0, 0), (1, 1, 0), *[(0, 1, 1), (0, 0, 0)] * 5, (0, 1, 0)]
+    for tick, bits in enumerate(shown):
+        detector.watch(tick, snapshot.poc_graph(), bits)
         snapshot.observe(bits)
-        history.record(np.array(bits, np.bool_))
-    graph = snapshot.poc_graph()
-    found = AnomalyDetector(3).watch(14, graph, (1, 0, 1), None, snapshot, history)
+    found = detector.watch(14, snapshot.poc_graph(), (1, 0, 1), None, snapshot)
     assert found is not None
     occasions = {(one.source, one.target): one.occasions for one in found.links}
     assert (occasions[0, 2], occasions[3, 5]) == (1, 5)

@@ -106,7 +106,7 @@ def test_who_is_silent_is_told_again_and_then_named() -> None:
         (learned(0, links=()), "links must be of 1 implications"),
         (learned(0, links=(weighed(0, float("inf")),)), "support must be finite"),
         (learned(0, rows=b"\3\0\0\0", codes=b"\0\0"), "rows must be in 0 to 2, got 3"),
-        (learned(0, rows=b"\3"), "rows must be four bytes a number, got 1"),
+        (learned(0, rows=b"\3"), "rows: must be four bytes a number, got 1"),
         (learned(0, rows=b"\2\0\0\0"), "codes must be 1 bytes for these rows, got 0"),
         (learned(0, rows=b"\2\0\0\0", codes=b"\5"), "codes must be of pairs"),
         (learned(0, rows=b"\1\0\0\0", codes=b"\x13"), "codes must be of pairs"),

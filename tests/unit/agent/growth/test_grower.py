@@ -54,6 +54,8 @@ class Watched:
         found = answered(search, self.history)
         if found is not None:
             self.births.append(found)
+            self.body = self.body.grow(found)
+            self.grower.fit(self.body)
         return found
 
     def trials(self) -> list[Context]:
