@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .line import CycleWorld, PathWorld, RandomFieldsWorld
 from .places import PlacesWorld
-from .plane import GridWorld, PuncturedGridWorld
+from .plane import GridWorld
 from .target import Target
 
 Made: TypeAlias = gymnasium.Env[NDArray[np.int8], np.int64]
@@ -21,7 +21,7 @@ Made: TypeAlias = gymnasium.Env[NDArray[np.int8], np.int64]
 
 
 def _maker(
-    kind: Callable[..., PlacesWorld], *, waits: bool = False, **defaults: int
+    kind: Callable[..., PlacesWorld], *, waits: bool = False, **defaults: int | str
 ) -> Callable[..., Made]:
     def make(
         *,
@@ -55,5 +55,5 @@ path = _maker(PathWorld)
 cycle = _maker(CycleWorld)
 grid = _maker(GridWorld)
 random_fields = _maker(RandomFieldsWorld)
-punctured_grid = _maker(PuncturedGridWorld)
+punctured_grid = _maker(GridWorld, hole="middle")
 rail = _maker(CycleWorld, waits=True, places=24)

@@ -115,27 +115,6 @@ async def test_what_to_do_is_given_up_when_nobody_takes_it_in_time(
     assert f"{HOST}:{broker.port}: messages not sent in time: 1" in said
 
 
-async def test_of_a_flood_the_latest_readings_are_left(broker: Mosquitto) -> None:
-    topics, rounds = 20, 150
-    sensors = [MqttSensor(name=f"s{k}", topic=f"flood/{k}") for k in range(topics)]
-    end = MqttSensor(name="end", topic="flood/end")
-    with source_of(options(broker.options, *sensors, end)) as source:
-        async with peer(broker) as other:
-            await other.publish("flood/end", "OFF", qos=1, retain=True)
-            await until(source, lambda r: r["end"] is False)
-            for turn in range(rounds):
-                for k in range(topics):
-                    await other.publish(f"flood/{k}", "ON" if (k + turn) % 2 else "OFF")
-            await other.publish("flood/end", "ON")
-            found = await until(source, lambda r: r["end"] is True)
-        statistics = source.statistics()
-    assert found == {"end": True} | {
-        f"s{k}": (k + rounds - 1) % 2 == 1 for k in range(topics)
-    }
-    assert statistics.taken == topics * rounds + 2
-    assert statistics.ticks + statistics.coalesced <= statistics.taken
-
-
 BE_WORLD = """
 import sys, msgspec
 from neurosnap.sources.mqtt.options import MqttOptions
@@ -177,19 +156,6 @@ STATE = wire.State(
     edges=0,
     pulses=0,
 )
-
-
-async def test_the_status_of_who_reads_is_offline_in_the_end(
-    broker: Mosquitto,
-) -> None:
-    status = f"{PREFIX}/world/status"
-    async with peer(broker, status) as other:
-        with source_of(options(broker.options)) as source:
-            waiting = asyncio.create_task(asyncio.to_thread(source.first))
-            await heard(other, status, b"online")
-            await asyncio.to_thread(source.close)
-            assert await waiting is None
-    assert await left(broker) == {status: b"offline"}
 
 
 async def test_an_outlet_tells_a_restarted_broker_everything_again(

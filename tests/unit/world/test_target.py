@@ -11,14 +11,14 @@ from neurosnap.errors import InvalidValueError
 from tests.support.distances import fewest_actions
 from world.line import CycleWorld, PathWorld, RandomFieldsWorld
 from world.places import PlacesWorld
-from world.plane import GridWorld, PuncturedGridWorld
+from world.plane import GridWorld
 from world.target import Target
 
 WORLDS = [
     lambda: PathWorld(places=9, wait=True),
     lambda: CycleWorld(places=8),
     lambda: GridWorld(width=4, height=3, wait=True),
-    lambda: PuncturedGridWorld(width=5, height=4),
+    lambda: GridWorld(width=5, height=4, hole="middle"),
     lambda: RandomFieldsWorld(places=6, sensors=3),
 ]
 
