@@ -91,8 +91,10 @@ class Experience:
         unsaid = ~said & self._own(self.looked_at)
         if not self.ends or not unsaid.any() or (unsaid & ~self.hopeless[action]).any():
             return _packed(here) in self.ends
-        packed = np.frombuffer(b"".join(self.ends), np.uint8)
-        ends = _unpacked(packed.reshape(len(self.ends), -1), here.size)
+        packed = np.frombuffer(b"".join(self.ends), np.uint8).reshape(
+            len(self.ends), -1
+        )
+        ends = np.unpackbits(packed, axis=1, count=here.size).astype(np.bool_)
         return bool(((ends & said) == here).all(axis=1).any())
 
     def by_chance(self, place: NDArray[np.bool_], action: int) -> bool:
@@ -248,7 +250,3 @@ class Experience:
 
 def _packed(place: NDArray[np.bool_]) -> bytes:
     return np.packbits(place).tobytes()
-
-
-def _unpacked(places: NDArray[np.uint8], size: int) -> NDArray[np.bool_]:
-    return np.unpackbits(places, axis=1, count=size).astype(np.bool_)

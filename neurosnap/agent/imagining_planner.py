@@ -90,16 +90,13 @@ class ImaginingPlanner:
         self._own = len(body.own)
         self._names = body.actions
         experience.aim()
-        self._fit(body)
-
-    def _fit(self, body: Body) -> None:
-        self._actions = Actions(body)
-        self._looked_at = body.looked_at
-        self._first = 2 * (self._own + len(body.actions))  # contextual literal
+        self.grow(body)
 
     def grow(self, body: Body) -> None:
         """Go on with a body that has grown, or retired, a sensor; the plan is kept."""
-        self._fit(body)
+        self._actions = Actions(body)
+        self._looked_at = body.looked_at
+        self._first = 2 * (self._own + len(body.actions))  # contextual literal
         if self._greedy is not None:
             self._greedy.grow(body)
 
@@ -153,9 +150,9 @@ class ImaginingPlanner:
                         signals.append(signal)
                     elif not at.by_chance:
                         curiosity.unknown(at, action)
-            closures = (yield signals) if signals else ()
+            bounds = guaranteed((yield signals)) if signals else ()
             frontier = []
-            for (at, action), bound in zip(asked, _bound(closures), strict=True):
+            for (at, action), bound in zip(asked, bounds, strict=True):
                 state = bound | always
                 if self._target and state[self._target].all():
                     return _planned(ImaginedState(state, at, action), "")
@@ -198,8 +195,3 @@ def _planned(last: ImaginedState, why: str) -> Plan:
         np.stack([state.place for state in (first, *way[:-1])]),
         why,
     )
-
-
-def _bound(closures: Closures) -> NDArray[np.bool_]:
-    """Return what each signal guarantees: ``(n, 2N)``."""
-    return guaranteed(closures) if len(closures) else np.zeros((0, 0), np.bool_)

@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from neurosnap import wire
-from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
 from neurosnap.poc.learning.history import History
 from neurosnap.poc.learning.kinds import Snapshot
@@ -52,9 +51,6 @@ class AnomalyDetector:
         occasions: Whether to keep the last readings of all sensors, and count in them
             the occasions that what an anomaly breaks rests on.
 
-    Raises:
-        InvalidValueError: `hold` is negative.
-
     Example:
         >>> from neurosnap.poc.learning.kinds import EmpiricalSnapshot
         >>> watcher, snapshot = AnomalyDetector(2), EmpiricalSnapshot(2, 0.25)
@@ -72,8 +68,6 @@ class AnomalyDetector:
         *,
         occasions: bool = False,
     ) -> None:
-        if hold < 0:
-            raise InvalidValueError("hold", "must be 0 or more", hold)
         self._names = Sensorium.of(sensors)
         self._hold = hold
         self._history = History(sensors, wire.HISTORY) if occasions else None
@@ -106,16 +100,15 @@ class AnomalyDetector:
             snapshot: Where to find evidence; it did not learn the observation yet.
 
         Raises:
-            ShapeError: Something has another number of sensors.
-            InvalidValueError: A bit is not 0 or 1, `known` is not bool, or `tick` is
-                not larger than the one before.
+            ShapeError: There is another number of bits.
+            InvalidValueError: A bit is not 0 or 1, or `known` is not bool.
 
         Cost:
             O(N²/64) time where nothing is wrong; otherwise as `contradiction`.
         """
-        seen = self._observed(graph, bits, known)
-        if tick <= self._tick:
-            raise InvalidValueError("tick", f"must be above {self._tick}", tick)
+        seen = complete(self._names.observation(bits))
+        if known is not None:
+            seen &= as_known(known, len(self._names)).repeat(2)
         self._blame *= (1 - _FADING) ** (tick - self._tick)
         self._tick = tick
         if self._held is not None and tick > self._until:
@@ -137,16 +130,6 @@ class AnomalyDetector:
         if self._history is not None:
             self._history.record(seen[::2], seen[::2] | seen[1::2])
         return anomaly
-
-    def _observed(
-        self, graph: PocGraph, bits: ArrayLike, known: NDArray[np.bool_] | None
-    ) -> NDArray[np.bool_]:
-        """Return the literals that were observed."""
-        count = len(self._blame)
-        if graph.sensors != count:
-            raise ShapeError("graph", f"must have {count} sensors", graph.sensors)
-        seen = complete(self._names.observation(bits))
-        return seen if known is None else seen & as_known(known, count).repeat(2)
 
     def _suspicion(self, seen: NDArray[np.bool_]) -> NDArray[np.float64]:
         still = ~(seen ^ self._calm)[::2]

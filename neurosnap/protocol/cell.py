@@ -162,19 +162,15 @@ class Cell(Host[_Wave, wire.Observation]):
         if start is not None and not wave.asked:
             wave.asked = True
             self._readings.join(start.tick)
+            asked = start.signal
             if start.kind == "state":
-                wave.due = self._due(self._readings[start.tick])
-            for literal in self._asked(start):
+                observation = self._readings[start.tick]
+                wave.due, asked = self._due(observation), self._read(observation)
+            for literal in asked:
                 self._reach(literal, 0, start.credit, wave)
         held, wave.held = wave.held, []
         for pulse in held:
             self._reach(pulse.target, pulse.hops, pulse.credit, wave)
-
-    def _asked(self, start: wire.WaveStart) -> tuple[int, ...]:
-        """Return the literals of this cell that a wave's signal holds."""
-        if start.kind == "signal":
-            return start.signal
-        return self._read(self._readings[start.tick])
 
     def _read(self, observation: wire.Observation) -> tuple[int, ...]:
         """Return the literal that the cell read; none where that is unknown."""

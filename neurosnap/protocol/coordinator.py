@@ -547,7 +547,7 @@ class Coordinator:
         """Return what a run may go on from: nothing older matters then."""
         detector, options = self._detector, self._options
         history = b"" if detector is None else detector.to_bytes()
-        self._control.wiring.forget()
+        self._control.wiring.is_forgotten = True
         frame = wire.KeyFrame(
             tick=self.tick,
             snapshot=b"",

@@ -7,8 +7,6 @@ asked follows from the question and from what parts lack, whatever the order in 
 the answers came.
 """
 
-from collections.abc import Iterator
-
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +19,6 @@ from neurosnap.poc.order.literals import Words
 from neurosnap.protocol.part_history import PartHistory, check_recall, check_rings
 from neurosnap.protocol.partition import hosts, shares
 from neurosnap.protocol.round import Round
-
-_REMINDED = 64  # cells in one message, at most
 
 
 class RecallControl:
@@ -136,26 +132,20 @@ class RecallControl:
         if self._round.silent:
             return []
         # In the order of the cells: it does not matter who answered first.
-        lacking = [who for who, said in answers.items() if said and said.lacks]
+        lacking = {
+            who: said.lacks for who, said in answers.items() if said and said.lacks
+        }
         if not lacking:
             self.recall = None
             return self._whole(recall, history.length)
-        self._round.ask_again(lacking, "without a history", spare=1)
-        reminders = list(self._reminders(lacking, recall.tick, history))
+        self._round.ask_again([*lacking], "without a history", spare=1)
+        reminders = [
+            _reminder(who, recall.tick, tuple(sorted(lacks)), history)
+            for who, lacks in lacking.items()
+        ]
         answers.update(dict.fromkeys(lacking))
         cells = [cell for who in lacking for cell in self._asked[who]]
         return [*reminders, *self._begin(recall, 0, cells)]
-
-    def _reminders(
-        self, lacking: list[str], tick: int, history: History
-    ) -> Iterator[wire.Reminder]:
-        """Yield what some parts have answered that they lack."""
-        for who in lacking:
-            answer = self._round.answers[who]
-            lacks = sorted(answer.lacks) if answer is not None else []
-            for first in range(0, len(lacks), _REMINDED):
-                cells = tuple(lacks[first : first + _REMINDED])
-                yield _reminder(who, tick, cells, history)
 
     def _check(self, answer: wire.Recalled, recall: wire.Recall, length: int) -> None:
         """Refuse an answer that does not fit the question.

@@ -397,13 +397,9 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def in_force(self) -> dict[str, Any]:
         """The threshold, and of a discounted snapshot the decay, given or not."""
-        threshold, decay = self.threshold, self.decay
-        if self.snapshot == "empirical":
-            default = EmpiricalSnapshot.THRESHOLD
-            return {"threshold": default if threshold is None else threshold}
-        return {
-            "threshold": (
-                DiscountedSnapshot.THRESHOLD if threshold is None else threshold
-            ),
-            "decay": DiscountedSnapshot.DECAY if decay is None else decay,
-        }
+        usual: dict[str, Any] = {"threshold": EmpiricalSnapshot.THRESHOLD}
+        if self.snapshot == "discounted":
+            kind = DiscountedSnapshot
+            usual = {"threshold": kind.THRESHOLD, "decay": kind.DECAY}
+        given = {name: getattr(self, name) for name in usual}
+        return usual | {name: one for name, one in given.items() if one is not None}

@@ -65,7 +65,7 @@ class SentWiring:
         return tuple(self._told) if self.workers else (self._epoch,)
 
     def start_at(self, epochs: tuple[int, ...]) -> None:
-        """Continue after these epochs, as after `forget`.
+        """Continue after these epochs: the next wiring goes to all, and whole.
 
         Raises:
             InvalidValueError: They are of another number of workers.
@@ -78,10 +78,6 @@ class SentWiring:
             self._told = list(epochs)
         else:
             self._epoch = epochs[0]
-        self.is_forgotten = True
-
-    def forget(self) -> None:
-        """Let the next wiring go to all, and whole, whatever they were told."""
         self.is_forgotten = True
 
     def rewire(self, edges: Edges) -> list[wire.Message]:

@@ -99,13 +99,11 @@ class Worker(Host[_WorkerWave, Ints]):
                 self._out += self._history.answer(message)
             case wire.Reminder():
                 self._history.remember(message)
-            case _ if self._learning is None:
-                raise MessageError(f"{wire.topic(message.key)}: is not for a worker")
-            case wire.Learn():
+            case wire.Learn() if self._learning is not None:
                 if message.bits:  # the observation itself may have been lost
                     self._observe(message)
                 self._out += self._learning.learn(message)
-            case wire.Band():
+            case wire.Band() if self._learning is not None:
                 self._learning.receive_band(message)
             case _:
                 raise MessageError(f"{wire.topic(message.key)}: is not for a worker")

@@ -44,7 +44,7 @@ def test_its_messages_give_the_parts_the_edges(
     wanted: Pairs = set()
     for step in plan:
         if step == "forget":
-            wiring.forget()
+            wiring.is_forgotten = True
             messages = wiring.rewire(edge_list(wanted))
             hosts = list(hosting(SENSORS, workers).values())  # new, as after a death
         elif isinstance(step, str):
