@@ -67,15 +67,18 @@ class LearnControl:
             observation: What they learn.
             anomaly: What is to be weighed before that, if anything.
         """
-        sources, targets = ((), ()) if anomaly is None else to_weigh(anomaly)
+        links = () if anomaly is None else anomaly.links
+        pairs = dict.fromkeys((link.source, link.target) for link in links)
+        # None weighs what is of one sensor.
+        weighed = [(a, b) for a, b in pairs if a >> 1 != b >> 1]
         return self.ask(
             wire.Learn(
                 tick=observation.tick,
                 bits=observation.bits,
                 known=observation.known,
                 begins=self.begins,
-                sources=sources,
-                targets=targets,
+                sources=tuple(a for a, _ in weighed),
+                targets=tuple(b for _, b in weighed),
             )
         )
 
@@ -176,16 +179,6 @@ class LearnControl:
         ):
             raise MessageError("learned: support must be finite, got one that is not")
         return pairs
-
-
-def to_weigh(anomaly: wire.Anomaly) -> tuple[wire.Naturals, wire.Naturals]:
-    """Return the sources and targets of what an anomaly says broke.
-
-    Without what is of one sensor, which none weighs.
-    """
-    links = ((link.source, link.target) for link in anomaly.links)
-    some = dict.fromkeys(pair for pair in links if pair[0] >> 1 != pair[1] >> 1)
-    return tuple(a for a, _ in some), tuple(b for _, b in some)
 
 
 def pairs_in(message: wire.Learned, share: range) -> Pairs:

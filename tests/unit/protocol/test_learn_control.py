@@ -7,7 +7,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.errors import AnswerLostError, MessageError
-from neurosnap.protocol.learn_control import LearnControl, to_weigh
+from neurosnap.protocol.learn_control import LearnControl
 
 SHARES = (range(3), range(3, 5))
 LEARN = wire.Learn(4, b"\1", sources=(2, 9), targets=(1, 0))
@@ -140,8 +140,9 @@ def test_an_anomaly_gets_what_spoke_for_what_it_broke() -> None:
             for number, *pair in ((0, 2, 1), (1, 9, 0), (1, 4, 5), (1, 2, 1))
         ),
     )
-    assert to_weigh(bare) == ((2, 9), (1, 0)), "once each, and none of one sensor"
-    asked = control()
+    asked = LearnControl(SHARES, repeats=1)
+    # Once each, and none of one sensor.
+    assert asked.ask_to_learn(wire.Observation(4, b"\1"), bare) == [LEARN]
     asked.receive(learned(0))
     asked.receive(learned(1, links=(weighed(1, 5.0, 3),)))
     full = asked.weighed(bare)
