@@ -195,6 +195,8 @@ def test_an_unknown_action_is_refused_and_moves_nothing(action: Any) -> None:
         ("neurosnap/Path-v0", "target", 21),
         ("neurosnap/Path-v0", "target", -1),
         ("neurosnap/Path-v0", "target", 3.0),
+        ("neurosnap/Path-v0", "target", True),
+        ("neurosnap/Path-v0", "target", (1,)),
         ("neurosnap/Path-v0", "target", "3"),
         ("neurosnap/PuncturedGrid-v0", "target", 120),
     ],

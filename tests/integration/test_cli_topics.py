@@ -5,20 +5,14 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 pytest.importorskip("aiomqtt")
 
-from neurosnap.apps.config.load import load
-from neurosnap.apps.config.prepare import prepare
-from neurosnap.sources.live.live_source import LiveSource
-from neurosnap.sources.open import open_live
 from tests.support.command_line import call
 from tests.support.mosquitto import Mosquitto, needs_mosquitto, peer, started
-from tests.support.mqtt_sources import until
 from tests.support.patience import PATIENCE
 
 pytestmark = pytest.mark.slow
@@ -31,7 +25,7 @@ def broker(tmp_path: Path) -> Iterator[Mosquitto]:
 
 
 @needs_mosquitto
-async def test_a_look_at_a_broker_gives_a_file_that_runs(
+async def test_a_look_at_a_broker_counts_its_messages_and_gives_a_right_file(
     broker: Mosquitto, tmp_path: Path
 ) -> None:
     out = tmp_path / "home.toml"
@@ -68,11 +62,4 @@ async def test_a_look_at_a_broker_gives_a_file_that_runs(
         assert {each["topic"]: each["messages"] for each in facts["topics"]} == (
             dict.fromkeys(heard, 1)
         )
-        assert call("check", out).exit_code == 0
-        options = prepare(load(out)).options
-        source = open_live(options.source, options.arguments)
-        assert isinstance(source, LiveSource)
-        wanted = dict.fromkeys(("home_kitchen_motion", "door_contact"), True)
-        wanted["home_bath_motion"] = False
-        with closing(source):
-            await until(source, lambda reading: reading == wanted)
+    assert call("check", out).exit_code == 0

@@ -102,13 +102,6 @@ def test_a_step_and_a_target_that_is_to_be_drawn_need_a_reset() -> None:
             one.step(np.int64(0))
 
 
-@pytest.mark.parametrize("target", [-1, 3, 1.0, True, "drawn", (1,)])
-def test_a_target_that_is_no_place_is_refused(target: Any) -> None:
-    rule = r"^target: must be a place in 0\.\.2, or drawn, got "
-    with pytest.raises(InvalidValueError, match=rule):
-        Target(PathWorld(places=3), target)
-
-
 @pytest.mark.parametrize(
     "env",
     [
