@@ -86,13 +86,14 @@ class RunMarks:
         ticks = max(0, last - first + 1)
         edges = np.linspace(first, first + ticks, min(bins, ticks) + 1)
         inside = [one for one in found.alarms if first <= one.tick <= last]
+        resumed = self._run_view.recording.resumed
         return api.Marks(
             first=first,
             last=last,
             anomalies=_counted(self._anomalies, edges),
             begins=_counted(self._begins, edges),
             times=[self._time(math.ceil(edge)) for edge in edges[:-1].tolist()],
-            resumed=[tick for tick in self._run_view.resumed if first <= tick <= last],
+            resumed=[tick for tick in resumed if first <= tick <= last],
             reached=_counted(self._reached, edges),
             born=_counted(found.born, edges),
             missing=_counted(found.missing, edges),

@@ -83,17 +83,16 @@ class RunView:
         self.grown += 1
         return True
 
-    @property
-    def cut(self) -> str | None:
-        """Where a recording that is not whole ends, and what in it cannot be read."""
-        return (
-            "; ".join((*self.recording.lost, *self.tick_index.damage.values())) or None
-        )
+    def cut(self, *, live: bool) -> str | None:
+        """Return where a recording that is not whole ends, and what cannot be read.
 
-    @property
-    def resumed(self) -> tuple[int, ...]:
-        """The ticks after which the run was taken up again."""
-        return self.recording.resumed
+        Args:
+            live: It still grows: that it has no end yet is nothing to say.
+        """
+        if live and not self.recording.spoiled:
+            return None
+        lost = (*self.recording.lost, *self.tick_index.damage.values())
+        return "; ".join(lost) or None
 
     def run(self, live: bool) -> api.Run:
         """Return what is being looked at.
@@ -112,7 +111,7 @@ class RunView:
             first=self.first,
             ticks=self.last,
             live=live,
-            cut=None if live and not self.recording.spoiled else self.cut,
+            cut=self.cut(live=live),
             swarm=self.recording.swarm,
             world=self.scene.stage,
         )
@@ -257,7 +256,7 @@ class RunView:
         literals = self._unpacked(state)
         decision = ticks.decisions.get(tick)
         choice = -1 if decision is None else decision.action
-        waves = self._imagined.marked(ticks.waves(tick), literals)
+        waves = [self._imagined.marked(wave, literals) for wave in ticks.waves(tick)]
         shown = first_shown(waves)
         return api.Frame(
             tick=tick,

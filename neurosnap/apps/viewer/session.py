@@ -222,7 +222,7 @@ class _PageListener:
         self._run_view, self._told = run_view, now
         if not changes and now[1:] == said:
             return None
-        cut = None if live and not run_view.recording.spoiled else run_view.cut
+        cut = run_view.cut(live=live)
         return Event(
             ticks=run_view.last, live=live, cut=cut, reset=reset, frames=changes
         )

@@ -86,10 +86,6 @@ class Ticks:
             return []
         return self._waves.of(tick, self._signal(tick))
 
-    def reached(self, wave: int) -> list[int]:
-        """Return the literals that a wave reached."""
-        return [] if self._waves is None else self._waves.reached(wave)
-
     def contradicted(
         self, state: wire.State, held: NDArray[np.bool_]
     ) -> NDArray[np.bool_]:
@@ -106,7 +102,8 @@ class Ticks:
             ``(N,)``.
         """
         reached = np.zeros(2 * self._sensors, np.bool_)
-        reached[self.reached(state.wave)] = True
+        if self._waves is not None:
+            reached[self._waves.reached(state.wave)] = True
         read = self.literals(state.tick)
         said = read[::2] | read[1::2] | (reached[::2] & reached[1::2])
         return said & ~(held[::2] | held[1::2])

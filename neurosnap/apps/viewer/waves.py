@@ -140,16 +140,13 @@ class Imagined:
         for action, literal in body.context:
             self._told[action, literal] = position[literal]
 
-    def marked(self, waves: list[WaveView], state: NDArray[np.bool_]) -> list[WaveView]:
-        """Return waves with the action each is about, and whether it was imagined.
+    def marked(self, wave: WaveView, state: NDArray[np.bool_]) -> WaveView:
+        """Return a wave with the action it is about, and whether it was imagined.
 
         Args:
-            waves: Those of a tick.
+            wave: One of a tick.
             state: ``(2N,)``, the tick's.
         """
-        return [self._marked(wave, state) for wave in waves]
-
-    def _marked(self, wave: WaveView, state: NDArray[np.bool_]) -> WaveView:
         taken = [self._action[a] for a in wave.signal if a in self._action]
         if wave.kind == "state" or len(taken) != 1:
             return wave
