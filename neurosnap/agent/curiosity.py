@@ -1,4 +1,4 @@
-"""Chooses where to go to learn: to what is unknown, or most likely surprises.
+"""Chooses where to explore: what is unknown, or most likely to surprise.
 
 While states are imagined, nearest first, each outcome is put down as unknown or known.
 An unknown one is a sure surprise. Of a known one that was never seen, and of a new

@@ -1,4 +1,4 @@
-"""What followed which action in which state so far, for imagining."""
+"""A record of what followed each action in each state, for imagining."""
 
 from typing import Final
 

@@ -1,4 +1,4 @@
-"""Planning by imagined waves: what each action leads to, and then what next.
+"""Plans by imagined waves: what each action leads to, step after step.
 
 From an imagined state the consequences of every action are asked for, a round of waves
 for all states that are as many steps away. What an action guarantees is the next

@@ -1,4 +1,4 @@
-"""Plans: what is imagined, the actions that lead there, and how a reason names them."""
+"""Plans: their actions, what these lead to, and how a reason names them."""
 
 import re
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""The interface of a policy, the kinds there are, and what is chosen unless told.
+"""The interface of a policy, the kinds of policies, and the default.
 
 A policy does not know who answers what it asks. In process it is the propagation over
 the graph, in a swarm it is waves: the decisions are the same. The paper's policies are

@@ -1,4 +1,4 @@
-"""The part of ``import neurosnap`` that runs swarms and reads their recordings."""
+"""The swarm API of ``import neurosnap``: run a swarm, read its recording."""
 
 import asyncio
 from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence

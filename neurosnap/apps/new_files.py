@@ -1,4 +1,4 @@
-"""Chooses where to write: names for recordings, and what may not be replaced."""
+"""Names new recordings, and refuses to replace existing files."""
 
 import re
 from collections.abc import Collection, Iterator

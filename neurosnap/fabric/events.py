@@ -1,4 +1,4 @@
-"""Waits for the first of several events, for one for some time, or for a failure."""
+"""Waits for the first of several events, with a time limit, or until one fails."""
 
 import asyncio
 

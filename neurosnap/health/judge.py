@@ -1,4 +1,4 @@
-"""Judges sensors step by step by what was learned, within a budget of alarms."""
+"""Judges sensors step by step against what was learned, within a budget of alarms."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""What a home's own history says: what is expected, and how far evidence goes."""
+"""Learns from a home's own history what is normal, and how far evidence strays."""
 
 from dataclasses import dataclass
 

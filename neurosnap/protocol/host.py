@@ -1,4 +1,4 @@
-"""What a cell and a worker have in common, and the bounds of what they remember.
+"""The base of cell and worker, and the bounds of what they store.
 
 A message that cannot be right is refused and changes nothing. The coordinator numbers
 waves and wirings one by one, and its messages arrive in order, so a number far beyond

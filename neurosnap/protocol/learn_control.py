@@ -1,4 +1,4 @@
-"""The coordinator's side of learning that workers share.
+"""The coordinator's side of learning that is spread over workers.
 
 Pure: what is to be learned in, a message out; what the workers learned in, and once the
 last of it has come, all of it, in an order that does not depend on when it came.

@@ -1,4 +1,4 @@
-"""What each cell or worker was told of its out-edges, and the messages that change it.
+"""The out-edges last sent to each cell or worker, and the messages that change them.
 
 A wiring goes out as the change against what was told before; only what is wired whole
 can have missed anything before. A cell that is a process is told of its own edges, and

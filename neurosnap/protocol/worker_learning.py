@@ -1,4 +1,4 @@
-"""Learning in a worker: of its share of the pairs, where workers share the learning.
+"""A worker's share of learning: the pairs of sensors that it learns.
 
 A share begins with nothing learned, or with the bands that the coordinator sends behind
 the key-frame that a run goes on from. For later key-frames it sends its own, when told.

@@ -335,7 +335,6 @@ async def run_incarnation(
         implications=result.implications,
         completeness=ending.completeness,
         seconds=result.seconds,
-        startup=ending.seconds - result.seconds,
         stopped=ending.stopped,
         lost=ending.lost,
         health=ending.health,

@@ -1,4 +1,4 @@
-"""What a run is asked to do, what it reports meanwhile, and its outcome."""
+"""The request for a run, its progress reports, and its outcome."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -249,8 +249,6 @@ class Outcome(msgspec.Struct, kw_only=True):
     """The recording's balance; None if nothing was recorded."""
     seconds: float
     """From the first decision to the last state."""
-    startup: float
-    """From the call until every part was up."""
     stopped: bool
     """It was asked to stop before it was done."""
     restarts: int = 0

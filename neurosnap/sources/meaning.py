@@ -1,4 +1,4 @@
-"""What a word or a number says of a sensor: on, off or unknown."""
+"""Converts a word or a number to a reading: on, off or unknown."""
 
 import fnmatch
 import math

@@ -1,4 +1,4 @@
-"""A Ray cluster: how this process gets to one, and what room there is.
+"""Connects to a Ray cluster, and asks how many parts it has room for.
 
 Every function blocks, and is called on one thread: what Ray starts for this process
 ends with the thread that started it.

@@ -43,7 +43,6 @@ def test_whatever_happens_the_run_comes_to_the_same(batch: int) -> None:
     assert total.schedules == BATCH
     assert min(total.crashes, total.cuts, total.losses, total.repeats) > BATCH / 2
     assert total.restarts > BATCH / 2
-    assert total.births > 0
 
 
 @pytest.mark.slow
@@ -57,6 +56,17 @@ def test_over_three_hubs_the_run_comes_to_the_same(tmp_path: Path) -> None:
         options = random_options(chance, folder)
         total.add(live_on(options, weather, chance, folder))
     assert min(total.parted, total.hubs_lost, total.restarts, total.deaf) > 0
+
+
+@pytest.mark.slow
+def test_whatever_happens_what_is_grown_comes_to_the_same(tmp_path: Path) -> None:
+    total = Tally()
+    for seed in range(cases(4)):
+        folder, chance = tmp_path / str(seed), random.Random(seed)
+        folder.mkdir()
+        options = random_options(chance, folder, growing=True)
+        total.add(live_on(options, random_weather(chance), chance, folder))
+    assert min(total.births, total.restarts) > 0
 
 
 def heard(log: Path) -> list[tuple[str, int, bytes]]:

@@ -111,16 +111,19 @@ def _births(log: Path) -> int:
 # What is drawn ------------------------------------------------------------------------
 
 
-def random_options(chance: random.Random, folder: Path) -> RunOptions:
+def random_options(
+    chance: random.Random, folder: Path, *, growing: bool = False
+) -> RunOptions:
     """Draw a run of 5 to 25 ticks in cells or among workers.
 
     It has 2 to 8 sensors; or 26 and more, and up to 50 ticks, where some are grown.
+    One in ten does, unless it is to be `growing`.
     """
-    kind = chance.random()
+    kind = 1.0 if growing else chance.random()
     if kind < 0.4:
         made = _readings(chance, folder)
     else:
-        made = _path(chance) if kind < 0.8 else _growing(chance)
+        made = _path(chance) if kind < 0.9 else _growing(chance)
     sensors, grows = len(made.sensors), made.body.room > 0
     empirical = chance.random() < (0.8 if grows else 0.5)
     cells = chance.choice(["process", "worker"])
@@ -140,7 +143,8 @@ def random_options(chance: random.Random, folder: Path) -> RunOptions:
         learning="spread" if spreads else "coordinator",
         workers=chance.randint(1, min(3, sensors)),
         keyframe_every=chance.choice([1, 3, 1000]),
-        band=chance.choice([1 << 20, 1, 4]),
+        # A grown sensor's history is of some thousand bytes.
+        band=chance.choice([1 << 20, 1 << 10] if grows else [1 << 20, 1, 4]),
     )
 
 

@@ -1,4 +1,4 @@
-"""Sensors that are grown or retire: as decisions say so, and as a snapshot takes it in.
+"""Grown and retired sensors: as a decision names them, applied to a snapshot.
 
 A decision carries all it takes, so that a reader of a run learns of a birth what
 the run did, without its history.

@@ -1,4 +1,4 @@
-"""Where the page is, and what may ask it: a secret address, and this machine only.
+"""Access to the page: by a secret address, from this machine only.
 
 Any page that is open in a browser here can send requests to this machine, and by a name
 that it lets resolve to it can even read the answers; and any user of the machine can

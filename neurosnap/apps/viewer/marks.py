@@ -1,4 +1,4 @@
-"""What happened at which ticks of a run, and which of its sensors seem broken.
+"""Events of a run by tick, and the sensors that seem broken.
 
 For the strip over the slider, and for the health of a home. Both are filled by
 `neurosnap.apps.viewer.history`.

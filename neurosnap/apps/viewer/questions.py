@@ -1,4 +1,4 @@
-"""What can be asked of the page's server, and the answers: a method a question.
+"""The questions that the page's server answers, one method each.
 
 The questions are listed in `neurosnap.apps.viewer.api`. Each method is asked under its
 name. No path is ever made of what a request says.

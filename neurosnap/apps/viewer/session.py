@@ -1,4 +1,4 @@
-"""A recording opened for viewing: shared by concurrent requests, and what is new in it.
+"""A recording opened for viewing, shared by concurrent requests, which may still grow.
 
 A view of the run is used by one thread at a time and may take a while to answer: others
 wait meanwhile, and the event loop does not. A recording that is being written is looked

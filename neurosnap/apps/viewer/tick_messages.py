@@ -1,4 +1,4 @@
-"""Collects the recorded messages of some ticks, and what each sensor was then.
+"""Collects the recorded messages of some ticks, and the state of each sensor then.
 
 Senders overtake each other in a recording: a tick's state may come before its
 observation, or a report after the next tick has begun. So what belongs to a tick is

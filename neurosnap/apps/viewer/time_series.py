@@ -1,4 +1,4 @@
-"""Time series of a run: its columns, and what every sensor was at every tick.
+"""Time series of a run: the state of every sensor at every tick, and other columns.
 
 Both are filled by `neurosnap.apps.viewer.history`, and thinned out for whom they are
 too many.

@@ -1,4 +1,4 @@
-"""The waves of a range of ticks, which of them were imagined, and the plans they serve.
+"""The waves in a range of ticks: which were imagined, and which plans they serve.
 
 Whether a wave has settled is found as the coordinator finds it, by the credit that came
 back: a wave that was given up, or whose reports were lost, shows as one that has not.

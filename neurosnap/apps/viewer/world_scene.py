@@ -1,4 +1,4 @@
-"""The world that a run took place in, where its places are known.
+"""Describes the world of a run for drawing, if its places are known.
 
 A recording holds what was sensed and not where that was. But a world of places says of
 every sensor where it is on, so a place follows from what is read there, wherever no

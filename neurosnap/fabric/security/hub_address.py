@@ -1,4 +1,4 @@
-"""What it takes to reach a hub: its endpoint, and a part's credentials.
+"""How to reach a hub: its endpoint and a part's credentials.
 
 Credentials are a certificate, its key, and the authority that is trusted. They are read
 and checked once, by what starts the parts; a part only gets the paths.

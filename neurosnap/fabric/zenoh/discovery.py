@@ -1,4 +1,4 @@
-"""Finds swarms on the network by id, and notices when one ends or goes on.
+"""Finds swarms on the network by id, and notices when one ends or resumes.
 
 A swarm whose parts died goes on as another: as the next incarnation of its id, under
 another prefix, since the numbers of its waves begin anew. ``demo`` goes on as

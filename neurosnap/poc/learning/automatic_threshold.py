@@ -1,4 +1,4 @@
-"""The rule of thresholds that choose themselves: which exceptions are tolerated.
+"""The automatic threshold: how many exceptions an implication may have.
 
 An implication ``a -> b`` needs the least of its square, ``w_ab* < min(w_ab, w_a*b,
 w_a*b*)``, as with any threshold. One that was never broken asks for no more. One that

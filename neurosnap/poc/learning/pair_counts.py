@@ -1,4 +1,4 @@
-"""Counts how often each two sensors read what together, in a whole table.
+"""Counts how often each pair of sensors reads each pair of values, in a whole table.
 
 An *occasion* is a maximal run of consecutive ticks at which two sensors, both known,
 have the same two readings. A door that stays open for a night is one occasion, however

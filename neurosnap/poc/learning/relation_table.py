@@ -1,4 +1,4 @@
-"""The relations that readings support, as a table: what a user wants to know.
+"""A table of the relations between sensors that readings support.
 
 A row is a relation of two sensors with what speaks for it. It comes from the rule of
 `neurosnap.poc.learning.relation_rule`, or from the order of a snapshot. Only covers are

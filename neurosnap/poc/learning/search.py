@@ -1,4 +1,4 @@
-"""Questions asked of past readings, whether one process or many cells keep them.
+"""Questions about past readings, answered by one process or by many cells.
 
 A search is a coroutine that yields a question and is sent the answer. So it does not
 matter who has the history: one object, or the cells, each that of its own sensor.

@@ -1,4 +1,4 @@
-"""Where sensors are on over a set of points, and which of them lie within others."""
+"""The points where each sensor is on, and which of these fields contain others."""
 
 from collections.abc import Iterable
 

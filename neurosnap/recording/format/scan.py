@@ -1,4 +1,4 @@
-"""Finds out what lies where in a recording, and verifies it.
+"""Scans a recording: finds its records and chunks, and verifies them.
 
 The heads of its records say it, from one to the next. Where a file was cut short, or
 still grows, the walk goes on where it stopped once there is more. What is no record is

@@ -1,4 +1,4 @@
-"""One file of a recording: what was written of its run, its messages, what is missing.
+"""One file of a recording: its metadata, its messages, what is missing.
 
 What is handed out is what was written: of a file that is damaged, all but what the
 damage took. A file may be looked at in part: some chunks, one behind the other, behind

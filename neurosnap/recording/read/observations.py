@@ -1,4 +1,4 @@
-"""What the world's own sensors read in a recorded run, and the alarms that raises."""
+"""Readings of the world's own sensors in a recorded run, and the alarms they raise."""
 
 from collections.abc import Iterator
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""Verifies a recording: replays each stretch of it, and says what came out."""
+"""Verifies a recording: replays each stretch of it, and reports the result."""
 
 import time
 from collections import Counter

@@ -1,4 +1,4 @@
-"""What a live source counts: received, used, rejected, lost.
+"""Counts of a live source: received, used, rejected, lost.
 
 Rejected input is counted, and named in the log without flooding it.
 """

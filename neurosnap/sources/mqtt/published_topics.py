@@ -1,4 +1,4 @@
-"""What a run publishes under which topics, and how Home Assistant shows it as a device.
+"""The topics that a run publishes, and how Home Assistant shows it as a device.
 
 Below the prefix, everything retained:
 

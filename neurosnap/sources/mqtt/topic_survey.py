@@ -1,4 +1,4 @@
-"""What topics say, and which of them look like binary sensors.
+"""Surveys MQTT topics: what they publish, and which look like binary sensors.
 
 Pure: payloads in, sensors out. A place is a topic whose whole payload is a word or a
 number, or a field of a JSON payload. It looks like a sensor where all that it said are

@@ -22,7 +22,6 @@ OUTCOME = Outcome(
     implications=[],
     completeness=None,
     seconds=1.0,
-    startup=0.0,
     stopped=False,
 )
 
