@@ -28,7 +28,7 @@ _JOINERS = "\u200c\u200d"
 def visible(text: str) -> str:
     r"""Return `text` with an escape for each letter that hides or turns what is shown.
 
-    Example:
+    Examples:
         >>> visible("door\u202eno")
         'door\\u202eno'
     """
@@ -51,7 +51,7 @@ class Sensorium:
     Raises:
         InvalidValueError: A name breaks a rule.
 
-    Example:
+    Examples:
         >>> s = Sensorium(["door", "motion"])
         >>> s.literal("door*"), s.name(1), len(s)
         (1, 'door*', 2)
@@ -75,7 +75,7 @@ class Sensorium:
         Raises:
             InvalidValueError: `count` is no whole number from 0 up.
 
-        Example:
+        Examples:
             >>> Sensorium.of(3).names
             ('s0', 's1', 's2')
         """
@@ -131,7 +131,7 @@ class Sensorium:
             ShapeError: It does not hold one bit a sensor.
             InvalidValueError: An entry is not 0 or 1.
 
-        Example:
+        Examples:
             >>> Sensorium(["door", "motion"]).observation([1, 0])
             array([ True, False])
         """
@@ -169,7 +169,7 @@ def pack(bits: ArrayLike) -> bytes:
         ShapeError: It has more than one axis.
         InvalidValueError: An entry is not 0 or 1.
 
-    Example:
+    Examples:
         >>> pack([1, 0, 0, 1])
         b'\t'
     """
@@ -187,7 +187,7 @@ def unpack(data: bytes, count: int) -> NDArray[np.bool_]:
             them.
         InvalidValueError: `count` is negative.
 
-    Example:
+    Examples:
         >>> unpack(b"\t", 4)
         array([ True, False, False,  True])
     """
@@ -234,7 +234,7 @@ def complement(literals: NDArray[np.bool_]) -> NDArray[np.bool_]:
     Raises:
         ShapeError: It does not hold two literals a sensor.
 
-    Example:
+    Examples:
         >>> complement(np.array([True, False, False, False]))
         array([False,  True, False, False])
     """
@@ -255,7 +255,7 @@ def complete(bits: NDArray[np.bool_]) -> NDArray[np.bool_]:
     Raises:
         ShapeError: It has more than one axis.
 
-    Example:
+    Examples:
         >>> complete(np.array([True, False]))
         array([ True, False, False,  True])
     """
@@ -291,7 +291,7 @@ def as_known(known: ArrayLike, count: int) -> NDArray[np.bool_]:
         ShapeError: There is not one flag a reading.
         InvalidValueError: They are not bool: numbers are likely to be readings.
 
-    Example:
+    Examples:
         >>> as_known([True, False], 2)
         array([ True, False])
     """

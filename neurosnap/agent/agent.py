@@ -45,7 +45,7 @@ class Agent:
         InvalidValueError: The body has room for sensors to be grown, and its actions
             are not sensed in context.
 
-    Example:
+    Examples:
         >>> body = Body.full(["warm", "better", "worse"], ["stay", "go"], [0, 1, 1])
         >>> agent = Agent(body, new_policy("excited", body, seed=1))
         >>> for _ in range(3):

@@ -49,7 +49,7 @@ class BinarySensors(
             `Sensor`, or two have the same name.
         ShapeError: Another number of names than of actions.
 
-    Example:
+    Examples:
         >>> from neurosnap.agent.sensor import one_hot
         >>> walk = gymnasium.make("CliffWalking-v1")
         >>> env = BinarySensors(walk, one_hot("place", [36, 47]))

@@ -128,7 +128,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         Position literals are those of state sensors. Where there are no actions, there
         is nothing to add.
 
-        Example:
+        Examples:
             >>> Body.full(["door"], ["push"]).sensors
             ('door', 'push', 'push&door', 'push&~door')
         """
@@ -158,7 +158,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         Raises:
             InvalidValueError: There is no room, or it cannot be grown.
 
-        Example:
+        Examples:
             >>> body = Body.full(["door", "dark"], ["push"], room=2)
             >>> body.grow((0, (0, 3))).sensors[-2:]
             ('push&door&~dark', 'grown 2')

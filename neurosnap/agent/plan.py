@@ -87,7 +87,7 @@ def plan_told(why: str, names: Sequence[str]) -> PlanTold | None:
         why: The reason.
         names: What the actions are called.
 
-    Example:
+    Examples:
         >>> plan_told("to begin another episode, in 2: up, left", ["left", "up"])
         PlanTold(left=2, actions=(1, 0), why='to begin another episode')
     """

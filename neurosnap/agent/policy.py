@@ -77,7 +77,7 @@ class RandomNumbers:
     Raises:
         InvalidValueError: The seed is out of range.
 
-    Example:
+    Examples:
         >>> RandomNumbers(seed=7).at(3).shape
         (4,)
     """

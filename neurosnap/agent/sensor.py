@@ -44,7 +44,7 @@ class Sensor:
         InvalidValueError: `name` cannot name a sensor, or `order` is no whole number
             from 0 up, or not 1 for a reward.
 
-    Example:
+    Examples:
         >>> moved = Sensor("moved", lambda before, after: before != after, order=1)
         >>> moved(3, 4), moved(4, 4)
         (True, False)
@@ -96,7 +96,7 @@ class Trajectory:
     Raises:
         InvalidValueError: One of them is no `Sensor`, or two have the same name.
 
-    Example:
+    Examples:
         >>> t = Trajectory([*thresholds("x", [2]), increased("up", of=abs)])
         >>> t.begin(1), t.extend(2)
         (array([ True, False]), array([False,  True]))
@@ -163,7 +163,7 @@ def thresholds(
         values: Where to divide it.
         of: The quantity.
 
-    Example:
+    Examples:
         >>> [sensor.name for sensor in thresholds("row", range(1, 4))]
         ['row<1', 'row<2', 'row<3']
     """
@@ -182,7 +182,7 @@ def one_hot(
         values: Which of its values have a sensor, on iff ``of(state) == v``.
         of: The quality.
 
-    Example:
+    Examples:
         >>> [sensor("b") for sensor in one_hot("letter", "abc")]
         [False, True, False]
     """
@@ -218,7 +218,7 @@ def rewarded(name: str = "rewarded", above: float = 0.0) -> Sensor:
         name: Of the sensor.
         above: The value.
 
-    Example:
+    Examples:
         >>> Trajectory([rewarded()]).extend("goal", reward=1.0)
         array([False])
 

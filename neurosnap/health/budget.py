@@ -35,7 +35,7 @@ def parse_budget(text: str) -> float:
     Raises:
         InvalidValueError: It is not of that form, or zero.
 
-    Example:
+    Examples:
         >>> parse_budget("2/day")
         14.0
     """

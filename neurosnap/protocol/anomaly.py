@@ -51,7 +51,7 @@ class AnomalyDetector:
         occasions: Whether to keep the last readings of all sensors, and count in them
             the occasions that what an anomaly breaks rests on.
 
-    Example:
+    Examples:
         >>> from neurosnap.poc.learning.kinds import EmpiricalSnapshot
         >>> watcher, snapshot = AnomalyDetector(2), EmpiricalSnapshot(2, 0.25)
         >>> for tick, bits in enumerate([(0, 0), (0, 1), (1, 1), (1, 0)]):

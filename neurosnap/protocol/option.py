@@ -45,7 +45,7 @@ def option(
         default: See `Shown`.
         **bounds: The range of its values, as `msgspec.Meta` takes it: gt, ge, lt, le.
 
-    Example:
+    Examples:
         >>> option("Where to record.", unit="FILE").description
         'Where to record.'
     """
@@ -69,7 +69,7 @@ class Declared(NamedTuple):
 def declared(struct: type[msgspec.Struct]) -> list[Declared]:
     """Return the options that a struct declares, in order.
 
-    Example:
+    Examples:
         >>> class Table(msgspec.Struct):
         ...     many: Annotated[int, option("How many.")] = 1
         >>> [(one.field, one.kind, one.shown.text) for one in declared(Table)]

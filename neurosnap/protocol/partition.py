@@ -19,7 +19,7 @@ def shares(cells: int, workers: int) -> list[range]:
     Raises:
         InvalidValueError: There are too few or too many workers.
 
-    Example:
+    Examples:
         >>> shares(5, 2)
         [range(0, 3), range(3, 5)]
     """
@@ -44,7 +44,7 @@ def learning_shares(sensors: int, workers: int) -> list[range]:
     Returns:
         The sensors of each worker, ascending; some may have none.
 
-    Example:
+    Examples:
         >>> learning_shares(10, 2)
         [range(0, 7), range(7, 10)]
     """
@@ -59,7 +59,7 @@ def hosts(cells: int, workers: int) -> list[str]:
         cells: How many cells there are.
         workers: How many share them; 0 if every cell is a part by itself.
 
-    Example:
+    Examples:
         >>> hosts(3, 0), hosts(3, 2)
         (['cell/0', 'cell/1', 'cell/2'], ['worker/0', 'worker/1'])
     """

@@ -195,7 +195,7 @@ class RestartFiles:
 def damaged_path(log: Path, number: int) -> Path:
     """Return where something is kept that cannot be gone on from.
 
-    Example:
+    Examples:
         >>> damaged_path(Path("run.mcap"), 1).name
         'run.damaged-1.mcap'
     """

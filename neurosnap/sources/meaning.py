@@ -68,7 +68,7 @@ class Comparison(NamedTuple):
 def plain_unit(unit: str) -> str:
     """Return a unit with letters that look alike made the same.
 
-    Example:
+    Examples:
         >>> plain_unit("\N{MICRO SIGN}m") == plain_unit("\N{GREEK SMALL LETTER MU}m")
         True
     """
@@ -85,7 +85,7 @@ def parse_comparison(text: str, name: str = "") -> Comparison:
     Raises:
         InvalidValueError: It says nothing of the kind.
 
-    Example:
+    Examples:
         >>> parse_comparison("hall > 21 °C, off < 20").name
         'hall>21°C'
     """
@@ -222,7 +222,7 @@ class Reader:
 def as_text(value: object) -> str:
     """Return a JSON value as the text it would be if it stood alone.
 
-    Example:
+    Examples:
         >>> as_text(True), as_text(1.0), as_text(None)
         ('true', '1', 'null')
     """

@@ -120,7 +120,7 @@ def open_live(
     Raises:
         InvalidValueError: There is no such source, or an argument is wrong.
 
-    Example:
+    Examples:
         >>> source = open_live("-", {"sensors": "door,motion", "stale_after": 60})
         >>> source.sensors, source.live
         (('door', 'motion'), True)

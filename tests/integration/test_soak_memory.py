@@ -63,10 +63,3 @@ def test_it_can_be_ended_early_and_says_what_it_found(
     assert 0 < found["ticks"] < 100_000
     assert found["verified"]
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_size_that_is_none_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main(["--split", "foo"])
-    assert ended.value.code == 2
-    assert "--split: must be like 256MiB, got 'foo'" in capsys.readouterr().err

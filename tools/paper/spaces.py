@@ -41,7 +41,7 @@ class Example:
 def thresholds(length: int = 6) -> Example:
     """Return the path of [GK] example:N-path: ``a_k`` is on left of ``k / N``.
 
-    Example:
+    Examples:
         >>> thresholds(2).realization.poc_set() == thresholds(2).poc
         True
     """
@@ -141,7 +141,7 @@ def grid_with_holes(
 def chain(name: str, length: int) -> PocSet:
     """Return ``name1 < name2 < ...``, whose dual is a path of that many edges.
 
-    Example:
+    Examples:
         >>> chain("a", 3)
         PocSet.parse('a1, a2, a3 : a1 < a2, a2 < a3')
     """

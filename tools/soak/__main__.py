@@ -27,6 +27,7 @@ import shutil
 import sys
 import tempfile
 import time
+from contextlib import closing
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -39,7 +40,6 @@ import psutil
 from rich.console import Console
 
 from neurosnap import wire
-from neurosnap.apps.cli import options
 from neurosnap.errors import NeurosnapError
 from neurosnap.protocol.run_options import HostKind, RunOptions
 from neurosnap.recording.read.recording import Recording, part_paths
@@ -294,7 +294,7 @@ async def _soaked(given: argparse.Namespace, folder: Path) -> Soaked:
             given.cells, *chosen, rate=given.rate, split=given.split
         )
     options = RunOptions(
-        **(_lake if given.run == "lake" else _path)(given),
+        **_world(given),
         ticks=given.ticks or _EIGHT_HOURS,
         seed=given.seed,
         cells=given.cells,
@@ -307,31 +307,18 @@ async def _soaked(given: argparse.Namespace, folder: Path) -> Soaked:
     return await soak(options, *chosen, given.seconds)
 
 
-def _path(given: argparse.Namespace) -> dict[str, Any]:
-    """Return the options of a walk in a world of paths."""
-    world, arguments = "neurosnap/Path-v0", {"places": given.sensors + 1}
-    source = open_source(world, given.seed, arguments)
-    source.close()
-    return {
-        "source": world,
-        "arguments": arguments,
-        "body": body_of(source, "walker"),
-    }
-
-
-def _lake(given: argparse.Namespace) -> dict[str, Any]:
-    """Return the options of an agent that explores a lake and grows sensors."""
-    world = "neurosnap/FrozenLake-v0"
-    source = open_source(world, given.seed)
-    source.close()
-    return {
-        "source": world,
-        "body": body_of(source, "planner", _ROOM),
-        "agent": "planner",
-        "imagine": 200,
-        "explore": 0.1,
-        "threshold": 1 / 8000,
-    }
+def _world(given: argparse.Namespace) -> dict[str, Any]:
+    """Return the options of a walk on a path, or of an agent that explores a lake."""
+    lake = given.run == "lake"
+    world = "neurosnap/FrozenLake-v0" if lake else "neurosnap/Path-v0"
+    arguments = {} if lake else {"places": given.sensors + 1}
+    with closing(open_source(world, given.seed, arguments)) as source:
+        body = body_of(source, "planner", _ROOM) if lake else body_of(source, "walker")
+    made = {"source": world, "arguments": arguments, "body": body}
+    if not lake:
+        return made
+    grows = {"agent": "planner", "imagine": 200, "explore": 0.1, "threshold": 1 / 8000}
+    return made | grows
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -353,12 +340,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--sensors", type=int, default=8, help="sensors, and so cells, of the swarm")
     add("--cells", choices=("process", "worker", "inline"), default="process")
     add("--learning", choices=("coordinator", "spread"), default="coordinator")
-    add(
-        "--split",
-        type=options.in_bytes,
-        default=0,
-        help="size of a file, such as 64MiB",
-    )
+    add("--split", type=int, default=0, help="bytes of a file, at most; 0: one file")
     add("--keep", type=int, default=0, help="files kept of the recording")
     add("--keyframe-every", type=int, default=1000, help="ticks between key-frames")
     add("--rate", type=float, default=200.0, help="lines a second, with --run lines")

@@ -102,7 +102,7 @@ def in_bytes(size: str | int) -> int:
 def as_share(share: str | float) -> float | str:
     """Return a number that is given as text, and any other text as it is.
 
-    Example:
+    Examples:
         >>> as_share("0.5"), as_share("planned")
         (0.5, 'planned')
     """

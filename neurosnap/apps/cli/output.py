@@ -73,7 +73,7 @@ def table(rows: Iterable[Sequence[str]], *, numbers: bool = False) -> Iterator[s
         rows: As many cells in each.
         numbers: Set all but the first column to the right.
 
-    Example:
+    Examples:
         >>> list(table([("name", "n"), ("a", "10")], numbers=True))
         ['name   n', 'a     10']
     """
@@ -90,7 +90,7 @@ def table(rows: Iterable[Sequence[str]], *, numbers: bool = False) -> Iterator[s
 def fields(values: Mapping[str, object], indent: str = "") -> Iterator[str]:
     """Lay out names and values, one a line.
 
-    Example:
+    Examples:
         >>> list(fields({"ticks": 7, "depth": 3}))
         ['ticks  7', 'depth  3']
     """
@@ -262,7 +262,7 @@ def in_ranges(ranges: Iterable[tuple[int, int]]) -> str:
 def changed_line(changed: "Changed") -> str:
     """Return what is said when a sensor is grown, or read no more.
 
-    Example:
+    Examples:
         >>> from neurosnap.agent.growth.changed import Changed
         >>> changed_line(Changed(tick=83, sensor=24, name="press&a&b", retires=False))
         'tick 83: grew press&a&b'
@@ -274,7 +274,7 @@ def changed_line(changed: "Changed") -> str:
 def grown_text(grown: int, retired: int, room: int) -> str:
     """Return how many sensors were grown, and how many may be.
 
-    Example:
+    Examples:
         >>> grown_text(3, 1, 17), grown_text(0, 0, 20), grown_text(1, 0, 0)
         ('3, 1 of them retired; room for 17 more', 'none; room for 20 more', \
 '1; no room for more')

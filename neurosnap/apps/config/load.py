@@ -154,7 +154,7 @@ def load(
     Raises:
         ConfigError: The file cannot be read, or is no TOML.
 
-    Example:
+    Examples:
         >>> load(None, {"source": {"kind": "csv", "path": "a.csv"}}).config.source
         CsvTable(path='a.csv')
     """

@@ -77,7 +77,7 @@ def said_of(rule: str, value: object) -> str:
 def dotted(keys: Keys) -> str:
     """Return the way to a value as TOML writes it.
 
-    Example:
+    Examples:
         >>> dotted(("sensors", 3, "a b"))
         'sensors[3]."a b"'
     """

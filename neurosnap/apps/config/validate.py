@@ -251,7 +251,7 @@ def name_of(kind: inspect.Type) -> str:
 def either(words: Iterable[str]) -> str:
     """Return a choice in words.
 
-    Example:
+    Examples:
         >>> either(["a", "b", "c"])
         'a, b or c'
     """

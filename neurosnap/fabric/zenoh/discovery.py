@@ -24,7 +24,7 @@ _ALIVE = "alive/coordinator"
 def incarnation(swarm: str, number: int) -> str:
     """Return what the swarm of an id is called on the wire, after so many restarts.
 
-    Example:
+    Examples:
         >>> incarnation("demo", 0), incarnation("demo", 2)
         ('demo', 'demo-2')
     """
@@ -34,7 +34,7 @@ def incarnation(swarm: str, number: int) -> str:
 def id_of(name: str) -> str:
     """Return the id of the swarm that is called so on the wire.
 
-    Example:
+    Examples:
         >>> id_of("demo"), id_of("demo-2")
         ('demo', 'demo')
     """
@@ -44,7 +44,7 @@ def id_of(name: str) -> str:
 def is_of(name: str, swarm: str) -> bool:
     """Tell whether `name` is what some incarnation of `swarm` is called.
 
-    Example:
+    Examples:
         >>> is_of("demo-2", "demo"), is_of("demo2", "demo"), is_of("demo-x", "demo")
         (True, False, False)
     """

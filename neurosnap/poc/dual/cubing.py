@@ -39,7 +39,7 @@ class Cubing:
     Args:
         poc: A poc set, or a graph that generates one.
 
-    Example:
+    Examples:
         >>> c = Cubing(PocSet.parse("a, b, c : a < c*, b < c*"))
         >>> len(c), c.face_vector()
         (5, (5, 5, 1))
@@ -70,7 +70,7 @@ class Cubing:
         Raises:
             InvalidValueError: There are more than `limit`; raised once it is passed.
 
-        Example:
+        Examples:
             >>> [v.tolist() for v in Cubing(PocSet(1)).vertices()]
             [[True, False], [False, True]]
         """
@@ -95,7 +95,7 @@ class Cubing:
         Returns:
             Entry ``d`` counts the cubes of dimension ``d``; costs as `count` does.
 
-        Example:
+        Examples:
             >>> Cubing(PocSet(60)).face_vector()[:2] == (2**60, 60 * 2**59)
             True
         """
@@ -109,7 +109,7 @@ class Cubing:
     def base(self) -> Vertex:
         """Return the first vertex: a sensor's own literal where there is a choice.
 
-        Example:
+        Examples:
             >>> Cubing(PocSet.parse("a, b : a < b*")).base()
             array([ True, False, False,  True])
         """
@@ -220,7 +220,7 @@ class Cubing:
         Raises:
             InvalidValueError: A convex set of another cubing is given.
 
-        Example:
+        Examples:
             >>> c = Cubing(PocSet.parse("a, b, c : a < b"))
             >>> len(c.convex_set([0])), len(c.convex_set([0, 3]))
             (2, 0)

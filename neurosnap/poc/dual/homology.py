@@ -27,7 +27,7 @@ class CellComplex:
         InvalidValueError: A face does not exist, or the boundary of a boundary is not
             zero.
 
-    Example:
+    Examples:
         >>> CellComplex([[()] * 3, [(0, 1), (1, 2), (0, 2)]]).betti_numbers()
         (1, 1)
     """
@@ -55,7 +55,7 @@ class CellComplex:
             corners: ``(vertices, n)`` bool, one corner of the ``n``-cube a row;
                 repeated rows count once.
 
-        Example:
+        Examples:
             >>> CellComplex.cubical(np.array([[0, 0], [0, 1], [1, 0]], bool))
             CellComplex(vertices=3, edges=2)
         """

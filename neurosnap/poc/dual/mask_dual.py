@@ -175,7 +175,7 @@ class Counter:
         decided: For each representative of a proper element, the representatives
             whose elements it decides: those above it and their complements.
 
-    Example:
+    Examples:
         >>> Counter({0: 0b11, 1: 0b11}).vertices(0b11)
         2
     """

@@ -32,7 +32,7 @@ class PocMorphism:
         ShapeError: There is not one image a sensor.
         InvalidValueError: A pair's order is not kept; the pair is named.
 
-    Example:
+    Examples:
         >>> p, q = PocSet.parse("a, b : a < b"), PocSet.parse("a, b : a* < b")
         >>> f = PocMorphism(p, q, ["a*", "b"])
         >>> f("b*"), f.is_bijective
@@ -72,7 +72,7 @@ class PocMorphism:
             UnknownSensorError: The target lacks a name.
             InvalidValueError: It lacks a relation.
 
-        Example:
+        Examples:
             >>> p = PocSet.parse("a, b, c : a < c, b < c")
             >>> PocMorphism.named(p, PocSet.parse("a, b, c : a < b < c")).is_bijective
             True
@@ -134,7 +134,7 @@ class PocMorphism:
         Raises:
             InvalidValueError: `u` is no vertex.
 
-        Example:
+        Examples:
             >>> p, q = PocSet.parse("a, b"), PocSet.parse("x")
             >>> PocMorphism(p, q, ["x", q.minimum]).dual([0])
             array([ True, False, False,  True])
@@ -214,7 +214,7 @@ def canonical_projection(poc: PocSet) -> PocMorphism:
     become the minimum, ubiquitous ones the maximum, and equal literals are named after
     the first of them.
 
-    Example:
+    Examples:
         >>> f = canonical_projection(PocSet.parse("a, b, c : a < a*, b = c*"))
         >>> f.target, f("a"), f("c")
         (PocSet.parse('b'), '0', 'b*')
@@ -248,7 +248,7 @@ def splitting(poc: PocSet, actions: Iterable[str]) -> PocMorphism:
     Raises:
         UnknownSensorError: An action is not among the sensors.
 
-    Example:
+    Examples:
         >>> p = PocSet.parse("forward, near : forward < near*")
         >>> f = splitting(p, ["forward"])
         >>> f.source, f.is_bijective

@@ -33,7 +33,7 @@ class Realization:
             field or a point.
         InvalidValueError: An entry is not 0 or 1, or two points have one name.
 
-    Example:
+    Examples:
         >>> r = Realization([[1, 0, 0], [0, 0, 1]], ["a", "b"])
         >>> r.poc_set(), len(r.vertices())
         (PocSet.parse('a, b : a < b*'), 3)
@@ -141,7 +141,7 @@ class Realization:
         Args:
             poc: As for `vertices`.
 
-        Example:
+        Examples:
             >>> r = Realization([[1, 1, 0], [1, 0, 1]])
             >>> r.punctured()
             CellComplex(vertices=3, edges=2)

@@ -53,7 +53,7 @@ class Columns:
             InvalidValueError: An entry is not 0, 1 or unknown; or a name cannot name a
                 sensor.
 
-        Example:
+        Examples:
             >>> columns = Columns.of([[0, 1], [1, float("nan")]], ["door", "motion"])
             >>> columns.reading(1).tolist(), columns.known(1).tolist()
             ([True, False], [True, False])

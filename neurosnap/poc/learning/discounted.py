@@ -38,7 +38,7 @@ class DiscountedSnapshot(Snapshot):
     Raises:
         InvalidValueError: The threshold or the decay is out of range.
 
-    Example:
+    Examples:
         >>> d = DiscountedSnapshot(Sensorium(["door", "motion"]), 0.25, decay=0.5)
         >>> for bits in [(0, 0), (0, 1), (1, 1)]:
         ...     state = d.observe(bits)

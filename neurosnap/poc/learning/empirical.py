@@ -51,7 +51,7 @@ class EmpiricalSnapshot(Snapshot):
     Raises:
         InvalidValueError: The threshold is out of range.
 
-    Example:
+    Examples:
         >>> e = EmpiricalSnapshot(Sensorium(["door", "motion"]), threshold=0.25)
         >>> for bits in [(0, 0), (0, 1), (1, 1)]:
         ...     state = e.observe(bits)
@@ -116,7 +116,7 @@ class EmpiricalSnapshot(Snapshot):
             InvalidValueError: An entry is not 0, 1 or unknown; there are too many
                 rows; or the threshold is out of range.
 
-        Example:
+        Examples:
             >>> e = EmpiricalSnapshot.fit([[0, 0], [0, 1], [1, 1]], threshold=0.25)
             >>> e.poc_graph().implications(e.sensorium), e.clock
             ([('s0', 's1')], 3)

@@ -170,7 +170,7 @@ class Snapshot(Archived):
         Raises:
             InvalidValueError: `a` or `b` is no literal, or they have the same sensor.
 
-        Example:
+        Examples:
             >>> from neurosnap import EmpiricalSnapshot
             >>> e = EmpiricalSnapshot(Sensorium(["door", "motion"]), threshold=0.25)
             >>> for bits in [(0, 0), (0, 1), (1, 1), (0, 1)]:
@@ -426,7 +426,7 @@ class Snapshot(Archived):
             InvalidValueError: An entry is not 0 or 1, `known` is not bool, or the
                 clock is at its end.
 
-        Example:
+        Examples:
             >>> from neurosnap import EmpiricalSnapshot
             >>> e = EmpiricalSnapshot(Sensorium(["door", "motion"]), threshold=0.25)
             >>> for bits in [(0, 0), (0, 1), (1, 1)]:

@@ -103,7 +103,7 @@ def contradiction(
         InvalidValueError: `observed` holds a literal and its complement, or an entry
             that is no literal; or `suspicion` is not finite.
 
-    Example:
+    Examples:
         >>> g = PocGraph.from_implications(3, [(0, 2), (2, 4)])
         >>> found = contradiction(g, [0, 3, 5])
         >>> found.chains, found.culprits
@@ -195,7 +195,7 @@ def smallest_cover(
         O(k²) time and O(1) an edge, compiled; and a few operations on masks for each
         vertex looked at.
 
-    Example:
+    Examples:
         >>> rows = np.array([[0b10], [0b101], [0b10]], np.uint64)
         >>> smallest_cover(rows, np.zeros(3))
         Cover(chosen=2, candidates=2, exact=True)

@@ -59,7 +59,7 @@ def inclusions(fields: NDArray[np.bool_]) -> NDArray[np.bool_]:
     Returns:
         ``(2N, 2N)`` bool; true at ``[a, b]`` iff the field of `a` is in that of `b`.
 
-    Example:
+    Examples:
         >>> inclusions(np.array([[True, False], [True, True]]))[0, 2]
         np.True_
     """

@@ -56,7 +56,7 @@ class PocGraph:
         InvalidValueError: An edge lacks its contrapositive, or a literal is equivalent
             to its own complement.
 
-    Example:
+    Examples:
         >>> g = PocGraph.from_implications(3, [(0, 2), (2, 4)])
         >>> g.leq(0, 4), g.leq(5, 1), g.height()
         (True, True, 2)
@@ -92,7 +92,7 @@ class PocGraph:
             InvalidValueError: `sensors` is no whole number from 0 up, an entry is no
                 pair of literals, or a literal is equivalent to its own complement.
 
-        Example:
+        Examples:
             >>> PocGraph.from_implications(2, [(0, 2)]).edges.nonzero()
             (array([0, 3]), array([2, 1]))
         """
@@ -142,7 +142,7 @@ class PocGraph:
     def coherent_projection(self, literals: Literals) -> NDArray[np.bool_]:
         """Return ``up(A) - up(A)*``, always coherent ([GK] coherent projection).
 
-        Example:
+        Examples:
             >>> g = PocGraph.from_implications(2, [(0, 2)])
             >>> g.coherent_projection([0]).nonzero()[0]
             array([0, 2])
@@ -187,7 +187,7 @@ class PocGraph:
     def classes(self) -> list[tuple[int, ...]]:
         """Return the classes of equivalent literals with two members or more, sorted.
 
-        Example:
+        Examples:
             >>> PocGraph.from_implications(2, [(0, 2), (2, 0)]).classes()
             [(0, 2), (1, 3)]
         """
@@ -245,7 +245,7 @@ class PocGraph:
         Raises:
             InvalidValueError: Another `kind`.
 
-        Example:
+        Examples:
             >>> g = PocGraph.from_implications(3, [(0, 2), (2, 4), (0, 4)])
             >>> int(g.edges.sum()), int(g.hasse().sum())
             (6, 4)
@@ -289,7 +289,7 @@ class PocGraph:
         Raises:
             InvalidValueError: Another `kind`.
 
-        Example:
+        Examples:
             >>> g = PocGraph.from_implications(2, [(0, 2)])
             >>> [(int(e >> 32), int(e & 0xFFFFFFFF)) for e in g.wire_list()]
             [(0, 2), (3, 1)]
@@ -313,7 +313,7 @@ class PocGraph:
         Raises:
             InvalidValueError: Another `kind`, or an entry that is no literal.
 
-        Example:
+        Examples:
             >>> g = PocGraph.from_implications(3, [(0, 2), (2, 4), (0, 4)])
             >>> g.depth([0]), g.depth([0], "derived")
             (2, 1)
@@ -330,7 +330,7 @@ class PocGraph:
         Raises:
             ShapeError: `sensorium` has another number of sensors.
 
-        Example:
+        Examples:
             >>> g = PocGraph.from_implications(2, [(0, 2)])
             >>> g.implications(Sensorium(["door", "motion"]))
             [('door', 'motion')]
@@ -348,7 +348,7 @@ class PocGraph:
             ShapeError: `sensorium` has another number of sensors.
             ImportError: networkx is not installed; the extra `export` brings it.
 
-        Example:
+        Examples:
             >>> g = PocGraph.from_implications(2, [(0, 2)])
             >>> list(g.to_networkx(Sensorium(["door", "motion"])).edges)
             [('door', 'motion'), ('motion*', 'door*')]

@@ -17,7 +17,7 @@ def to_mask(literals: NDArray[np.bool_]) -> int:
     Args:
         literals: ``(n,)`` bool.
 
-    Example:
+    Examples:
         >>> to_mask(np.array([True, False, True]))
         5
     """
@@ -27,7 +27,7 @@ def to_mask(literals: NDArray[np.bool_]) -> int:
 def from_mask(mask: int, total: int) -> NDArray[np.bool_]:
     """Return a number as a set of literals: ``(total,)`` bool, a new array.
 
-    Example:
+    Examples:
         >>> from_mask(5, 4)
         array([ True, False,  True, False])
     """
@@ -40,7 +40,7 @@ def from_mask(mask: int, total: int) -> NDArray[np.bool_]:
 def positive(total: int) -> int:
     """Return the literals that are no complements, of `total`: bits 0, 2, 4, and on.
 
-    Example:
+    Examples:
         >>> positive(6)
         21
     """
@@ -54,7 +54,7 @@ def starred(mask: int, even: int) -> int:
         mask: The set.
         even: `positive` of the number of literals.
 
-    Example:
+    Examples:
         >>> starred(0b0110, positive(4))
         9
     """
@@ -64,7 +64,7 @@ def starred(mask: int, even: int) -> int:
 def members(mask: int) -> Iterator[int]:
     """Yield the literals of a set, the lowest first.
 
-    Example:
+    Examples:
         >>> list(members(0b1010))
         [1, 3]
     """

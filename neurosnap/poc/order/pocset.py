@@ -47,7 +47,7 @@ class PocSet:
         InvalidValueError: A name or a relation is malformed, a strict relation closes
             a cycle, or a literal becomes equal to its complement.
 
-    Example:
+    Examples:
         >>> p = PocSet(["a", "b", "c"], [("a", "<", "c*"), ("b", "<", "c*")])
         >>> p.leq("c", "a*"), p.crosses("a", "b"), p.height()
         (True, True, 1)
@@ -80,7 +80,7 @@ class PocSet:
             UnknownSensorError: A relation is about no generator.
             InvalidValueError: As for the class.
 
-        Example:
+        Examples:
             >>> PocSet.parse("a, b, c : a < b <= c*")
             PocSet.parse('a, b, c : a < b, b < c*')
         """
@@ -166,7 +166,7 @@ class PocSet:
     def leq(self, a: Element, b: Element) -> bool:
         """Return whether ``a <= b``.
 
-        Example:
+        Examples:
             >>> p = PocSet.parse("a, b : a < b")
             >>> p.leq("b*", "a*"), p.leq("b", p.maximum), p.leq(p.minimum, "a")
             (True, True, True)
@@ -222,7 +222,7 @@ class PocSet:
     def crosses(self, a: Element, b: Element) -> bool:
         """Return whether both are proper and no relation holds between them.
 
-        Example:
+        Examples:
             >>> p = PocSet.parse("a, b, c : a < b")
             >>> p.crosses("a", "b*"), p.crosses("a", "c"), p.crosses("a", "a*")
             (False, True, False)
@@ -241,7 +241,7 @@ class PocSet:
     def clash(self, literals: Literals) -> tuple[str, str] | None:
         """Return a pair that makes a set incoherent, by name: ``a <= b`` with b* in it.
 
-        Example:
+        Examples:
             >>> PocSet.parse("a, b : a < b").clash([0, 3])
             ('a', 'b')
         """
@@ -262,7 +262,7 @@ class PocSet:
         Returns:
             Pairs ``(a, b)``, `a` directly below `b`, sorted.
 
-        Example:
+        Examples:
             >>> PocSet.parse("a, b : a < b").hasse()
             [(0, 2), (3, 1)]
         """
@@ -292,7 +292,7 @@ class PocSet:
         Raises:
             UnknownSensorError: A name is not among the sensors.
 
-        Example:
+        Examples:
             >>> PocSet.parse("a, b, c : a < b < c").restricted(["a", "c"])
             PocSet.parse('a, c : a < c')
         """
@@ -308,7 +308,7 @@ class PocSet:
         Raises:
             InvalidValueError: Both have a sensor of the same name.
 
-        Example:
+        Examples:
             >>> PocSet.parse("a, b : a < b") | PocSet.parse("c")
             PocSet.parse('a, b, c : a < b')
         """

@@ -47,7 +47,7 @@ def split_text(text: object) -> tuple[Sensorium, list[str]]:
     Raises:
         InvalidValueError: It is no text, or a generator is no name.
 
-    Example:
+    Examples:
         >>> split_text("a, b : a<b, b<=a")
         (Sensorium(['a', 'b']), ['a<b', 'b<=a'])
     """
@@ -77,7 +77,7 @@ def read_relations(
         UnknownSensorError: A name or a literal is not in the sensorium.
         InvalidValueError: An entry is none of these.
 
-    Example:
+    Examples:
         >>> read_relations(Sensorium(["a", "b"]), ["a < b*"])
         [OrderRelation(low=0, sign='<', high=3)]
         >>> read_relations(Sensorium(["a", "b"]), [(2, 0)])
@@ -116,7 +116,7 @@ def generated(sensorium: Sensorium, relations: Sequence[OrderRelation]) -> PocGr
         InvalidValueError: They make a literal equal to its complement, or a strict
             relation part of a cycle; the literal or the relation is named.
 
-    Example:
+    Examples:
         >>> names = Sensorium(["a", "b"])
         >>> generated(names, read_relations(names, ["a < b < a"]))
         Traceback (most recent call last):

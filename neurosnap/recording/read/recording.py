@@ -36,7 +36,7 @@ from neurosnap.recording.read.file import Noted, RecordingFile, identity
 def part_path(log: Path, number: int) -> Path:
     """Return the path of a file of the run that is recorded at `log`.
 
-    Example:
+    Examples:
         >>> part_path(Path("run.mcap"), 2).name
         'run_0002.mcap'
     """

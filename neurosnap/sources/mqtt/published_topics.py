@@ -74,7 +74,7 @@ def slugs(names: Sequence[str]) -> tuple[str, ...]:
     Letters, digits, ``_`` and ``-`` stay, anything else becomes ``_``; where that makes
     two the same, or nothing is left of one, its place is added.
 
-    Example:
+    Examples:
         >>> slugs(["door", "hall/door", "hall door", "é"])
         ('door', 'hall_door', 'hall_door_2', '_3')
     """

@@ -270,7 +270,7 @@ _FORMULA = re.compile(r"'*[\t\r\n]*[=+\-@＝＋－＠]")
 def as_text(text: str) -> str:
     """Return `text` with an apostrophe before it if a spreadsheet would run it.
 
-    Example:
+    Examples:
         >>> as_text("=1+1"), as_text("door"), as_text("-")
         ("'=1+1", 'door', '-')
     """
@@ -281,7 +281,7 @@ def as_text(text: str) -> str:
 def as_written(text: str) -> str:
     """Return what `as_text` was given.
 
-    Example:
+    Examples:
         >>> as_written("'=1+1"), as_written("'tis")
         ('=1+1', "'tis")
     """

@@ -32,7 +32,7 @@ def utc(seconds: float) -> str:
     Args:
         seconds: Since 1970.
 
-    Example:
+    Examples:
         >>> utc(1203898814)
         '2008-02-25 00:20:14Z'
     """
