@@ -20,6 +20,8 @@ from neurosnap.protocol.part_history import PartHistory, check_recall, check_rin
 from neurosnap.protocol.partition import hosts, shares
 from neurosnap.protocol.round import Round
 
+_REMINDED = 64  # cells in one message, at most: no session takes in what is very large
+
 
 class RecallControl:
     """Asks the parts that have cells, and puts together what they answer.
@@ -132,16 +134,16 @@ class RecallControl:
         if self._round.silent:
             return []
         # In the order of the cells: it does not matter who answered first.
-        lacking = {
-            who: said.lacks for who, said in answers.items() if said and said.lacks
-        }
+        lacking = {w: sorted(one.lacks) for w, one in answers.items() if one}
+        lacking = {who: lacks for who, lacks in lacking.items() if lacks}
         if not lacking:
             self.recall = None
             return self._whole(recall, history.length)
         self._round.ask_again([*lacking], "without a history", spare=1)
         reminders = [
-            _reminder(who, recall.tick, tuple(sorted(lacks)), history)
+            _reminder(who, recall.tick, tuple(lacks[at : at + _REMINDED]), history)
             for who, lacks in lacking.items()
+            for at in range(0, len(lacks), _REMINDED)
         ]
         answers.update(dict.fromkeys(lacking))
         cells = [cell for who in lacking for cell in self._asked[who]]

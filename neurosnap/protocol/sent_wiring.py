@@ -190,8 +190,7 @@ class SentWiring:
 
     def named(self, cells: Sequence[int]) -> list[str]:
         """Return the names of the parts that have `cells`."""
-        literals = 2 * np.array(cells, np.int64)
-        owners = np.searchsorted(self._ends, literals, side="right") - 1
+        owners = np.searchsorted(self._ends, 2 * np.array(cells), side="right") - 1
         return [self._names[part] for part in np.unique(owners).tolist()]
 
 

@@ -15,7 +15,7 @@ _STATUS = 1.0  # seconds between two words about how far it is
 
 
 class ServiceManager:
-    """Who started this process and waits to hear from it. Use as a context manager.
+    """The service manager that started this process. Use as a context manager.
 
     Args:
         environment: Where ``NOTIFY_SOCKET`` and ``WATCHDOG_USEC`` are looked for; None:

@@ -79,6 +79,17 @@ def same(one: Answer, other: Answer) -> None:
     assert [c.tolist() for c in one.counts] == [c.tolist() for c in other.counts]
 
 
+def test_many_histories_come_in_several_messages() -> None:
+    """A message of all histories of a large worker would be larger than any may be."""
+    shown: list[Row] = [[True] * 130, [False] * 130]
+    cells, history = Cells(130, 1), entered(shown)
+    for row in shown:
+        cells.hear(row)
+    question = Question((), (Count(np.array([3], np.uint64), np.arange(260)),))
+    same(cells.ask(question, history), history.answer(question))
+    assert cells.reminders == 3
+
+
 @st.composite
 def rows(draw: st.DrawFn) -> list[Row]:
     """Draw readings, of which some are unknown; there may be more than are kept."""

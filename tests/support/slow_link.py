@@ -92,7 +92,7 @@ class SlowLink:
     def _pass_on(self, one: socket.socket, other: socket.socket) -> None:
         with suppress(OSError):
             while chunk := one.recv(_CHUNK):
-                time.sleep(self._delay)
+                time.sleep(self._delay)  # it is the link that is slow
                 self._whole.wait()
                 other.sendall(chunk)
         with suppress(OSError):

@@ -46,10 +46,6 @@ class Taught:
     def snapshot(self) -> EmpiricalSnapshot:
         return EmpiricalSnapshot.from_bytes(self.memory)
 
-    def believes(self, a: str, b: str) -> bool:
-        sensorium = Sensorium(self.body.sensors)
-        return self.snapshot.poc_graph().leq(sensorium.literal(a), sensorium.literal(b))
-
     def at(self, goal: Sequence[str]) -> NDArray[np.bool_]:
         """At which places all of `goal` holds."""
         fields = state_fields(self.env, self.table)

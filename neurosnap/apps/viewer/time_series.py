@@ -1,7 +1,7 @@
 """Time series of a run: the state of every sensor at every tick, and other columns.
 
-Both are filled by `neurosnap.apps.viewer.history`, and thinned out for whom they are
-too many.
+Both are filled by `neurosnap.apps.viewer.history`, and thinned out where
+there are more ticks than can be drawn.
 """
 
 import math

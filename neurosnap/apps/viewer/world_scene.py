@@ -4,9 +4,9 @@ A recording holds what was sensed and not where that was. But a world of places 
 every sensor where it is on, so a place follows from what is read there, wherever no
 other place reads the same.
 
-Whoever wrote a recording may have named any module in it, and any size. Only
-environments under ``neurosnap/`` that are registered here are made, and none whose
-places and sensors would fill the memory.
+A recording may name any module, and any size. Only environments under ``neurosnap/``
+that are registered here are made, and none whose places and sensors would fill the
+memory.
 """
 
 import math

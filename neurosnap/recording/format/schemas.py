@@ -3,7 +3,7 @@
 Foxglove and Lichtblick take a schema only if its root is an object with `properties`,
 every property names its `type`, arrays name the type of their items, and nothing uses
 `$ref`, `anyOf`, null or an array of arrays. What msgspec derives has a reference at the
-root and leaves the type of an enumeration unsaid; both are mended here.
+root and leaves the type of an enumeration unsaid; both are fixed here.
 """
 
 import functools
