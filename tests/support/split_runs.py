@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 
@@ -17,6 +18,7 @@ from tests.support.inline_runs import (
     record_scripted,
     scripted_options,
 )
+from tests.support.recorded_messages import first
 from tests.support.scripted_sources import Scripted
 
 TICKS = 60
@@ -37,58 +39,61 @@ def made(
     return record_scripted(source, options(workers, ticks), log, past)
 
 
-def write(
-    whole: Path,
-    log: Path,
-    recorded: Iterable[Recorded],
-    step: int = 1,
-    split: Split = SMALL,
-) -> dict[int, Path]:
-    """Record messages again, `step` nanoseconds apart, as if they came now."""
-    old = Recording.open(whole)
-    with SplitWriter(log, old.metadata, split=split) as writer:
-        for count, one in enumerate(recorded):
-            now = 10**18 + count * step
-            writer.add(one.delivery, now)
-            if count % 8 == 0:  # a chunk each would be many to read
-                writer.flush(now)
-        writer.finish({}, old.noted().expected)
-    return part_paths(log)
+class SplitRun(NamedTuple):
+    """A run, and where it is recorded again in several files."""
+
+    whole: Path
+    """Its recording in one file."""
+    messages: Sequence[Recorded]
+    """All of it."""
+    log: Path
+
+    def write(
+        self,
+        recorded: Iterable[Recorded] | None = None,
+        log: Path | None = None,
+        split: Split = SMALL,
+    ) -> dict[int, Path]:
+        """Record messages again as if they came now: all, if none are given."""
+        old, log = Recording.open(self.whole), log or self.log
+        with SplitWriter(log, old.metadata, split=split) as writer:
+            for count, one in enumerate(
+                self.messages if recorded is None else recorded
+            ):
+                now = 10**18 + count
+                writer.add(one.delivery, now)
+                if count % 8 == 0:  # a chunk each would be many to read
+                    writer.flush(now)
+            writer.finish({}, old.noted().expected)
+        return part_paths(log)
+
+    def frame(self, tick: int) -> tuple[int, wire.KeyFrame]:
+        """Return the key-frame of a tick, and its place."""
+        return first(self.messages, wire.KeyFrame, lambda frame: frame.tick == tick)
+
+    def upto(self, tick: int) -> list[Recorded]:
+        """Return what was recorded before the key-frame of a tick."""
+        return list(self.messages[: self.frame(tick)[0]])
+
+    def last_of(self, tick: int) -> int:
+        """Return the place of the last report on the waves up to a tick."""
+        _, frame = self.frame(tick)
+        return max(
+            place
+            for place, one in enumerate(self.messages)
+            if isinstance(one.message, wire.CellReport | wire.WorkerReport)
+            and one.message.wave <= frame.waves
+        )
+
+    @property
+    def workers(self) -> int:
+        """How many workers it has, in place of cells."""
+        recorded = msgspec.json.decode(Recording.open(self.whole).metadata["options"])
+        return int(recorded["workers"]) if recorded["cells"] == "worker" else 0
 
 
 def content(recorded: Iterable[Recorded]) -> list[tuple[str, int, bytes]]:
     return sorted((m.message.sender, m.sequence, m.payload) for m in recorded)
-
-
-# Given to the disk --------------------------------------------------------------------
-
-
-def upto(recorded: Sequence[Recorded], tick: int) -> list[Recorded]:
-    """Return what was recorded before the key-frame of a tick."""
-    place = next(
-        place
-        for place, one in enumerate(recorded)
-        if isinstance(one.message, wire.KeyFrame) and one.message.tick == tick
-    )
-    return list(recorded[:place])
-
-
-# What is late, lost, or comes again ---------------------------------------------------
-
-
-def last_of(recorded: Sequence[Recorded], tick: int) -> int:
-    """Return the place of the last report on the waves up to a tick."""
-    frame = next(
-        one.message
-        for one in recorded
-        if isinstance(one.message, wire.KeyFrame) and one.message.tick == tick
-    )
-    return max(
-        place
-        for place, one in enumerate(recorded)
-        if isinstance(one.message, wire.CellReport | wire.WorkerReport)
-        and one.message.wave <= frame.waves
-    )
 
 
 def silenced(recorded: Iterable[Recorded], lost: Recorded) -> list[Recorded]:
@@ -108,11 +113,3 @@ def said(*messages: wire.Message) -> list[wire.Delivery]:
         wire.Delivery(message.key, number, NOW, wire.encode(message))
         for number, message in enumerate(messages)
     ]
-
-
-# Going on -----------------------------------------------------------------------------
-
-
-def options_workers(log: Path) -> int:
-    recorded = msgspec.json.decode(Recording.open(log).metadata["options"])
-    return int(recorded["workers"]) if recorded["cells"] == "worker" else 0

@@ -4,9 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
-from tests.support.split_runs import SMALL, made
+from tests.support.split_runs import SMALL, SplitRun, made
 
 
 @pytest.fixture(scope="session", params=[0, 2], ids=["cells", "workers"])
@@ -18,15 +17,21 @@ def whole(
 
 
 @pytest.fixture(scope="session")
-def messages(whole: Path) -> tuple[Recorded, ...]:
+def recorded(whole: Path) -> SplitRun:
     """All that was recorded of it."""
-    return tuple(Recording.open(whole).messages())
+    return SplitRun(whole, tuple(Recording.open(whole).messages()), whole)
 
 
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
     """Where to record."""
     return tmp_path / "log.mcap"
+
+
+@pytest.fixture
+def run(recorded: SplitRun, log: Path) -> SplitRun:
+    """The same, to be recorded again in several files."""
+    return recorded._replace(log=log)
 
 
 @pytest.fixture

@@ -29,31 +29,26 @@ from tests.support.recordings import EACH, NOW, delivered, record, traffic
 SCHEMA = str(wire.SCHEMA)
 
 
-@pytest.fixture
-def path(tmp_path: Path) -> Path:
-    return tmp_path / "log.mcap"
-
-
-def cut_short(path: Path) -> None:
+def cut_short(log: Path) -> None:
     """Take the end off, summary and all, and leave every chunk."""
-    last = Recording.open(path).files[0].layout.chunks[-1]
-    os.truncate(path, last.offset + last.packed)
+    last = Recording.open(log).files[0].layout.chunks[-1]
+    os.truncate(log, last.offset + last.packed)
 
 
-def test_payloads_come_back_byte_for_byte(path: Path) -> None:
+def test_payloads_come_back_byte_for_byte(log: Path) -> None:
     spaced = b' {"wave": 1,  "type":"pulse", "source":7,"target":4,"hops":1,"credit":3}'
-    record(path, [wire.Delivery("pulse/2/cell/3", 0, NOW, spaced)])
-    (read,) = Recording.open(path).messages()
+    record(log, [wire.Delivery("pulse/2/cell/3", 0, NOW, spaced)])
+    (read,) = Recording.open(log).messages()
     assert read.payload == spaced
 
 
 @pytest.mark.parametrize("whole", [True, False])
-def test_topics_and_times_select(path: Path, whole: bool) -> None:
+def test_topics_and_times_select(log: Path, whole: bool) -> None:
     deliveries = traffic(400)
-    record(path, deliveries, every=7)
+    record(log, deliveries, every=7)
     if not whole:
-        cut_short(path)
-    recording = Recording.open(path)
+        cut_short(log)
+    recording = Recording.open(log)
     everything = list(recording.messages())
     assert [recorded.delivery for recorded in everything] == deliveries
     start = NOW + 1000 + 48  # the last of a chunk
@@ -68,16 +63,16 @@ def test_topics_and_times_select(path: Path, whole: bool) -> None:
 
 
 def test_chunks_without_the_topic_are_not_unpacked(
-    path: Path, monkeypatch: pytest.MonkeyPatch
+    log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    record(path, traffic(100), every=10)
-    recording = Recording.open(path)
+    record(log, traffic(100), every=10)
+    recording = Recording.open(log)
     assert recording.files[0].topics[2] == "wiring"  # of that it reads the first
     unpacked: list[int] = []
 
-    def note(path: Path, file: BinaryIO, chunk: Chunk) -> bytes:
+    def note(log: Path, file: BinaryIO, chunk: Chunk) -> bytes:
         unpacked.append(chunk.number)
-        return unpack(path, file, chunk)
+        return unpack(log, file, chunk)
 
     monkeypatch.setattr("neurosnap.recording.format.chunks.unpack", note)
     assert len(list(recording.messages({"observation"}))) == 5
@@ -89,10 +84,10 @@ def test_chunks_without_the_topic_are_not_unpacked(
 
 
 def test_a_finished_recording_says_so_and_an_unknown_topic_is_refused_at_once(
-    path: Path,
+    log: Path,
 ) -> None:
-    record(path, [])
-    recording = Recording.open(path)
+    record(log, [])
+    recording = Recording.open(log)
     assert list(recording.messages()) == []
     assert recording.completeness() == Completeness(0)
     assert recording.cut is None
@@ -102,13 +97,13 @@ def test_a_finished_recording_says_so_and_an_unknown_topic_is_refused_at_once(
         recording.messages({"/wavestart"})
 
 
-def test_a_file_that_changes_meanwhile_is_an_error(path: Path) -> None:
-    record(path, delivered(EACH.values()))
-    recording = Recording.open(path)
-    path.write_bytes(path.read_bytes()[:100])
+def test_a_file_that_changes_meanwhile_is_an_error(log: Path) -> None:
+    record(log, delivered(EACH.values()))
+    recording = Recording.open(log)
+    log.write_bytes(log.read_bytes()[:100])
     with pytest.raises(RecordingError, match="chunk 1 must start at"):
         next(recording.messages())
-    path.unlink()
+    log.unlink()
     with pytest.raises(RecordingError, match=r"^log: must exist, got"):
         next(recording.messages())
 
@@ -119,18 +114,18 @@ def test_a_file_that_changes_meanwhile_is_an_error(path: Path) -> None:
         (lambda _: None, r"must exist, got '/.*log.mcap'$"),
         (Path.mkdir, r"must be a file, got '/.*'$"),
         (os.mkfifo, r"must be a file, got '/.*'$"),  # it is not waited for
-        (lambda path: path.write_bytes(b""), "must be an MCAP recording, got"),
-        (lambda path: path.write_bytes(b"\x89MCAP"), "must be an MCAP recording, got"),
-        (lambda path: path.write_bytes(b"x" * 10**5), "must be an MCAP recording, got"),
+        (lambda log: log.write_bytes(b""), "must be an MCAP recording, got"),
+        (lambda log: log.write_bytes(b"\x89MCAP"), "must be an MCAP recording, got"),
+        (lambda log: log.write_bytes(b"x" * 10**5), "must be an MCAP recording, got"),
     ],
     ids=["nothing", "folder", "pipe", "empty", "cut", "other"],
 )
 def test_what_is_no_recording_is_refused(
-    path: Path, make: Callable[[Path], object], rule: str
+    log: Path, make: Callable[[Path], object], rule: str
 ) -> None:
-    make(path)
+    make(log)
     with pytest.raises(RecordingError, match=rf"^log: {rule}"):
-        Recording.open(path)
+        Recording.open(log)
 
 
 def test_a_name_that_is_none_is_refused() -> None:
@@ -139,7 +134,7 @@ def test_a_name_that_is_none_is_refused() -> None:
 
 
 def write_mcap(
-    path: Path,
+    log: Path,
     *,
     profile: str = PROFILE,
     schema: str | None = SCHEMA,
@@ -149,7 +144,7 @@ def write_mcap(
     totals: Mapping[str, str] | None = None,
 ) -> None:
     """Write what our writer would not."""
-    with path.open("wb") as file:
+    with log.open("wb") as file:
         writer = McapWriter(file)
         writer.start(profile, "a stranger")
         if schema is not None:
@@ -162,14 +157,14 @@ def write_mcap(
         writer.finish()
 
 
-def test_a_stranger_who_writes_what_we_write_is_read(path: Path) -> None:
-    write_mcap(path)
-    (read,) = Recording.open(path).messages()
+def test_a_stranger_who_writes_what_we_write_is_read(log: Path) -> None:
+    write_mcap(log)
+    (read,) = Recording.open(log).messages()
     assert read.message == EACH["pulse"]
 
 
-def read_all(path: Path) -> None:
-    recording = Recording.open(path)
+def read_all(log: Path) -> None:
+    recording = Recording.open(log)
     list(recording.messages())
     assert recording.closing is None
     recording.completeness()
@@ -212,11 +207,11 @@ def read_all(path: Path) -> None:
     ],
 )
 def test_what_no_writer_of_ours_writes_is_an_error(
-    path: Path, made: dict[str, Any], rule: str
+    log: Path, made: dict[str, Any], rule: str
 ) -> None:
-    write_mcap(path, **made)
+    write_mcap(log, **made)
     with pytest.raises(RecordingError, match=rule):
-        read_all(path)
+        read_all(log)
 
 
 # Ticks --------------------------------------------------------------------------------
@@ -230,7 +225,7 @@ def messages(tick: int) -> list[wire.Message]:
     ]
 
 
-def test_ticks_come_in_order_whatever_order_their_messages_came_in(path: Path) -> None:
+def test_ticks_come_in_order_whatever_order_their_messages_came_in(log: Path) -> None:
     sent = [message for tick in range(1, 30) for message in messages(tick)]
     chance = random.Random(1)
     # A sort by tick and a little noise: what is near each other gets mixed.
@@ -238,38 +233,38 @@ def test_ticks_come_in_order_whatever_order_their_messages_came_in(path: Path) -
         sent[k]
         for k in sorted(range(len(sent)), key=lambda k: k + chance.random() * 12)
     ]
-    record(path, delivered([wire.Decision(0, -1, "the run begins"), *sent]))
-    found = list(ticks(Recording.open(path)))
+    record(log, delivered([wire.Decision(0, -1, "the run begins"), *sent]))
+    found = list(ticks(Recording.open(log)))
     assert [tick.number for tick in found] == list(range(1, 30))
     for tick in found:
         assert [tick.observation, tick.state, tick.decision] == messages(tick.number)
 
 
-def test_a_tick_that_lost_something_comes_in_its_place(path: Path) -> None:
+def test_a_tick_that_lost_something_comes_in_its_place(log: Path) -> None:
     sent = [*messages(1), messages(2)[1], *messages(3), messages(4)[0]]
-    record(path, delivered(sent))
-    found = {tick.number: tick.known for tick in ticks(Recording.open(path))}
+    record(log, delivered(sent))
+    found = {tick.number: tick.known for tick in ticks(Recording.open(log))}
     assert list(found.items()) == [(1, True), (2, False), (3, True), (4, False)]
 
 
 @pytest.mark.parametrize("late", [1, 2])
 def test_what_comes_after_its_tick_is_an_error(
-    path: Path, monkeypatch: pytest.MonkeyPatch, late: int
+    log: Path, monkeypatch: pytest.MonkeyPatch, late: int
 ) -> None:
     """Tick 1 is given out once it is whole, tick 2 once four more are under way."""
     monkeypatch.setattr(module, "WINDOW", 4)
     sent = [*messages(1), *(messages(tick)[0] for tick in range(2, 7))]
-    record(path, delivered([*sent, messages(late)[1]]))
+    record(log, delivered([*sent, messages(late)[1]]))
     with pytest.raises(
         RecordingError, match=rf"log\.mcap: tick: must come once, .* got {late}$"
     ):
-        list(ticks(Recording.open(path)))
+        list(ticks(Recording.open(log)))
 
 
-def test_a_later_file_begins_with_its_own_first_tick(path: Path) -> None:
-    with Writer(path) as writer:
+def test_a_later_file_begins_with_its_own_first_tick(log: Path) -> None:
+    with Writer(log) as writer:
         writer.start({"part": "1", "begins": "6"})
         for delivery in delivered([messages(6)[2], *messages(7)]):
             writer.add(delivery, delivery.sent)
         writer.finish({}, {})
-    assert [tick.number for tick in ticks(Recording.open(path))] == [7]
+    assert [tick.number for tick in ticks(Recording.open(log))] == [7]

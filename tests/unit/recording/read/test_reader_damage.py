@@ -42,25 +42,22 @@ def abandoned(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 
 @pytest.mark.slow
-def test_cut_anywhere_it_gives_the_whole_chunks(
-    finished: bytes, tmp_path: Path
-) -> None:
-    path = tmp_path / "cut.mcap"
+def test_cut_anywhere_it_gives_the_whole_chunks(finished: bytes, log: Path) -> None:
     known = [delivery.payload for delivery in DELIVERIES]
     header = len(MAGIC) + 9 + int.from_bytes(finished[9:17], "little")
-    path.write_bytes(finished)
-    ends = [c.offset + c.packed for c in Recording.open(path).files[0].layout.chunks]
+    log.write_bytes(finished)
+    ends = [c.offset + c.packed for c in Recording.open(log).files[0].layout.chunks]
     offsets = {*range(header, len(finished), 97), header, len(finished) - 1}
     offsets |= {end + near for end in ends for near in (-1, 0, 1, 8, 9)}
     assert len(offsets) > 100
     for offset in range(header):
-        path.write_bytes(finished[:offset])
+        log.write_bytes(finished[:offset])
         with pytest.raises(RecordingError, match=r"must be an MCAP|whole header"):
-            Recording.open(path)
+            Recording.open(log)
     lengths = set()
     for offset in sorted(offsets):
-        path.write_bytes(finished[:offset])
-        recording = Recording.open(path)
+        log.write_bytes(finished[:offset])
+        recording = Recording.open(log)
         payloads = [recorded.payload for recorded in recording.messages()]
         assert payloads == known[: 20 * sum(end <= offset for end in ends)]
         assert recording.cut is not None
@@ -69,7 +66,7 @@ def test_cut_anywhere_it_gives_the_whole_chunks(
         lengths.add(len(payloads))
     assert lengths == {0, 20, 40, 60, 80, 100, 120, 140, 151}
     # The last cut is behind the totals.
-    recording = Recording.open(path)
+    recording = Recording.open(log)
     assert recording.totals is not None
     assert recording.completeness() == Completeness(151)
 
@@ -92,12 +89,12 @@ def flipped(whole: bytes, seed: int, count: int) -> Iterator[tuple[int, bytes]]:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["finished", "abandoned"])
 def test_a_flipped_bit_costs_one_chunk_at_most_and_is_noticed(
-    kind: str, tmp_path: Path, request: pytest.FixtureRequest
+    kind: str, log: Path, request: pytest.FixtureRequest
 ) -> None:
-    path, lost = tmp_path / "flipped.mcap", set()
+    lost = set()
     for offset, damaged in flipped(request.getfixturevalue(kind), 1, 300):
-        path.write_bytes(damaged)
-        recording = Recording.open(path)
+        log.write_bytes(damaged)
+        recording = Recording.open(log)
         read = [recorded.delivery for recorded in recording.messages()]
         assert read == [one for one in DELIVERIES if one in read]
         assert not recording.whole
@@ -119,12 +116,11 @@ def hurt(whole: bytes, path: Path, number: int) -> int:
     return chunk.start_offset
 
 
-def test_zeros_behind_a_cut_are_a_cut(finished: bytes, tmp_path: Path) -> None:
-    path = tmp_path / "zeros.mcap"
-    start = hurt(finished, path, 5)
+def test_zeros_behind_a_cut_are_a_cut(finished: bytes, log: Path) -> None:
+    start = hurt(finished, log, 5)
     for at in (start - 3, start, start + 1, start + 60):
-        path.write_bytes(finished[:at] + bytes(len(finished) - at))
-        recording = Recording.open(path)
+        log.write_bytes(finished[:at] + bytes(len(finished) - at))
+        recording = Recording.open(log)
         assert recording.damage == ()
         assert recording.cut is not None
         assert recording.cut.offset <= max(at, start)
@@ -132,12 +128,11 @@ def test_zeros_behind_a_cut_are_a_cut(finished: bytes, tmp_path: Path) -> None:
         assert read == DELIVERIES[:80]
 
 
-def test_zeros_elsewhere_cost_what_they_cover(abandoned: bytes, tmp_path: Path) -> None:
-    path = tmp_path / "zeros.mcap"
-    start = hurt(abandoned, path, 5)
+def test_zeros_elsewhere_cost_what_they_cover(abandoned: bytes, log: Path) -> None:
+    start = hurt(abandoned, log, 5)
     for at, size, lost in ((start - 9, 30, slice(80, 100)), (0, 200, slice(20))):
-        path.write_bytes(abandoned[:at] + bytes(size) + abandoned[at + size :])
-        recording = Recording.open(path)
+        log.write_bytes(abandoned[:at] + bytes(size) + abandoned[at + size :])
+        recording = Recording.open(log)
         read = [recorded.delivery for recorded in recording.messages()]
         assert read == [one for one in DELIVERIES if one not in DELIVERIES[lost]]
         assert recording.completeness().missing
@@ -145,7 +140,7 @@ def test_zeros_elsewhere_cost_what_they_cover(abandoned: bytes, tmp_path: Path) 
 
 
 def test_facts_without_a_checksum_are_damage(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
         writer,
@@ -154,9 +149,8 @@ def test_facts_without_a_checksum_are_damage(
             dict(facts) if name == TOTALS else sealed_facts(name, facts)
         ),
     )
-    path = tmp_path / "unsealed.mcap"
-    record(path, DELIVERIES, every=20)
-    recording = Recording.open(path)
+    record(log, DELIVERIES, every=20)
+    recording = Recording.open(log)
     assert recording.metadata["seed"] == "7"
     assert recording.totals is None
     assert recording.cut is None  # behind the last record there is the summary
@@ -164,44 +158,41 @@ def test_facts_without_a_checksum_are_damage(
     assert "a record must be well-formed, got no checksum" in said
 
 
-def test_bytes_behind_the_end_are_noticed(finished: bytes, tmp_path: Path) -> None:
-    path = tmp_path / "longer.mcap"
+def test_bytes_behind_the_end_are_noticed(finished: bytes, log: Path) -> None:
     for more in (b"\0", MAGIC, finished):
-        path.write_bytes(finished + more)
-        recording = Recording.open(path)
+        log.write_bytes(finished + more)
+        recording = Recording.open(log)
         assert [one.delivery for one in recording.messages()] == DELIVERIES
         (said,) = recording.damage
         assert f"the file must end behind its footer, got {len(more)} bytes" in said
 
 
 def test_what_is_gained_is_found_from_where_the_walk_stopped(
-    finished: bytes, tmp_path: Path
+    finished: bytes, log: Path
 ) -> None:
-    path = tmp_path / "log.mcap"
-    path.write_bytes(finished[:100])
-    seen = scan_index(path)
+    log.write_bytes(finished[:100])
+    seen = scan_index(log)
     for size in [*range(150, len(finished), 131), len(finished)]:
-        path.write_bytes(finished[:size])
-        assert scan_growth(path, seen)
-        assert not scan_growth(path, seen)
-        assert seen == scan_index(path)
+        log.write_bytes(finished[:size])
+        assert scan_growth(log, seen)
+        assert not scan_growth(log, seen)
+        assert seen == scan_index(log)
         assert seen.damage == []
     assert seen.cut is None
 
 
 @pytest.mark.slow
 def test_no_byte_can_be_wrong_unnoticed_in_what_is_not_verified_at_once(
-    finished: bytes, tmp_path: Path
+    finished: bytes, log: Path
 ) -> None:
-    path = tmp_path / "log.mcap"
     for place, damaged in flipped(finished, 2, 200):
-        path.write_bytes(damaged)
+        log.write_bytes(damaged)
         try:
-            layout = scan_index(path)
+            layout = scan_index(log)
         except RecordingError:
             assert place < 100  # the start: it is no recording of ours then
             continue
-        file = RecordingFile(path, layout)
+        file = RecordingFile(log, layout)
         for chunk in layout.chunks:
             with suppress(RecordingError):
                 found = file.chunk(chunk).recorded(wire.TOPICS)
@@ -210,16 +201,15 @@ def test_no_byte_can_be_wrong_unnoticed_in_what_is_not_verified_at_once(
 
 @pytest.mark.parametrize("packed", [0, 1, 2**64 - 1])
 def test_a_chunk_that_is_as_long_as_it_does_not_say_ends_what_can_be_read(
-    finished: bytes, tmp_path: Path, packed: int
+    finished: bytes, log: Path, packed: int
 ) -> None:
-    path = tmp_path / "log.mcap"
-    path.write_bytes(finished)
-    (first, second, *_), data = scan_index(path).chunks, bytearray(finished)
+    log.write_bytes(finished)
+    (first, second, *_), data = scan_index(log).chunks, bytearray(finished)
     struct.pack_into("<Q", data, second.offset - 8, packed)
-    path.write_bytes(data[: second.stop_offset + 100])
-    seen = scan_index(path)
-    assert seen.chunks == scan(path).chunks == [first]
-    assert seen.cut == Cut(1, second.start_offset, path.stat().st_size)
+    log.write_bytes(data[: second.stop_offset + 100])
+    seen = scan_index(log)
+    assert seen.chunks == scan(log).chunks == [first]
+    assert seen.cut == Cut(1, second.start_offset, log.stat().st_size)
 
 
 def crafted(path: Path, record: Chunk | Message | bytes) -> Recording:
@@ -248,12 +238,12 @@ def zstd_chunk(packed: bytes, claimed: int, compression: str = "zstd") -> Chunk:
 
 @pytest.mark.parametrize("says_its_size", [True, False])
 def test_a_chunk_that_unpacks_to_more_than_it_claims_takes_no_memory(
-    tmp_path: Path, says_its_size: bool
+    log: Path, says_its_size: bool
 ) -> None:
     compressor = zstandard.ZstdCompressor(write_content_size=says_its_size)
     bomb = compressor.compress(bytes(64 * 2**20))
     tracemalloc.start()
-    recording = crafted(tmp_path / "bomb", zstd_chunk(bomb, 1000))
+    recording = crafted(log, zstd_chunk(bomb, 1000))
     assert list(recording.messages()) == []
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
@@ -287,9 +277,9 @@ def many_chunks() -> bytes:
     ],
 )
 def test_what_no_checksum_proves_is_left_unread(
-    tmp_path: Path, record: Chunk | Message | bytes
+    log: Path, record: Chunk | Message | bytes
 ) -> None:
-    recording = crafted(tmp_path / "unsure", record)
+    recording = crafted(log, record)
     assert recording.files[0].layout.chunks == []
     assert list(recording.messages()) == []
     assert recording.cut is not None
@@ -324,10 +314,10 @@ ONE = channel(1, "wavestart")
     ],
 )
 def test_a_chunk_that_holds_nonsense_under_a_good_checksum_is_refused(
-    tmp_path: Path, content: bytes, rule: str
+    log: Path, content: bytes, rule: str
 ) -> None:
     chunk = zstd_chunk(content, len(content), "")
     chunk.uncompressed_crc = zlib.crc32(content)
-    recording = crafted(tmp_path / "nonsense", chunk)
+    recording = crafted(log, chunk)
     with pytest.raises(RecordingError, match=rf"chunk 1: .*{rule}"):
         list(recording.messages())

@@ -6,7 +6,7 @@ import errno
 import logging
 import os
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import pytest
@@ -26,7 +26,7 @@ from neurosnap.runtime.parts import recorder_process as recorder
 from neurosnap.runtime.parts.recorder_process import run_recorder
 from tests.support.recorded_messages import assert_true_run
 from tests.support.recordings import EACH, NOW
-from tests.support.split_runs import EVERY, SMALL, upto
+from tests.support.split_runs import EVERY, SMALL, SplitRun
 
 
 async def until(holds: Callable[[], bool]) -> None:
@@ -199,34 +199,34 @@ def test_a_slow_disk_holds_nobody_up(log: Path, disk: Disk) -> None:
 
 
 def test_recording_goes_on_while_the_disk_takes_a_file(
-    whole: Path, messages: Sequence[Recorded], log: Path, disk: Disk
+    run: SplitRun, disk: Disk
 ) -> None:
-    old, shares = Recording.open_file(whole), upto(messages, 2 * EVERY)
-    with SplitWriter(log, old.metadata, split=SMALL) as writer:
+    old, shares = Recording.open_file(run.whole), run.upto(2 * EVERY)
+    with SplitWriter(run.log, old.metadata, split=SMALL) as writer:
         add_all(writer, shares)
         assert disk.asked.wait(10)
         writer.flush(10**18 + len(shares))
         # Whoever is killed now has lost nothing: the file that is over has its end, and
         # so the run goes on from the next one.
-        assert Recording.open_file(log).cut is None
-        assert Recording.open_file(log).completeness().whole
-        assert find_resume_point(log)[1].part == 1
+        assert Recording.open_file(run.log).cut is None
+        assert Recording.open_file(run.log).completeness().whole
+        assert find_resume_point(run.log)[1].part == 1
         assert threading.get_ident() not in disk.threads
         disk.takes.set()
-        add_all(writer, messages[len(shares) :], len(shares))
+        add_all(writer, run.messages[len(shares) :], len(shares))
         writer.finish({}, old.noted().expected)
-    assert_true_run(log)
+    assert_true_run(run.log)
 
 
 @pytest.mark.parametrize("takes", [True, False])
 def test_a_file_is_deleted_once_the_disk_took_a_newer_one_or_the_recording_ends(
-    whole: Path, messages: Sequence[Recorded], log: Path, disk: Disk, takes: bool
+    run: SplitRun, disk: Disk, takes: bool
 ) -> None:
-    metadata = Recording.open_file(whole).metadata
-    with SplitWriter(log, metadata, split=Split(1, keep=1)) as writer:
-        add_all(writer, upto(messages, 2 * EVERY))
+    metadata = Recording.open_file(run.whole).metadata
+    with SplitWriter(run.log, metadata, split=Split(1, keep=1)) as writer:
+        add_all(writer, run.upto(2 * EVERY))
         assert disk.asked.wait(10)
-        assert list(part_paths(log)) == [0, 1]
+        assert list(part_paths(run.log)) == [0, 1]
         disk.error = None if takes else OSError(errno.EIO, "no disk")
         disk.takes.set()
         rule = r"^log: must take .* got no disk"
@@ -236,7 +236,7 @@ def test_a_file_is_deleted_once_the_disk_took_a_newer_one_or_the_recording_ends(
             else pytest.raises(RecordingError, match=rule)
         ):
             writer.finish({}, {})
-    assert list(part_paths(log)) == ([1] if takes else [0, 1])
+    assert list(part_paths(run.log)) == ([1] if takes else [0, 1])
 
 
 # A file that is taken away while it is written ----------------------------------------

@@ -2,7 +2,7 @@
 
 import errno
 import random
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import msgspec
@@ -27,15 +27,12 @@ from tests.support.split_runs import (
     NOW,
     SMALL,
     TICKS,
+    SplitRun,
     content,
-    last_of,
     made,
     options,
-    options_workers,
     said,
     silenced,
-    upto,
-    write,
 )
 
 
@@ -46,10 +43,11 @@ def added(writer: SplitWriter, heard: Iterable[wire.Delivery]) -> None:
 
 
 def ended(
-    whole: Path, log: Path, heard: Iterable[Recorded], *, more: Iterable[str] = ()
+    run: SplitRun, heard: Iterable[Recorded], *, more: Iterable[str] = ()
 ) -> Completeness:
     """Record what was heard, and end it as if that was all, and one more of `more`."""
-    with SplitWriter(log, Recording.open_file(whole).metadata, split=SMALL) as writer:
+    metadata = Recording.open_file(run.whole).metadata
+    with SplitWriter(run.log, metadata, split=SMALL) as writer:
         senders = set(more)
         for one in heard:
             writer.add(one.delivery, NOW)
@@ -73,17 +71,17 @@ def missing(log: Path) -> list[dict[str, int]]:
 @pytest.mark.parametrize("seed", [None, 0, 1])
 @pytest.mark.slow
 def test_every_file_is_a_run_and_all_together_are_the_run(
-    whole: Path, messages: Sequence[Recorded], log: Path, seed: int | None
+    run: SplitRun, seed: int | None
 ) -> None:
     decisions = {
         one.message.tick: one.message
-        for one in messages
+        for one in run.messages
         if isinstance(one.message, wire.Decision)
     }
-    heard = (
-        messages if seed is None else overtaken(messages, random.Random(seed), reach=40)
-    )
-    paths = write(whole, log, heard)
+    heard = run.messages
+    if seed is not None:
+        heard = overtaken(run.messages, random.Random(seed), reach=40)
+    paths = run.write(heard)
     assert list(paths) == list(range(TICKS // EVERY + 1))
     ends: dict[str, int] = {}
     for number, path in paths.items():
@@ -109,9 +107,9 @@ def test_every_file_is_a_run_and_all_together_are_the_run(
             assert (verdict.start, verdict.ticks) == (begins, 0 if last else EVERY)
             # With the one that opens it, and the one that closes it.
             assert last or verdict.decisions == EVERY + 1
-    assert Recording.open(log).closing is None
-    assert content(Recording.open(log).messages()) == content(heard)
-    alone, verdict = verify(whole), verify(log)
+    assert Recording.open(run.log).closing is None
+    assert content(Recording.open(run.log).messages()) == content(heard)
+    alone, verdict = verify(run.whole), verify(run.log)
     assert (verdict.same, verdict.complete, verdict.start) == (True, True, 0)
     assert verdict.files == len(paths)
     counts = ("ticks", "wirings", "waves", "states", "decisions")
@@ -121,9 +119,7 @@ def test_every_file_is_a_run_and_all_together_are_the_run(
     assert "  log.mcap\n  log_0001.mcap\n" in text
 
 
-def test_a_decision_that_ends_one_file_is_compared_with_the_next(
-    whole: Path, messages: Sequence[Recorded], log: Path
-) -> None:
+def test_a_decision_that_ends_one_file_is_compared_with_the_next(run: SplitRun) -> None:
     def change(one: Recorded) -> Recorded:
         message = one.message
         if not isinstance(message, wire.KeyFrame | wire.Decision) or message.tick != 30:
@@ -131,33 +127,31 @@ def test_a_decision_that_ends_one_file_is_compared_with_the_next(
         changed = msgspec.structs.replace(message, why="for fun")
         return one._replace(message=changed, payload=wire.encode(changed))
 
-    paths = write(whole, log, map(change, messages))
+    paths = run.write(map(change, run.messages))
     found = {number: verify(path) for number, path in paths.items() if number}
     assert [number for number, verdict in found.items() if not verdict.same] == [2]
     rule = "tick 30: the decision of the last tick: recorded Decision("
     assert str(found[2].difference).startswith(rule)
-    assert not verify(log).same
+    assert not verify(run.log).same
 
 
 # Which are kept, what they are called -------------------------------------------------
 
 
 def test_a_file_ends_at_the_first_key_frame_behind_its_size(
-    whole: Path, messages: Sequence[Recorded], tmp_path: Path
+    run: SplitRun, tmp_path: Path
 ) -> None:
-    every = write(whole, tmp_path / "every.mcap", messages)
+    every = run.write()
     size = every[0].stat().st_size  # some half of it is there at a key-frame
     for split, fewer in ((Split(int(0.43 * size)), False), (Split(size), True)):
-        paths = write(whole, tmp_path / f"{fewer}.mcap", messages, split=split)
+        paths = run.write(log=tmp_path / f"{fewer}.mcap", split=split)
         assert (len(paths) < len(every)) == fewer
 
 
-def test_the_newest_are_kept(
-    whole: Path, messages: Sequence[Recorded], log: Path
-) -> None:
-    paths = write(whole, log, messages, split=Split(1, keep=2))
+def test_the_newest_are_kept(run: SplitRun) -> None:
+    paths = run.write(split=Split(1, keep=2))
     assert list(paths) == [TICKS // EVERY - 1, TICKS // EVERY]
-    verdict = verify(log)  # though the first is gone
+    verdict = verify(run.log)  # though the first is gone
     assert (verdict.same, verdict.complete) == (True, True)
     assert (verdict.start, verdict.ticks) == (TICKS - EVERY, EVERY)
 
@@ -171,14 +165,10 @@ def test_the_newest_are_kept(
     ids=["deleted", "emptied"],
 )
 def test_a_file_that_is_lost_is_noticed_and_skipped(
-    whole: Path,
-    messages: Sequence[Recorded],
-    log: Path,
-    lose: Callable[[Path], object],
-    rule: str,
+    run: SplitRun, lose: Callable[[Path], object], rule: str
 ) -> None:
-    lose(write(whole, log, messages)[3])
-    verdict = verify(log)
+    lose(run.write()[3])
+    verdict = verify(run.log)
     assert (verdict.same, verdict.complete) == (True, False)
     lost = (3 * EVERY + 1, 4 * EVERY)
     assert verdict.missing == (lost,)
@@ -213,25 +203,25 @@ def test_options_know_the_smallest_file() -> None:
 
 
 def test_what_is_lost_is_missing_once_and_what_comes_again_is_left_out(
-    whole: Path, messages: Sequence[Recorded], log: Path
+    run: SplitRun,
 ) -> None:
-    place = last_of(messages, 20)
-    again = messages[place]
+    place = run.last_of(20)
+    again = run.messages[place]
     # Each key-frame twice: the second begins no file.
     twice = [
         one
-        for each in (*messages[:-5], again, *messages[-5:])
+        for each in (*run.messages[:-5], again, *run.messages[-5:])
         for one in [each] * (1 + isinstance(each.message, wire.KeyFrame))
     ]
-    paths = write(whole, log, twice)
-    frames = sum(isinstance(one.message, wire.KeyFrame) for one in messages)
+    paths = run.write(twice)
+    frames = sum(isinstance(one.message, wire.KeyFrame) for one in run.messages)
     assert len(paths) == TICKS // EVERY + 1
-    recording = Recording.open(log)
+    recording = Recording.open(run.log)
     assert recording.noted().completeness.duplicates == 1 + frames
-    assert content(recording.messages()) == content(messages)
-    assert verify(log).same
-    lacking = log.with_name("lost.mcap")
-    write(whole, lacking, [*messages[:place], *messages[place + 1 :]])
+    assert content(recording.messages()) == content(run.messages)
+    assert verify(run.log).same
+    lacking = run.log.with_name("lost.mcap")
+    run.write([*run.messages[:place], *run.messages[place + 1 :]], lacking)
     assert [each for each in missing(lacking) if each] == [{again.message.sender: 1}]
     assert not verify(lacking).complete
 
@@ -276,52 +266,48 @@ def test_what_waits_does_not_hide_why_a_recording_is_given_up(
         writer.flush(NOW)
 
 
-def test_what_is_lost_where_files_meet_is_missing_in_the_older(
-    whole: Path, messages: Sequence[Recorded], log: Path
-) -> None:
+def test_what_is_lost_where_files_meet_is_missing_in_the_older(run: SplitRun) -> None:
     """Nobody who goes on from the newer one would find out."""
-    heard = upto(messages, 3 * EVERY)
-    lost = heard.pop(last_of(messages, 2 * EVERY))
-    ended(whole, log, heard)
-    assert missing(log) == [{}, {lost.message.sender: 1}, {}]
-    _, past = find_resume_point(log)
+    heard = run.upto(3 * EVERY)
+    lost = heard.pop(run.last_of(2 * EVERY))
+    ended(run, heard)
+    assert missing(run.log) == [{}, {lost.message.sender: 1}, {}]
+    _, past = find_resume_point(run.log)
     assert (past.part, past.tick) == (1, 2 * EVERY - 1)
 
 
 @pytest.mark.usefixtures("small")
 def test_what_a_file_lacks_at_its_beginning_may_be_of_the_one_before(
-    whole: Path, messages: Sequence[Recorded], log: Path
+    run: SplitRun,
 ) -> None:
     """A sender is lost from before one key-frame until after the next."""
-    lost = messages[last_of(messages, 2 * EVERY)]
-    who, until = lost.message.sender, len(upto(messages, 3 * EVERY)) + 2
-    later = upto(messages, 4 * EVERY)[until:]
-    ended(whole, log, [*silenced(messages[:until], lost), *later])
-    assert list(part_paths(log)) == [0, 1, 2, 3]
-    lacking = missing(log)[2]
+    lost = run.messages[run.last_of(2 * EVERY)]
+    who, until = lost.message.sender, len(run.upto(3 * EVERY)) + 2
+    later = run.upto(4 * EVERY)[until:]
+    ended(run, [*silenced(run.messages[:until], lost), *later])
+    assert list(part_paths(run.log)) == [0, 1, 2, 3]
+    lacking = missing(run.log)[2]
     assert lacking.keys() == {who}
-    _, past = find_resume_point(log)
+    _, past = find_resume_point(run.log)
     assert (past.part, past.tick) == (2, 2 * EVERY)
     # The numbers of what is lost are not given again.
     assert past.counts[who] == lost.sequence + lacking[who]
-    new = log.with_name("new.mcap")
-    made(new, options_workers(whole), past)
+    new = run.log.with_name("new.mcap")
+    made(new, run.workers, past)
     assert missing(new)[0] == lacking
 
 
-def test_who_died_behind_a_key_frame_may_lack_in_the_file_before(
-    whole: Path, messages: Sequence[Recorded], log: Path
-) -> None:
+def test_who_died_behind_a_key_frame_may_lack_in_the_file_before(run: SplitRun) -> None:
     """Its last report was on the way when all ended, and it never said another word."""
-    lost = messages[last_of(messages, 20)]
-    heard = silenced(messages[: len(upto(messages, 2 * EVERY)) + 1], lost)
-    parts_there = {one.message.sender for one in messages}
-    balance = ended(whole, log, heard, more=parts_there)
-    assert list(part_paths(log)) == [0, 1, 2]
+    lost = run.messages[run.last_of(20)]
+    heard = silenced(run.messages[: len(run.upto(2 * EVERY)) + 1], lost)
+    parts_there = {one.message.sender for one in run.messages}
+    balance = ended(run, heard, more=parts_there)
+    assert list(part_paths(run.log)) == [0, 1, 2]
     assert balance.missing == dict.fromkeys(parts_there, 1)
-    assert Recording.open_file(part_path(log, 1)).cut is not None
-    assert not verify(log).complete
-    _, past = find_resume_point(log)
+    assert Recording.open_file(part_path(run.log, 1)).cut is not None
+    assert not verify(run.log).complete
+    _, past = find_resume_point(run.log)
     assert (past.part, past.tick) == (1, 2 * EVERY - 1)
 
 
@@ -359,28 +345,22 @@ def test_a_key_frame_that_comes_twice_begins_no_file_the_second_time(
     assert len(part_paths(log)) == 1
 
 
-def test_faults_go_where_their_sender_is(
-    whole: Path, messages: Sequence[Recorded], log: Path
-) -> None:
-    place = last_of(messages, 20)
-    late = messages[place]
+def test_faults_go_where_their_sender_is(run: SplitRun) -> None:
+    place = run.last_of(20)
+    late = run.messages[place]
     fault = wire.Fault(late.message.sender, "odd")
-    behind = 1 + next(
-        number
-        for number, one in enumerate(messages)
-        if isinstance(one.message, wire.KeyFrame) and one.message.tick == 20
-    )
+    behind = 1 + run.frame(20)[0]
     order = [
         one._replace(
             sequence=one.sequence
             + (one.message.sender == fault.sender and one.sequence >= late.sequence)
         )
-        for one in messages
+        for one in run.messages
     ]
     # Behind the key-frame, before a report on the last wave before it.
     odd = late._replace(message=fault, payload=wire.encode(fault))
     overtook = [*order[:place], *order[place + 1 : behind]]
-    write(whole, log, [*overtook, odd, order[place], *order[behind:]])
-    held = [list(file.messages(("fault",))) != [] for file in each_file(log)]
+    run.write([*overtook, odd, order[place], *order[behind:]])
+    held = [list(file.messages(("fault",))) != [] for file in each_file(run.log)]
     assert [part for part, holds in enumerate(held) if holds] == [1]
-    assert verify(log).same
+    assert verify(run.log).same

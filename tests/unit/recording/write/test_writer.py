@@ -18,11 +18,6 @@ from tests.support.recordings import EACH, NOW, delivered, record, sent_by, traf
 PULSE = next(delivered([EACH["pulse"]]))
 
 
-@pytest.fixture
-def path(tmp_path: Path) -> Path:
-    return tmp_path / "log.mcap"
-
-
 @contextmanager
 def no_file_beyond(size: int) -> Iterator[None]:
     """Let the operating system refuse to make any file larger, as a full disk does."""
@@ -34,10 +29,10 @@ def no_file_beyond(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-def test_any_mcap_reader_reads_it(path: Path) -> None:
+def test_any_mcap_reader_reads_it(log: Path) -> None:
     deliveries = list(delivered(EACH.values()))
-    record(path, deliveries, every=4)
-    with path.open("rb") as file:
+    record(log, deliveries, every=4)
+    with log.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
         assert reader.get_header().profile == "neurosnap"
         assert reader.get_header().library.startswith("neurosnap ")
@@ -58,16 +53,16 @@ def test_any_mcap_reader_reads_it(path: Path) -> None:
 
 
 def test_a_file_of_one_message_has_all_channels_and_only_its_owner_reads_it(
-    path: Path,
+    log: Path,
 ) -> None:
-    record(path, [PULSE])
-    (file,) = Recording.open(path).files
+    record(log, [PULSE])
+    (file,) = Recording.open(log).files
     # In this order: a reader that has lost what says so goes by it.
-    with path.open("rb") as data:
-        found = index_chunk(path, data, file.layout.chunks[0]).registered
+    with log.open("rb") as data:
+        found = index_chunk(log, data, file.layout.chunks[0]).registered
     topics = {n: channel.topic for n, channel in found.items()}
     assert topics == {n: f"/{topic}" for n, topic in enumerate(wire.TOPICS, start=1)}
-    assert path.stat().st_mode & 0o777 == 0o600
+    assert log.stat().st_mode & 0o777 == 0o600
 
 
 @pytest.mark.parametrize(
@@ -91,27 +86,27 @@ def test_a_place_that_takes_no_file_is_refused(
     assert (tmp_path / "there").read_bytes() == b"precious"
 
 
-def test_options_out_of_range_are_refused_before_a_file_is_made(path: Path) -> None:
+def test_options_out_of_range_are_refused_before_a_file_is_made(log: Path) -> None:
     with pytest.raises(InvalidValueError, match=r"^chunk: must be in \[1, 67108864\]"):
-        Writer(path, chunk=0)
-    assert not path.exists()
+        Writer(log, chunk=0)
+    assert not log.exists()
 
 
-def test_duplicates_are_left_out_and_gaps_named(path: Path) -> None:
+def test_duplicates_are_left_out_and_gaps_named(log: Path) -> None:
     deliveries = traffic(200)
     lost = [deliveries[50], deliveries[120], deliveries[-1]]
     kept = [delivery for delivery in deliveries if delivery not in lost]
-    with Writer(path) as writer:
+    with Writer(log) as writer:
         writer.start({})
         for delivery in (*kept, *kept[:7]):
             writer.add(delivery, delivery.sent)
         completeness = writer.finish({"ticks": "9"}, sent_by(deliveries))
-    totals = Recording.open(path).totals
+    totals = Recording.open(log).totals
     assert totals is not None
     assert totals["ticks"] == "9"
     noted = msgspec.json.decode(totals["completeness"], type=Completeness)
     assert noted == completeness == Completeness(197, sent_by(lost), duplicates=7)
-    recording = Recording.open(path)
+    recording = Recording.open(log)
     assert [recorded.delivery for recorded in recording.messages()] == kept
     assert recording.completeness() == completeness
 
@@ -132,10 +127,10 @@ def test_duplicates_are_left_out_and_gaps_named(path: Path) -> None:
     ids=lambda one: repr(one)[:80],
 )
 def test_what_is_no_message_is_counted_and_left_out(
-    path: Path, foreign: wire.Delivery, monkeypatch: pytest.MonkeyPatch
+    log: Path, foreign: wire.Delivery, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("neurosnap.recording.write.writer._LARGEST_PAYLOAD", 200_000)
-    with Writer(path) as writer:
+    with Writer(log) as writer:
         writer.start({})
         writer.add(foreign, NOW)
         with pytest.raises(
@@ -145,30 +140,30 @@ def test_what_is_no_message_is_counted_and_left_out(
         writer.add(PULSE, NOW)
         completeness = writer.finish({}, {"cell/3": 1})
     assert completeness == Completeness(1, foreign=1)
-    (read,) = Recording.open(path).messages()
+    (read,) = Recording.open(log).messages()
     assert read.delivery == PULSE
 
 
-def test_what_was_flushed_is_there_while_it_is_written(path: Path) -> None:
+def test_what_was_flushed_is_there_while_it_is_written(log: Path) -> None:
     deliveries = traffic(60)
-    with Writer(path) as writer:
+    with Writer(log) as writer:
         writer.start({"seed": "1"})
-        assert Recording.open(path).metadata["seed"] == "1"
+        assert Recording.open(log).metadata["seed"] == "1"
         for count, delivery in enumerate(deliveries, start=1):
             writer.add(delivery, delivery.sent)
             if count % 20 == 0:
                 writer.flush()
-                assert len(list(Recording.open(path).messages())) == count
-                size = path.stat().st_size
+                assert len(list(Recording.open(log).messages())) == count
+                size = log.stat().st_size
                 writer.flush()
-                assert path.stat().st_size == size
+                assert log.stat().st_size == size
 
 
 @pytest.mark.parametrize("started", [False, True])
 def test_abandoned_it_stays_readable_and_takes_nothing_more(
-    path: Path, started: bool
+    log: Path, started: bool
 ) -> None:
-    writer = Writer(path)
+    writer = Writer(log)
     if started:
         writer.start({})
         writer.add(PULSE, NOW)
@@ -182,36 +177,34 @@ def test_abandoned_it_stays_readable_and_takes_nothing_more(
         writer.start({})
     with pytest.raises(RecordingError, match=r"^log: must be started and open, got"):
         writer.finish({}, {})
-    recording = Recording.open(path)
+    recording = Recording.open(log)
     assert len(list(recording.messages())) == started
     assert recording.cut is not None
     assert recording.totals is None
 
 
-def test_text_that_cannot_be_written_is_refused_whole(path: Path) -> None:
-    with Writer(path) as writer:
+def test_text_that_cannot_be_written_is_refused_whole(log: Path) -> None:
+    with Writer(log) as writer:
         with pytest.raises(InvalidValueError, match=r"^command: must be text in UTF-8"):
             writer.start({"seed": "1", "command": "\udcff"})
         writer.start({"seed": "2"})
         with pytest.raises(InvalidValueError, match=r"^why: must be text in UTF-8"):
             writer.finish({"why": "\udcff"}, {})
         writer.finish({}, {})
-    assert Recording.open(path).metadata["seed"] == "2"
+    assert Recording.open(log).metadata["seed"] == "2"
 
 
 @pytest.mark.parametrize("at", ["add", "flush", "finish", "abandon"])
-def test_a_full_disk_is_an_error_and_what_was_written_stays(
-    path: Path, at: str
-) -> None:
+def test_a_full_disk_is_an_error_and_what_was_written_stays(log: Path, at: str) -> None:
     deliveries = traffic(3000)
-    writer = Writer(path, packs=False, chunk=4096)
+    writer = Writer(log, packs=False, chunk=4096)
     writer.start({})
     for delivery in deliveries[:1000]:
         writer.add(delivery, NOW)
     writer.flush()
     room = {"add": 50_000, "flush": 10, "finish": 10, "abandon": 10}[at]
     with (
-        no_file_beyond(path.stat().st_size + room),
+        no_file_beyond(log.stat().st_size + room),
         pytest.raises(
             RecordingError, match=r"^log: must take what is recorded, got Fi"
         ),
@@ -227,7 +220,7 @@ def test_a_full_disk_is_an_error_and_what_was_written_stays(
     with pytest.raises(RecordingError, match=r"^log: must be started and open"):
         writer.add(deliveries[0], NOW)
     writer.abandon()
-    recording = Recording.open(path)
+    recording = Recording.open(log)
     read = [recorded.delivery for recorded in recording.messages()]
     assert len(read) >= 1000
     assert read == deliveries[: len(read)]
@@ -235,23 +228,23 @@ def test_a_full_disk_is_an_error_and_what_was_written_stays(
 
 
 @pytest.mark.parametrize("packs", [True, False])
-def test_chunks_are_closed_when_full(path: Path, packs: bool) -> None:
+def test_chunks_are_closed_when_full(log: Path, packs: bool) -> None:
     deliveries = traffic(2000)
-    with Writer(path, packs=packs, chunk=30_000) as writer:
+    with Writer(log, packs=packs, chunk=30_000) as writer:
         writer.start({})
         for delivery in deliveries:
             writer.add(delivery, NOW)
         writer.finish({}, {})
-    recording = Recording.open(path)
+    recording = Recording.open(log)
     assert len(recording.files[0].layout.chunks) > 5
     assert all(chunk.unpacked < 31_000 for chunk in recording.files[0].layout.chunks)
     assert [recorded.delivery for recorded in recording.messages()] == deliveries
 
 
-def test_a_noted_gap_is_never_whole(path: Path) -> None:
-    with Writer(path) as writer:
+def test_a_noted_gap_is_never_whole(log: Path) -> None:
+    with Writer(log) as writer:
         writer.start({})
         writer.write_gap("bytes 5 to 9 of another file: damaged")
         balance = writer.finish({}, {})
     assert (balance.missing, balance.gaps, balance.whole) == ({}, 1, False)
-    assert Recording.open(path).completeness() == balance
+    assert Recording.open(log).completeness() == balance
