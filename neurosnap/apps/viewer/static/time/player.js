@@ -106,9 +106,12 @@ export class Player {
     this._before = now;
     let next = this.position + (passed / 1000) * this.speed;
     if (this.range && Math.floor(next) > this.range[1]) next = this.range[0];
-    if (Math.floor(next) >= this.last + 1) {
-      this.pause();
-      return;
+    if (Math.floor(next) > this.last) {
+      if (this.tick >= this.last) {
+        this.pause();
+        return;
+      }
+      next = this.last; // a frame came late: the last tick is shown all the same
     }
     // What is not here yet is waited for, not skipped.
     if (this._on.ready(Math.floor(next))) this._to(next);
