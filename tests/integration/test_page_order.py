@@ -7,15 +7,10 @@ import numpy as np
 import pytest
 from playwright.async_api import Page, expect
 
-from neurosnap import wire
+from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.replay.replay import Replay
-from neurosnap.sensorium import unpack
 from tests.support.browser_pages import IN_BROWSER, go_to, opened, page_at
-from tests.support.recorded_runs import (
-    TICKS,
-    told,
-)
+from tests.support.recorded_runs import TICKS
 from tools.browser import wait_shown
 
 pytestmark = IN_BROWSER
@@ -32,33 +27,22 @@ EDGES = """() => [...document.querySelectorAll("#drawing [data-edge]")]
 WAY = [1, 5, 14, 20, TICKS, 5, 20, 21, 20]
 
 
-def between_classes(hasse: frozenset[tuple[int, int]]) -> set[tuple[int, int]]:
-    """Return what implies what, but for what is also implied by it."""
-
-    def above(literal: int) -> set[int]:
-        reached, ahead = set[int](), [literal]
-        while ahead:
-            one = ahead.pop()
-            found = {b for a, b in hasse if a == one} - reached
-            reached |= found
-            ahead += found
-        return reached
-
-    return {(a, b) for a, b in hasse if a not in above(b)}
-
-
-async def test_the_order_and_its_height_are_those_a_replay_derives(
+async def test_each_edge_of_the_order_is_drawn_and_its_height_is_said(
     planner_log: Path,
 ) -> None:
-    truth = told(planner_log)
+    view = RunView(planner_log)
     page = await page_at(planner_log, 1)
     for tick in (3, 17, TICKS):
         await go_to(page, tick)
-        drawn = await page.evaluate(EDGES)
-        both = {pair for a, b in drawn for pair in ((a, b), (b ^ 1, a ^ 1))}
-        assert both == between_classes(truth[tick].hasse)
+        graph, drawn = view.graph(tick), await page.evaluate(EDGES)
+        edges = [(edge.source, edge.target) for edge in graph.edges]
+        # Of an edge and its contrapositive one is drawn.
+        one, other = (
+            {min((a, b), (b ^ 1, a ^ 1)) for a, b in e} for e in (drawn, edges)
+        )
+        assert (one, len(drawn)) == (other, len(edges))
         facts = await page.inner_text("#diagram-facts")
-        assert facts.endswith(f"height {truth[tick].height}")
+        assert facts.endswith(f"height {graph.height}")
 
 
 @pytest.mark.slow
@@ -89,11 +73,9 @@ async def test_no_two_nodes_overlap_and_what_is_implied_stands_above(
 
 @pytest.mark.slow
 async def test_whatever_is_equivalent_says_to_what(planner_log: Path) -> None:
-    replay = Replay(Recording.open(planner_log))
-    for _ in replay.ticks():
-        pass
-    sensorium = replay.core.snapshot.sensorium
-    first, *others = max(replay.core.graph.classes(), key=len)
+    snapshot = RunView(planner_log).learned(TICKS).snapshot
+    sensorium = snapshot.sensorium
+    first, *others = max(snapshot.poc_graph().classes(), key=len)
     assert len(others) > 10
     page = await page_at(planner_log, TICKS)
     await page.click("#tab-sensors")
@@ -110,13 +92,7 @@ async def test_whatever_is_equivalent_says_to_what(planner_log: Path) -> None:
 
 
 async def test_an_edge_that_is_clicked_shows_its_weights(path_log: Path) -> None:
-    rows = np.array(
-        [
-            unpack(each.message.bits, 7)
-            for each in Recording.open(path_log).messages(("observation",))
-            if isinstance(each.message, wire.Observation)
-        ]
-    )
+    view = RunView(path_log)
     page = await page_at(path_log, 30)
     source, target, x, y = await page.evaluate(
         """() => {
@@ -136,10 +112,9 @@ async def test_an_edge_that_is_clicked_shows_its_weights(path_log: Path) -> None
         await go_to(page, tick)
         await page.wait_for_selector(f'#choice-body[data-tick="{tick}"]')
         seen = await page.locator("#edge td").all_inner_texts()
-        a, b = (rows[:tick, end >> 1] ^ bool(end & 1) for end in (source, target))
-        counts = [a & b, a & ~b, ~a & b, ~a & ~b]
-        assert seen[:4] == [str(int(each.sum())) for each in counts]
-        assert float(seen[4]) == pytest.approx(0.08 * tick, abs=1e-4)
+        edge = view.edge(source, target, tick)
+        assert list(map(float, seen[:4])) == list(edge.weights)
+        assert float(seen[4]) == pytest.approx(edge.threshold, abs=1e-4)
     await page.keyboard.press("Escape")
     await expect(page.locator("#choice")).to_be_hidden()
     for button in ("right", "middle"):
@@ -149,14 +124,9 @@ async def test_an_edge_that_is_clicked_shows_its_weights(path_log: Path) -> None
 
 def related(log: Path, tick: int, sensor: int) -> list[int]:
     """Return the sensors that have a literal above or below one of a sensor's."""
-    hasse = told(log)[tick].hasse
-    reached, ahead = {2 * sensor, 2 * sensor + 1}, [2 * sensor, 2 * sensor + 1]
-    while ahead:
-        one = ahead.pop()
-        found = {b for a, b in hasse if a == one} - reached
-        reached |= found
-        ahead += found
-    return sorted({literal >> 1 for literal in reached})
+    graph = RunView(log).learned(tick).snapshot.poc_graph()
+    above = graph.up([2 * sensor, 2 * sensor + 1])
+    return sorted({literal >> 1 for literal in np.flatnonzero(above).tolist()})
 
 
 async def pick(page: Page, sensor: int) -> None:

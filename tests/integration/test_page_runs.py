@@ -18,13 +18,13 @@ from neurosnap.apps.viewer.tick_difference import TickDifference, difference
 from neurosnap.recording.read.recording import Recording
 from tests.support.browser_pages import (
     IN_BROWSER,
-    derived,
     go_to,
     looked_at,
     opened,
     page_at,
     shown_tick,
     states,
+    worded,
 )
 from tests.support.page_requests import get
 from tests.support.recorded_runs import (
@@ -168,7 +168,7 @@ async def test_another_recording_takes_the_place_of_the_one_before(
         await page.wait_for_selector(f'#choice-body[data-tick="{first}"]')
         other.replace(log)
         await expect(page.locator("#tick")).to_have_text(f"tick {then} of {then}")
-        assert await states(page, then) == derived(another_log)[then]
+        assert await states(page, then) == worded(another_log)[then]
         await page.wait_for_selector(f'#choice-body[data-tick="{then}"]')
         pressed = page.locator("#follow")
         await expect(pressed).to_have_attribute("aria-pressed", "false")

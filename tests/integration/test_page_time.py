@@ -13,12 +13,12 @@ from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.recording.read.recording import Recording
 from tests.support.browser_pages import (
     IN_BROWSER,
-    derived,
     go_to,
     opened,
     page_at,
     shown_tick,
     states,
+    worded,
 )
 from tests.support.home_runs import FLUSH
 from tests.support.lamp import BIRTH
@@ -42,7 +42,7 @@ MARKED = 60  # ticks of the run in which a rule is broken
 
 
 async def test_playing_goes_on_and_stops_at_the_end(path_log: Path) -> None:
-    truth = derived(path_log)
+    truth = worded(path_log)
     page = await page_at(path_log, 20)
     await page.click("#tab-sensors")
     play = page.locator("#play")
@@ -126,22 +126,8 @@ async def test_everything_goes_by_keyboard(path_log: Path) -> None:
 
 
 @pytest.mark.slow
-async def test_the_slider_of_the_wave_goes_to_its_own_ends(planner_log: Path) -> None:
-    page = await page_at(planner_log, TICKS - 1)
-    await page.select_option("#wave-which", "x_below_1")
-    depth = await page.get_attribute("#wave-hop", "max")
-    assert depth != "0"
-    await page.focus("#wave-hop")
-    for key, hop in [("Home", "0"), ("End", depth)]:
-        await page.keyboard.press(key)
-        assert await page.input_value("#wave-hop") == hop
-        label = await page.get_attribute("#time", "aria-valuetext")
-        assert label == f"tick {TICKS - 1} of {TICKS}"
-
-
-@pytest.mark.slow
 async def test_a_tick_is_said_to_whoever_cannot_see_it(csv_log: Path) -> None:
-    truth = derived(csv_log)
+    truth = worded(csv_log)
     async with opened(csv_log, "#t=24") as page:
         # A screen reader is told by this alone.
         loud = 'output, [aria-live], [role="status"]'
@@ -187,7 +173,7 @@ async def test_a_live_run_appears_and_grows(planner_log: Path, tmp_path: Path) -
     grown = [chunks[len(chunks) * part // 3].offset for part in (1, 2)]
     log.write_bytes(data[: grown[0]])
     live = True
-    truth = derived(whole)
+    truth = worded(whole)
     async with opened(log, grows=lambda: live) as page:
         await expect(page.locator("#badge")).to_have_text("live")
         first = await shown_tick(page)

@@ -11,7 +11,7 @@ import pytest
 from playwright.async_api import Page, expect
 
 from neurosnap.recording.replay.verify import verify
-from tests.support.browser_pages import IN_BROWSER, derived, looked_at, states
+from tests.support.browser_pages import IN_BROWSER, looked_at, states, worded
 from tests.support.patience import PATIENCE
 from tests.support.view_commands import Verb, address_of, verb
 from tools.browser import wait_shown
@@ -91,7 +91,7 @@ async def test_a_swarm_is_followed_to_its_end(tmp_path: Path, way: str) -> None:
                     assert await ended(viewing) == (0, "")
     verdict = verify(log)
     assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, LAST)
-    truth = derived(log)
+    truth = worded(log)
     assert seen == {tick: truth[tick] for tick in seen}
     assert seen[LAST - 1][:2] == ["contradicted", "contradicted"]
     assert seen[LAST][:2] == ["on", "on"]

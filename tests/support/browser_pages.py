@@ -1,4 +1,4 @@
-"""The page in a real browser, and what it should say: a replay, in the page's words."""
+"""The page in a real browser, and what it should say of the state of every sensor."""
 
 import asyncio
 import re
@@ -9,16 +9,12 @@ from pathlib import Path
 from threading import Barrier, Thread
 from typing import Any, TypeVar
 
-import numpy as np
 import pytest
 from playwright.async_api import Browser, ConsoleMessage, Page
 
-from neurosnap import wire
+from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.server import serving
 from neurosnap.apps.viewer.session import ViewSession
-from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.replay.replay import Replay
-from neurosnap.sensorium import unpack
 from tools.browser import NO_BROWSER, Scheme, chromium, new_page, wait_shown
 
 T = TypeVar("T")
@@ -77,6 +73,7 @@ class KeptServers:
 
 servers: list[KeptServers] = []
 
+_WORDS = {1: "on", 0: "off", None: "unknown"}
 _REST = """async () => {
     const { page } = await import("/main.js");
     const { player, range } = page.time;
@@ -194,27 +191,16 @@ async def states(page: Page, tick: int) -> list[str]:
     return await page.locator("#outline td.state").all_inner_texts()
 
 
-def derived(log: Path) -> dict[int, list[str]]:
-    """Return what a replay says of every sensor, tick by tick, in the page's words."""
-    recording = Recording.open(log)
-    observed = {
-        each.message.tick: each.message
-        for each in recording.messages(("observation",))
-        if isinstance(each.message, wire.Observation)
-    }
-    replay = Replay(recording)
-    found = {}
-    for tick in replay.ticks():
-        state = replay.core.snapshot.state.reshape(-1, 2)
-        bits = unpack(observed[tick].bits, len(state))
-        known = np.ones(len(state), np.bool_)
-        if observed[tick].known:
-            known = unpack(observed[tick].known, len(state))
-        read = np.stack([bits & known, ~bits & known], axis=1).ravel()
-        above = replay.core.graph.up(read).reshape(-1, 2)
-        neither = np.where(above.all(axis=1), "contradicted", "unknown")
-        found[tick] = [
-            "on" if on else "off" if off else str(other)
-            for (on, off), other in zip(state.tolist(), neither, strict=True)
+def worded(log: Path) -> dict[int, list[str]]:
+    """Return what a view says of every sensor, tick by tick, in the page's words.
+
+    That it says what a replay does is tested with the view.
+    """
+    view = RunView(log)
+    return {
+        frame.tick: [
+            "contradicted" if sensor in frame.contradicted else _WORDS[held]
+            for sensor, held in enumerate(frame.state)
         ]
-    return found
+        for frame in view.frames(1, view.last)
+    }
