@@ -270,4 +270,4 @@ def load_snapshot(path: str | Path) -> Snapshot:
         OSError: The file cannot be read.
         InvalidValueError: It is damaged, or holds no snapshot.
     """
-    return Snapshot.read(str(path), Path(path).read_bytes())
+    return Snapshot.from_bytes(Path(path).read_bytes(), str(path))

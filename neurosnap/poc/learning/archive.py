@@ -5,107 +5,17 @@ neither the clock nor the zlib at hand shows in the file. Reading checks every
 checksum before a byte is parsed and never unpickles.
 """
 
-import abc
-import inspect
 import io
 import zipfile
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Any, ClassVar, Self, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from neurosnap.errors import InvalidValueError
-
 Arrays: TypeAlias = dict[str, NDArray[Any]]
-
-_SCHEMA = 1
 
 _DATE = (1980, 1, 1, 0, 0, 0)
 _UNIX = 3
-
-
-class Archived(abc.ABC):
-    """What can be written to one file and read back bit for bit.
-
-    Each concrete kind is known by the name of its class.
-    """
-
-    _kinds: ClassVar[dict[str, type["Archived"]]] = {}
-
-    def __init_subclass__(cls) -> None:
-        super().__init_subclass__()
-        cls._kinds[cls.__name__] = cls
-
-    def to_bytes(self) -> bytes:
-        """Return its whole state as the bytes of an ``.npz`` file.
-
-        Equal contents give equal bytes.
-        """
-        return self.packed(self.arrays())
-
-    @classmethod
-    def packed(cls, arrays: Arrays) -> bytes:
-        """Return arrays of this kind as the bytes of an ``.npz`` file."""
-        head = {
-            "schema": np.array(_SCHEMA, np.int64),
-            "kind": np.array(cls.__name__),
-        }
-        return pack_arrays(head | arrays)
-
-    @classmethod
-    def from_bytes(cls, data: bytes) -> Self:
-        """Return what `to_bytes` made `data` of, bit for bit.
-
-        Raises:
-            InvalidValueError: `data` is damaged, foreign, or of another kind.
-        """
-        return cls.read("data", data)
-
-    @abc.abstractmethod
-    def arrays(self) -> Arrays:
-        """Return its whole state as arrays, by name."""
-
-    @classmethod
-    @abc.abstractmethod
-    def from_arrays(cls, arrays: Arrays) -> Self:
-        """Return what has these arrays.
-
-        Raises:
-            ValueError: They make no sense.
-        """
-
-    @classmethod
-    def read(cls, name: str, data: bytes) -> Self:
-        """Return the archive in bytes that errors call `name`; see `from_bytes`."""
-        with cls.reading(name):
-            arrays = unpack_arrays(data)
-            return cls.kind_of(arrays).from_arrays(arrays)
-
-    @classmethod
-    @contextmanager
-    def reading(cls, name: str) -> Iterator[None]:
-        """Say of what cannot be read that it is none of this kind."""
-        try:
-            yield
-        except ValueError as error:
-            rule = f"must be a {cls.__name__} written by this package"
-            raise InvalidValueError(name, rule, str(error)) from error
-
-    @classmethod
-    def kind_of(cls, arrays: Arrays) -> type[Self]:
-        """Return the class that wrote the arrays.
-
-        Raises:
-            ValueError: It is none of this kind.
-        """
-        if entry(arrays, "schema", (), np.int64).item() != _SCHEMA:
-            raise ValueError(f"schema: must be {_SCHEMA}")
-        kind = cls._kinds.get(str(entry(arrays, "kind", (), np.str_).item()))
-        if kind is None or not issubclass(kind, cls) or inspect.isabstract(kind):
-            raise ValueError(f"kind: must be {cls.__name__}")
-        return kind
 
 
 def entry(

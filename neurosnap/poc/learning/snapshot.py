@@ -5,15 +5,17 @@ last adopted. How observations are weighed is up to each kind.
 """
 
 import abc
-from collections.abc import Sequence
-from typing import Any, NamedTuple, Self
+import inspect
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning import graph_kernels as kernels
-from neurosnap.poc.learning.archive import Archived, Arrays, entry
+from neurosnap.poc.learning.archive import Arrays, entry, pack_arrays, unpack_arrays
 from neurosnap.poc.learning.graph_kernels import Pairs
 from neurosnap.poc.learning.history import Newborn
 from neurosnap.poc.learning.pairs import (
@@ -31,6 +33,7 @@ from neurosnap.sensorium import Sensorium, as_known, complete, pack, unpack
 OF_PAIRS = ("joints", "squares", "codes", "since")
 """The arrays of a snapshot whose last axis is the pairs."""
 _BITS = 32
+_SCHEMA = 1
 _WHOLE = 16  # a row has changed much if more than one in so many of its pairs have
 
 
@@ -53,7 +56,7 @@ class Changes(NamedTuple):
     """``(C,)``: what relates them."""
 
 
-class Snapshot(Archived):
+class Snapshot(abc.ABC):
     """Weights on pairs of literals, thresholds, and a state ([GK] defn:snapshot).
 
     Use `EmpiricalSnapshot` or `DiscountedSnapshot`.
@@ -88,7 +91,12 @@ class Snapshot(Archived):
         InvalidValueError: The threshold is out of range.
     """
 
+    _kinds: ClassVar[dict[str, type["Snapshot"]]] = {}  # by their names, as in files
     _weights: Weights
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        cls._kinds[cls.__name__] = cls
 
     def __init__(
         self,
@@ -473,7 +481,7 @@ class Snapshot(Archived):
             self._pairs.rows.fill(0)
             kernels.draw(self._pairs.codes, self._pairs.rows, 0)
 
-    def _settle(self) -> None:
+    def _settle(self) -> None:  # noqa: B027 - not every kind puts off
         """Bring the weights up to date, where a kind puts off what changes no code."""
 
     def _widen(self) -> None:
@@ -518,6 +526,61 @@ class Snapshot(Archived):
     @abc.abstractmethod
     def _derive(self, arrays: Arrays) -> None:
         """Set codes and rows to what goes with the weights just restored."""
+
+    def to_bytes(self) -> bytes:
+        """Return its whole state as the bytes of an ``.npz`` file.
+
+        Equal contents give equal bytes.
+        """
+        return self.packed(self.arrays())
+
+    @classmethod
+    def packed(cls, arrays: Arrays) -> bytes:
+        """Return arrays of this kind as the bytes of an ``.npz`` file."""
+        head = {
+            "schema": np.array(_SCHEMA, np.int64),
+            "kind": np.array(cls.__name__),
+        }
+        return pack_arrays(head | arrays)
+
+    @classmethod
+    def from_bytes(cls, data: bytes, name: str = "data") -> Self:
+        """Return what `to_bytes` made `data` of, bit for bit.
+
+        Args:
+            data: What was saved.
+            name: What errors call it.
+
+        Raises:
+            InvalidValueError: `data` is damaged, foreign, or of another kind.
+        """
+        with cls.reading(name):
+            arrays = unpack_arrays(data)
+            return cls.kind_of(arrays).from_arrays(arrays)
+
+    @classmethod
+    @contextmanager
+    def reading(cls, name: str) -> Iterator[None]:
+        """Say of what cannot be read that it is none of this kind."""
+        try:
+            yield
+        except ValueError as error:
+            rule = f"must be a {cls.__name__} written by this package"
+            raise InvalidValueError(name, rule, str(error)) from error
+
+    @classmethod
+    def kind_of(cls, arrays: Arrays) -> type[Self]:
+        """Return the class that wrote the arrays.
+
+        Raises:
+            ValueError: It is none of this kind.
+        """
+        if entry(arrays, "schema", (), np.int64).item() != _SCHEMA:
+            raise ValueError(f"schema: must be {_SCHEMA}")
+        kind = cls._kinds.get(str(entry(arrays, "kind", (), np.str_).item()))
+        if kind is None or not issubclass(kind, cls) or inspect.isabstract(kind):
+            raise ValueError(f"kind: must be {cls.__name__}")
+        return kind
 
     def arrays(self) -> Arrays:
         """Return its whole state as arrays, by name."""
