@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from neurosnap.agent.binary_sensors import BinarySensors
     from neurosnap.agent.body import Body
     from neurosnap.agent.sensor import Sensor
-    from neurosnap.apps.drawing.order_picture import plot_order
+    from neurosnap.apps.export.order_picture import plot_order
     from neurosnap.apps.library import (
         Recording,
         load_snapshot,
@@ -71,7 +71,7 @@ _HOMES = {
     "implications": "neurosnap.poc.learning.relation_table",
     "load_snapshot": "neurosnap.apps.library",
     "measure_depth": "neurosnap.apps.library",
-    "plot_order": "neurosnap.apps.drawing.order_picture",
+    "plot_order": "neurosnap.apps.export.order_picture",
     "run": "neurosnap.apps.library",
     "save_snapshot": "neurosnap.apps.library",
 }

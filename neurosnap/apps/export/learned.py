@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from neurosnap.apps.drawing.relations_page import relations_page
+from neurosnap.apps.export.relations_page import relations_page
 from neurosnap.apps.new_files import placed
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot

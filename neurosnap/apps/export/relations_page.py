@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from html import escape
 from itertools import pairwise
 
-from neurosnap.apps.drawing.order_picture import plot_order
+from neurosnap.apps.export.order_picture import plot_order
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.relation_table import Relation
 from neurosnap.poc.order.graph import PocGraph
