@@ -1,5 +1,6 @@
 """Recordings and keys that several of the tests here only read."""
 
+import tempfile
 from collections.abc import AsyncIterator, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -108,6 +109,13 @@ def role_keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("security") / "keys"
     make_keys(folder)
     return folder
+
+
+@pytest.fixture
+def endpoint() -> Iterator[str]:
+    """Where a hub may listen: a socket's path may have some hundred characters."""
+    with tempfile.TemporaryDirectory(prefix="ns-") as folder:
+        yield f"unixsock-stream/{folder}/hub"
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from neurosnap.recording.read.recording import Recording, part_paths
+from neurosnap.recording.write.writer import Writer
 from neurosnap.system.picture import KINDS
 from tests.support.command_line import (
     call,
@@ -156,6 +157,24 @@ def test_depth_of_a_recording(log: Path, tmp_path: Path) -> None:
         assert Path(facts[kind]).read_bytes().startswith(begins)
     assert len(list(out.iterdir())) == 4
     assert "must not exist yet, or come" in refused("depth", log, "--out", out)
+
+
+@pytest.mark.zenoh
+def test_a_recording_plays(log: Path, tmp_path: Path, endpoint: str) -> None:
+    fast = ("--rate", 1e6, "--listen", endpoint)
+    facts = happy("play", log, *fast)
+    count = sum(1 for _ in Recording.open(log).messages())
+    assert (facts["ticks"], facts["messages"]) == (30, count)
+    assert happy("play", log, "--from", 20, *fast)["ticks"] == 11
+    half = call("play", cut(log, tmp_path / "cut"), *fast, "--format", "json")
+    assert half.exit_code == 3
+    assert 0 < last_json(half.stdout)["ticks"] < 30
+    strange = tmp_path / "strange.mcap"
+    with Writer(strange) as writer:
+        writer.start({"swarm": "[/red]\x1b"})
+        writer.finish({}, {})
+    said = f"playing on {endpoint} under neurosnap/'[/red]\\x1b'/**"
+    assert said in flat(call("play", strange, *fast).stderr)
 
 
 # In processes -------------------------------------------------------------------------

@@ -53,6 +53,7 @@ def test_a_port_in_use_ends_it_by_name(tmp_path: Path) -> None:
         code, stderr = run(log, "--listen", f"tcp/127.0.0.1:{taken.getsockname()[1]}")
     assert code == 1
     assert stderr.startswith("error: hub: must be able to listen on")
+    assert "Address already in use" in " ".join(stderr.split())
     assert ".rs:" not in stderr
 
 

@@ -1,9 +1,7 @@
 """A recording played back over Zenoh, as somebody who watches hears it."""
 
 import asyncio
-import shutil
-import tempfile
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
@@ -46,14 +44,6 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     log = tmp_path_factory.mktemp("run") / "log.mcap"
     asyncio.run(run(RunRequest(options, log), asyncio.Event()))
     return Recording.open(log)
-
-
-@pytest.fixture
-def endpoint() -> Iterator[str]:
-    # Not pytest's own folder: a socket's path may have some hundred characters.
-    folder = tempfile.mkdtemp(prefix="ns-")
-    yield f"unixsock-stream/{folder}/hub"
-    shutil.rmtree(folder)
 
 
 def deliveries(recording: Recording) -> list[wire.Delivery]:

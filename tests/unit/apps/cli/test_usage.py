@@ -74,6 +74,8 @@ ROWS = {
     **{f"{verb} none.mcap": "log: must exist, got 'none.mcap'" for verb in READING},
     "view log.mcap log.mcap": "log: must be named once, got 'log.mcap'",
     "view log.mcap --port 70000": "port: must be in [0, 65535], got 70000",
+    "play log.mcap --listen tcp/0.0.0.0:0": "without TLS (--insecure)",
+    "play log.mcap --listen tls/localhost:1 --tls folder": "folder/ca.pem: must be a",
     "play none.mcap": "log: must exist, got 'none.mcap'",
     # A broker's topics.
     "init topics a:b": "broker: must be HOST or HOST:PORT, got 'a:b'",
