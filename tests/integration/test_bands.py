@@ -3,7 +3,6 @@
 With one learner the coordinator sends the bands; with shares each worker sends its own.
 """
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,7 +13,6 @@ import pytest
 from neurosnap import wire
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.poc.learning.kinds import Snapshot
-from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.keyframes import starts
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.learning import snapshot_at
@@ -26,7 +24,7 @@ from tests.support.course import course
 from tests.support.inline_runs import recorded_run, resumed_run, spread
 from tests.support.recorded_messages import assert_true_run, of_type
 from tests.support.replayed_runs import TICKS, Runs, options_for
-from tests.support.rewritten_recordings import rewritten, saying
+from tests.support.rewritten_recordings import changing, dropping, rewritten
 
 pytestmark = pytest.mark.slow
 
@@ -151,11 +149,8 @@ def test_they_go_into_the_file_that_their_key_frame_begins(
 def test_a_lost_band_makes_its_recording_incomplete_and_not_different(
     banded: Banded, tmp_path: Path
 ) -> None:
-    def change(recorded: list[Recorded]) -> list[Recorded]:
-        lost = [r for r in recorded if isinstance(r.message, wire.Band)][7]
-        return [each for each in recorded if each is not lost]
-
-    lossy = rewritten(banded.log, tmp_path / "lossy", change)
+    lost = dropping(wire.Band, lambda band: band.tick == 14)
+    lossy = rewritten(banded.log, tmp_path / "lossy", lost)
     assert [one.frame.tick for one in starts(Recording.open(lossy))] == [7, 21, 28, 30]
     verdict = verify(lossy)
     assert (verdict.difference, verdict.complete, verdict.ticks) == (None, False, TICKS)
@@ -165,23 +160,11 @@ def test_a_lost_band_makes_its_recording_incomplete_and_not_different(
     assert known_in(learned) == known_in(whole)
 
 
-def of(kind: type[wire.Message], tick: int) -> Callable[[Recorded], bool]:
-    """Return whether a message is of a kind and a tick."""
-    return lambda r: (
-        isinstance(r.message, kind) and getattr(r.message, "tick", 0) == tick
-    )
-
-
 def test_lost_learning_ends_what_can_be_derived(banded: Banded, tmp_path: Path) -> None:
     if banded.kind != "shares":
         return  # one learner publishes nothing of it
-    gone = of(wire.Learned, 9)
-
-    def change(recorded: list[Recorded]) -> list[Recorded]:
-        lost = next(filter(gone, recorded))
-        return [each for each in recorded if each is not lost]
-
-    verdict = verify(rewritten(banded.log, tmp_path / "lossy", change))
+    lost = dropping(wire.Learned, lambda learned: learned.tick == 9)
+    verdict = verify(rewritten(banded.log, tmp_path / "lossy", lost))
     assert verdict.difference is None
     assert not verdict.complete
     assert (1, 8) in verdict.ranges
@@ -208,12 +191,7 @@ def test_what_does_not_follow_is_found(
 ) -> None:
     if banded.kind != "shares" and kind is not wire.Band:
         return  # one learner publishes nothing of it
-    wrong = of(kind, tick)
-
-    def change(recorded: list[Recorded]) -> list[Recorded]:
-        old = next(filter(wrong, recorded))
-        return [saying(old, **changes) if r is old else r for r in recorded]
-
-    verdict = verify(rewritten(banded.log, tmp_path / "wrong", change))
+    wrong = changing(kind, lambda m: getattr(m, "tick", 0) == tick, lambda _: changes)
+    verdict = verify(rewritten(banded.log, tmp_path / "wrong", wrong))
     assert not verdict.same
     assert str(verdict.difference).startswith(f"tick {tick}: {topic}")

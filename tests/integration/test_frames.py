@@ -19,9 +19,10 @@ from neurosnap.agent.environment import Continuing
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording, part_paths
 from tests.support.command_line import refused
+from tests.support.course import course
 from tests.support.foxglove_rules import refusals
 from tests.support.inline_runs import recorded_run, resumed_run
-from tests.support.recorded_messages import assert_true_run, course
+from tests.support.recorded_messages import assert_true_run, of_type
 from tests.support.run_options import options_for
 
 LAKE = "neurosnap/FrozenLake-v0"
@@ -52,7 +53,7 @@ def pixels(data: bytes) -> NDArray[np.uint8]:
 
 def drawn(log: Path) -> Iterator[tuple[int, NDArray[np.uint8]]]:
     """Yield each tick and what the lake draws there, the same actions taken."""
-    _, decisions = course(log)
+    decisions = {each.tick: each for each in of_type(log, wire.Decision)}
     env: Any = Continuing(gymnasium.make(LAKE, render_mode="rgb_array"))
     env.reset(seed=SEED)
     for tick in range(1, len(decisions)):

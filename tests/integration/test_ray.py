@@ -22,7 +22,14 @@ from neurosnap.errors import (
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.network import PRIVATE
-from neurosnap.runtime.request import Placement, RunRequest, Site, Watcher
+from neurosnap.runtime.request import (
+    SILENT,
+    Outcome,
+    Placement,
+    RunRequest,
+    Site,
+    Watcher,
+)
 from neurosnap.runtime.run import run
 from neurosnap.runtime.supervisor import Supervisor
 from neurosnap.starters.ray_actors import RayActors
@@ -70,6 +77,14 @@ def on(nodes: Nodes) -> Placement:
     return Placement(place="ray", address=nodes.address)
 
 
+async def ran(
+    options: RunOptions, log: Path, nodes: Nodes, watcher: Watcher = SILENT
+) -> Outcome:
+    """Run on a cluster."""
+    request = RunRequest(options, log, site=Site(placement=on(nodes)))
+    return await run(request, asyncio.Event(), watcher)
+
+
 async def test_workers_are_spread_and_the_run_is_the_same(
     nodes: Nodes, tmp_path: Path
 ) -> None:
@@ -83,11 +98,7 @@ async def test_workers_are_spread_and_the_run_is_the_same(
                 found = group["bundles_to_node_id"]
                 places.add(tuple(found[number] for number in sorted(found)))
 
-    outcome = await run(
-        RunRequest(options, log, site=Site(placement=on(nodes))),
-        asyncio.Event(),
-        Watcher(look),
-    )
+    outcome = await ran(options, log, nodes, Watcher(look))
     (place,) = places
     assert place[0] == nodes.id(0)
     assert set(place) == {nodes.id(number) for number in range(3)}
@@ -141,10 +152,7 @@ async def test_a_part_that_fails_is_named_in_its_own_words(
     with pytest.raises(
         SwarmError, match=r"(?s)^world: .*the sensors are off"
     ) as raised:
-        await run(
-            RunRequest(options, tmp_path / "log", site=Site(placement=on(nodes))),
-            asyncio.Event(),
-        )
+        await ran(options, tmp_path / "log", nodes)
     assert not isinstance(raised.value, PartDiedError)
     assert verify(tmp_path / "log").ticks == 6
 
@@ -166,16 +174,8 @@ def test_a_run_that_is_interrupted_ends_in_order(
     log = tmp_path / "out.mcap"
     address = nodes.address if place == "cluster" else "local"
     with started(
-        *(
-            "run",
-            "neurosnap/Path-v0",
-            "--ticks",
-            ENDLESS,
-            "--out",
-            log,
-            "--format",
-            "json",
-        ),
+        *("run", "neurosnap/Path-v0", "--ticks", ENDLESS),
+        *("--out", log, "--format", "json"),
         *("--set", "placement.place=ray", "--set", f"placement.address={address}"),
         folder=tmp_path,
     ) as process:
@@ -221,12 +221,9 @@ WORKERS = ["hub", "worker/0", "worker/1"]
 async def test_a_cluster_that_is_too_small_says_what_it_lacks(
     nodes: Nodes, tmp_path: Path
 ) -> None:
-    options = msgspec.structs.replace(options_for(60), cells="worker", workers=4)
+    options = in_workers(options_for(60), workers=4)
     with ray_nodes(2, 1) as small, pytest.raises(InvalidValueError) as raised:
-        await run(
-            RunRequest(options, tmp_path / "log", site=Site(placement=on(small))),
-            asyncio.Event(),
-        )
+        await ran(options, tmp_path / "log", small)
     assert str(raised.value) == (
         "workers: must fit the cluster: it must have 5 CPUs, 1 for each of 4 workers"
         " and 1 for all other parts, has 3 on 2 nodes (add nodes with `ray start`, or"

@@ -19,10 +19,9 @@ from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import Verdict, verify
 from neurosnap.recording.write.writer import Writer
-from tests.support.inline_runs import recorded_run
 from tests.support.lossy_runs import LOST, lossy_run
 from tests.support.recorded_messages import assert_true_run, first, of_type
-from tests.support.replayed_runs import TICKS, Runs, every_run, options_for, readings
+from tests.support.replayed_runs import TICKS, Runs, every_run, options_for
 from tests.support.rewritten_recordings import (
     Change,
     changing,
@@ -45,7 +44,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Runs:
 
 
 @every_run
-def test_a_run_comes_out_the_same(
+def test_a_run_comes_out_the_same_from_its_start_and_from_any_key_frame(
     runs: Runs, name: str, wiring: WiringKind, snapshot: SnapshotKind
 ) -> None:
     log, _, outcome = runs.of(name, wiring, snapshot)
@@ -55,16 +54,6 @@ def test_a_run_comes_out_the_same(
     assert verdict.waves == len(of_type(log, wire.WaveStart)) > TICKS
     assert verdict.wirings == len(of_type(log, wire.Wiring)) > 0
     assert outcome.totals.ticks == TICKS
-
-
-# From a key-frame on ------------------------------------------------------------------
-
-
-@every_run
-def test_a_run_can_be_derived_from_any_key_frame(
-    runs: Runs, name: str, wiring: WiringKind, snapshot: SnapshotKind
-) -> None:
-    log, _, _ = runs.of(name, wiring, snapshot)
     for tick, start in ((7, 7), (13, 7), (14, 14), (27, 21), (28, 28), (99, TICKS)):
         verdict = assert_true_run(log, tick)
         assert (verdict.start, verdict.ticks) == (start, TICKS - start)
@@ -73,16 +62,6 @@ def test_a_run_can_be_derived_from_any_key_frame(
 
 
 # Runs that did not go smoothly --------------------------------------------------------
-
-
-def test_a_run_ends_in_order_where_its_source_does(runs: Runs, tmp_path: Path) -> None:
-    log = tmp_path / "log"
-    outcome = recorded_run(options_for(runs.csv, ticks=1000), log)
-    assert not outcome.stopped
-    verdict = verify(log)
-    assert verdict.difference is None
-    assert verdict.complete
-    assert verdict.ticks == outcome.totals.ticks == len(readings())
 
 
 STOPS: dict[str, Callable[[Coordinator], bool]] = {
@@ -149,39 +128,30 @@ def close_up(recorded: list[Recorded]) -> list[Recorded]:
     ]
 
 
+def at_12(kind: type[Any], to: Callable[[Any], dict[str, object]]) -> Change:
+    """Return the change of the first message of a kind that is of tick 12."""
+    return changing(kind, lambda message: message.tick == 12, to)
+
+
 TAMPERED: dict[str, tuple[Change, str]] = {
     "observation": (
-        changing(
-            wire.Observation,
-            lambda o: o.tick == 12,
-            lambda o: {"bits": flipped(o.bits, 1)},
-        ),
+        at_12(wire.Observation, lambda o: {"bits": flipped(o.bits, 1)}),
         r"tick 12: /(wiring|wavestart|state) ",
     ),
     "observation's length": (
-        changing(
-            wire.Observation, lambda o: o.tick == 12, lambda o: {"bits": o.bits + b"1"}
-        ),
+        at_12(wire.Observation, lambda o: {"bits": o.bits + b"1"}),
         r"tick 12: /observation: ",
     ),
     "state": (
-        changing(
-            wire.State,
-            lambda s: s.tick == 12,
-            lambda s: {"literals": flipped(s.literals)},
-        ),
+        at_12(wire.State, lambda s: {"literals": flipped(s.literals)}),
         r"tick 12: /state coordinator \d+: recorded .*, derived ",
     ),
     "state's depth": (
-        changing(wire.State, lambda s: s.tick == 12, lambda s: {"depth": s.depth + 1}),
+        at_12(wire.State, lambda s: {"depth": s.depth + 1}),
         r"tick 12: /state ",
     ),
     "reached": (
-        changing(
-            wire.Reached,
-            lambda r: r.tick == 12,
-            lambda r: {"literals": flipped(r.literals)},
-        ),
+        at_12(wire.Reached, lambda r: {"literals": flipped(r.literals)}),
         r"tick 12: /reached ",
     ),
     "question": (
@@ -193,15 +163,10 @@ TAMPERED: dict[str, tuple[Change, str]] = {
         r"tick 12: /wavestart ",
     ),
     "action": (
-        changing(
-            wire.Decision, lambda d: d.tick == 12, lambda d: {"action": d.action + 1}
-        ),
+        at_12(wire.Decision, lambda d: {"action": d.action + 1}),
         r"tick 12: /decision ",
     ),
-    "reason": (
-        changing(wire.Decision, lambda d: d.tick == 12, lambda _: {"why": "so"}),
-        r"tick 12: /decision ",
-    ),
+    "reason": (at_12(wire.Decision, lambda _: {"why": "so"}), r"tick 12: /decision "),
     "keyframe": (
         changing(
             wire.KeyFrame,

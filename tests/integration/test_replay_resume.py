@@ -1,7 +1,6 @@
 """A recorded run goes on where it ended or was cut, and says what it had learned."""
 
 import random
-from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -10,10 +9,9 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.depth.measure import from_recording
-from neurosnap.errors import InvalidValueError, RecordingError
+from neurosnap.errors import RecordingError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.run_options import SnapshotKind, WiringKind
-from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.tick_index import TickIndex
 from neurosnap.recording.replay.learning import snapshot_at
@@ -22,11 +20,12 @@ from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.writer import Writer
 from neurosnap.sensorium import unpack
 from tests.support.inline_runs import recorded_run, resumed_run
-from tests.support.recorded_messages import M, assert_true_run, first, of_type
+from tests.support.recorded_messages import assert_true_run, of_type
 from tests.support.replayed_runs import TICKS, Runs, every_run, options_for
 from tests.support.rewritten_recordings import (
     Change,
     changing,
+    dropping,
     flipped,
     rewritten,
 )
@@ -37,18 +36,6 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Runs:
     return Runs(tmp_path_factory.mktemp("runs"))
-
-
-def without(
-    log: Path, target: Path, kind: type[M], found: Callable[[M], bool] = lambda _: True
-) -> Path:
-    """Record again without the first message of one kind of which `found` is true."""
-
-    def change(recorded: list[Recorded]) -> list[Recorded]:
-        place, _ = first(recorded, kind, found)
-        return recorded[:place] + recorded[place + 1 :]
-
-    return rewritten(log, target, change)
 
 
 def test_a_run_whose_thresholds_choose_themselves_goes_on(tmp_path: Path) -> None:
@@ -71,20 +58,10 @@ def test_a_run_whose_thresholds_choose_themselves_goes_on(tmp_path: Path) -> Non
     assert (found.against, found.holds) == (2, True)  # broken, and tolerated
 
 
-def dropping(kind: type[M], last: bool = False) -> Change:
-    """Return the change that leaves out the first of a kind; or all from there on."""
-
-    def change(recorded: list[Recorded]) -> list[Recorded]:
-        place, _ = first(recorded, kind, lambda _: True)
-        return recorded[:place] + ([] if last else recorded[place + 1 :])
-
-    return change
-
-
 @pytest.mark.parametrize(
     ("change", "rule"),
     [
-        (dropping(wire.State, last=True), "must hold a whole tick .*, got none"),
+        (dropping(wire.State, and_after=True), "must hold a whole tick .*, got none"),
         (
             # What counts is what follows the last key-frame but one, that of tick 28.
             changing(
@@ -152,25 +129,6 @@ def test_a_snapshot_at_a_tick_is_one_that_learned_that_far(
     assert learned(snapshot_at(recording)[1]) == learned(reference)
 
 
-@pytest.mark.parametrize("tick", [-1, TICKS + 1])
-def test_a_tick_that_is_not_there_is_refused(runs: Runs, tick: int) -> None:
-    recording = Recording.open(runs.of("csv").log)
-    rule = rf"^tick: must be in \[0, {TICKS}\], got {tick}$"
-    with pytest.raises(InvalidValueError, match=rule):
-        snapshot_at(recording, tick)
-
-
-def test_a_lost_observation_is_named_unless_a_key_frame_covers_it(
-    runs: Runs, tmp_path: Path
-) -> None:
-    log, target = runs.of("csv").log, tmp_path / "log"
-    log = without(log, target, wire.Observation, lambda o: o.tick == 9)
-    recording = Recording.open(log)
-    with pytest.raises(RecordingError, match=r"observation of tick 9, got none$"):
-        snapshot_at(recording, 13)
-    assert snapshot_at(recording, 14)[1].clock == 14
-
-
 # Depth --------------------------------------------------------------------------------
 
 
@@ -203,9 +161,7 @@ def test_a_recording_gives_a_row_for_every_wave(
 
 
 def test_a_wave_whose_start_was_lost_is_named(runs: Runs, tmp_path: Path) -> None:
-    log, target = runs.of("csv").log, tmp_path / "log"
-    recording = Recording.open(
-        without(log, target, wire.WaveStart, lambda w: w.wave == 7)
-    )
+    lost = dropping(wire.WaveStart, lambda start: start.wave == 7)
+    recording = Recording.open(rewritten(runs.of("csv").log, tmp_path / "log", lost))
     with pytest.raises(RecordingError, match=r"wave 7: must have its start, got none$"):
         from_recording(recording)

@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
-from neurosnap import wire
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import Verdict, verify
@@ -24,14 +23,6 @@ def first(
         if isinstance(each.message, kind) and found(each.message):
             return place, each.message
     raise LookupError(f"no {kind.__name__} like that")
-
-
-def course(log: Path) -> tuple[dict[int, bytes], dict[int, wire.Decision]]:
-    """Return the state and the decision of every tick."""
-    return (
-        {state.tick: state.literals for state in of_type(log, wire.State)},
-        {decision.tick: decision for decision in of_type(log, wire.Decision)},
-    )
 
 
 def assert_true_run(log: Path, tick: int = 0, *, ticks: int | None = None) -> Verdict:

@@ -83,6 +83,27 @@ def changing(
     return change
 
 
+def dropping(
+    kind: type[M],
+    found: Callable[[M], bool] = lambda _: True,
+    *,
+    and_after: bool = False,
+) -> Change:
+    """Return the change that leaves out the first message of one kind, as found.
+
+    Args:
+        kind: Of which kind it is.
+        found: Whether it is that one.
+        and_after: Whether all that follows it is left out, too.
+    """
+
+    def change(recorded: list[Recorded]) -> list[Recorded]:
+        place, _ = first(recorded, kind, found)
+        return recorded[:place] + ([] if and_after else recorded[place + 1 :])
+
+    return change
+
+
 # In another order, each sender's own kept ---------------------------------------------
 
 
