@@ -13,7 +13,6 @@ import functools
 import time
 from collections import deque
 from collections.abc import Sequence
-from types import TracebackType
 from typing import Self
 
 from neurosnap import wire
@@ -232,12 +231,7 @@ class MemoryFabric:
         self._failure = Failure()
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         """Leave the network."""
         self._hub.leave(self.who)
 

@@ -13,7 +13,6 @@ of another subscription, needs a lock. Handlers of presence run on the loop alwa
 
 import asyncio
 from collections.abc import Callable, Sequence
-from types import TracebackType
 from typing import Protocol, Self
 
 from neurosnap import wire
@@ -101,9 +100,4 @@ class Fabric(Protocol):
 
     async def __aenter__(self) -> Self: ...
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None: ...
+    async def __aexit__(self, *_: object) -> None: ...

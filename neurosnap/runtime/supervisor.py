@@ -7,7 +7,6 @@ ended in order. Whether the parts are processes or something else, their starter
 import asyncio
 import time
 from collections.abc import Callable, Collection, Sequence
-from types import TracebackType
 from typing import Self, TypeVar
 
 import msgspec
@@ -81,12 +80,7 @@ class Supervisor:
         await self._starter.open(self)
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         """Kill what is left, and what is being started."""
         await self._starter.close()
 

@@ -8,7 +8,6 @@ import os
 import socket
 import time
 from collections.abc import Mapping
-from types import TracebackType
 from typing import Self
 
 _STATUS = 1.0  # seconds between two words about how far it is
@@ -39,12 +38,7 @@ class ServiceManager:
             self._socket = socket.socket(socket.AF_UNIX, flags)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._socket is not None:
             self._tell("STOPPING=1")
             self._socket.close()

@@ -15,7 +15,6 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import AsyncExitStack
-from types import TracebackType
 from typing import Any, ParamSpec, Self, TypeVar
 
 import zenoh
@@ -106,12 +105,7 @@ class ZenohFabric:
             return call(*args, **kwargs)
         return await asyncio.to_thread(call, *args, **kwargs)
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         """Stop receiving, hand over what waits, deliver what was sent, close."""
         # The stack calls back in reverse order and always completes: the session is
         # closed even if a handler raises.

@@ -7,7 +7,6 @@ another prefix, since the numbers of its waves begin anew. ``demo`` goes on as
 
 import asyncio
 from dataclasses import dataclass, field
-from types import TracebackType
 from typing import Any, Self
 
 import zenoh
@@ -118,12 +117,7 @@ class Discovery:
             history=True,
         )
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         """Stop looking and disconnect."""
         if self._session is None:
             return
