@@ -163,16 +163,20 @@ class TickIndex:
         return None
 
     def _bands(self, frame: wire.KeyFrame) -> list[wire.Band]:
-        """Return the bands of a key-frame that are there."""
-        found: list[wire.Band] = []
+        """Return the bands of a key-frame that are there, each once.
+
+        A run that ends where a key-frame was due says it twice.
+        """
+        found: dict[tuple[str, int], wire.Band] = {}
         number = max(0, self.chunk_of(frame.tick) - 1)
         stop = min(self.chunk_after(frame.tick + 1) + 2, len(self))
         while len(found) < frame.bands and number < stop:
             for _, chunk in self.readable(number, number + 1):
-                several = chunk.all("band", wire.Band)
-                found += [band for band in several if band.tick == frame.tick]
+                for band in chunk.all("band", wire.Band):
+                    if band.tick == frame.tick:
+                        found[band.array, band.offset] = band
             number += 1
-        return found
+        return [*found.values()]
 
     def keyframe_after(self, tick: int) -> int:
         """Return the tick of the first key-frame after one; very large: none."""
