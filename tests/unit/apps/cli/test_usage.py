@@ -13,6 +13,7 @@ WORLD = "neurosnap/Path-v0"
 TOML = f'[source]\nkind = "world"\nid = "{WORLD}"\n'
 FILE = "run readings.csv --cells inline"
 PATH = f"run {WORLD} --cells inline --set places=5"
+GROWS = f"run {WORLD} --agent planner --target below_1 --set agent.grow=1"
 UNRECORDED = f"run {WORLD} --set recording.record=false"
 NO_RECORDING = "must go with a recording, and nothing is recorded, got"
 NO_FOLDER = "out: must be another file, not a folder or what is read, got"
@@ -46,6 +47,12 @@ ROWS = {
     f"{FILE} --agent planner --target a": "agent: must have actions that are sensors",
     f"{PATH} --agent planner --target below_1,below_1*": (
         "target: must not hold a literal and its complement, got 'below_1'"
+    ),
+    f"{PATH} --set snapshot.learning=spread": (
+        "learning: must go with cells in workers (worker), got 'spread with inline'"
+    ),
+    f"{GROWS} --cells worker --set snapshot.learning=spread": (
+        "learning: must be coordinator where sensors grow, got 'spread'"
     ),
     # Depth.
     "depth --heights 1,two": "heights: must be whole numbers, got '1,two'",

@@ -8,7 +8,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.errors import PartDiedError
+from neurosnap.errors import PartDiedError, SwarmError
 from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.parts import coordinator_loop
@@ -122,13 +122,16 @@ class Broken(MemoryFabric):
         super().publish(*messages)
 
 
+CALM = Deadlines(100.0)
+
+
 async def conduct(
     core: Core,
     fabric: MemoryFabric,
     stop: asyncio.Event | None = None,
     *,
     parts: Sequence[str] = (),
-    deadline: float = 100.0,
+    deadlines: Deadlines = CALM,
     on_progress: Callable[[int], None] = lambda _: None,
 ) -> None:
     async with asyncio.timeout(PATIENCE), fabric:
@@ -137,14 +140,15 @@ async def conduct(
             fabric,
             stop or asyncio.Event(),
             parts=parts,
-            deadlines=Deadlines(deadline),
+            deadlines=deadlines,
             on_progress=on_progress,
         )
 
 
 async def test_whatever_goes_wrong_at_a_deadline_ends_the_run() -> None:
     with pytest.raises(RuntimeError, match="the session is closed"):
-        await conduct(Core(1), Broken(MemoryHub(), "coordinator"), deadline=0.02)
+        fabric = Broken(MemoryHub(), "coordinator")
+        await conduct(Core(1), fabric, deadlines=Deadlines(0.02))
 
 
 async def test_a_run_that_failed_before_it_began_does_not_begin() -> None:
@@ -154,6 +158,15 @@ async def test_a_run_that_failed_before_it_began_does_not_begin() -> None:
     loop.call_soon(loop.call_soon, publish, wire.Observation(1, b"\x01"))
     with pytest.raises(AssertionError, match="nothing else is expected"):
         await conduct(core, hub.fabric("coordinator"), parts=["cell/0"])
+    assert core.asked == []
+
+
+async def test_a_part_that_never_comes_up_is_named() -> None:
+    fabric, core = MemoryHub().fabric("coordinator"), Core()
+    rule = r"^swarm: every part must come up within 0\.01 s, missing: cell/0, cell/2$"
+    with pytest.raises(SwarmError, match=rule):
+        deadlines = Deadlines(100.0, parts=0.01)
+        await conduct(core, fabric, parts=["cell/2", "cell/0"], deadlines=deadlines)
     assert core.asked == []
 
 
