@@ -1,6 +1,7 @@
 """A swarm decides as one agent does that has everything in one process."""
 
 import asyncio
+import re
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -286,6 +287,17 @@ def test_what_was_sensed_of_an_action_is_checked_against_the_decision(
     verdict = verify(rewritten(tmp_path / "log", tmp_path / "changed", change))
     assert not verdict.same
     assert "tick 7: /observation: forward does not follow" in str(verdict.difference)
+
+
+def test_a_beginning_that_is_not_reported_is_found(
+    wholes: Callable[[str], Path], tmp_path: Path
+) -> None:
+    change = changing(
+        wire.Observation, lambda m: m.begins and m.tick > 1, lambda _: {"begins": False}
+    )
+    verdict = verify(rewritten(wholes("planned"), tmp_path / "changed", change))
+    rule = r"tick \d+: /observation: .* does not follow from the decision"
+    assert re.match(rule, str(verdict.difference))
 
 
 def test_an_excited_agent_is_given_a_target_where_it_needs_one() -> None:

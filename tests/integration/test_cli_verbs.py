@@ -21,8 +21,6 @@ from tests.support.disturbed_commands import finish, sound, started
 
 pytestmark = pytest.mark.slow
 
-PATH = "neurosnap/Path-v0"
-
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -62,26 +60,6 @@ def test_a_run_that_is_not_recorded_leaves_no_file(
     facts = happy("run", csv, "--cells", "inline", *nothing)
     assert (facts["log"], facts["ticks"]) == (None, 40)
     assert list(tmp_path.iterdir()) == [csv]
-
-
-@pytest.mark.parametrize(
-    ("options", "cells"),
-    [
-        (("--agent", "walker"), 4),
-        (("--agent", "excited", "--target", 2), 4 + 2 + 3 + 24),
-        (("--agent", "planner", "--target", "below_3, below_2*"), 4 + 2 + 16),
-        (("--agent", "planner", "--target", "below_3", "--set", "wait=true"), 31),
-    ],
-)
-def test_every_agent_runs_and_its_recording_verifies(
-    options: tuple[object, ...], cells: int, tmp_path: Path
-) -> None:
-    log = tmp_path / "log.mcap"
-    inline = ("--cells", "inline", "--ticks", 40, "--set", "places=5", "--out", log)
-    facts = happy("run", PATH, *options, *inline)
-    assert (facts["ticks"], facts["cells"]) == (40, cells)
-    verdict = happy("verify", log)
-    assert (verdict["same"], verdict["complete"]) == (True, True)
 
 
 def test_info_and_verify_say_what_a_recording_holds(log: Path, tmp_path: Path) -> None:

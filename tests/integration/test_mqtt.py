@@ -10,7 +10,7 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -21,12 +21,15 @@ from neurosnap import wire
 from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.fabric.security.make_keys import make_keys
 from neurosnap.sensorium import pack
+from neurosnap.sources.live.live_source import LiveSource
 from neurosnap.sources.mqtt.mqtt_source import mqtt_source
 from neurosnap.sources.mqtt.options import (
     MqttAction,
     MqttBroker,
+    MqttOptions,
     MqttPublish,
     MqttSensor,
+    MqttTick,
 )
 from neurosnap.sources.mqtt.publisher import MqttPublisher
 from tests.support.mosquitto import (
@@ -38,12 +41,44 @@ from tests.support.mosquitto import (
     peer,
     started,
 )
-from tests.support.mqtt_sources import PREFIX, options, source_of, until
+from tests.support.sources import readings
 
 pytestmark = [
     pytest.mark.slow,
     needs_mosquitto,
 ]
+
+
+AT_ONCE = MqttTick(min_interval=0)
+PREFIX = "neurosnap/house"
+
+
+def options(broker: MqttBroker, *sensors: MqttSensor, **more: object) -> MqttOptions:
+    """Sensors of a house, with ticks on every change."""
+    given = sensors or (MqttSensor(name="door", topic="house/door"),)
+    table = MqttOptions(broker=broker, sensors=given, tick=AT_ONCE)
+    return msgspec.structs.replace(table, publish=MqttPublish(prefix=PREFIX), **more)
+
+
+def source_of(table: MqttOptions) -> "closing[LiveSource]":
+    return closing(mqtt_source(table))
+
+
+def reading(source: LiveSource) -> dict[str, bool | None]:
+    """The next tick, by name."""
+    seen = source.step(0)
+    assert seen is not None
+    return dict(zip(source.sensors, readings(seen), strict=True))
+
+
+async def until(
+    source: LiveSource, wanted: Callable[[dict[str, bool | None]], bool]
+) -> dict[str, bool | None]:
+    """The first tick that is as wanted."""
+    while True:
+        found = await asyncio.to_thread(reading, source)
+        if wanted(found):
+            return found
 
 
 @pytest.fixture

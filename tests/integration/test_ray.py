@@ -4,13 +4,14 @@ import asyncio
 import os
 import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import msgspec
 import psutil
 import pytest
 import ray
+from ray.cluster_utils import Cluster
 from ray.util import placement_group_table
 
 from neurosnap.errors import (
@@ -44,7 +45,7 @@ from tests.support.disturbed_commands import (
 )
 from tests.support.disturbed_runs import ENDLESS, Disturbed, check_same, options_for
 from tests.support.hanging_worlds import ending_world
-from tests.support.ray_nodes import Nodes, actors, actors_are_gone, ray_nodes
+from tests.support.patience import PATIENCE
 
 pytestmark = [
     pytest.mark.exhaustive,
@@ -55,10 +56,58 @@ pytestmark = [
 ]
 
 
+class Nodes:
+    """A cluster, whose first node is this process's.
+
+    Each listens on 127.0.0.1 alone, and nothing is reported to anybody.
+    """
+
+    def __init__(self, *cpus: int) -> None:
+        self._cluster = Cluster()
+        self._nodes = [
+            self._cluster.add_node(
+                num_cpus=count, node_ip_address="127.0.0.1", include_dashboard=False
+            )
+            for count in cpus
+        ]
+
+    @property
+    def address(self) -> str:
+        return str(self._cluster.address)
+
+    def id(self, number: int) -> str:
+        return str(self._nodes[number].node_id)
+
+    def kill(self, number: int) -> None:
+        """Kill a node, as if its machine had lost its power."""
+        self._cluster.remove_node(self._nodes[number], allow_graceful=False)
+
+    def close(self) -> None:
+        self._cluster.shutdown()
+
+
+def actors() -> list[psutil.Process]:
+    """Return the processes of parts that Ray runs on this machine."""
+    found = []
+    for process in psutil.process_iter():
+        try:
+            if process.name() == "ray::RayPart":
+                found.append(process)
+        except psutil.Error:
+            continue  # it has ended meanwhile
+    return found
+
+
+def actors_are_gone() -> bool:
+    """Wait until no part is left."""
+    _, alive = psutil.wait_procs(actors(), timeout=PATIENCE)
+    return not alive
+
+
 @pytest.fixture(scope="module")
 def nodes() -> Iterator[Nodes]:
     """Three nodes, none of which may be killed."""
-    with ray_nodes(2, 2, 2) as three:
+    with closing(Nodes(2, 2, 2)) as three:
         yield three
 
 
@@ -126,7 +175,7 @@ def test_nodes_that_die_are_parts_that_died(tmp_path: Path) -> None:
     """Both nodes that hold nothing but workers die, one after the other."""
     log, calm = tmp_path / "log", tmp_path / "calm"
     options = in_workers(options_for(ENDLESS))
-    with ray_nodes(4, 2, 2) as doomed:
+    with closing(Nodes(4, 2, 2)) as doomed:
         unplugged = Unplugged(options, log)
         unplugged.nodes = doomed
         outcome = asyncio.run(
@@ -222,7 +271,7 @@ async def test_a_cluster_that_is_too_small_says_what_it_lacks(
     nodes: Nodes, tmp_path: Path
 ) -> None:
     options = in_workers(options_for(60), workers=4)
-    with ray_nodes(2, 1) as small, pytest.raises(InvalidValueError) as raised:
+    with closing(Nodes(2, 1)) as small, pytest.raises(InvalidValueError) as raised:
         await ran(options, tmp_path / "log", small)
     assert str(raised.value) == (
         "workers: must fit the cluster: it must have 5 CPUs, 1 for each of 4 workers"

@@ -5,7 +5,7 @@ import random
 import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import msgspec
 import pytest
@@ -14,14 +14,14 @@ from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.coordinator import Coordinator
-from neurosnap.protocol.run_options import SnapshotKind, WiringKind
+from neurosnap.protocol.run_options import RunOptions, SnapshotKind, WiringKind
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import Verdict, verify
 from neurosnap.recording.write.writer import Writer
-from tests.support.lossy_runs import LOST, lossy_run
+from tests.golden.drive import drive, record
 from tests.support.recorded_messages import assert_true_run, first, of_type
-from tests.support.replayed_runs import TICKS, Runs, every_run, options_for
+from tests.support.replayed_runs import TICKS, Runs, every_run, options_for, readings
 from tests.support.rewritten_recordings import (
     Change,
     changing,
@@ -31,6 +31,7 @@ from tests.support.rewritten_recordings import (
     shuffled,
     write_again,
 )
+from tests.support.scripted_sources import Scripted
 
 pytestmark = pytest.mark.slow
 
@@ -62,6 +63,46 @@ def test_a_run_comes_out_the_same_from_its_start_and_from_any_key_frame(
 
 
 # Runs that did not go smoothly --------------------------------------------------------
+
+
+Lost: TypeAlias = Callable[[wire.Message], bool]
+
+
+def lossy_run(
+    options: RunOptions,
+    log: Path,
+    seed: int,
+    lost: Lost | None = None,
+    stop: Callable[[Coordinator], bool] = lambda _: False,
+) -> Coordinator:
+    """Record a run; return its coordinator.
+
+    Args:
+        options: What to run; it reads `readings`.
+        log: Where to record. What is lost is recorded.
+        seed: Draws the order of the messages.
+        lost: The first message to a cell of which this is true is lost, and a wave that
+            is stuck for it is declared late; None if none is.
+        stop: The run is asked to stop as soon as this is true.
+    """
+    left = lost
+
+    def loses(who: str, message: wire.Message) -> bool:
+        nonlocal left
+        if left is None or not who.startswith("cell/") or not left(message):
+            return False
+        left = None
+        return True
+
+    driven = drive(options, Scripted(readings()), seed, lost=loses, stop=stop)
+    record(driven, options, log)
+    return driven.core
+
+
+LOST: dict[str, Lost] = {
+    "pulse": lambda m: isinstance(m, wire.Pulse) and m.wave > 20,
+    "start": lambda m: isinstance(m, wire.WaveStart) and m.wave > 20,
+}
 
 
 STOPS: dict[str, Callable[[Coordinator], bool]] = {

@@ -1,26 +1,13 @@
-"""Gymnasium's toy texts with binary sensors: what they sense, alone and in a swarm."""
+"""Gymnasium's toy texts with binary sensors: what they sense."""
 
-import asyncio
-from pathlib import Path
 from typing import Any
 
 import gymnasium
-import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 
-from neurosnap import wire
-from neurosnap.agent.agent import Agent
 from neurosnap.agent.environment import describe
-from neurosnap.recording.replay.verify import verify
-from neurosnap.runtime.request import RunRequest
-from neurosnap.runtime.run import run
-from neurosnap.sensorium import unpack
-from neurosnap.sources.open import open_source
-from tests.support.recorded_messages import of_type
-from tests.support.rewritten_recordings import changing, rewritten
-from tests.support.run_options import options_for
 from tests.support.taught_agents import BEDS, Bed
 from tests.support.transition_tables import Table, state_fields
 from world.toy_text import cliff_walking, frozen_lake, taxi
@@ -128,48 +115,3 @@ def test_a_taxi_picks_up_and_drops_off() -> None:
     assert env.state_of(inner.s, {}) == (0, 4, "taxi", "yellow")
     env.step(env.actions.index("dropoff"))
     assert env.state_of(inner.s, {}) == (0, 4, "green", "yellow")
-
-
-@pytest.mark.slow
-def test_a_swarm_senses_no_action_where_an_episode_begins(tmp_path: Path) -> None:
-    log = tmp_path / "log"
-    options = options_for(
-        "neurosnap/FrozenLake-v0",
-        0,
-        agent="planner",
-        target=("tile=goal",),
-        explore=0.5,
-        ticks=40,
-        cells="inline",
-    )
-    asyncio.run(run(RunRequest(options, log), asyncio.Event()))
-    source = open_source(options.source, options.seed)
-    agent = Agent(
-        options.body, options.new_policy(options.new_memory()), options.new_snapshot()
-    )
-    seen, own = source.first(), len(source.sensors)
-    observed, decisions = of_type(log, wire.Observation), []
-    for one in observed:
-        assert seen is not None
-        sensed = unpack(one.bits, len(options.body.sensors))
-        np.testing.assert_array_equal(sensed[:own], seen.bits)
-        assert one.begins == seen.begins
-        assert sensed[own:].any() != one.begins
-        decisions.append(agent.act(seen.bits, seen.begins))
-        seen = source.step(decisions[-1].action)
-    # Nothing would answer the last one.
-    assert of_type(log, wire.Decision)[1:] == decisions[:-1]
-    begins = [one.tick for one in observed if one.begins]
-    assert begins[0] == 1
-    assert len(begins) > 2
-    verdict = verify(log)
-    assert (verdict.same, verdict.complete) == (True, True)
-
-    # A beginning that is not reported is found.
-    later = begins[1]
-    quiet = changing(
-        wire.Observation, lambda m: m.tick == later, lambda _: {"begins": False}
-    )
-    difference = verify(rewritten(log, tmp_path / "changed", quiet)).difference
-    assert f"tick {later}: /observation: " in str(difference)
-    assert "does not follow from the decision" in str(difference)
