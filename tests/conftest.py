@@ -1,4 +1,4 @@
-"""Settings that all tests share, and what no test may leave behind.
+"""Shared test settings, and checks that no test leaves anything running.
 
 After every test none of its threads and tasks is alive, and nothing was logged as an
 error by `zenoh.handlers`, which is where an exception in one of Zenoh's callbacks goes.

@@ -1,4 +1,4 @@
-"""Every error raised on purpose is under one root and names thing, rule and value."""
+"""All errors share one base class and name the object, the rule and the value."""
 
 import functools
 import importlib

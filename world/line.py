@@ -1,4 +1,4 @@
-"""Worlds on a line of places, open or closed to a ring, and how one steps along it."""
+"""Worlds on a line or a ring of places, and the moves in them."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""A record of what followed each action in each state, for imagining."""
+"""Records which states followed each action, for the imagining planner."""
 
 from typing import Final
 

@@ -1,4 +1,4 @@
-"""Plans: their actions, what these lead to, and how a reason names them."""
+"""Plans: lists of actions, their expected results, and their names in reasons."""
 
 import re
 from collections.abc import Sequence

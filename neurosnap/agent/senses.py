@@ -1,4 +1,4 @@
-"""What an agent observes: its world's sensors, its actions, and these in context.
+"""What an agent senses: its world's sensors, its actions, and actions in context.
 
 `Contexts` says which contexts hold in a state, and of which one can tell.
 """

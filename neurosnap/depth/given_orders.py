@@ -1,4 +1,4 @@
-"""Orders from a file of edges, not learned, of up to millions of sensors."""
+"""Orders given as lists of edges, not learned, of up to millions of sensors."""
 
 from dataclasses import dataclass
 from itertools import pairwise

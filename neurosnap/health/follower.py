@@ -1,4 +1,4 @@
-"""Makes steps of observations as they come, and lets a monitor judge them.
+"""Groups observations into steps of ten minutes, and has a monitor judge each.
 
 What it says follows from the observations and their times alone: one that was live, and
 one that reads the recording afterwards, say the same.

@@ -1,4 +1,4 @@
-"""Anomalies in words, and without rules that rest on too little evidence."""
+"""Describes anomalies in words, leaving out rules with too little evidence."""
 
 from collections.abc import Sequence
 

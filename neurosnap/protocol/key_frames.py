@@ -1,4 +1,4 @@
-"""Puts a snapshot into a key-frame, or into one and the bands that follow it."""
+"""Puts a snapshot into a key-frame; a large one into the bands that follow it, too."""
 
 from collections.abc import Iterable, Iterator, Sequence
 

@@ -1,4 +1,4 @@
-"""The last readings of the sensors of a cell or a worker, and its answers from them.
+"""Keeps the last readings of a part's sensors, and answers questions about them.
 
 A cell has no history until it is asked for one: then it says that it lacks it, is
 reminded, and keeps it up from there with its own readings. A part that has missed a

@@ -1,4 +1,4 @@
-"""A question to several parts: asked again until all answer, or given up by name.
+"""A question to several parts, repeated until all answer or the silent are named.
 
 A wave, a question to the histories of cells, and what workers learn are asked, gathered
 and asked again in the same way. They differ in how an answer is checked, and in what

@@ -1,4 +1,4 @@
-"""When a wave has settled: each message carries credit, and all of it is back.
+"""Detects when a wave has settled: all the credit in its messages has come back.
 
 A wave starts with credit 1. Every pulse and every report carries a share, and a cell
 sends on exactly what it got, so the credit in the reports and the credit still under

@@ -1,4 +1,4 @@
-"""Images of an environment, as it draws itself.
+"""Images that an environment renders.
 
 Drawing changes nothing: what is observed is the same without.
 """

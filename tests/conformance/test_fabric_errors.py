@@ -1,4 +1,4 @@
-"""What fails in a fabric comes out of it, and what a hub refuses."""
+"""Failures inside a fabric reach its user, and a hub refuses bad requests."""
 
 import asyncio
 import threading

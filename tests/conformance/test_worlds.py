@@ -1,4 +1,4 @@
-"""One suite for every world: Gymnasium's contract, and fields that tell the truth."""
+"""Tests for every world: Gymnasium's contract, and correct sensor fields."""
 
 import importlib
 import itertools

@@ -1,4 +1,4 @@
-"""Makes what is stored here, where it is to change: ``python -m tests.golden.make``.
+"""Regenerates the stored golden results: ``python -m tests.golden.make``.
 
 Of every kind of run, `meanings` holds what it comes to, and `messages` what the
 coordinator says in it. What differs is replaced and named: look at it with ``git diff``

@@ -1,4 +1,4 @@
-"""What a run came to, as text: one line a tick, free of how messages are laid out.
+"""The result of a run as text, one line per tick, independent of the message format.
 
 Numbers of waves, names of messages and their bytes may change; this may not.
 """

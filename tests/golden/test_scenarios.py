@@ -1,4 +1,4 @@
-"""Every kind of run comes to what it came to, and its coordinator says the same.
+"""Every kind of run gives its stored result, and so does its coordinator.
 
 What is stored is replaced by ``python -m tests.golden.make``, where it is to change.
 """

@@ -1,4 +1,4 @@
-"""Verbs that connect to a hub which is not there, or not yet, or lets nobody in."""
+"""Verbs that connect to a hub that is absent, late or refuses them."""
 
 import asyncio
 import signal

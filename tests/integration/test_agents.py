@@ -1,4 +1,4 @@
-"""A swarm decides as one agent does that has everything in one process."""
+"""A swarm decides the same as an agent in one process."""
 
 import asyncio
 import re

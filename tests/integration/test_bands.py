@@ -1,4 +1,4 @@
-"""Key-frames in bands, of one learner and of shares: written, read, gone on from, lost.
+"""Key-frames in several bands: written, read, resumed from, and lost.
 
 With one learner the coordinator sends the bands; with shares each worker sends its own.
 """

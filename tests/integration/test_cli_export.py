@@ -1,4 +1,4 @@
-"""``neurosnap export`` as people meet it."""
+"""Tests of ``neurosnap export`` from the command line."""
 
 import itertools
 import signal

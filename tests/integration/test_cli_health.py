@@ -1,4 +1,4 @@
-"""``neurosnap health``, as a user has it."""
+"""Tests of ``neurosnap health`` from the command line."""
 
 import asyncio
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""``neurosnap learn``, and the table of what a run learned, as a user has them."""
+"""Tests of ``neurosnap learn`` and its table from the command line."""
 
 import csv
 from pathlib import Path

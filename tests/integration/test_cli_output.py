@@ -1,4 +1,4 @@
-"""Printed output fits any terminal, and ends quietly when its reader does."""
+"""Printed output fits any terminal and stops quietly when the pipe is closed."""
 
 import io
 import json

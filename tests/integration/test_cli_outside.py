@@ -1,4 +1,4 @@
-"""``neurosnap run`` on what comes from outside: a pipe, and a program with Zenoh."""
+"""``neurosnap run`` with readings from a pipe and from a Zenoh program."""
 
 import json
 import signal

@@ -1,4 +1,4 @@
-"""`neurosnap topics` at a real Mosquitto, and the file that it writes."""
+"""``neurosnap topics`` against a real Mosquitto broker, and the file it writes."""
 
 import json
 import signal

@@ -1,4 +1,4 @@
-"""The verbs of a run and of its recording, from one end to the other."""
+"""End-to-end tests of the verbs that run a swarm and read its recording."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""The threshold that fits: the same in Python and in a run, and the better one."""
+"""The default threshold is the same in Python and in a run, and beats the other."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""A run goes on when parts die, here or on another host, and comes to the same."""
+"""A run continues when parts die, here or on another host, with the same result."""
 
 import asyncio
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What becomes of the files of a run that goes on when a part of it dies."""
+"""The files of a run that is restarted after a part dies."""
 
 import asyncio
 import signal

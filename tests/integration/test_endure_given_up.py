@@ -1,4 +1,4 @@
-"""A run that dies too often is given up, and a world that hangs is one that died."""
+"""A run that dies too often is abandoned; a hung world counts as dead."""
 
 import asyncio
 import contextlib

@@ -1,4 +1,4 @@
-"""Images of an environment in a recording: all there, readable, changing nothing."""
+"""Images in a recording are complete and readable, and do not affect the run."""
 
 import base64
 import io

@@ -1,4 +1,4 @@
-"""Agents that grow sensors in worlds where no single sensation says what happens."""
+"""Agents grow sensors in worlds where one sensor alone does not predict the outcome."""
 
 import functools
 from copy import deepcopy

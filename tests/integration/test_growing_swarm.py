@@ -1,4 +1,4 @@
-"""Swarms whose sensors are grown while they run: the same, whatever happens to them."""
+"""Swarms that grow sensors while running give the same result despite failures."""
 
 import asyncio
 import re

@@ -1,4 +1,4 @@
-"""A swarm over two hosts, as its page says it; here both are on loopback."""
+"""A swarm over two hosts, set up as in the docs, with both on loopback."""
 
 import re
 import shlex

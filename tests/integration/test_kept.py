@@ -1,4 +1,4 @@
-"""Readings outlive the swarm they are for, and a damaged recording is kept."""
+"""Readings survive the end of their swarm, and a damaged recording is kept."""
 
 import asyncio
 import json

@@ -1,4 +1,4 @@
-"""Messages that are too large do not arrive, and what has to be large arrives."""
+"""Oversized messages are rejected; large key-frames arrive."""
 
 import os
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What a part may do at its own hub is all it may do at those linked to it."""
+"""A part may do at linked hubs exactly what it may do at its own."""
 
 import asyncio
 import secrets

@@ -1,4 +1,4 @@
-"""``neurosnap run`` on a broker: it learns, predicts, objects, acts, and stays up."""
+"""``neurosnap run`` on an MQTT broker: learning, anomalies, actions and uptime."""
 
 import asyncio
 import json

@@ -1,4 +1,4 @@
-"""A run whose hub listens to the network: with keys, on loopback, or not at all."""
+"""A hub listens to the network only with keys; otherwise only on loopback."""
 
 import socket
 from pathlib import Path

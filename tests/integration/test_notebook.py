@@ -1,4 +1,4 @@
-"""The notebooks run from top to bottom, and print what they show."""
+"""All notebooks run, and their output equals the stored output."""
 
 import contextlib
 import io

@@ -1,4 +1,4 @@
-"""Sources outside, for real: programs with stock Zenoh."""
+"""External sources, using programs with stock Zenoh."""
 
 import json
 import signal

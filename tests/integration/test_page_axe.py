@@ -1,4 +1,4 @@
-"""The page is for every eye and every screen: axe over all of its states.
+"""The page is accessible in all its states (checked with axe).
 
 The states are those that the documentation shows, and some that no picture has.
 """

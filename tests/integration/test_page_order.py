@@ -1,4 +1,4 @@
-"""The learned order on the page: what is drawn, looked at, and said of it."""
+"""The learned order on the page: drawing, focus and descriptions."""
 
 from pathlib import Path
 from typing import Any

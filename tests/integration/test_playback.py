@@ -1,4 +1,4 @@
-"""A recording played back over Zenoh, as somebody who watches hears it."""
+"""A recording played back over Zenoh, as a subscriber receives it."""
 
 import asyncio
 from collections.abc import AsyncIterator

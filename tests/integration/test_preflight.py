@@ -1,4 +1,4 @@
-"""What a verb lacks is said before it starts anything; what it can do, it does."""
+"""A verb reports missing requirements before it starts anything."""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""Parts on a Ray cluster of three nodes come to what processes come to."""
+"""Parts on a three-node Ray cluster give the same result as processes."""
 
 import asyncio
 import os

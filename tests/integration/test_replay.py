@@ -1,4 +1,4 @@
-"""A recorded run derived again: the same, or where it was changed, lost or cut."""
+"""A replay reproduces a recorded run, or reports where it was changed or cut."""
 
 import itertools
 import random

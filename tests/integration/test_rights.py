@@ -1,4 +1,4 @@
-"""Who has a certificate does what its role may, speaks for itself, and nothing else.
+"""A certificate grants exactly the permissions of its role.
 
 An intruder is let in, hears what its certificate may hear, and knows the protocol. It
 tries alone, or strikes while a run is under way.

@@ -1,4 +1,4 @@
-"""Swarms compute the same in processes, in workers and inline, and what is right."""
+"""Swarms give the same, correct result in processes, in workers and inline."""
 
 import random
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""How runs end: in order when a signal asks for it, or naming the part that failed."""
+"""Runs end in order on a signal, or with an error that names the failed part."""
 
 import asyncio
 import contextlib

@@ -1,4 +1,4 @@
-"""The reward of a step as a sensor, and as what an agent is after."""
+"""The reward of a step as a sensor and as the agent's target."""
 
 from typing import Any
 

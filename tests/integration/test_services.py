@@ -1,4 +1,4 @@
-"""A swarm each part of which is a service, started apart with no more than its id."""
+"""A swarm whose parts are separate services that know only its id."""
 
 import shutil
 import signal

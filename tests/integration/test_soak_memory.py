@@ -1,4 +1,4 @@
-"""A run may last: its memory does not grow, and its recording comes in files."""
+"""In a long run memory stays constant and the recording is split into files."""
 
 import asyncio
 import json

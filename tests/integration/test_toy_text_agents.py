@@ -1,4 +1,4 @@
-"""Agents in Gymnasium's toy texts: what they learn is true, and where they get to."""
+"""Agents in Gymnasium's toy texts learn true relations and reach their targets."""
 
 from collections import Counter
 from itertools import pairwise

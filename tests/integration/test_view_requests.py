@@ -1,4 +1,4 @@
-"""The server of the page as a browser and a stranger meet it."""
+"""The page's server, with a browser and with unauthorised clients."""
 
 import asyncio
 import os

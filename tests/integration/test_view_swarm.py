@@ -1,4 +1,4 @@
-"""A real swarm, in processes of its own, as a browser meets it while it runs."""
+"""A real swarm of processes, viewed in a browser while it runs."""
 
 import asyncio
 import json

@@ -1,4 +1,4 @@
-"""`neurosnap view` as a person at a terminal meets it, also while a swarm runs."""
+"""``neurosnap view`` from the command line, also while a swarm runs."""
 
 import asyncio
 import shutil

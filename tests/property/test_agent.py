@@ -1,4 +1,4 @@
-"""Agents equal their definitions, whatever the world, the relation and the state."""
+"""Agents behave as a reference implementation, in random worlds."""
 
 import pytest
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""Thresholds that choose themselves: what the definition says, and what stays true."""
+"""Automatic thresholds match their definition, and what they derive is an order."""
 
 from fractions import Fraction
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""A snapshot that was cut into bands is the one that they make, and nothing else is."""
+"""The bands of a snapshot join to the same snapshot; anything else is refused."""
 
 import random
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Descriptions of runs: what is written is read, and what is wrong is found."""
+"""Run descriptions are parsed correctly, and their errors are found."""
 
 import re
 import tempfile

@@ -1,4 +1,4 @@
-"""Contradictions and covers equal what trying every subset finds."""
+"""Contradictions and covers equal those found by brute force."""
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations, pairwise

@@ -1,4 +1,4 @@
-"""Whole swarms in simulation, with everything that can happen to them.
+"""Whole swarms in simulation, with all kinds of failures.
 
 What a schedule is, and what must come of it, is in `tools.simulate.case`; a failure
 names the seed, and ``tools/simulate --only SEED`` repeats it.

@@ -1,4 +1,4 @@
-"""Graphs equal their definitions, whatever the implications."""
+"""Graphs match a reference implementation on random implications."""
 
 import numpy as np
 import pytest

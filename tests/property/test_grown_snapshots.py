@@ -1,4 +1,4 @@
-"""A grown sensor has the weights that a history gives it; the others keep theirs."""
+"""A grown sensor gets its weights from history; other weights do not change."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""Learning that puts off what changes no code is the same bits as one that does not.
+"""Lazy learning gives the same bits as eager learning.
 
 The other side judges every pair at every observation: `Eager`.
 """

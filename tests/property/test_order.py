@@ -1,4 +1,4 @@
-"""What is wired is what follows from the relation, however the relation got there."""
+"""The cells' wiring always matches the learned relation."""
 
 from collections.abc import Iterator
 

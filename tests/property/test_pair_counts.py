@@ -1,4 +1,4 @@
-"""Counts of ticks and occasions, columns, and a fitted snapshot, tick by tick."""
+"""Counts, columns and fitted snapshots agree tick by tick."""
 
 import itertools
 from typing import TypeAlias

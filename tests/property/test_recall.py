@@ -1,4 +1,4 @@
-"""What cells answer from their own histories is what one history of all would say."""
+"""Cells' own histories give the same answers as one shared history."""
 
 from collections.abc import Sequence
 

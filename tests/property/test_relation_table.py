@@ -1,4 +1,4 @@
-"""The table says of each relation what going through the rows by hand says."""
+"""The table of relations equals one computed row by row."""
 
 import numpy as np
 import pytest

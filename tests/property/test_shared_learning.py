@@ -1,4 +1,4 @@
-"""Several snapshots that share the pairs are together what one that has all is."""
+"""Snapshots that share the pairs equal one that has them all."""
 
 from itertools import pairwise
 

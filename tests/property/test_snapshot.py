@@ -1,4 +1,4 @@
-"""Snapshots equal their definitions, whatever is observed."""
+"""Snapshots match a reference implementation on random observations."""
 
 from fractions import Fraction
 

@@ -1,4 +1,4 @@
-"""What the paper proves of snapshots, on all that its definitions allow."""
+"""The paper's statements on snapshots, tested on random input."""
 
 import itertools
 

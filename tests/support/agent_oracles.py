@@ -1,4 +1,4 @@
-"""What an agent senses, believes and decides, in plain loops over plain sets.
+"""A reference agent, written with plain loops and sets.
 
 Nothing here uses the code under test but `Body`, as a record of who has which sensors,
 and `PocGraph`, to hand relations over. Literals are ints, a relation is the set of its

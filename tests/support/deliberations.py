@@ -1,4 +1,4 @@
-"""Policies that are answered by hand, or by a graph."""
+"""Test policies whose questions are answered by fixed values or by a graph."""
 
 from collections.abc import Callable, Sequence
 

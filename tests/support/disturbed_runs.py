@@ -1,4 +1,4 @@
-"""Runs of which parts are killed, and go on."""
+"""Runs that continue after parts are killed."""
 
 import asyncio
 import contextlib

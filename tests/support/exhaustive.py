@@ -1,4 +1,4 @@
-"""Rows of a test of which `make test` runs some, and `make test-all` all."""
+"""Marks the rows of a test that only `make test-all` runs."""
 
 from collections.abc import Iterable
 from typing import Any

@@ -1,4 +1,4 @@
-"""Ends of swarms over memory and over Zenoh, and handlers that wait."""
+"""Parts' ends of a swarm on both fabrics, and handlers that can wait."""
 
 import asyncio
 import secrets

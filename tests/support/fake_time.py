@@ -1,4 +1,4 @@
-"""Time that passes only during a wait, and a condition that shows its waits."""
+"""A fake clock that advances only in waits, and a condition that counts waiters."""
 
 import threading
 from collections.abc import Callable

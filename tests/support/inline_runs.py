@@ -1,4 +1,4 @@
-"""Runs each part of which is a task of this process, workers included."""
+"""Runs in which every part is a task of this process."""
 
 import asyncio
 import random

@@ -1,4 +1,4 @@
-"""Attempts of a cell with a valid certificate that its role does not allow."""
+"""Forbidden actions tried by a cell with a valid certificate."""
 
 from neurosnap import wire
 from tests.support.fabrics import Seen

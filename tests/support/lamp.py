@@ -1,4 +1,4 @@
-"""Runs of the lamp, in which two sensations together say what an action does."""
+"""Runs of the lamp world, where two sensors together determine an action's effect."""
 
 from typing import Any
 

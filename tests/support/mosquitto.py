@@ -1,4 +1,4 @@
-"""A real Mosquitto, which every test starts for itself, and others on it."""
+"""A Mosquitto broker started per test, and its clients."""
 
 import subprocess
 from collections.abc import AsyncIterator, Iterator

@@ -1,4 +1,4 @@
-"""The definitions in plain loops, slow and without a thought for speed.
+"""Slow reference implementations in plain loops.
 
 Nothing here uses the code under test. Literals are ints, sets are sets, a relation is
 the set of its edges; ``n`` is the number of literals.

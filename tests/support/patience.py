@@ -1,4 +1,4 @@
-"""How long a test waits for what must come: a net for hangs, no measure of speed."""
+"""Timeouts of the tests, which only catch hangs."""
 
 PATIENCE = 240.0
 """Seconds; many times what the slowest wait takes on one busy core."""

@@ -1,4 +1,4 @@
-"""Readings in which relations are planted, and what is true of them.
+"""Readings with planted relations, and the ground truth.
 
 Chains are bins of one value, exclusions its two ends; a near copy shows what another
 sensor shows. Each bit is then flipped with a small chance, copies on their own.

@@ -1,4 +1,4 @@
-"""Runs played from their options on, and what their recordings say."""
+"""Runs started from their options, and the contents of their recordings."""
 
 import asyncio
 import random

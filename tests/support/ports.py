@@ -1,4 +1,4 @@
-"""Ports that stay free between a test's asking and its hub's listening.
+"""Reserves free ports for the hubs of tests.
 
 A port that the system calls free now may be anybody's a moment later, and several
 processes run tests at once. So each holds a block of ports, below those that the

@@ -1,4 +1,4 @@
-"""Prepares the fork server of the tests: compiled code, and what orphans cost.
+"""Starts the tests' fork server with compiled code loaded.
 
 Each coordinator, worker and reader of recordings would load the compiled code anew:
 half a second of work, in hundreds of swarms.

@@ -1,4 +1,4 @@
-"""Runs of a path and of readings with exceptions, to be derived again."""
+"""Recorded runs for replay tests: a path world, and readings with exceptions."""
 
 import random
 from collections.abc import Iterable, Sequence

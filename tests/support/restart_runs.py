@@ -1,4 +1,4 @@
-"""A short walk along a path, and the files that are left of one."""
+"""A short walk along a path, and the files it leaves."""
 
 from pathlib import Path
 

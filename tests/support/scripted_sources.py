@@ -1,4 +1,4 @@
-"""Sources that show what a test has written down."""
+"""Sources that return readings given by the test."""
 
 import threading
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""A link between hubs that takes its time, and can be cut.
+"""A slow link between hubs, which can be cut.
 
 It stands between two ends of a TCP connection. What it holds back is delivered in
 order when its time has come; what is lost on a real network is sent again by TCP, so

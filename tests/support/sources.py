@@ -1,4 +1,4 @@
-"""Files of readings, and what sources show."""
+"""Files of readings, and the observations that sources make of them."""
 
 from collections.abc import Iterator
 from pathlib import Path

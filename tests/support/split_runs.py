@@ -1,4 +1,4 @@
-"""A run of three sensors, and how it comes into several files."""
+"""A run of three sensors, recorded in several files."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path

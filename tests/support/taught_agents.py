@@ -1,4 +1,4 @@
-"""Agents after a random walk in a world of toy text, and where they go from a place."""
+"""Trains agents by a random walk in a toy-text world, and returns their paths."""
 
 import functools
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""What hypothesis draws of poc sets, together with what they were drawn from."""
+"""Hypothesis strategies for poc sets and their generating implications."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What starts waves, the shares of credit in them, and numbers as bytes."""
+"""Starting literals of waves, shares of credit, and numbers as bytes."""
 
 from fractions import Fraction
 

@@ -1,4 +1,4 @@
-"""Every message comes back as it went, and nothing else comes through."""
+"""Every message survives encoding and decoding; invalid ones are refused."""
 
 from collections.abc import Callable
 from typing import Any

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Measure the speeds that docs/measurements.md tells, all in one run.
+"""Measures the speeds in docs/measurements.md, all in one run.
 
 Two sides of a comparison are measured in turns, everything is warm before the clock
 starts, and the best of the repeats or the median counts: what else runs on the machine

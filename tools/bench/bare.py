@@ -1,4 +1,4 @@
-"""What Zenoh alone can do on this machine: the bare side of the bench.
+"""Measures Zenoh alone on this machine, for comparison.
 
 A program of its own, so that its fork server has nothing loaded but Zenoh and what
 comes with Python, and its processes hold nothing else. Prints one JSON object.

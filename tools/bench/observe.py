@@ -1,4 +1,4 @@
-"""Rows on one process: an observation of each kind of snapshot, and a decision."""
+"""Measures one process: an observation by each kind of snapshot, and a decision."""
 
 import statistics
 import time

@@ -1,4 +1,4 @@
-"""Rows on the page, drawn without a graphics card: playing, and seeking a far tick."""
+"""Measures the page without a graphics card: playing, and seeking a far tick."""
 
 import asyncio
 import random

@@ -1,4 +1,4 @@
-"""Rows on whole runs: what recording costs, how fast verify is, kinds of cells."""
+"""Measures whole runs: the cost of recording, of verifying, of each kind of cells."""
 
 import asyncio
 import tempfile

@@ -1,4 +1,4 @@
-"""Rows on what a tick costs each part, and a model of it: docs/scale.md rests on them.
+"""Measures what a tick costs each part, and fits the model in docs/scale.md.
 
 A walker on a line is recorded, with its cells in workers. What is measured is processor
 time: unlike seconds it adds up, and what else runs on the machine hardly changes it. A

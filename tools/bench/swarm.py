@@ -1,4 +1,4 @@
-"""Rows on the swarm itself: coming up, and a hop."""
+"""Measures a swarm: its start, and the time per hop."""
 
 import json
 import multiprocessing

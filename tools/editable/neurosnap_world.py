@@ -1,4 +1,4 @@
-"""The worlds of a checkout, under the name that they have in a wheel."""
+"""Makes the worlds of a checkout importable under their installed name."""
 
 import sys
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Hostile input for everything that reads what others wrote; exit code 1 on a failure.
+"""Fuzzes everything that reads external input; exit code 1 on a failure.
 
     tools/fuzz [--inputs 1000000] [--seed 1] [--minutes 15]
                   [--only decode,cell,worker,coordinator,recording,disk]

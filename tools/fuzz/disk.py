@@ -1,4 +1,4 @@
-"""Recordings damaged in every way a disk damages them: no wrong datum comes of it.
+"""Damages recordings as disks do, and checks that nothing wrong is read from them.
 
 A recorded run is cut, or gets one flipped bit, a block of zeros, or a tail of zeros; as
 a finished file, one that still grows, and one of several files. Nothing crashes, every

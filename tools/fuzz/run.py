@@ -1,4 +1,4 @@
-"""The honest run: what hostile input is made of, and what it is told from.
+"""The valid run that hostile input is made from and compared with.
 
 A small swarm in memory, a function of nothing: each run says the same in the same
 order, and its recording has the same bytes.

@@ -1,4 +1,4 @@
-"""What is fuzzed, and what must hold of it: no input does harm.
+"""The targets of fuzzing, and the rule each must keep.
 
 What a target says can be read by others and comes soon; and next to a twin that got the
 honest input alone, a core that was given what it rejects goes on saying the same.

@@ -1,4 +1,4 @@
-"""Figure 7: what growing sensors and planning by imagined waves are good for.
+"""Figure 7: the benefit of growing sensors and of planning by imagined waves.
 
 The paper has no such experiment: it names both as future work. In each world several
 learners explore for equally many steps; then they are sent on the same journeys.

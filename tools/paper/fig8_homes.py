@@ -1,4 +1,4 @@
-"""Figure 8: broken sensors in recorded homes, and who finds them.
+"""Figure 8: broken sensors in recorded homes, and which methods find them.
 
 The paper has no such experiment. Faults are put into recordings of lived-in homes; the
 health monitor stands beside simple baselines that were learned from the same past.

@@ -1,4 +1,4 @@
-"""The interface of a figure: its table entries, and what is made of their rows.
+"""The interface of a figure: its table entries, and how their rows are drawn.
 
 To add one, write a module with a `Figure` and put it into `tools.paper.run.FIGURES`.
 """

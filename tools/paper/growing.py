@@ -1,4 +1,4 @@
-"""Growth and imagining side by side with what lacks one of them, and with tables."""
+"""Compares growth and imagining with agents that lack one, and with table learners."""
 
 from collections.abc import Iterator
 from typing import Literal, TypeAlias, TypeVar

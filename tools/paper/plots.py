@@ -1,4 +1,4 @@
-"""Draws curves: a panel a setting, values on a logarithmic scale that begins with 0."""
+"""Draws curves: one panel per setting, values on a logarithmic scale from 0."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

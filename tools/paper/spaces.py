@@ -1,4 +1,4 @@
-"""The model spaces of the paper as poc sets: what tests hold its theorems against.
+"""The paper's model spaces as poc sets, used to test its theorems.
 
 Where the paper's text and its figure disagree the figure is followed; the docstring
 says so. Sizes are the figures' where those are known.

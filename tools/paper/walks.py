@@ -1,4 +1,4 @@
-"""The four settings of the paper, random walks through them, and what is true there.
+"""The paper's four settings, random walks in them, and their true relations.
 
 A walk is a function of the seed, the setting and the number of the run. All learners
 are shown the same walks, so what differs between them is not luck.

@@ -1,4 +1,4 @@
-"""The recordings that pictures of the page are taken of: each the same every time."""
+"""Reproducible recordings for the pictures of the page."""
 
 import csv
 import random

@@ -1,4 +1,4 @@
-"""What the pictures show: states of the page, each with the way to it."""
+"""The states of the page to take pictures of, and how to reach each."""
 
 from collections.abc import Awaitable, Callable
 from typing import NamedTuple, TypeAlias

@@ -1,4 +1,4 @@
-"""One schedule: a run, what happens to it, and what must come of it.
+"""One simulated case: a run, its faults, and its expected result.
 
 A schedule is a function of its seed alone. Supervision is one for all, as in
 `neurosnap.runtime.run`: when a life of the swarm ends before its time, the next

@@ -1,4 +1,4 @@
-"""What a simulated run must come to: computed in process, and held against the file.
+"""The expected result of a simulated run, compared with its recording.
 
 Nothing here knows of waves: the state is what the snapshot says, an answer is what is
 above in the learned order, and the wirings are added up as they come.

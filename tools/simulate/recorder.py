@@ -1,4 +1,4 @@
-"""The recorder of a simulated swarm: real files, without a clock to flush them by."""
+"""The recorder of a simulated swarm: real files, flushed without a clock."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager

@@ -1,4 +1,4 @@
-"""The source of a simulated run: of some runs, not all readings are known."""
+"""The source of a simulated run; some runs have unknown readings."""
 
 import random
 

@@ -1,4 +1,4 @@
-"""What may happen to a simulated swarm, and what did."""
+"""The faults that may happen to a simulated swarm, and those that did."""
 
 import random
 

@@ -1,4 +1,4 @@
-"""Kills parts of a running swarm, and counts the ticks that costs."""
+"""Kills parts of a running swarm, and counts the ticks lost."""
 
 import asyncio
 import random

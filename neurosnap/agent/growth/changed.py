@@ -1,4 +1,4 @@
-"""The news that a sensor was grown, or retired."""
+"""A sensor that was grown, or retired, as users are told of it."""
 
 import msgspec
 

@@ -1,4 +1,4 @@
-"""Finds the contexts in which an action guarantees more than is known: new sensors.
+"""Finds contexts in which an action has a reliable effect: the sensors to grow.
 
 Something came that the action taken did not guarantee. The *counterexamples* are the
 ticks at which the same action was taken and the opposite came. A *cover* is a set of

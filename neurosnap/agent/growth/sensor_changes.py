@@ -1,4 +1,4 @@
-"""Grown and retired sensors: as a decision names them, applied to a snapshot.
+"""Applies the growth and retirement of sensors, as a decision says it, to a snapshot.
 
 A decision carries all it takes, so that a reader of a run learns of a birth what
 the run did, without its history.

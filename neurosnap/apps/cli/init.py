@@ -1,4 +1,4 @@
-"""``neurosnap init`` and ``check``: the files that a swarm begins with."""
+"""``neurosnap init`` and ``check``: make and check the files that describe a swarm."""
 
 import asyncio
 from collections.abc import Iterator, Mapping, Sequence

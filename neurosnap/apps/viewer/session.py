@@ -1,4 +1,4 @@
-"""A recording opened for viewing, shared by concurrent requests, which may still grow.
+"""A recording opened for viewing and shared by requests; it may still be growing.
 
 A view of the run is used by one thread at a time and may take a while to answer: others
 wait meanwhile, and the event loop does not. A recording that is being written is looked

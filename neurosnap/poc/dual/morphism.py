@@ -1,4 +1,4 @@
-"""Maps between sets of sensors that preserve implications, and the maps of states.
+"""Maps between sets of sensors that preserve implications, and what they do to states.
 
 A morphism keeps order, complement and minimum. It is given by where it sends each
 sensor; complements and bounds follow, so the only thing that can be wrong is the

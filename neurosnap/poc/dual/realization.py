@@ -1,4 +1,4 @@
-"""Readings of sensors at each point of a space, and the states that points show.
+"""Readings of sensors at each point of a space, and the states that occur there.
 
 Every point shows one complete *-selection. Those that are coherent are the vertices
 of the model space that can be met with; the others exist only in the model, and

@@ -1,4 +1,4 @@
-"""A table of readings as bits: a column a sensor, a bit a tick.
+"""A table of readings as bits: one column per sensor, one bit per tick.
 
 Two bits are kept of a reading, for it may be on, off or unknown: 2,000 sensors and
 100,000 ticks take 50 MB.

@@ -1,4 +1,4 @@
-"""Compiled loops that count pairs, and judge a pair only where its code may change.
+"""Compiled loops that count pairs of sensors, and judge those that may have changed.
 
 Most pairs cannot change their code for many observations to come. These are left alone,
 and codes, dates and graph are after every observation as if all had been judged.

@@ -1,4 +1,4 @@
-"""All kinds of snapshots; imported by readers of files of any kind."""
+"""Imports all kinds of snapshots, so that a file of any kind can be read."""
 
 from neurosnap.poc.learning.discounted import DiscountedSnapshot
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot

@@ -1,4 +1,4 @@
-"""Decides which relations between two sensors readings support, allowing for noise.
+"""Decides which relations between two sensors the readings support, despite noise.
 
 The threshold of a snapshot asks how small the weight against an implication is. Rare
 sensors pass it by chance, and noisy ones do not. The rule here asks three things of

@@ -1,4 +1,4 @@
-"""The points where each sensor is on, and which of these fields contain others."""
+"""The field of each sensor (the points where it is on), and which contain others."""
 
 from collections.abc import Iterable
 

@@ -1,4 +1,4 @@
-"""The order "implies" on sensors and their complements; complements reverse it.
+"""The order of implication on sensors and their complements.
 
 The elements of a poc set on ``N`` sensors are its ``2N`` literals and two more: the
 minimum, number ``2N``, and the maximum, number ``2N + 1``, so that ``^ 1`` is the

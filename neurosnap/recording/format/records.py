@@ -1,4 +1,4 @@
-"""MCAP records: their structure, a walk from one to the next, errors that name places.
+"""The records of an MCAP file: their structure, iteration, and errors with places.
 
 The records in a chunk are walked in `neurosnap.recording.format.chunks`, compiled.
 """

@@ -1,4 +1,4 @@
-"""Derives a run again from its observations and reports, and compares.
+"""Derives a run again from its observations, and compares it with the recording.
 
 The coordinator's core is a pure function of what it was given. A replay gives it the
 recorded observations and the cells' recorded reports, and demands that it says, byte

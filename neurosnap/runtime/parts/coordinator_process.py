@@ -1,4 +1,4 @@
-"""The coordinator process: the description of the run that it gives, and its result.
+"""The coordinator process: describes the run to other parts, and reports its result.
 
 Parts that join get the description. So a part on another machine needs only the address
 of the hub and the id of the swarm, and no two parts can disagree about the run.

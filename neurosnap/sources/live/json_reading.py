@@ -1,4 +1,4 @@
-r"""The JSON object in which programs send readings, on every way in.
+r"""The JSON format of readings, the same for all inputs.
 
 A single reading, which replaces the latest of its sensor::
 

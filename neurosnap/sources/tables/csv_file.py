@@ -1,4 +1,4 @@
-"""Reads tables, a column a sensor and a row a tick: CSV files and others.
+"""Reads tables with one column per sensor and one row per tick, such as CSV files.
 
 Cells are 0 and 1, false and true, off and on, or say that nothing is known. A file is
 read as it is gone through, and never held in memory.

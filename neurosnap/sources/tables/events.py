@@ -1,4 +1,4 @@
-"""Turns events, a sensor's new value each, into readings: a tick for each change.
+"""Turns events (one sensor's new value) into readings, one tick per change.
 
 What happens at the same time is one tick, unless a sensor changes twice. Between its
 events a sensor reads what it read last. Events that change nothing are no ticks.

@@ -1,4 +1,4 @@
-"""Opens a file of readings, of whatever kind it is; also as a source."""
+"""Opens a file of readings in any supported format, as a table or as a source."""
 
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What can be done and what it guarantees, beside what tests/property says of both."""
+"""Available actions and their guaranteed effects."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The agent in one process: what it takes, what it tells, and what it learns to do."""
+"""The agent in one process: its inputs, its outputs and its learning."""
 
 import re
 from typing import Any

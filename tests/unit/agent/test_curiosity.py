@@ -1,4 +1,4 @@
-"""What is tried in order to learn, among what was imagined."""
+"""Exploration picks an action among the imagined ones."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""Environments: what they say of themselves, and agents that act in them."""
+"""Environments: their descriptions, and agents that act in them."""
 
 import dataclasses
 import re

@@ -1,4 +1,4 @@
-"""What is remembered of places: ends, what was tried, and what is left to chance."""
+"""The agent's memory of places: episode ends and tried actions."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""What an agent knows besides its snapshot, saved and taken up again."""
+"""Saves and loads what an agent knows besides its snapshot."""
 
 import numpy as np
 import pytest

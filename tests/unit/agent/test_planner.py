@@ -1,4 +1,4 @@
-"""The greedy planner on small relations, and where it remembers what led nowhere."""
+"""The greedy planner on small relations, and its memory of failed actions."""
 
 import re
 from collections import Counter

@@ -1,4 +1,4 @@
-"""The policies by name: the walker, the excited agent, and what goes with which."""
+"""The policies by name, and their valid combinations."""
 
 from collections import Counter
 from typing import Any

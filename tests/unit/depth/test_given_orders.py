@@ -1,4 +1,4 @@
-"""Orders as lists of edges, against the same orders worked out otherwise."""
+"""Orders from edge lists equal those computed by another method."""
 
 import numpy as np
 import pytest

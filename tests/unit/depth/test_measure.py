@@ -1,4 +1,4 @@
-"""Depth against height: what is fitted, written, drawn, and how a probe measures it."""
+"""Depth against height: the fit, its output files, and the probe."""
 
 import asyncio
 import csv

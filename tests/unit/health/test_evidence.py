@@ -1,4 +1,4 @@
-"""Evidence is followed as its definition has it, and its tails are distributions."""
+"""Evidence matches its definition, and its tail probabilities are valid."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""A follower makes the steps that intervals make, and says what it did not hear."""
+"""A follower builds the right steps and reports missing observations."""
 
 import numpy as np
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""When evidence began, and when a sensor is well again: step by step, by hand."""
+"""Start of evidence and recovery of a sensor, checked by hand."""
 
 import numpy as np
 import pytest

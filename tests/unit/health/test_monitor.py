@@ -1,4 +1,4 @@
-"""The monitor finds planted faults, and is quiet without."""
+"""The monitor finds planted faults and raises no alarms without them."""
 
 import functools
 import math

@@ -1,4 +1,4 @@
-"""What is new about the sensors of a home, from one standing to the next."""
+"""Changes in the state of a home's sensors between two reports."""
 
 from neurosnap.health.alarm import Alarm, AlarmProgress, Newsreader, Standing, news
 

@@ -1,4 +1,4 @@
-"""A detector finds what breaks what was believed, since when, and what is to blame."""
+"""A detector finds observations that contradict the model, and names suspects."""
 
 import numpy as np
 import pytest

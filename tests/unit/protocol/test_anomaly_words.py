@@ -1,4 +1,4 @@
-"""Anomalies in words, and without what rests on too little."""
+"""Anomalies are described in words, leaving out weak rules."""
 
 import msgspec
 import pytest

@@ -1,4 +1,4 @@
-"""What a cell refuses: what cannot be right, and more than it has room for."""
+"""A cell refuses invalid and oversized messages."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""The coordinator's core, with cells at hand that answer at once and in order."""
+"""The coordinator's core, with simulated cells that answer at once and in order."""
 
 import numpy as np
 

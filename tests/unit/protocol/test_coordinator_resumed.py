@@ -1,4 +1,4 @@
-"""A core made of a key-frame says what the one that said it goes on to say."""
+"""A core restored from a key-frame behaves as the original."""
 
 import random
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What is asked of several parts, until all have answered or it is given up."""
+"""A question to several parts is repeated until all answer, or given up."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What cells and workers are told of their edges, and by which they may report."""
+"""The edges sent to cells and workers, and the reports they allow."""
 
 import pytest
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""When a wave has settled, in whatever order reports come, and what it refuses."""
+"""Detects a settled wave for any order of reports, and rejects invalid ones."""
 
 import random
 from collections.abc import Sequence

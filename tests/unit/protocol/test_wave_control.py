@@ -1,4 +1,4 @@
-"""What the conductor tells the cells, and how it counts waves in."""
+"""The conductor's messages to the cells, and its count of returned waves."""
 
 import numpy as np
 import pytest

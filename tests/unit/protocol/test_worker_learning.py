@@ -1,4 +1,4 @@
-"""Learning in a worker: what it learns, says again, refuses, and begins with."""
+"""Learning in a worker: results, repeated answers, refusals and initial state."""
 
 import msgspec
 import pytest

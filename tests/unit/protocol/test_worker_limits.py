@@ -1,4 +1,4 @@
-"""What a worker refuses: what cannot be right, and more than it has room for."""
+"""A worker refuses invalid and oversized messages."""
 
 import msgspec
 import pytest

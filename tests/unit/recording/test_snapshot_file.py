@@ -1,4 +1,4 @@
-"""A snapshot's file: the same bytes, whole or not at all, and nothing foreign."""
+"""Snapshot files are reproducible and written atomically; other files are refused."""
 
 import errno
 import os

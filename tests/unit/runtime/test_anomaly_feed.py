@@ -1,4 +1,4 @@
-"""Whoever looks on at a swarm bears whatever comes."""
+"""An observer of a swarm tolerates any message."""
 
 import asyncio
 from typing import Any, Self

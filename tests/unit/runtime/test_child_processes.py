@@ -1,4 +1,4 @@
-"""What a child says to its parent arrives whole, and it ends with its server."""
+"""A child's reports reach its parent complete, and the child ends with its server."""
 
 import multiprocessing
 import subprocess

@@ -1,4 +1,4 @@
-"""A run that does not fit this machine is refused, with the number that does."""
+"""A run too large for this machine is refused, with the largest size that fits."""
 
 import os
 import resource

@@ -1,4 +1,4 @@
-"""Lists of numbers, as those who start some cells give them."""
+"""Lists of numbers on the command line, such as the cells to start."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What becomes of a run's files when it goes on: no tick is ever deleted."""
+"""The files of a restarted run keep every tick."""
 
 import asyncio
 from pathlib import Path

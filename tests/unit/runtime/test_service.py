@@ -1,4 +1,4 @@
-"""What a coordinator tells of a run, and how a service knows the way a run ended."""
+"""A coordinator's description of a run, and how services learn its outcome."""
 
 import asyncio
 

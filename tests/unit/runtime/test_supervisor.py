@@ -1,4 +1,4 @@
-"""Nothing outlives a supervisor, and what parts report is passed on."""
+"""A supervisor ends all parts with itself and forwards their reports."""
 
 import asyncio
 import os

@@ -1,4 +1,4 @@
-"""Images of an environment: what it draws, and what is refused before a run starts."""
+"""Images of an environment, and settings refused before a run starts."""
 
 import io
 import re

@@ -1,4 +1,4 @@
-"""Files of readings as sources, and what is refused of them."""
+"""Files of readings as sources, and invalid files."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Environments as sources: the paper's worlds, others, and what is refused of them."""
+"""Environments as sources: the paper's worlds, others, and invalid ones."""
 
 import contextlib
 import logging

@@ -1,4 +1,4 @@
-"""A source is opened by its name, and a live one says what it lacks."""
+"""Sources are opened by name; a live one reports missing options."""
 
 import os
 import sys

@@ -1,4 +1,4 @@
-"""A test without its program is skipped, by name, unless none may be skipped."""
+"""A test is skipped if its program is missing, unless skips are forbidden."""
 
 import pytest
 

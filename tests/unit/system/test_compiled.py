@@ -1,4 +1,4 @@
-"""Compiled code is kept in the user's cache folder, and the first start says so."""
+"""Compiled code is cached in the user's folder, with a notice on the first start."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""No name is run as a formula by a spreadsheet, and none is changed on its way back."""
+"""Exported names are never run as formulas and read back unchanged."""
 
 import csv
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Files of pictures: the same bytes each time, without the time."""
+"""Picture files are reproducible and hold no timestamp."""
 
 import subprocess
 import sys

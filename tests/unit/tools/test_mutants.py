@@ -1,4 +1,4 @@
-"""The table of small bugs fits the source: it would be of no use after a change."""
+"""The table of planted bugs matches the current source."""
 
 from collections import Counter
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The pages that are made from the code are what the code makes."""
+"""Generated pages are up to date with the code."""
 
 import pytest
 

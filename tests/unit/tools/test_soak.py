@@ -1,4 +1,4 @@
-"""What kills parts at random: whom, when, and what it counts."""
+"""The random killer: which parts it kills, when, and its counts."""
 
 import asyncio
 import random

@@ -1,4 +1,4 @@
-"""What is vendored is what `tools/vendor` fetched: every file, byte for byte."""
+"""Vendored files equal those that `tools/vendor` fetched, byte for byte."""
 
 import hashlib
 import re

@@ -1,4 +1,4 @@
-"""Distances in actions, held against a search from every place."""
+"""Distances in actions equal those of a search from every place."""
 
 import numpy as np
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""MiniGrid's mazes as tables: what they are is what MiniGrid does."""
+"""Tables of MiniGrid's mazes match MiniGrid itself."""
 
 import sys
 from typing import Any

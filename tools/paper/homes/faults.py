@@ -1,4 +1,4 @@
-"""Faults of sensors, put into recorded homes: the log as it would have been."""
+"""Puts faults of sensors into the logs of recorded homes."""
 
 import numpy as np
 from numpy.random import Generator

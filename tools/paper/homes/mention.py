@@ -1,4 +1,4 @@
-"""What a method says of a home: sensors, each over a stretch of time."""
+"""A method's result for a home: sensors it flags, each with a stretch of time."""
 
 from typing import NamedTuple, Protocol
 

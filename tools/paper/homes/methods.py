@@ -1,4 +1,4 @@
-"""All methods on one home, each learned anew every week from what was before."""
+"""Runs all methods on one home, each learned anew every week from the past."""
 
 import functools
 import math

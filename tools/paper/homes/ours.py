@@ -1,4 +1,4 @@
-"""The health monitor as a method: it follows the home once, and faults branch off."""
+"""The health monitor as a method: one pass over the home, and a branch per fault."""
 
 import bisect
 from copy import deepcopy

@@ -1,4 +1,4 @@
-"""Which sensors are grown: covers of counterexamples, tried before they are born."""
+"""Which sensors are grown: covers of counterexamples, tested before use."""
 
 import re
 from dataclasses import dataclass

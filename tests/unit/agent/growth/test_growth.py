@@ -1,4 +1,4 @@
-"""What is grown, and what retires, where an agent has been before."""
+"""Sensors grown and retired in places the agent has visited."""
 
 from itertools import product
 

@@ -1,4 +1,4 @@
-"""Which grown sensors retire, held against what was met tick by tick."""
+"""Which grown sensors retire, compared with the history tick by tick."""
 
 from types import SimpleNamespace
 from typing import Any

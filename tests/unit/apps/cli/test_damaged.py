@@ -1,4 +1,4 @@
-"""The exit codes of the verbs that read, of a damaged recording and of a cut one."""
+"""The exit codes of verbs that read a damaged or truncated recording."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Flags go before a file that describes a run, where they were given."""
+"""Command-line flags override the values of a run's file."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Printed text fits a screen, and names where the rest is."""
+"""Printed text fits a screen and says where to find the rest."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Wrong usage of every verb is refused before anything is written, by its name."""
+"""Every verb rejects wrong usage by name, before it writes anything."""
 
 import shlex
 import shutil

@@ -1,4 +1,4 @@
-"""The rules of a file are those of a run, and its schema says them."""
+"""The TOML file, its schema and the run options have the same rules."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""The picture of an order: what stands where, and what is refused."""
+"""The picture of an order: its layout, and invalid input."""
 
 import re
 from xml.etree import ElementTree as ET

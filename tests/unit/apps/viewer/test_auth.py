@@ -1,4 +1,4 @@
-"""Who is let through to the recording, and where the page is."""
+"""Access control of the page, and its address."""
 
 import asyncio
 from collections.abc import Sequence

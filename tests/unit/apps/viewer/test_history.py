@@ -1,4 +1,4 @@
-"""What is read of a run in the background, against its messages and its frames."""
+"""Background reading of a run matches its messages and key-frames."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What is sent of a growing recording leads to what is in it, however late one asks."""
+"""The updates sent for a growing recording add up to its content."""
 
 from pathlib import Path
 

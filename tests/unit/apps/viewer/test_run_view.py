@@ -1,4 +1,4 @@
-"""A film shows at every tick, from wherever one comes, what a replay derives there."""
+"""Playback shows the replayed state at every tick, after any seek."""
 
 import random
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Every file of the page is given as it is, and nothing else."""
+"""The server serves exactly the static files of the page."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Two ticks side by side, against frames and orders looked at one by one."""
+"""The difference of two ticks equals a direct comparison of frames and orders."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What is drawn of a world follows from what its sensors read, and is what it is."""
+"""The drawing of a world matches its sensor readings."""
 
 from typing import Any
 

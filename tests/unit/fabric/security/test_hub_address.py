@@ -1,4 +1,4 @@
-"""Without TLS nothing leaves this machine unless somebody says so."""
+"""Without TLS the hub listens only on loopback, unless told otherwise."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""Keys are made whole or not at all, and what is wrong with them is said up front."""
+"""Keys are written atomically and checked before use."""
 
 import os
 import re

@@ -1,4 +1,4 @@
-"""The access list is the one written here by hand, and it holds parts to their own."""
+"""The access list equals a hand-written one, and limits each part to its own keys."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""Which swarm is there, of all the incarnations of an id."""
+"""Discovery picks the current incarnation of a swarm id."""
 
 import asyncio
 from typing import Any

@@ -1,4 +1,4 @@
-"""A large key-frame comes whole, or not at all; nothing else comes in pieces."""
+"""Large key-frames arrive complete or not at all; only they are split."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -1,4 +1,4 @@
-"""Cubings: sizes that matter, convex sets as values, and what is refused."""
+"""Cubings: their sizes, convex sets, and invalid input."""
 
 import re
 from typing import Any

@@ -1,4 +1,4 @@
-"""Complexes and finite spaces: the shapes everybody knows, and what is refused."""
+"""Complexes and finite spaces: well-known shapes, and invalid input."""
 
 from typing import Any
 

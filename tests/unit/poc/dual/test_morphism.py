@@ -1,4 +1,4 @@
-"""Morphisms: what makes one, what they do to duals, and what is refused."""
+"""Morphisms: their conditions, their maps of duals, and invalid input."""
 
 import re
 from typing import Any

@@ -1,4 +1,4 @@
-"""Realisations: what points show, what breaks a relation, what is refused."""
+"""Realisations: the states of points, violated relations, and invalid input."""
 
 import re
 from typing import Any

@@ -1,4 +1,4 @@
-"""What thresholds that choose themselves are good for, measured on a small scale."""
+"""The benefit of automatic thresholds, measured on a small scale."""
 
 from collections import Counter
 

@@ -1,4 +1,4 @@
-"""Where a code changes, to the observation: worked out by hand."""
+"""The exact observation at which a code changes, checked by hand."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Tables in memory as columns of bits, and what is refused of them."""
+"""Tables in memory as columns of bits, and invalid tables."""
 
 from typing import Any
 

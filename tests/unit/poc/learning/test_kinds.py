@@ -1,4 +1,4 @@
-"""What a snapshot refuses, where it starts, how far it counts, and unknown readings."""
+"""Snapshots: initial state, counter limits, unknown readings and invalid input."""
 
 import re
 from typing import Any, TypeAlias

@@ -1,4 +1,4 @@
-"""Occasions in a history are those of the table of relations."""
+"""A history and the table of relations count the same occasions."""
 
 import numpy as np
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""What is planted is found whole, with nothing false; what chance makes is not."""
+"""Planted relations are all found, and no chance relations are."""
 
 import dataclasses
 import itertools

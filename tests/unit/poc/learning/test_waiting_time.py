@@ -1,4 +1,4 @@
-"""How long a discounted snapshot takes to learn, against one that does.
+"""Learning time of a discounted snapshot, compared with an empirical one.
 
 The paper takes ``w_ab*`` by itself ([GK] discounted:formalism). With ``w_ab* = 1`` at
 first, no implication ``b -> a`` on record meanwhile and the other weights above the

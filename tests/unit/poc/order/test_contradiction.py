@@ -1,4 +1,4 @@
-"""How much of a contradiction is listed, and what is refused."""
+"""The limit on listed contradictions, and invalid input."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""What a graph refuses, and small graphs known by heart."""
+"""Small example graphs, and invalid input."""
 
 import re
 from typing import Any

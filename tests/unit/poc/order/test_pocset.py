@@ -1,4 +1,4 @@
-"""Poc sets: what may be written, what follows, and what is refused."""
+"""Poc sets: their syntax, derived relations, and invalid input."""
 
 import re
 from typing import Any

@@ -1,4 +1,4 @@
-"""The schema of each message: viewers take it, and the message is as it says."""
+"""Each message matches its schema, and viewers accept the schema."""
 
 import json
 

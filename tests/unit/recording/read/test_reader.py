@@ -1,4 +1,4 @@
-"""A recording gives back what was written, and refuses what is none of ours."""
+"""A recording returns what was written; foreign files are refused."""
 
 import os
 import random

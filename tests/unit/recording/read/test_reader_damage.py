@@ -1,4 +1,4 @@
-"""Recordings cut anywhere, flipped anywhere, and made to hurt."""
+"""Recordings that are truncated, bit-flipped or malicious."""
 
 import random
 import struct

@@ -1,4 +1,4 @@
-"""What can be derived of a run that is damaged, or grows, in one file or in several."""
+"""The replayable parts of a damaged or growing recording."""
 
 import asyncio
 import random

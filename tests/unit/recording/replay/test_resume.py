@@ -1,4 +1,4 @@
-"""A run goes on from where nothing is missing, in one file and in several."""
+"""A run resumes after its last complete tick, in one file and in several."""
 
 import gc
 from collections.abc import Iterable

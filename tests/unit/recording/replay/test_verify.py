@@ -1,4 +1,4 @@
-"""What a run with unknown readings, refused reports and key-frames comes to again."""
+"""Replay of a run with unknown readings, refused reports and key-frames."""
 
 from pathlib import Path
 

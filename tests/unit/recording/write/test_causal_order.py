@@ -1,4 +1,4 @@
-"""What answers a word waits for it, and nobody's messages change places."""
+"""Replies are written after what they answer, and each sender's order is kept."""
 
 import random
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""A recording in several files: each a run by itself, and all together the run."""
+"""Each file of a split recording replays alone, and together they give the run."""
 
 import errno
 import random

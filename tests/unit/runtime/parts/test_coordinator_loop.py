@@ -1,4 +1,4 @@
-"""The shell feeds its core in turn, and lets no failure pass unheard."""
+"""The event loop passes messages to its core in order and reports every failure."""
 
 import asyncio
 import logging

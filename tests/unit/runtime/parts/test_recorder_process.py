@@ -1,4 +1,4 @@
-"""The recorder knows who is there, and believes only what it has written."""
+"""The recorder tracks the parts present, and confirms only written data."""
 
 import asyncio
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Who tells a broker of a run ends with it, and says so, however that ends."""
+"""The MQTT publisher ends with its run and announces it."""
 
 import asyncio
 from collections.abc import Mapping

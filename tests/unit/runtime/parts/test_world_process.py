@@ -1,4 +1,4 @@
-"""The world's part: what it makes of a source, and how it waits for a live one."""
+"""The world process: its observations from a source, and waiting for a live one."""
 
 import asyncio
 from collections.abc import AsyncIterator

@@ -1,4 +1,4 @@
-"""A journal of rows: read again as written, or as a right beginning, never wrong."""
+"""A journal reads back as written, or as a correct prefix."""
 
 import contextlib
 import errno

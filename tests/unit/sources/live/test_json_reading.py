@@ -1,4 +1,4 @@
-"""Readings in JSON: what is one, what it says, and what is wrong with any other."""
+"""Readings in JSON: valid ones, their values, and errors."""
 
 import contextlib
 

@@ -1,4 +1,4 @@
-"""The latest against a list of everything that ever came."""
+"""The latest readings equal those taken from a full log."""
 
 from typing import Any, NamedTuple
 

@@ -1,4 +1,4 @@
-"""An outside source: what it shows and when, and two threads that meet in it."""
+"""An external source: its readings, its timing and its thread safety."""
 
 import logging
 import threading

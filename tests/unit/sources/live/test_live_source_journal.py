@@ -1,4 +1,4 @@
-"""A source with a journal: who goes on after a death is given what was given before."""
+"""A restarted run receives the same readings from the journal."""
 
 import errno
 import os

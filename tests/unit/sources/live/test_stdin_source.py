@@ -1,4 +1,4 @@
-"""Lines of a pipe as readings, and as they come in pieces."""
+"""Reads lines from a pipe, also when they arrive in pieces."""
 
 import os
 import threading

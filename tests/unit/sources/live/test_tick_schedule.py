@@ -1,4 +1,4 @@
-"""Paces against the definition, moment by moment."""
+"""The tick schedule matches its definition at every time."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""What a program may put under a reading's key, and what comes of it."""
+"""Valid and invalid readings put to a Zenoh key, and their effect."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""A link whose connection breaks while messages are on their way, and tries again."""
+"""An MQTT link reconnects and resends when its connection breaks."""
 
 import asyncio
 import logging

@@ -1,4 +1,4 @@
-"""Payloads become readings, against rules written apart."""
+"""MQTT payloads become readings, checked against separate rules."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""What an outlet holds, tick after tick, without a broker."""
+"""The publisher's state, tick by tick, without a broker."""
 
 from typing import Any
 

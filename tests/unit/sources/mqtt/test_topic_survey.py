@@ -1,4 +1,4 @@
-"""What topics say is looked at, and sensors are proposed that read it."""
+"""Surveys topics and proposes sensors for them."""
 
 import json
 import tomllib

@@ -1,4 +1,4 @@
-"""Files of readings of every kind, and what is refused of them."""
+"""Files of readings of every format, and invalid files."""
 
 import shutil
 import sqlite3

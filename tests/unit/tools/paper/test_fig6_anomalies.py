@@ -1,4 +1,4 @@
-"""Faults are where they are said to be, and scores count what was flagged."""
+"""Faults are injected at the stated places, and scores count the flagged sensors."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Stages are the worlds they stand for, and learners on them do what they should."""
+"""Stages match their worlds, and learners work on them."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Faults are what they are called, baselines too; a figure of homes has all tables."""
+"""Faults and baselines behave as named, and the figure of homes has all tables."""
 
 import csv
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Errors are those of graphs, and what is true is what its definition says."""
+"""Learning errors and ground truth match their definitions."""
 
 from fractions import Fraction
 

@@ -1,4 +1,4 @@
-"""The obstructions: what is missing is known, and journeys are what they are called."""
+"""The worlds with obstacles: their missing states, and the agents' journeys."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Figures from options to files: whole, the same each time, and computed once."""
+"""Figures are computed once from their options and written reproducibly."""
 
 import csv
 from pathlib import Path

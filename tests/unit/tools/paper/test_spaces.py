@@ -1,4 +1,4 @@
-"""The paper's model spaces: their sizes, and that they are what they say."""
+"""The paper's model spaces: their sizes and definitions."""
 
 from collections.abc import Callable
 
