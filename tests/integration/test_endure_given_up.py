@@ -9,14 +9,16 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from neurosnap.errors import PartDiedError, SwarmError
-from neurosnap.protocol.run_options import RunOptions
+from neurosnap import wire
+from neurosnap.errors import NeurosnapError, PartDiedError, SwarmError
+from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.replay.resume import whole_ticks
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime import remote_parts
 from neurosnap.runtime.network import Network
 from neurosnap.runtime.parts.job import Job, PartConnection
-from neurosnap.runtime.request import Site
+from neurosnap.runtime.request import RunRequest, Site
+from neurosnap.runtime.run import run
 from neurosnap.runtime.service import serve
 from neurosnap.runtime.supervisor import RunningPart, Supervisor
 from tests.support.disturbed_runs import (
@@ -27,6 +29,7 @@ from tests.support.disturbed_runs import (
 )
 from tests.support.hanging_worlds import SILENT, ending_world
 from tests.support.ports import free_port
+from tests.support.recorded_messages import of_type
 
 pytestmark = [
     pytest.mark.zenoh,
@@ -84,6 +87,36 @@ def test_who_says_why_it_cannot_go_on_is_started_again_only_if_wanted(
     assert not isinstance(raised.value, PartDiedError)
     assert [event.tick for event in disturbed.restarts] == [6] * times
     assert verify(log).ticks == 6
+
+
+@pytest.mark.parametrize("cells", ["inline", "process"])
+@pytest.mark.parametrize(
+    ("end", "expected"),
+    [
+        (
+            'raise OSError("the camera is gone")',
+            r"^world: [\s\S]*OSError: the camera is gone",
+        ),
+        (
+            "return np.zeros(4, np.int8), 0.0, False, False, {}",
+            r"^(world: )?ending:test/Ending-v0: observation: ",
+        ),
+    ],
+    ids=["raises", "reads too much"],
+)
+def test_a_world_that_fails_on_the_way_is_named(
+    end: str,
+    expected: str,
+    cells: CellKind,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    options, log = ending_world(tmp_path, monkeypatch, end), tmp_path / "log"
+    options = msgspec.structs.replace(options, cells=cells)
+    with pytest.raises(NeurosnapError, match=expected):
+        asyncio.run(run(RunRequest(options, log), asyncio.Event()))
+    assert [state.tick for state in of_type(log, wire.State)] == [1, 2, 3, 4, 5, 6]
+    assert [fault.who for fault in of_type(log, wire.Fault)] == ["world"]
 
 
 # A world that hangs -------------------------------------------------------------------

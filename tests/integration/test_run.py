@@ -15,33 +15,55 @@ from neurosnap.protocol.run_options import RunOptions, SnapshotKind
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.recording.replay.verify import verify
-from neurosnap.sensorium import complete, unpack
+from neurosnap.sensorium import complete, pack, unpack
 from neurosnap.sources.open import open_source
 from tests.golden.drive import drive
+from tests.support import run_options
 from tests.support.course import course
 from tests.support.edges import learned_edges
 from tests.support.exhaustive import rows
 from tests.support.inline_runs import recorded_run, spread
-from tests.support.played_runs import (
-    GRID,
-    PATH,
-    SEED,
-    SENSORS,
-    TICKS,
-    Played,
-    options_for,
-    play,
-    write_readings,
-)
-from tests.support.recorded_messages import of_type
+from tests.support.recorded_messages import assert_true_run, of_type
+from tests.support.recorded_runs import recorded
 from tools.simulate.case import random_options
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("no_process_is_left")]
 
 
+PATH, GRID = "neurosnap/Path-v0", "neurosnap/Grid-v0"
+SENSORS, TICKS, SEED = 8, 40, 3
+
+
 @pytest.fixture(scope="module")
 def readings(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return write_readings(tmp_path_factory.mktemp("run") / "readings.csv", TICKS)
+    """Rows in which s0 implies s1 until that fails, at row 20 and at row 30."""
+    chance = random.Random(3)
+    lines = [",".join(f"s{sensor}" for sensor in range(SENSORS))]
+    for row in range(1, TICKS + 1):
+        bits = [chance.random() < 0.5 for _ in range(SENSORS)]
+        bits[1] = (bits[0] or bits[1]) if row not in (20, 30) else False
+        bits[0] = bits[0] or row in (20, 30)
+        bits[3] = bits[2]  # equivalent
+        lines.append(",".join(str(int(bit)) for bit in bits))
+    path = tmp_path_factory.mktemp("run") / "readings.csv"
+    path.write_text("\n".join(lines) + "\n")
+    return str(path)
+
+
+def options_for(
+    source: str, snapshot: SnapshotKind = "empirical", **more: object
+) -> RunOptions:
+    given: dict[str, object] = {
+        "cells": "inline",
+        "workers": 0,  # inline, each cell is a part
+        "explore": 0.25,
+        "ticks": TICKS,
+        "threshold": 0.1 if snapshot == "empirical" else 0.15,
+        "decay": None if snapshot == "empirical" else 0.9,
+        **more,
+    }
+    world = {"width": 3, "height": 3, "wait": True} if source == GRID else {}
+    return run_options.options_for(source, SEED, world, snapshot=snapshot, **given)  # type: ignore[arg-type]
 
 
 # What comes out -----------------------------------------------------------------------
@@ -72,7 +94,7 @@ WORKERS: list[dict[str, object]] = [
         ],
     ),
 )
-async def test_every_kind_of_cells_comes_to_the_same_and_to_what_is_right(
+def test_every_kind_of_cells_comes_to_the_same_and_to_what_is_right(
     source: str,
     agent: AgentKind,
     snapshot: SnapshotKind,
@@ -80,43 +102,47 @@ async def test_every_kind_of_cells_comes_to_the_same_and_to_what_is_right(
     readings: str,
     tmp_path: Path,
 ) -> None:
-    first: Played | None = None
+    given = readings if source == "csv" else source
+    first: Path | None = None
     for number, way in enumerate(ways):
-        options = options_for(
-            readings if source == "csv" else source,
-            agent=agent,
-            snapshot=snapshot,
-            **way,  # type: ignore[arg-type]
-        )
-        played = await play(options, tmp_path / f"{number}.mcap")
-        assert played.recording.completeness().whole
-        literals = 2 * len(options.sensors)
-        states = [unpack(s.literals, literals).tolist() for s in played.of(wire.State)]
-        assert len(states) == TICKS
-        assert states == expected_states(played, options)
-        verdict = verify(tmp_path / f"{number}.mcap")
-        assert (verdict.same, verdict.complete) == (True, True), verdict.difference
-        first = first or played
-        assert played.states == first.states
-        # Planning waves of one tick may settle in any order.
-        assert sorted(played.reached) == sorted(first.reached)
-        assert played.decisions == first.decisions
+        options = options_for(given, snapshot, agent=agent, **way)
+        log = recorded(options, tmp_path / f"{number}.mcap")
+        assert_true_run(log, ticks=TICKS)
+        assert states(log) == expected_states(log, options)
+        first = first or log
+        assert course(log) == course(first)
+        assert reached(log) == reached(first)
         if options.wiring == "hasse":
             # Even the pulses are as many: every literal above the signal fires, once.
-            assert played.pulses == first.pulses
+            assert pulses(log) == pulses(first)
     assert first is not None
-    assert any(state.height > 0 for state in first.of(wire.State))
+    told = of_type(first, wire.State)
+    assert any(state.height > 0 for state in told)
     if (source, snapshot) == ("csv", "empirical"):
-        assert any(incoherent for _, _, incoherent in first.states)
-    assert bool(first.reached) or agent == "walker"
+        assert any(state.incoherent for state in told)
+    assert bool(reached(first)) or agent == "walker"
 
 
-def expected_states(played: Played, options: RunOptions) -> list[list[bool]]:
+def states(log: Path) -> list[bytes]:
+    return [state.literals for state in of_type(log, wire.State)]
+
+
+def expected_states(log: Path, options: RunOptions) -> list[bytes]:
     """Return what the snapshot says by itself of what was observed."""
-    snapshot = options.new_snapshot()
-    observed = played.of(wire.Observation)
-    sensors = len(options.sensors)
-    return [snapshot.observe(unpack(o.bits, sensors)).tolist() for o in observed]
+    snapshot, sensors = options.new_snapshot(), len(options.sensors)
+    observed = of_type(log, wire.Observation)
+    return [pack(snapshot.observe(unpack(o.bits, sensors))) for o in observed]
+
+
+def reached(log: Path) -> list[tuple[int, tuple[int, ...], bytes]]:
+    """Return what planning waves came to; those of one tick may settle in any order."""
+    waves = of_type(log, wire.Reached)
+    return sorted((wave.tick, wave.signal, wave.literals) for wave in waves)
+
+
+def pulses(log: Path) -> list[tuple[int, int]]:
+    found = [(state.tick, state.pulses) for state in of_type(log, wire.State)]
+    return sorted(found + [(r.tick, r.pulses) for r in of_type(log, wire.Reached)])
 
 
 # What the state follows from ----------------------------------------------------------
