@@ -21,6 +21,7 @@ from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from neurosnap.sources.open import open_source
+from tests.support.fabrics import Heard, Seen
 from tests.support.patience import PATIENCE
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
@@ -61,56 +62,44 @@ def from_tick(recording: Recording, tick: int) -> list[wire.Delivery]:
     return [each.delivery for each in recorded[start:]]
 
 
-class AnomalyDetector:
-    """Somebody who hears everything under a swarm's prefix."""
+class Ears(Heard):
+    """Hears all that is said under a swarm's prefix, and not who is there."""
 
-    def __init__(self) -> None:
-        self.heard: list[wire.Delivery] = []
-        self._more = asyncio.Event()
-
-    def hear(self, burst: list[wire.Delivery]) -> None:
-        self.heard += [d for d in burst if not d.key.startswith("alive/")]
-        self._more.set()
-
-    async def wait_for(self, count: int) -> None:
-        async with asyncio.timeout(PATIENCE):
-            while len(self.heard) < count:
-                self._more.clear()
-                await self._more.wait()
+    def __call__(self, burst: list[wire.Delivery]) -> None:
+        super().__call__([one for one in burst if not one.key.startswith("alive/")])
 
 
 @asynccontextmanager
-async def watching(swarm: str, endpoint: str) -> AsyncIterator[AnomalyDetector]:
+async def watching(swarm: str, endpoint: str) -> AsyncIterator[Ears]:
     """Watch a swarm; entered once the hub is known to pass everything on.
 
     A presence follows the subscription on the same session, so whoever sees the one
     knows that the hub has the other.
     """
-    watcher, seen = AnomalyDetector(), asyncio.Event()
+    heard, seen = Ears(), Seen()
     async with (
         ZenohFabric("watcher", swarm, HubAddress(endpoint)) as ears,
         ZenohFabric("witness", swarm, HubAddress(endpoint)) as eyes,
     ):
-        await eyes.watch(lambda who, alive: seen.set() if who == "watcher" else None)
-        await ears.subscribe(("**",), watcher.hear, poll=0.01)
+        await eyes.watch(seen)
+        await ears.subscribe(("**",), heard, poll=0.01)
         await ears.announce()
-        async with asyncio.timeout(PATIENCE):
-            await seen.wait()
-        yield watcher
+        await seen.wait(("watcher", True))
+        yield heard
 
 
 @asynccontextmanager
 async def stage(
     recording: Recording, endpoint: str
-) -> AsyncIterator[tuple[ZenohFabric, AnomalyDetector]]:
+) -> AsyncIterator[tuple[ZenohFabric, Ears]]:
     """Open a hub with a player's fabric and a watcher on it."""
     hub = await asyncio.to_thread(open_hub, [endpoint], 3)
     try:
         async with (
-            watching(recording.swarm, endpoint) as watcher,
+            watching(recording.swarm, endpoint) as heard,
             ZenohFabric("player", recording.swarm, HubAddress(endpoint)) as fabric,
         ):
-            yield fabric, watcher
+            yield fabric, heard
     finally:
         await asyncio.to_thread(hub.close)
 
@@ -130,11 +119,11 @@ async def test_playing_on_an_endpoint_reaches_a_program_that_connects(
         played = group.create_task(
             play_on(recording, endpoint, asyncio.Event(), playing)
         )
-        async with watching(recording.swarm, endpoint) as watcher:
+        async with watching(recording.swarm, endpoint) as heard:
             connected.set()
-            await watcher.wait_for(len(expected))
+            await heard.wait(len(expected))
             # One session plays it all, so all keeps its order: keys, numbers, bytes.
-            assert watcher.heard == expected
+            assert heard.deliveries == expected
     assert shown == list(range(1, TICKS + 1))
     assert (played.result().messages, played.result().ticks) == (len(expected), TICKS)
     assert played.result().seconds > 0
@@ -145,14 +134,14 @@ async def test_a_start_further_on_sends_what_was_learned_first(
     recording: Recording, endpoint: str, start: int
 ) -> None:
     expected = from_tick(recording, start)
-    async with stage(recording, endpoint) as (fabric, watcher):
+    async with stage(recording, endpoint) as (fabric, heard):
         played = await play(
             recording, fabric, asyncio.Event(), Playing(rate=1000.0, start=start)
         )
-        await watcher.wait_for(1 + len(expected))
+        await heard.wait(1 + len(expected))
     assert played.ticks == TICKS - start + 1
     assert played.messages == len(expected)
-    first, *rest = watcher.heard
+    first, *rest = heard.deliveries
     _, snapshot = snapshot_at(recording, start - 1)
     frame = wire.KeyFrame(start - 1, snapshot.to_bytes())
     assert wire.decode(first.key, first.payload) == frame

@@ -66,15 +66,17 @@ async def test_a_database_gives_a_table(tmp_path: Path, line: str) -> None:
 
 
 async def looked(process: Verb) -> None:
-    """Let a look at a broker end once it has heard of both devices."""
+    """Let a look at a broker end once it has heard of both devices, once each."""
     heard: set[bytes] = set()
     while len(heard) < 2:
         line = await process.stderr.readline()
         assert line, heard
         heard |= {line.split()[-1]} if line.startswith(b"heard") else set()
     process.send_signal(signal.SIGINT)
-    _, errors = await process.communicate()
+    output, errors = await process.communicate()
     assert process.returncode == 0, errors.decode()
+    rows = [line.split()[:2] for line in output.decode().splitlines()]
+    assert [row for row in rows if row[0] in (DOOR, HALL)] == [[DOOR, "1"], [HALL, "1"]]
 
 
 @needs_mosquitto

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from neurosnap.apps.cli.init import mqtt_file
+from neurosnap.apps.cli import init
 from neurosnap.apps.config.sources import MqttTable
 from neurosnap.sources.mqtt import topic_survey
 from neurosnap.sources.mqtt.options import MqttBroker, MqttSensor
@@ -109,6 +109,20 @@ def test_names_are_long_where_they_must_be() -> None:
     assert {sensor.topic: sensor.name for sensor in sensors} == names
 
 
+def test_a_program_is_told_of_topics_and_sensors() -> None:
+    door = ("house/door", {"contact": True, "battery": 9})
+    assert init._facts(survey(door, door, ("warm", "7"))) == {
+        "topics": [
+            {"topic": "house/door", "messages": 2, "kind": "JSON"},
+            {"topic": "warm", "messages": 1, "kind": "number"},
+        ],
+        "sensors": [
+            {"name": "door_contact", "topic": "house/door", "field": "contact"}
+        ],
+        "passed_over": 0,
+    }
+
+
 def test_topics_without_end_are_counted_and_no_more(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -143,7 +157,9 @@ def test_whatever_is_said_the_sensors_read_it_and_the_file_has_them(
             read(sensor, said)
     if sensors:
         broker = MqttBroker(host="broker.example", username='a"b')
-        text = mqtt_file(broker, sensors, {each.name: "\x7f\n" for each in sensors})
+        text = init.mqtt_file(
+            broker, sensors, {each.name: "\x7f\n" for each in sensors}
+        )
         table = msgspec.convert(tomllib.loads(text)["source"], MqttTable)
         assert (table.sensors, table.broker) == (tuple(sensors), broker)
 
