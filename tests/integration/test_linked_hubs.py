@@ -30,6 +30,7 @@ from tests.support.services import (
     ended,
     going,
     in_one_piece,
+    up,
 )
 from tests.support.slow_link import SlowLink
 
@@ -133,7 +134,7 @@ def test_services_wait_for_a_hub_that_is_linked_late(tmp_path: Path) -> None:
     late = running(log, "--ticks", 10, before=lambda hubs: hubs.link.sever())
     with late as (hubs, last, _):
         assert "waiting for a hub at" in last.stderr.readline()
-        present(hubs.first, "cell/2")
+        up(hubs.first, "cell/2")
         hubs.link.heal()
     is_right(log, 10, tmp_path)
 
@@ -144,7 +145,7 @@ def test_a_link_that_is_cut_and_heals_costs_nothing(tmp_path: Path) -> None:
     log = tmp_path / "log.mcap"
     with running(log, "--set", "cells.deadline=2") as (hubs, _, most):
         begun(hubs.first, 5)
-        cut_until_asked_again(hubs)
+        asyncio.run(cut_until_asked_again(hubs))
         begun(hubs.first, 15)
         most.send_signal(signal.SIGINT)
     is_right(log, verify(log).ticks, tmp_path)
@@ -177,25 +178,8 @@ def test_a_run_goes_on_when_a_hub_is_killed_and_comes_back(tmp_path: Path) -> No
     is_right(log, verify(log).ticks, tmp_path)
 
 
-async def _see(endpoint: str, who: str) -> None:
-    there = asyncio.Event()
-
-    def change(name: str, alive: bool) -> None:
-        if alive and name == who:
-            there.set()
-
-    async with ZenohFabric("watcher", SWARM, HubAddress(endpoint)) as fabric:
-        await fabric.watch(change)
-        async with asyncio.timeout(PATIENCE):
-            await there.wait()
-
-
-def present(endpoint: str, who: str) -> None:
-    """Return once a part is there."""
-    asyncio.run(_see(endpoint, who))
-
-
-async def _cut(hubs: Hubs) -> None:
+async def cut_until_asked_again(hubs: Hubs) -> None:
+    """Cut the link, and heal it when a wave was late and is started again."""
     again = asyncio.Event()
 
     def handle(burst: list[wire.Delivery]) -> None:
@@ -211,8 +195,3 @@ async def _cut(hubs: Hubs) -> None:
         async with asyncio.timeout(PATIENCE):
             await again.wait()
         hubs.link.heal()
-
-
-def cut_until_asked_again(hubs: Hubs) -> None:
-    """Cut the link, and heal it when a wave was late and is started again."""
-    asyncio.run(_cut(hubs))
