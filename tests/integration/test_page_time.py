@@ -72,15 +72,17 @@ async def test_playing_goes_on_and_stops_at_the_end(path_log: Path) -> None:
 async def test_the_last_tick_is_shown_however_late_the_frames_come(
     path_log: Path,
 ) -> None:
-    page = await page_at(path_log, 1)
-    await page.evaluate(
-        "const real = requestAnimationFrame;"
-        "window.requestAnimationFrame = (then) => real((now) => then(now * 1000))"
-    )
-    await page.select_option("#speed", "20")  # five ticks a frame
-    await page.click("#play")
-    await expect(page.locator("#play")).to_have_attribute("aria-label", "Play")
-    await wait_shown(page, TICKS)
+    async with opened(path_log, "#t=1") as page:
+        await page.evaluate(
+            """() => {
+                const real = requestAnimationFrame;
+                window.requestAnimationFrame = (then) => real((now) => then(now * 1000));
+            }"""
+        )
+        await page.select_option("#speed", "20")  # five ticks a frame
+        await page.click("#play")
+        await expect(page.locator("#play")).to_have_attribute("aria-label", "Play")
+        await wait_shown(page, TICKS)
 
 
 async def test_everything_goes_by_keyboard(path_log: Path) -> None:
