@@ -1,6 +1,5 @@
 """Readings survive the end of their swarm, and a damaged recording is kept."""
 
-import asyncio
 import json
 import signal
 import time
