@@ -1,20 +1,29 @@
 """Waits for the first of several events, with a time limit, or until one fails."""
 
 import asyncio
+from collections.abc import Coroutine
+from typing import Any
 
 
 async def wait_any(*events: asyncio.Event) -> None:
-    """Return once one of `events` is set.
+    """Return once one of `events` is set."""
+    if not any(event.is_set() for event in events):
+        await first_of(*(event.wait() for event in events))
+
+
+async def first_of(*several: Coroutine[Any, Any, object]) -> None:
+    """Return once one of several is over, and raise what it raised; cancel the others.
 
     On cancellation nothing is left behind: no task outlives the call.
     """
-    if any(event.is_set() for event in events):
-        return
-    waits = [asyncio.create_task(event.wait(), name="wait_any") for event in events]
+    tasks = [asyncio.create_task(each) for each in several]
     try:
-        await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
+        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in tasks:
+            if task.done():
+                task.result()
     finally:
-        for task in waits:
+        for task in tasks:
             task.cancel()
 
 

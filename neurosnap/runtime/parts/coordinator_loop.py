@@ -15,6 +15,7 @@ from typing import Protocol
 
 from neurosnap import wire
 from neurosnap.errors import PartDiedError, SwarmError
+from neurosnap.fabric.events import first_of
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.runtime.parts.job import decoded
 
@@ -112,25 +113,19 @@ async def run_coordinator(
     await fabric.subscribe(wire.COORDINATOR_KEYS, shell.handle)
     await fabric.watch(presence.change)
     await fabric.announce()
-    serving = asyncio.create_task(fabric.serve(shell.over), name="coordinator/serve")
     watching = asyncio.create_task(shell.watch(), name="coordinator/deadlines")
     try:
-        await presence.wait_complete(serving, stop, deadlines.parts)
+        await presence.wait_complete(stop, deadlines.parts)
         began = time.perf_counter()
-        if not stop.is_set() and not serving.done():
+        if not stop.is_set() and not shell.over.is_set():
             shell.begin()
-        stopping = asyncio.create_task(stop.wait(), name="coordinator/stop")
-        try:
-            await asyncio.wait((serving, stopping), return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            stopping.cancel()
-        if not serving.done():
+        await first_of(fabric.serve(shell.over), stop.wait())
+        if not shell.over.is_set():
             shell.send(core.stop)
-        await serving
+        await fabric.serve(shell.over)
         return time.perf_counter() - began
     finally:
         watching.cancel()
-        serving.cancel()
 
 
 class WorldDeadline:
@@ -331,29 +326,18 @@ class _Presence:
         kind = SwarmError if left else PartDiedError
         self._fabric.fail(kind(f"{who}: must stay until the run ends, is gone"))
 
-    async def wait_complete(
-        self, serving: asyncio.Task[None], stop: asyncio.Event, patience: float
-    ) -> None:
+    async def wait_complete(self, stop: asyncio.Event, patience: float) -> None:
         """Wait until all are there, or `stop`; raise naming who is not in time."""
         if not self._missing:
             return
-        waits = [
-            asyncio.create_task(event.wait(), name="coordinator/presence")
-            for event in (self._complete, stop)
-        ]
+        over = self._fabric.serve(self._shell.over)
         try:
-            done, _ = await asyncio.wait(
-                (*waits, serving),
-                timeout=patience,
-                return_when=asyncio.FIRST_COMPLETED,
-            )
-        finally:
-            for task in waits:
-                task.cancel()
-        if not done:
+            async with asyncio.timeout(patience):
+                await first_of(over, self._complete.wait(), stop.wait())
+        except TimeoutError:
             late = sorted(self._missing)
             more = f" and {len(late) - 10} more" if len(late) > 10 else ""
             raise SwarmError(
                 f"swarm: every part must come up within {patience:g} s,"
                 f" missing: {', '.join(late[:10])}{more}"
-            )
+            ) from None

@@ -9,6 +9,7 @@ import asyncio
 import sys
 import time
 from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from functools import partial
 from importlib import metadata
 from pathlib import Path
@@ -17,6 +18,7 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.errors import NeurosnapError
+from neurosnap.fabric.events import first_of
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
@@ -155,17 +157,13 @@ async def run_recorder(
     flushing = asyncio.create_task(
         _flush(writer, fabric, lambda: listener.framed, on_safe), name="recorder/flush"
     )
-    serving = asyncio.create_task(fabric.serve(listener.all_left), name="recorder")
-    stopping = asyncio.create_task(stop.wait(), name="recorder/stop")
     try:
-        await asyncio.wait((serving, stopping), return_when=asyncio.FIRST_COMPLETED)
-        if not serving.done():
-            await asyncio.wait((serving,), timeout=grace)
-        if serving.done():
-            await serving
+        await first_of(fabric.serve(listener.all_left), stop.wait())
+        with suppress(TimeoutError):
+            async with asyncio.timeout(grace):
+                await fabric.serve(listener.all_left)
     finally:
-        for task in (flushing, serving, stopping):
-            task.cancel()
+        flushing.cancel()
     listener.closed = True
     return writer.finish(listener.totals(), listener.expected())
 

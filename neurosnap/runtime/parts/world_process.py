@@ -10,6 +10,7 @@ import msgspec
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import MessageError, NeurosnapError
+from neurosnap.fabric.events import first_of
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
@@ -92,18 +93,11 @@ async def run_world(
     await fabric.subscribe(world.topics, handle)
     await fabric.announce()
     end = wait_for_it() if source.live else over.wait()
-    serving = asyncio.create_task(fabric.serve(stop), name="world/serve")
-    ending = asyncio.create_task(end, name="world/over")
     try:
-        await asyncio.wait((serving, ending), return_when=asyncio.FIRST_COMPLETED)
-        for task in (serving, ending):
-            if task.done():
-                await task
+        await first_of(fabric.serve(stop), end)
     finally:
         if source.live:
             source.close()
-        serving.cancel()
-        ending.cancel()
 
 
 class WayIn(msgspec.Struct, frozen=True):
