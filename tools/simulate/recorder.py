@@ -29,14 +29,17 @@ class _Writer(Writer):
         super().__init__(path, packs=packs, chunk=chunk)
         self._check_space = check_space
 
-    def write(
-        self, message: wire.Message, delivery: wire.Delivery, log_time: int
-    ) -> None:
+    def add(
+        self,
+        delivery: wire.Delivery,
+        log_time: int,
+        message: wire.Message | None = None,
+    ) -> wire.Message | None:
         try:
             self._check_space()
         except OSError as error:
             raise self._failed(error) from error
-        super().write(message, delivery, log_time)
+        return super().add(delivery, log_time, message)
 
 
 class Recorder:

@@ -66,7 +66,7 @@ def _copy_into(
             if lost:
                 writer.write_gap(lost)
                 lost = ""
-            writer.write(recorded.message, recorded.delivery, recorded.log_time)
+            writer.add(recorded.delivery, recorded.log_time, recorded.message)
 
 
 class Salvaged(msgspec.Struct, frozen=True):

@@ -164,10 +164,10 @@ class SplitWriter:
             RecordingError: The disk does not take what it is given, or a file exists
                 already where the next one has to be.
         """
+        if self._split is None:
+            return self._newest.add(delivery, log_time)
         message = self._newest.read(delivery)
-        if message is not None and self._split is None:
-            self._newest.write(message, delivery, log_time)
-        elif message is not None:
+        if message is not None:
             self._write_all(self._causes.add(Arrival(message, delivery, log_time)))
         return message
 
@@ -185,9 +185,9 @@ class SplitWriter:
             if log_time > self._boundary.closes:
                 self._close()
             elif self._belongs_before(message, delivery.sequence, self._older):
-                self._older.write(message, delivery, log_time)
+                self._older.add(delivery, log_time, message)
                 return
-        self._newest.write(message, delivery, log_time)
+        self._newest.add(delivery, log_time, message)
 
     def _is_full(self, frame: wire.KeyFrame, delivery: wire.Delivery) -> bool:
         """Tell whether a key-frame is to begin another file.
@@ -281,7 +281,7 @@ class SplitWriter:
             "ticks": str(closing.tick),
             CLOSING: wire.encode(closing).decode(),
         }
-        self._closed.append(older.end(totals, ends))
+        self._closed.append(older.finish(totals, ends, saves=False))
         # Deleted once this file is on the disk, and not before.
         self._saving.save(older, partial(_delete, self._not_kept()))
 

@@ -39,7 +39,6 @@ from neurosnap.system.durable import sync_folder
 
 _log = logging.getLogger(__name__)
 
-_LARGEST_CHUNK = LIMIT // 4
 _LARGEST_PAYLOAD = LIMIT // 2
 """A chunk is closed once it is full, so it holds at most one payload beyond its size;
 both together stay well below what the reader takes."""
@@ -58,11 +57,10 @@ class Writer:
     Args:
         path: Where to write; must not exist yet. Only the owner may read it.
         packs: Whether chunks are packed, with zstd.
-        chunk: Bytes (before packing) after which a chunk is closed, in [1, 64 MiB].
+        chunk: Bytes (before packing) after which a chunk is closed, up to 64 MiB.
 
     Raises:
         RecordingError: The file exists already, or cannot be made.
-        InvalidValueError: An option is outside its range.
     """
 
     def __init__(
@@ -72,8 +70,6 @@ class Writer:
         packs: bool = True,
         chunk: int = 1 << 20,
     ) -> None:
-        if not 1 <= chunk <= _LARGEST_CHUNK:
-            raise InvalidValueError("chunk", f"must be in [1, {_LARGEST_CHUNK}]", chunk)
         self.path = Path(path)
         self.sequences = RunningNumbers()
         self.foreign = 0
@@ -141,7 +137,12 @@ class Writer:
         except OSError as error:
             raise self._failed(error) from error
 
-    def add(self, delivery: wire.Delivery, log_time: int) -> None:
+    def add(
+        self,
+        delivery: wire.Delivery,
+        log_time: int,
+        message: wire.Message | None = None,
+    ) -> wire.Message | None:
         """Write one message, unless it is foreign or came before.
 
         Foreign is what does not decode, came under another key than its own, carries
@@ -151,15 +152,33 @@ class Writer:
         Args:
             delivery: As it arrived.
             log_time: When it arrived, nanoseconds since the epoch.
+            message: What it is, where that is known: from `read`, or from another
+                recording.
+
+        Returns:
+            The message; None if it is foreign.
 
         Raises:
             RecordingError: The recording is not open, or the disk does not take what it
                 is given.
             InvalidValueError: `log_time` is no time.
         """
-        message = self.read(delivery)
-        if message is not None:
-            self.write(message, delivery, log_time)
+        if not (self._started and self._open):
+            self._demand(False, "must be started and open")
+        if message is None and (message := self.read(delivery)) is None:
+            return None
+        key, sequence, sent, payload = delivery
+        # The library counts a message before it packs it, and leaves half a record
+        # behind if a number does not fit: nothing may fail in there.
+        if not 0 <= log_time < _TIMES:
+            raise InvalidValueError("log_time", "must be in [0, 2^64)", log_time)
+        if self.sequences.receive(message.sender, sequence):
+            channel = self._channels[wire.topic(key)]
+            try:
+                self._mcap.add_message(channel, log_time, payload, sent, sequence)
+            except OSError as error:
+                raise self._failed(error) from error
+        return message
 
     def read(self, delivery: wire.Delivery) -> wire.Message | None:
         """Return what was delivered; None if it is foreign, and counted as that."""
@@ -177,35 +196,6 @@ class Writer:
             self.foreign += 1
             return None
         return message
-
-    def write(
-        self, message: wire.Message, delivery: wire.Delivery, log_time: int
-    ) -> None:
-        """Write one message that was read already, unless it came before.
-
-        Args:
-            message: From `read`, or from another recording.
-            delivery: As it arrived.
-            log_time: When it arrived, nanoseconds since the epoch.
-
-        Raises:
-            RecordingError: As `add`.
-            InvalidValueError: Likewise.
-        """
-        if not (self._started and self._open):
-            self._demand(False, "must be started and open")
-        key, sequence, sent, payload = delivery
-        # The library counts a message before it packs it, and leaves half a record
-        # behind if a number does not fit: nothing may fail in there.
-        if not 0 <= log_time < _TIMES:
-            raise InvalidValueError("log_time", "must be in [0, 2^64)", log_time)
-        if not self.sequences.receive(message.sender, sequence):
-            return
-        channel = self._channels[wire.topic(key)]
-        try:
-            self._mcap.add_message(channel, log_time, payload, sent, sequence)
-        except OSError as error:
-            raise self._failed(error) from error
 
     def write_share(self) -> None:
         """Write down what numbers the senders' shares of this file begin with.
@@ -263,7 +253,11 @@ class Writer:
             self._again = {}
 
     def finish(
-        self, totals: Mapping[str, str], expected: Mapping[str, int]
+        self,
+        totals: Mapping[str, str],
+        expected: Mapping[str, int],
+        *,
+        saves: bool = True,
     ) -> Completeness:
         """Write the totals and the index; close.
 
@@ -272,6 +266,8 @@ class Writer:
         Args:
             totals: Anything worth keeping of the run as a whole; the balance is added.
             expected: For each sender, how many messages it says it sent.
+            saves: Whether to `save` it. If not, that is what is left to do: until then
+                it survives the end of this process alone.
 
         Returns:
             What the recording holds of what was sent.
@@ -280,29 +276,6 @@ class Writer:
             RecordingError: The recording was not started, is closed already, or cannot
                 be written; it stays readable up to its last whole chunk.
             InvalidValueError: A text cannot be written as UTF-8.
-        """
-        completeness = self.end(totals, expected)
-        self.save()
-        return completeness
-
-    def end(
-        self, totals: Mapping[str, str], expected: Mapping[str, int]
-    ) -> Completeness:
-        """Write all that `finish` writes, and give it to the operating system.
-
-        It survives the end of this process; nothing can be written any more, and `save`
-        is what is left to do.
-
-        Args:
-            totals: As in `finish`.
-            expected: Likewise.
-
-        Returns:
-            As `finish`.
-
-        Raises:
-            RecordingError: As `finish`.
-            InvalidValueError: Likewise.
         """
         self._demand(self._started and self._open, "must be started and open")
         completeness = self.balance(expected)
@@ -319,6 +292,8 @@ class Writer:
         except OSError as error:
             raise self._failed(error) from error
         self._open = False
+        if saves:
+            self.save()
         return completeness
 
     def balance(self, expected: Mapping[str, int]) -> Completeness:
@@ -327,7 +302,7 @@ class Writer:
         return msgspec.structs.replace(balance, gaps=self._gaps)
 
     def save(self) -> None:
-        """Wait until the disk has what was written up to `end`; close. On any thread.
+        """Wait until the disk has all that was finished; close. On any thread.
 
         Raises:
             RecordingError: It cannot be written.

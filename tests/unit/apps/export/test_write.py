@@ -156,7 +156,7 @@ def test_what_a_recording_lacks_is_told(log: Path, tmp_path: Path) -> None:
         for each in old.messages():
             message = each.message
             if not (isinstance(message, wire.State) and message.tick in (5, 8)):
-                writer.write(message, each.delivery, each.log_time)
+                writer.add(each.delivery, each.log_time, message)
         writer.finish({}, {})
     done = exported(tmp_path / "log.mcap", tmp_path / "out.csv")
     assert (done.ticks, done.incomplete, done.whole) == (TICKS, 2, False)
@@ -180,7 +180,7 @@ def test_what_is_not_of_such_a_run_is_an_error(
     with Writer(tmp_path / "log.mcap") as writer:
         writer.start(Recording.open(log).metadata)
         delivery = wire.Delivery(message.key, 0, sent, wire.encode(message))
-        writer.write(message, delivery, 1)
+        writer.add(delivery, 1, message)
         writer.finish({}, {})
     with pytest.raises(RecordingError, match=said):
         exported(tmp_path / "log.mcap", tmp_path / "log.csv")

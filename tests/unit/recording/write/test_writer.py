@@ -86,12 +86,6 @@ def test_a_place_that_takes_no_file_is_refused(
     assert (tmp_path / "there").read_bytes() == b"precious"
 
 
-def test_options_out_of_range_are_refused_before_a_file_is_made(log: Path) -> None:
-    with pytest.raises(InvalidValueError, match=r"^chunk: must be in \[1, 67108864\]"):
-        Writer(log, chunk=0)
-    assert not log.exists()
-
-
 def test_duplicates_are_left_out_and_gaps_named(log: Path) -> None:
     deliveries = traffic(200)
     lost = [deliveries[50], deliveries[120], deliveries[-1]]
