@@ -45,7 +45,7 @@ _KEYS = {one.field: one.shown.at for one in declared(RunOptions) if one.shown.at
     "grow": "agent.grow",
     "cells": "cells.kind",
     "workers": "cells.workers",
-    "restart": "supervision.restart",
+    "restart_on_error": "supervision.restart_on_error",
 }
 """The keys of the TOML file by the names that `run` gives them."""
 

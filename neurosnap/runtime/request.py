@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
-from typing import Annotated, Literal, Protocol, TypeAlias, cast
+from typing import Annotated, Protocol, cast
 
 import msgspec
 
@@ -23,25 +23,23 @@ from neurosnap.runtime.parts.world_process import WayIn
 from neurosnap.runtime.starter import Starter
 from neurosnap.system.distribution import must_have
 
-RestartKind: TypeAlias = Literal["never", "on-failure", "always"]
-
 
 class Supervision(msgspec.Struct, frozen=True, kw_only=True):
     """What happens when a part dies."""
 
-    restart: Annotated[
-        RestartKind,
+    restart_on_error: Annotated[
+        bool,
         option(
-            "When to start the parts again and go on from the recording. On-failure: when"
-            " one was killed, vanished or hangs, and not when one gave an error, since it"
-            " would give the same again. Always: then, too.",
+            "Whether to start the parts again and go on from the recording also when one"
+            " gave an error, and not only when one was killed, vanished or hangs. It may"
+            " give the same again."
         ),
-    ] = "on-failure"
+    ] = False
     max_restarts: Annotated[
         int,
         option(
             "How many restarts there may be within `restart_window` before the run is"
-            " given up.",
+            " given up. 0: a part that dies ends the run.",
             ge=0,
         ),
     ] = 10

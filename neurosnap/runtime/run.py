@@ -286,11 +286,7 @@ class Restarts:
 
     def allow(self, error: SwarmError) -> bool:
         """Return whether there is a restart after this error, and count it if so."""
-        if self._policy.restart == "never":
-            return False
-        if self._policy.restart == "on-failure" and not isinstance(
-            error, PartDiedError
-        ):
+        if not (self._policy.restart_on_error or isinstance(error, PartDiedError)):
             return False
         now = self._clock()
         while self._recent and now - self._recent[0] >= self._policy.restart_window:

@@ -25,7 +25,6 @@ from neurosnap.runtime.network import Connections, Network
 from neurosnap.runtime.parts.coordinator_process import read_description
 from neurosnap.runtime.parts.job import PartConnection
 from neurosnap.runtime.remote_parts import ChooseParts, RemotePart
-from neurosnap.runtime.request import RestartKind
 from neurosnap.runtime.supervisor import RunningPart, Supervisor
 
 _GRACE = 10.0  # seconds a part may take to end
@@ -50,7 +49,7 @@ async def serve(
     swarm: str,
     stop: asyncio.Event,
     *,
-    restart: RestartKind = "on-failure",
+    stays: bool = False,
     patience: float = 60.0,
     on_served: Callable[[Served], None] = lambda _: None,
 ) -> None:
@@ -61,19 +60,18 @@ async def serve(
         network: Where the hub is; `Network.connect` names it.
         swarm: The swarm's id.
         stop: Ends it; a swarm that goes on without these parts fails.
-        restart: What follows a swarm. ``never``: nothing, however it ended.
-            ``on-failure``: nothing, if it ended in order; if its coordinator vanished
-            or failed, or a part of this service died, its next incarnation.
-            ``always``: whatever comes next under this id, without end.
+        stays: Wait for whatever comes next under this id, without end. If not, a swarm
+            that ended in order is the last; where its coordinator vanished or failed,
+            or a part of this service died, its next incarnation follows.
         patience: Seconds until the hub answers, until a coordinator is there, and until
-            the next incarnation is; with ``always``, as long as it takes.
+            the next incarnation is; where it stays, as long as it takes.
         on_served: Called with each swarm when it is over.
 
     Raises:
-        InvalidValueError: The network cannot be, or, but for ``always``, the run is not
+        InvalidValueError: The network cannot be, or, unless it stays, the run is not
             one for these parts.
-        SwarmError: None came; or, but for ``always``, a part failed, would not end, or
-            was there already.
+        SwarmError: None came; or, unless it stays, a part failed, would not end, or was
+            there already.
     """
     if not network.connect:
         rule = "must say where the hub of the swarm listens"
@@ -81,7 +79,7 @@ async def serve(
     network.check("watcher")
     connections = Connections(network)
     host = _Host(choose, connections, stop)
-    wait = None if restart == "always" else patience
+    wait = None if stays else patience
     trouble = ""
     async with connections.discovery(swarm, stop, patience) as discovery:
         while True:
@@ -94,14 +92,12 @@ async def serve(
             try:
                 served = await host.take_part(seen)
             except NeurosnapError as error:
-                mends = restart == "on-failure" and isinstance(error, PartDiedError)
-                if restart != "always" and not mends:
+                if not (stays or isinstance(error, PartDiedError)):
                     raise
                 served = Served(seen.name, str(error), {})
             on_served(served)
             trouble = served.trouble
-            over = restart == "never" or (restart == "on-failure" and not trouble)
-            if over or stop.is_set():
+            if stop.is_set() or not (stays or trouble):
                 return
 
 

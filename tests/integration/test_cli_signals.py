@@ -53,7 +53,10 @@ def test_a_run_that_is_interrupted_ends_in_order(
 @pytest.mark.zenoh
 def test_a_cell_that_is_killed_is_named(tmp_path: Path, endless: Path) -> None:
     log = tmp_path / "out.mcap"
-    with going(endless, log, "--set", "supervision.restart=never") as (process, family):
+    with going(endless, log, "--set", "supervision.max_restarts=0") as (
+        process,
+        family,
+    ):
         *_, last = parts_of(family)
         last.kill()
         code, stdout, stderr = finish(process)

@@ -74,14 +74,14 @@ def test_a_run_given_up_before_a_tick_of_its_own_keeps_what_there_was(
     assert [path for path in tmp_path.iterdir() if whole_ticks(path)] == [log]
 
 
-@pytest.mark.parametrize(("restart", "times"), [("on-failure", 0), ("always", 2)])
+@pytest.mark.parametrize(("wanted", "times"), [(False, 0), (True, 2)])
 def test_who_says_why_it_cannot_go_on_is_started_again_only_if_wanted(
-    restart: str, times: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    wanted: bool, times: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fail = 'raise RuntimeError("the sensors are off")'
     options = ending_world(tmp_path, monkeypatch, fail)
     log = tmp_path / "log"
-    disturbed = Disturbed(options, log, restart=restart, max_restarts=2)
+    disturbed = Disturbed(options, log, restart_on_error=wanted, max_restarts=2)
     with pytest.raises(SwarmError, match="the sensors are off") as raised:
         disturbed.run()
     assert not isinstance(raised.value, PartDiedError)
@@ -148,13 +148,13 @@ def test_a_world_elsewhere_that_hangs_is_named(
     async def elsewhere() -> None:
         world, network = remote_parts.world(hanging.source), Network(connect=where)
         with contextlib.suppress(SwarmError):  # it will not end when it is asked to
-            await serve(world, network, "demo", stop, restart="never")
+            await serve(world, network, "demo", stop)
 
     async def both() -> None:
         async with asyncio.TaskGroup() as group:
             group.create_task(elsewhere())
             try:
-                await Disturbed(hanging, tmp_path / "log", restart="never").running(
+                await Disturbed(hanging, tmp_path / "log", max_restarts=0).running(
                     site=Site(
                         Network(listen=where),
                         swarm="demo",

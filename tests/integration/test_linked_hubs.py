@@ -77,11 +77,11 @@ def line() -> Iterator[Hubs]:
 
 
 @contextmanager
-def shares(hubs: Hubs, *more: object) -> Iterator[list[Command]]:
+def shares(hubs: Hubs) -> Iterator[list[Command]]:
     """Four cells of the run, two on the second hub and two on the last."""
     with (
-        going("serve", "cells", SWARM, "--connect", hubs.second, "2,3", *more) as near,
-        going("serve", "cells", SWARM, "--connect", hubs.last, "4,5", *more) as far,
+        going("serve", "cells", SWARM, "--connect", hubs.second, "2,3") as near,
+        going("serve", "cells", SWARM, "--connect", hubs.last, "4,5") as far,
     ):
         yield [near, far]
 
@@ -97,7 +97,7 @@ def is_right(log: Path, ticks: int, folder: Path) -> None:
 def running(
     log: Path,
     *more: object,
-    joining: tuple[object, ...] = (),
+    whole: bool = True,
     before: Callable[[Hubs], None] = lambda _: None,
 ) -> Iterator[tuple[Hubs, Command, Command]]:
     """A run with cells at all three hubs: these, the last one, and the launcher.
@@ -109,11 +109,11 @@ def running(
         last = hubs.start()
         run = ("run", PATH, *ENDLESS, *ELSEWHERE, *more, "--out", log)
         with (
-            shares(hubs, *joining) as joined,
+            shares(hubs) as joined,
             going(*run, "--connect", hubs.first) as most,
         ):
             yield hubs, last, most
-            if not joining:
+            if whole:
                 ended(most)
                 for each in joined:
                     ended(each)
@@ -154,8 +154,8 @@ def test_a_link_that_is_cut_and_heals_costs_nothing(tmp_path: Path) -> None:
 def test_parts_behind_a_lost_link_are_named_and_the_recording_reads(
     tmp_path: Path,
 ) -> None:
-    log, never = tmp_path / "log.mcap", ("--restart", "never")
-    mortal = running(log, "--set", "supervision.restart=never", joining=never)
+    log = tmp_path / "log.mcap"
+    mortal = running(log, "--set", "supervision.max_restarts=0", whole=False)
     with mortal as (hubs, _, most):
         begun(hubs.first, 6)
         hubs.link.sever()

@@ -161,7 +161,7 @@ async def test_a_wrong_password_is_named_at_once(tmp_path: Path) -> None:
     lines = ("allow_anonymous false", f"password_file {passwords}")
     with started(tmp_path, *lines) as broker:
         async with running(
-            tmp_path, broker, "inline", "--set", "supervision.restart=never"
+            tmp_path, broker, "inline", "--set", "supervision.max_restarts=0"
         ) as run:
             assert await run.ended() == 1
     assert f"username: must be taken by {HOST}:{broker.port}" in run.said

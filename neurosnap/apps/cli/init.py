@@ -299,7 +299,7 @@ max_interval = 60.0
 prefix = "neurosnap"
 
 [supervision]
-restart = "always"
+restart_on_error = true
 """
 
 

@@ -127,13 +127,8 @@ class RunOption(NamedTuple):
     shown: Shown
     panel: str | None
 
-    def parameter(self, flag: str, text: str = "") -> Any:  # noqa: ANN401 - typer's
-        """Return it as the default value of a verb's parameter.
-
-        Args:
-            flag: The parameter's name.
-            text: The help, where a verb means it otherwise than a run does.
-        """
+    def parameter(self, flag: str) -> Any:  # noqa: ANN401 - typer's
+        """Return it as the default value of a verb's parameter of a name."""
         name = _as_flag(flag)
         is_flag = self.kind is bool
         return typer.Option(
@@ -143,7 +138,7 @@ class RunOption(NamedTuple):
             metavar=FLAG if is_flag else self.shown.unit or None,
             parser=_PARSERS.get(self.shown.unit),
             rich_help_panel=self.panel,
-            help=text or _OPTION.sub(lambda name: _as_flag(name[1]), self.shown.text),
+            help=_OPTION.sub(lambda name: _as_flag(name[1]), self.shown.text),
             show_default=self.shown.default or True,
         )
 
@@ -176,14 +171,13 @@ def options_of(
     return found
 
 
-def option(flag: str, text: str = "") -> Any:  # noqa: ANN401 - typer's
+def option(flag: str) -> Any:  # noqa: ANN401 - typer's
     """Return the default value of a verb's parameter that is an option of a run.
 
     Args:
         flag: The option's name, which is the parameter's too.
-        text: The help, where the verb means it otherwise than a run does.
     """
-    return run_options()[flag].parameter(flag, text)
+    return run_options()[flag].parameter(flag)
 
 
 def with_run_options(

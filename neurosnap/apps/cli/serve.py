@@ -13,6 +13,7 @@ import msgspec
 import typer
 
 from neurosnap.apps.cli.options import (
+    FLAG,
     NETWORK,
     RECORDING,
     Described,
@@ -45,7 +46,7 @@ from neurosnap.apps.cli.shared import (
 )
 from neurosnap.errors import InvalidValueError
 from neurosnap.runtime.network import Network
-from neurosnap.runtime.request import RestartKind, check_swarm
+from neurosnap.runtime.request import check_swarm
 
 if TYPE_CHECKING:
     from neurosnap.recording.format.completeness import Completeness
@@ -76,14 +77,19 @@ Patience = Annotated[
         help="How long to wait until the other parts have connected.",
     ),
 ]
-_RESTART = (
-    "What to do when the swarm has ended. Never: end, too. On-failure: if a part had"
-    " died, wait for the swarm that continues it. Always: wait for the next of this name,"
-    " until Ctrl-C."
-)
+Stay = Annotated[
+    bool,
+    typer.Option(
+        "--stay",
+        metavar=FLAG,
+        rich_help_panel=NETWORK,
+        help="When the swarm has ended, wait for the next of this name, until Ctrl-C."
+        " Otherwise only for one that continues it, if a part had died.",
+    ),
+]
 _with_place = with_parameters(
     connect=(Connect, ...),
-    restart=(RestartKind, option("restart", _RESTART)),
+    stay=(Stay, False),
     patience=(Patience, 60.0),
     tls=(str, option("tls")),
     insecure=(bool, option("insecure")),
@@ -320,7 +326,7 @@ def _serve(
             network,
             swarm,
             stop,
-            restart=given["restart"],
+            stays=given["stay"],
             patience=given["patience"],
             on_served=report,
         )

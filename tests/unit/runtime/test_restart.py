@@ -5,7 +5,6 @@ from pathlib import Path
 from shutil import copy
 
 import pytest
-from msgspec import convert
 
 from neurosnap.errors import PartDiedError, SwarmError
 from neurosnap.runtime import run as restart
@@ -117,12 +116,12 @@ def test_restarts_count_only_for_a_while() -> None:
 
 def test_which_errors_are_mended_is_the_policys_to_say() -> None:
     said = SwarmError("world: the source is gone")
-    for kind, mended in (
-        ("never", []),
-        ("on-failure", [DIED]),
-        ("always", [DIED, said]),
+    for policy, mended in (
+        (Supervision(max_restarts=0, restart_on_error=True), []),
+        (Supervision(), [DIED]),
+        (Supervision(restart_on_error=True), [DIED, said]),
     ):
-        restarts = Restarts(convert({"restart": kind}, Supervision))
+        restarts = Restarts(policy)
         assert [error for error in (DIED, said) if restarts.allow(error)] == mended
 
 

@@ -76,7 +76,7 @@ def test_what_is_given_is_taken(file: Path) -> None:
         path = "one.mcap"
         keyframe_every = 4
         [supervision]
-        restart = "never"
+        restart_on_error = true
         max_restarts = 0
         backoff = 0
         [network]
@@ -92,7 +92,9 @@ def test_what_is_given_is_taken(file: Path) -> None:
         cells="worker", workers=3, keyframe_every=4, deadline=2.0, watch=False, hold=3,
     )  # fmt: skip
     assert made.log == file.parent / "one.mcap"
-    assert made.supervision == Supervision(restart="never", max_restarts=0, backoff=0)
+    assert made.supervision == Supervision(
+        restart_on_error=True, max_restarts=0, backoff=0
+    )
     assert made.site.network == Network(listen="tcp/127.0.0.1:0", insecure=True)
     assert not made.log.exists()
 
