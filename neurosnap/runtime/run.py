@@ -16,7 +16,7 @@ recording says so, and is not complete.
 import asyncio
 import time
 from collections import deque
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -184,7 +184,7 @@ class _Lives:
             except SwarmError as error:
                 # If `stop` is set while a part dies, another incarnation runs and ends
                 # in order: this recording may lack last messages of other parts.
-                if was_stopped or not self._allowed.allow(error):
+                if was_stopped or not self._allowed.allow(error, time.monotonic()):
                     raise
                 gained = await self._go_on(error)
                 await wait_at_most(stop, self._allowed.delay(gained=gained))
@@ -273,22 +273,17 @@ class Restarts:
 
     Args:
         supervision: The policy.
-        clock: Seconds that only grow.
     """
 
-    def __init__(
-        self, supervision: Supervision, clock: Callable[[], float] = time.monotonic
-    ) -> None:
+    def __init__(self, supervision: Supervision) -> None:
         self._policy = supervision
-        self._clock = clock
         self._recent: deque[float] = deque()
         self._delay = supervision.backoff
 
-    def allow(self, error: SwarmError) -> bool:
-        """Return whether there is a restart after this error, and count it if so."""
+    def allow(self, error: SwarmError, now: float) -> bool:
+        """Return whether there is a restart after an error now, and count it if so."""
         if not (self._policy.restart_on_error or isinstance(error, PartDiedError)):
             return False
-        now = self._clock()
         while self._recent and now - self._recent[0] >= self._policy.restart_window:
             self._recent.popleft()
         if len(self._recent) >= self._policy.max_restarts:

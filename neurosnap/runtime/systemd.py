@@ -7,27 +7,20 @@ names. Where it names none, as when started by hand, nothing is sent.
 import os
 import socket
 import time
-from collections.abc import Mapping
 from typing import Self
 
 _STATUS = 1.0  # seconds between two words about how far it is
 
 
 class ServiceManager:
-    """The service manager that started this process. Use as a context manager.
+    """The service manager that started this process. Use as a context manager."""
 
-    Args:
-        environment: Where ``NOTIFY_SOCKET`` and ``WATCHDOG_USEC`` are looked for; None:
-            this process's own.
-    """
-
-    def __init__(self, environment: Mapping[str, str] | None = None) -> None:
-        given = os.environ if environment is None else environment
-        self._address = given.get("NOTIFY_SOCKET", "")
+    def __init__(self) -> None:
+        self._address = os.environ.get("NOTIFY_SOCKET", "")
         if self._address.startswith("@"):  # not in the file system
             self._address = "\0" + self._address[1:]
         self._socket: socket.socket | None = None
-        watchdog = given.get("WATCHDOG_USEC", "")
+        watchdog = os.environ.get("WATCHDOG_USEC", "")
         self._period = int(watchdog) / 2e6 if watchdog.isdecimal() else _STATUS
         self._is_up = False
         self._next = 0.0

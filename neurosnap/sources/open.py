@@ -144,7 +144,7 @@ def open_live(
     latest = LatestReadings(given.names(), stale_after=given.stale_after)
     feeder: Feeder
     if name == STDIN:
-        feeder = StdinFeeder(head=given.head.encode() if given.head else None)
+        feeder = StdinFeeder(given.head.encode() if given.head else None)
     else:
         feeder = ZenohFeeder(hub)
     ticks = given.schedule()

@@ -46,16 +46,10 @@ class DeniedSessions:
 
     Args:
         report: Gets a line for people. Control characters in it are escaped.
-        clock: Seconds.
     """
 
-    def __init__(
-        self,
-        report: Callable[[str], None],
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
+    def __init__(self, report: Callable[[str], None]) -> None:
         self._report = report
-        self._clock = clock
         self._until = 0.0
         self._reported: set[str] = set()
         self._unreported = 0
@@ -70,7 +64,7 @@ class DeniedSessions:
         return True
 
     def _refuse(self, why: str) -> None:
-        now = self._clock()
+        now = time.monotonic()
         if now >= self._until:
             self.close()
             self._until = now + _WINDOW

@@ -60,7 +60,6 @@ class HealthListener:
         alarms: The budget, such as ``1/week``.
         report: Called with the health of the sensors when that is new, on the loop.
         past: A recording of what was read before; None if nothing was.
-        clock: Says what time it is, in seconds since 1970.
     """
 
     def __init__(
@@ -69,13 +68,11 @@ class HealthListener:
         alarms: str,
         report: Callable[[Standing], None],
         past: Past | None = None,
-        clock: Callable[[], float] = time.time,
     ) -> None:
         self._body = body
         self._follower = Follower(body.own, alarms)
         self._report = report
         self._past = past
-        self._clock = clock
         self._reported: Standing | None = None
         self._tick = 0  # the last that was followed
         self._waiting: SimpleQueue[tuple[int, OwnReadings] | None] = SimpleQueue()
@@ -135,7 +132,7 @@ class HealthListener:
             try:
                 observed = self._waiting.get(timeout=_LOOK)
             except Empty:
-                self._follower.until(self._clock() - _LATE)
+                self._follower.until(time.time() - _LATE)
             else:
                 if observed is None:
                     return

@@ -29,18 +29,14 @@ _NAME = "standard input"
 
 
 class StdinFeeder:
-    """Reads lines from a file descriptor, on a thread of its own.
+    """Reads lines on a thread of its own.
 
     Args:
-        descriptor: Open for reading: a pipe, a terminal, a file. It is not closed.
         head: The first line, with the blank ones before it, where it was read
             already. A source that goes on with a run had what it says.
     """
 
-    def __init__(
-        self, descriptor: int = STANDARD_INPUT, *, head: bytes | None = None
-    ) -> None:
-        self._descriptor = descriptor
+    def __init__(self, head: bytes | None = None) -> None:
         self._head = head
         self._lines = Lines(LIMIT)
         self._thread: threading.Thread | None = None
@@ -90,11 +86,11 @@ class StdinFeeder:
     def _read(self) -> bytes:
         """Wait for input and return some of it; nothing at its end, or ours."""
         poll = select.poll()  # `select.select` ends at descriptor 1023
-        poll.register(self._descriptor, select.POLLIN)
+        poll.register(STANDARD_INPUT, select.POLLIN)
         poll.register(self._heard, select.POLLIN)
         if self._heard in dict(poll.poll()):
             return b""
-        return os.read(self._descriptor, _PIECE)
+        return os.read(STANDARD_INPUT, _PIECE)
 
     def _receive_line(self, source: LiveSource, number: int, line: bytes) -> None:
         if source.is_full or not line.strip():
@@ -105,7 +101,7 @@ class StdinFeeder:
             source.refuse(str(within(f"{_NAME}:{number}", error)))
 
 
-def first_line(descriptor: int = STANDARD_INPUT) -> bytes:
+def first_line() -> bytes:
     """Return the first line that is not blank, with those before it, and read no more.
 
     Waits for it. It comes without its line feed, and is read byte by byte, so that
@@ -116,7 +112,7 @@ def first_line(descriptor: int = STANDARD_INPUT) -> bytes:
     """
     line = bytearray()
     try:
-        while byte := os.read(descriptor, 1):
+        while byte := os.read(STANDARD_INPUT, 1):
             if byte == b"\n" and line.strip():
                 break
             line += byte
@@ -124,7 +120,7 @@ def first_line(descriptor: int = STANDARD_INPUT) -> bytes:
                 raise within(_place(line), too_long())
     except OSError as error:
         rule = f"must be readable ({error.strerror})"
-        raise InvalidValueError(_NAME, rule, descriptor) from error
+        raise InvalidValueError(_NAME, rule, STANDARD_INPUT) from error
     if not line.strip():
         rule = "must begin with a line that names the sensors (or name them: sensors)"
         raise InvalidValueError(_NAME, rule, "no line")

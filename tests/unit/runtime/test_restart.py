@@ -97,21 +97,11 @@ async def test_told_to_end_while_a_part_dies_a_run_has_one_more_life(
 DIED = PartDiedError("cell/1: was killed")
 
 
-class Clock:
-    now = 100.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
 def test_restarts_count_only_for_a_while() -> None:
-    clock = Clock()
-    restarts = Restarts(Supervision(max_restarts=2, restart_window=60.0), clock)
-    assert [restarts.allow(DIED) for _ in range(3)] == [True, True, False]
-    clock.now += 59.0
-    assert not restarts.allow(DIED)
-    clock.now += 1.0
-    assert [restarts.allow(DIED) for _ in range(3)] == [True, True, False]
+    restarts = Restarts(Supervision(max_restarts=2, restart_window=60.0))
+    assert [restarts.allow(DIED, 100.0) for _ in range(3)] == [True, True, False]
+    assert not restarts.allow(DIED, 159.0)
+    assert [restarts.allow(DIED, 160.0) for _ in range(3)] == [True, True, False]
 
 
 def test_which_errors_are_mended_is_the_policys_to_say() -> None:
@@ -122,7 +112,7 @@ def test_which_errors_are_mended_is_the_policys_to_say() -> None:
         (Supervision(restart_on_error=True), [DIED, said]),
     ):
         restarts = Restarts(policy)
-        assert [error for error in (DIED, said) if restarts.allow(error)] == mended
+        assert [error for error in (DIED, said) if restarts.allow(error, 0.0)] == mended
 
 
 def test_without_a_tick_in_between_each_delay_is_twice_the_last() -> None:

@@ -34,15 +34,18 @@ def heard(manager: socket.socket) -> list[str]:
             return said
 
 
-def test_it_is_told_that_the_run_is_up_goes_on_and_ends(manager: socket.socket) -> None:
-    given = {"NOTIFY_SOCKET": where(manager)}
-    with ServiceManager(given) as service:
+def test_it_is_told_that_the_run_is_up_goes_on_and_ends(
+    manager: socket.socket, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NOTIFY_SOCKET", where(manager))
+    with ServiceManager() as service:
         assert heard(manager) == []
         service.progress(0)
         service.progress(1)  # not a second later
         assert heard(manager) == [UP]
     assert heard(manager) == ["STOPPING=1"]
-    with ServiceManager({**given, "WATCHDOG_USEC": "0"}) as service:
+    monkeypatch.setenv("WATCHDOG_USEC", "0")
+    with ServiceManager() as service:
         service.progress(0)
         service.progress(2)  # as often as a watchdog asks for
         assert heard(manager) == [UP, "WATCHDOG=1\nSTATUS=tick 2"]
@@ -51,6 +54,9 @@ def test_it_is_told_that_the_run_is_up_goes_on_and_ends(manager: socket.socket) 
         service.progress(4)
 
 
-def test_a_run_that_was_started_by_hand_tells_no_manager() -> None:
-    with ServiceManager({}) as service:
+def test_a_run_that_was_started_by_hand_tells_no_manager(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
+    with ServiceManager() as service:
         service.progress(1)

@@ -1,6 +1,7 @@
 """Refused sessions are found in the hub's log, and reported in bounded number."""
 
 import os
+from types import SimpleNamespace
 
 import pytest
 
@@ -18,10 +19,17 @@ REFUSED = "session refused: peer sent no certificates."
 class Told:
     """Refusals with a clock that is set by hand."""
 
-    def __init__(self) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.lines: list[str] = []
         self.now = 100.0
-        self.refusals = DeniedSessions(self.lines.append, lambda: self.now)
+        self.refusals = DeniedSessions(self.lines.append)
+        clock = SimpleNamespace(monotonic=lambda: self.now)
+        monkeypatch.setattr(denied_log, "time", clock)
+
+
+@pytest.fixture
+def told(monkeypatch: pytest.MonkeyPatch) -> Told:
+    return Told(monkeypatch)
 
 
 @pytest.mark.parametrize(
@@ -33,15 +41,13 @@ class Told:
     ],
 )
 def test_a_refused_session_alone_is_reported(
-    line: str, zenohs: bool, lines: list[str]
+    told: Told, line: str, zenohs: bool, lines: list[str]
 ) -> None:
-    told = Told()
     assert told.refusals.read(line) == zenohs
     assert told.lines == lines
 
 
-def test_the_same_is_reported_once_a_window_and_a_flood_is_counted() -> None:
-    told = Told()
+def test_the_same_is_reported_once_a_window_and_a_flood_is_counted(told: Told) -> None:
     for number in range(1000):
         name = "".join(chr(97 + int(digit)) for digit in str(number))
         told.refusals.read(NO_CERTIFICATE.replace("peer", name))
@@ -54,16 +60,16 @@ def test_the_same_is_reported_once_a_window_and_a_flood_is_counted() -> None:
     assert told.lines[10:] == [more[0], REFUSED, more[1]]
 
 
-def test_what_an_intruder_sends_cannot_act_on_a_terminal() -> None:
-    told = Told()
+def test_what_an_intruder_sends_cannot_act_on_a_terminal(told: Told) -> None:
     told.refusals.read(NO_CERTIFICATE.replace("peer", "\x07\x9b2J" + "x" * 999))
     (line,) = told.lines
     assert line.isprintable()
     assert len(line) < 400
 
 
-def test_where_no_process_reads_the_output_refusals_are_reported_all_the_same() -> None:
-    told = Told()
+def test_where_no_process_reads_the_output_refusals_are_reported_all_the_same(
+    told: Told,
+) -> None:
     read, log = os.pipe()
     unread, own = os.pipe()
     os.close(unread)

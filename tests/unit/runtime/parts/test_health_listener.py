@@ -4,6 +4,7 @@ import asyncio
 import itertools
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -74,13 +75,15 @@ async def test_that_a_door_stays_open_is_told_although_nothing_is_read_any_more(
     heard: list[Standing] = []
     stop = asyncio.Event()
     now = itertools.count(home[-1][0], STEP)
+    clock = SimpleNamespace(time=lambda: next(now))
+    monkeypatch.setattr(health_listener, "time", clock)
 
     def hear(standing: Standing) -> None:
         heard.append(standing)
         if [alarm.sensor for alarm in standing.alarms] == ["fridge"]:
             stop.set()
 
-    listener = HealthListener(BODY, "1/week", hear, clock=lambda: next(now))
+    listener = HealthListener(BODY, "1/week", hear)
     for message, sent in messages(home):
         listener.receive(message, sent)
     async with asyncio.timeout(PATIENCE):

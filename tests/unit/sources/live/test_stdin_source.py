@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.errors import FabricError, InvalidValueError
+from neurosnap.sources.live import stdin_source
 from neurosnap.sources.live.latest_readings import LatestReadings
 from neurosnap.sources.live.live_source import WAITING, LiveSource, Timing
 from neurosnap.sources.live.stdin_source import Lines, StdinFeeder, first_line, names_in
@@ -42,22 +43,23 @@ class Pipe:
 
 
 @pytest.fixture
-def pipe() -> Iterator[Pipe]:
+def pipe(monkeypatch: pytest.MonkeyPatch) -> Iterator[Pipe]:
+    """A pipe in the place of standard input."""
     made = Pipe()
+    monkeypatch.setattr(stdin_source, "STANDARD_INPUT", made.reads)
     yield made
     made.close()
 
 
 @pytest.fixture
 def source(pipe: Pipe) -> Iterator[LiveSource]:
-    made = source_on(pipe)
+    made = source_on()
     yield made
     made.close()
 
 
-def source_on(pipe: Pipe, head: bytes | None = None) -> LiveSource:
-    feeder = StdinFeeder(pipe.reads, head=head)
-    return LiveSource(LatestReadings(NAMES), OnChange(), feeder=feeder)
+def source_on(head: bytes | None = None) -> LiveSource:
+    return LiveSource(LatestReadings(NAMES), OnChange(), feeder=StdinFeeder(head))
 
 
 def rest_of(source: LiveSource, *, begun: bool = False) -> list[list[bool | None]]:
@@ -101,10 +103,8 @@ def test_the_pipe_holds_back_who_writes_and_nothing_is_lost(pipe: Pipe) -> None:
         pipe.end()
 
     lock = Told()
-    feeder = StdinFeeder(pipe.reads)
-    source = LiveSource(
-        LatestReadings(NAMES), OnChange(), feeder=feeder, timing=Timing(condition=lock)
-    )
+    timing, feeder = Timing(condition=lock), StdinFeeder()
+    source = LiveSource(LatestReadings(NAMES), OnChange(), feeder=feeder, timing=timing)
     writing = threading.Thread(target=write)
     writing.start()
     assert source.first() is not None
@@ -123,7 +123,7 @@ def test_the_head_is_the_first_reading_of_a_run_that_begins_and_counts_as_a_line
     pipe: Pipe, caplog: pytest.LogCaptureFixture, blank: int, begun: bool
 ) -> None:
     pipe.write(b"\n" * blank + b'{"bits": {"door": 1, "motion": 1}}\n')
-    source = source_on(pipe, head=first_line(pipe.reads))
+    source = source_on(first_line())
     pipe.write(b'{"bits": [0, 0]}\nnonsense\n')
     pipe.end()
     ticks = rest_of(source, begun=begun)
@@ -137,8 +137,8 @@ def test_closing_ends_a_reader_that_waits_for_input(
     pipe: Pipe,
 ) -> None:
     before = len(list(Path("/proc/self/fd").iterdir()))
-    source_on(pipe).close()  # without a start
-    source = source_on(pipe)
+    source_on().close()  # without a start
+    source = source_on()
     pipe.write(b'{"bits": [1, 0]}\n{"bits"')
     assert source.first() is not None
     source.close()  # would never return if it waited for the pipe
@@ -147,10 +147,12 @@ def test_closing_ends_a_reader_that_waits_for_input(
     assert source.statistics().refused == 0
 
 
-def test_what_cannot_be_read_is_an_error(tmp_path: Path) -> None:
+def test_what_cannot_be_read_is_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     folder = os.open(tmp_path, os.O_RDONLY)
-    feeder = StdinFeeder(folder)
-    source = LiveSource(LatestReadings(NAMES), OnChange(), feeder=feeder)
+    monkeypatch.setattr(stdin_source, "STANDARD_INPUT", folder)
+    source = source_on()
     rule = r"^standard input: must be readable, got Is a directory$"
     with pytest.raises(FabricError, match=rule):
         source.first()
@@ -163,7 +165,7 @@ def test_what_cannot_be_read_is_an_error(tmp_path: Path) -> None:
 
 def test_the_first_line_is_read_to_its_end_and_no_further(pipe: Pipe) -> None:
     pipe.write(b'\n  \n{"bits": {"door": 1}}\n{"bits": [1]}\n')
-    line = first_line(pipe.reads)
+    line = first_line()
     assert line == b'\n  \n{"bits": {"door": 1}}'
     assert names_in(line) == ("door",)
     assert names_in(b'{"bits": {"motion": 0, "door": 1}}') == ("motion", "door")
@@ -172,7 +174,7 @@ def test_the_first_line_is_read_to_its_end_and_no_further(pipe: Pipe) -> None:
     pipe.end()
     rule = r"^standard input: must begin with a line that names the sensors"
     with pytest.raises(InvalidValueError, match=rule):
-        first_line(pipe.reads)
+        first_line()
 
 
 @pytest.mark.parametrize(
