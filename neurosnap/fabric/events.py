@@ -2,13 +2,16 @@
 
 import asyncio
 from collections.abc import Coroutine
+from contextlib import suppress
 from typing import Any
 
 
-async def wait_any(*events: asyncio.Event) -> None:
-    """Return once one of `events` is set."""
+async def wait_any(*events: asyncio.Event, seconds: float | None = None) -> None:
+    """Return once one of `events` is set, or some seconds have gone by."""
     if not any(event.is_set() for event in events):
-        await first_of(*(event.wait() for event in events))
+        with suppress(TimeoutError):
+            async with asyncio.timeout(seconds):
+                await first_of(*(event.wait() for event in events))
 
 
 async def first_of(*several: Coroutine[Any, Any, object]) -> None:
@@ -25,15 +28,6 @@ async def first_of(*several: Coroutine[Any, Any, object]) -> None:
     finally:
         for task in tasks:
             task.cancel()
-
-
-async def wait_at_most(event: asyncio.Event, seconds: float) -> None:
-    """Return once `event` is set, or some seconds have gone by."""
-    try:
-        async with asyncio.timeout(seconds):
-            await event.wait()
-    except TimeoutError:
-        pass
 
 
 class Failure:

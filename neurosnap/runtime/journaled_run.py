@@ -24,7 +24,7 @@ from pathlib import Path
 import msgspec
 
 from neurosnap.errors import InvalidValueError, NeurosnapError, PartDiedError
-from neurosnap.fabric.events import wait_at_most
+from neurosnap.fabric.events import wait_any
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import first_path
@@ -138,7 +138,7 @@ async def run_journaled(request: RunRequest, work: Work) -> Outcome:
 def _take_over(folder: Path, options: RunOptions, past: ResumePoint) -> None:
     """Begin a journal with the readings that came after a tick and are not recorded."""
     log = Path(past.log)
-    kept = journal_of(first_path(log, past.part) if past.part else log)
+    kept = journal_of(first_path(log, past.part))
     rows = [row for row in read_journal(kept).rows if row.number > past.tick]
     with contextlib.closing(Journal(folder, options.body.own)) as journal:
         journal.restart(past.tick, rows)
@@ -219,7 +219,7 @@ async def _keep_up(
             _logger.warning("%s (it is started again)", error)
             if ending.is_set():
                 return 0
-        await wait_at_most(ending, _AGAIN)
+        await wait_any(ending, seconds=_AGAIN)
 
 
 class _WorldServer:

@@ -10,7 +10,7 @@ import secrets
 import tempfile
 import time
 from collections.abc import Callable, Collection, Mapping
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -33,7 +33,7 @@ from neurosnap.runtime.parts.coordinator_process import (
 )
 from neurosnap.runtime.parts.hub_and_cell import CellJob, HubJob
 from neurosnap.runtime.parts.job import Job, PartConnection
-from neurosnap.runtime.parts.recorder_process import recorder_job
+from neurosnap.runtime.parts.recorder_process import RecorderJob
 from neurosnap.runtime.parts.status_publisher import (
     STATUS_PUBLISHER,
     StatusJob,
@@ -284,9 +284,7 @@ class _Launch:
         if more and self._supervisor.error is None and self._recorder is not None:
             # A coordinator that leaves before the recorder listens would be missing.
             ready, ended = self._recorder.ready, self._recorder.ended
-            with suppress(TimeoutError):
-                async with asyncio.timeout(more):
-                    await wait_any(self._supervisor.failed, ready, ended)
+            await wait_any(self._supervisor.failed, ready, ended, seconds=more)
         late = await end(["coordinator"], self._jobs.patience + more)
         grace = _GRACE + 0.02 * len(self._jobs.hosts) + more
         late += await end(["world", *self._jobs.hosts], grace)
@@ -352,7 +350,7 @@ def _jobs(request: RunRequest) -> Jobs:
         hosts=host_jobs(len(options.sensors), options.sharing, learning),
         world=WorldJob(options, past, request.way_in),
         status=StatusJob(options, past) if has_status(options) else None,
-        recorder=None if log is None else partial(recorder_job, options, log, past),
+        recorder=None if log is None else partial(RecorderJob, options, str(log), past),
         past=past,
         patience=options.deadline + 10.0,
         source=options.source,

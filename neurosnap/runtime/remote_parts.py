@@ -16,7 +16,7 @@ from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.parts.coordinator_process import RunDescription
 from neurosnap.runtime.parts.hub_and_cell import CellJob
 from neurosnap.runtime.parts.job import Job
-from neurosnap.runtime.parts.recorder_process import recorder_job
+from neurosnap.runtime.parts.recorder_process import RecorderJob
 from neurosnap.runtime.parts.worker_process import WorkerJob
 from neurosnap.runtime.parts.world_process import WorldJob
 from neurosnap.sources.camera import try_camera
@@ -144,7 +144,7 @@ def recorder(new_log: Callable[[], Path]) -> ChooseParts:
     def choose(swarm: str, description: RunDescription) -> list[RemotePart]:
         options = description.options
         heard = ("coordinator", "world", *options.host_names())
-        job = recorder_job(options, new_log(), None, swarm, heard)
+        job = RecorderJob(options, str(new_log()), None, swarm, heard)
         return [RemotePart("recorder", job, lingers=True)]
 
     return choose

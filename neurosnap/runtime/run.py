@@ -30,7 +30,7 @@ from neurosnap.errors import (
     PartDiedError,
     SwarmError,
 )
-from neurosnap.fabric.events import wait_at_most
+from neurosnap.fabric.events import wait_any
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.runtime.journaled_run import run_journaled
@@ -187,7 +187,7 @@ class _Lives:
                 if was_stopped or not self._allowed.allow(error, time.monotonic()):
                     raise
                 gained = await self._go_on(error)
-                await wait_at_most(stop, self._allowed.delay(gained=gained))
+                await wait_any(stop, seconds=self._allowed.delay(gained=gained))
             else:
                 return self._in_all(outcome)
 

@@ -78,7 +78,6 @@ async def serve(
         raise InvalidValueError("connect", rule, network.connect)
     network.check("watcher")
     connections = Connections(network)
-    host = _Host(choose, connections, stop)
     wait = None if stays else patience
     trouble = ""
     async with connections.discovery(swarm, stop, patience) as discovery:
@@ -90,7 +89,7 @@ async def serve(
             if seen is None:
                 return
             try:
-                served = await host.take_part(seen)
+                served = await _take_part(choose, connections, seen, stop)
             except NeurosnapError as error:
                 if not (stays or isinstance(error, PartDiedError)):
                     raise
@@ -108,93 +107,77 @@ def _no_coordinator(swarm: str, patience: float, trouble: str) -> str:
     return f"swarm {swarm}: must have a coordinator within {patience:g} s, none came"
 
 
-class _Host:
-    """Starts parts of one swarm after the other."""
+async def _take_part(
+    choose: ChooseParts, connections: Connections, seen: FoundSwarm, stop: asyncio.Event
+) -> Served:
+    """Run the parts in one swarm until it is over, or the service is to stop.
 
-    def __init__(
-        self, choose: ChooseParts, connections: Connections, stop: asyncio.Event
-    ) -> None:
-        self._choose = choose
-        self._connections = connections
-        self._stop = stop
-
-    async def take_part(self, seen: FoundSwarm) -> Served:
-        """Run the parts in one swarm until it is over, or the service is to stop.
-
-        Raises:
-            NeurosnapError: A part failed, or cannot be of this swarm.
-        """
-        ending = _Ending()
-        async with self._connections.to("watcher", seen.name).fabric() as fabric:
-            await fabric.subscribe(_LAST_WORDS, ending.handle)
-            content = await fabric.ask()
-            if content is None:
-                return Served(seen.name, "its coordinator vanished", {})
-            description = read_description(content)
-            parts = await asyncio.to_thread(self._choose, seen.name, description)
-            names = [part.who for part in parts]
-            description.check_vacant(names)
-            for who in sorted(await fabric.present() & set(names)):
-                raise SwarmError(
-                    f"{who}: must be there once, is in {seen.name} already"
-                )
-            connections = [
-                self._connections.to(who, seen.name, description.first(who))
-                for who in names
-            ]
-            results = await self._run(parts, connections, seen.gone)
-            trouble = "" if self._stop.is_set() else await ending.trouble()
-        return Served(seen.name, trouble, results)
-
-    async def _run(
-        self,
-        parts: Sequence[RemotePart],
-        connections: Sequence[PartConnection],
-        gone: asyncio.Event,
-    ) -> dict[str, bytes]:
-        """Run the parts until `gone`; return their results."""
-        grace = _GRACE + 0.02 * len(parts)
+    Raises:
+        NeurosnapError: A part failed, or cannot be of this swarm.
+    """
+    ending = _Ending()
+    async with connections.to("watcher", seen.name).fabric() as fabric:
+        await fabric.subscribe(_LAST_WORDS, ending.handle)
+        content = await fabric.ask()
+        if content is None:
+            return Served(seen.name, "its coordinator vanished", {})
+        description = read_description(content)
+        parts = await asyncio.to_thread(choose, seen.name, description)
         names = [part.who for part in parts]
-        async with Supervisor() as supervisor:
-            await supervisor.make_room(names, self._stop)
-            started = await _start(supervisor, parts, connections)
-            await wait_any(supervisor.failed, self._stop, gone)
-            for part, running in zip(parts, started, strict=False):
-                if part.lingers and gone.is_set():
-                    with contextlib.suppress(TimeoutError):
-                        async with asyncio.timeout(grace):
-                            await wait_any(supervisor.failed, self._stop, running.ended)
-            if isinstance(supervisor.error, PartDiedError):
-                # A part that left in order now would be blamed for the death.
-                await supervisor.kill(names)
-            late = await supervisor.end(names, grace)
-            if supervisor.error is not None:
-                raise supervisor.error
-        if late:
-            rule = "every part must end when asked to"
-            raise PartDiedError(f"swarm: {rule}, killed: {', '.join(late)}")
-        return {
-            running.who: running.result
-            for running in started
-            if running.result is not None
-        }
+        description.check_vacant(names)
+        for who in sorted(await fabric.present() & set(names)):
+            raise SwarmError(f"{who}: must be there once, is in {seen.name} already")
+        given = [
+            (part, connections.to(part.who, seen.name, description.first(part.who)))
+            for part in parts
+        ]
+        results = await _run(given, stop, seen.gone)
+        trouble = "" if stop.is_set() else await ending.trouble()
+    return Served(seen.name, trouble, results)
+
+
+async def _run(
+    given: Sequence[tuple[RemotePart, PartConnection]],
+    stop: asyncio.Event,
+    gone: asyncio.Event,
+) -> dict[str, bytes]:
+    """Run the parts until `gone`; return their results."""
+    grace = _GRACE + 0.02 * len(given)
+    names = [part.who for part, _ in given]
+    async with Supervisor() as supervisor:
+        await supervisor.make_room(names, stop)
+        started = await _start(supervisor, given)
+        await wait_any(supervisor.failed, stop, gone)
+        for (part, _), running in zip(given, started, strict=False):
+            if part.lingers and gone.is_set():
+                ends = supervisor.failed, stop, running.ended
+                await wait_any(*ends, seconds=grace)
+        if isinstance(supervisor.error, PartDiedError):
+            # A part that left in order now would be blamed for the death.
+            await supervisor.kill(names)
+        late = await supervisor.end(names, grace)
+        if supervisor.error is not None:
+            raise supervisor.error
+    if late:
+        rule = "every part must end when asked to"
+        raise PartDiedError(f"swarm: {rule}, killed: {', '.join(late)}")
+    return {
+        running.who: running.result for running in started if running.result is not None
+    }
 
 
 async def _start(
-    supervisor: Supervisor,
-    parts: Sequence[RemotePart],
-    connections: Sequence[PartConnection],
+    supervisor: Supervisor, given: Sequence[tuple[RemotePart, PartConnection]]
 ) -> list[RunningPart]:
     """Start the parts; return those with a line of their own.
 
     Where there are many, they are cells, which have no results.
     """
-    jobs = [part.job for part in parts]
-    given = list(zip(jobs, connections, strict=True))
-    if len(given) > 1:
-        await supervisor.start_many(given)
+    jobs = [(part.job, connection) for part, connection in given]
+    if len(jobs) > 1:
+        await supervisor.start_many(jobs)
         return []
-    return [await supervisor.start(*each) for each in given]
+    return [await supervisor.start(*each) for each in jobs]
 
 
 class _Ending:
@@ -229,9 +212,7 @@ class _Ending:
         Called once the coordinator has gone. Its last word travels apart from its
         presence, and may be on the way.
         """
-        with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(_LAST_WORD):
-                await self._left.wait()
+        await wait_any(self._left, seconds=_LAST_WORD)
         if not self._left.is_set():
             return "its coordinator vanished without a word"
         return self._complaint

@@ -21,7 +21,7 @@ from neurosnap.apps.cli.shared import (
 )
 from neurosnap.apps.new_files import free_path
 from neurosnap.errors import InvalidValueError, MissingExtraError, NeurosnapError
-from neurosnap.fabric.events import wait_any, wait_at_most
+from neurosnap.fabric.events import wait_any
 from neurosnap.sensorium import visible
 from neurosnap.sources.mqtt.options import MqttBroker, MqttSensor
 from neurosnap.system.distribution import must_have
@@ -182,7 +182,7 @@ def _listened(broker: MqttBroker, topic: str, seconds: float) -> "Survey":
         serving = asyncio.create_task(link.serve(over), name="topics/serve")
         serving.add_done_callback(lambda _: stop.set())
         await wait_any(there, stop)
-        await wait_at_most(stop, seconds)
+        await wait_any(stop, seconds=seconds)
         over.set()
         await serving
 

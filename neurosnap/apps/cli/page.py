@@ -13,7 +13,7 @@ import typer
 
 from neurosnap.apps.cli.output import print_json
 from neurosnap.errors import InvalidValueError, MissingExtraError, RecordingError
-from neurosnap.fabric.events import wait_at_most
+from neurosnap.fabric.events import wait_any
 from neurosnap.system.distribution import must_have
 
 T = TypeVar("T")
@@ -100,7 +100,7 @@ async def _begun(
         except RecordingError:
             if last:
                 raise
-        await wait_at_most(stop, _POLL)
+        await wait_any(stop, seconds=_POLL)
 
 
 async def viewed(

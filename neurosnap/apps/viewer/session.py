@@ -19,7 +19,7 @@ from neurosnap.apps.viewer.api import Event, Frame
 from neurosnap.apps.viewer.history import RunHistory
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.errors import RecordingError
-from neurosnap.fabric.events import wait_any, wait_at_most
+from neurosnap.fabric.events import wait_any
 
 T = TypeVar("T")
 P = ParamSpec("P")
@@ -169,7 +169,7 @@ class ViewSession:
             if more:
                 continue
             if live:
-                await wait_at_most(stop, _IDLE)
+                await wait_any(stop, seconds=_IDLE)
             else:  # nothing more can come
                 await wait_any(self._renewed, stop)
                 self._renewed.clear()
@@ -198,7 +198,7 @@ async def news(session: ViewSession, stop: asyncio.Event) -> AsyncIterator[bytes
         elif loop.time() - said > _HEARTBEAT:
             said = loop.time()
             yield b": still here\n\n"
-        await wait_at_most(stop, _EVERY)
+        await wait_any(stop, seconds=_EVERY)
 
 
 class _PageListener:

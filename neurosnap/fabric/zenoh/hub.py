@@ -19,7 +19,7 @@ from typing import Any
 import zenoh
 
 from neurosnap.errors import FabricError, InvalidValueError
-from neurosnap.fabric.events import wait_any, wait_at_most
+from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.security.hub_address import Credentials, check_endpoint, nearest
 from neurosnap.fabric.security.roles import access_list
 from neurosnap.fabric.zenoh.session import absence, configuration
@@ -164,7 +164,7 @@ async def _report_missing(
     stop: asyncio.Event,
     report: Callable[[str], None],
 ) -> None:
-    await wait_at_most(stop, _SAID_AFTER)
+    await wait_any(stop, seconds=_SAID_AFTER)
     ends = {str(link.dst) for link in await asyncio.to_thread(_links, session)}
     for link in links:
         if not stop.is_set() and ends.isdisjoint(await _addresses(link)):

@@ -15,7 +15,7 @@ import threading
 import zenoh
 
 from neurosnap.errors import FabricError
-from neurosnap.fabric.events import wait_any, wait_at_most
+from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.security.hub_address import HubAddress
 from neurosnap.fabric.zenoh.pieces import LARGEST
 
@@ -114,7 +114,7 @@ async def reach(
         if waited > _SAID_AFTER and not said:
             said = True
             _log.warning("%s", absence(hub.endpoint))
-        await wait_at_most(stop, _PAUSE)
+        await wait_any(stop, seconds=_PAUSE)
     return None
 
 

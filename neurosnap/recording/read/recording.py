@@ -43,8 +43,10 @@ def part_path(log: Path, number: int) -> Path:
     return log if number == 0 else log.with_name(f"{log.stem}_{number:04d}{log.suffix}")
 
 
-def first_path(path: Path, number: int) -> Path:
-    """Return the path of the first file, by the path of another: see `part_path`."""
+def first_path(path: Path, number: int | None) -> Path:
+    """Return the path of the first file, by that of another or of the only one."""
+    if not number:
+        return path
     return path.with_name(f"{path.stem.removesuffix(f'_{number:04d}')}{path.suffix}")
 
 

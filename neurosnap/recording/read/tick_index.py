@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
-from neurosnap.recording.read.chunk_messages import ChunkMessages
+from neurosnap.recording.read.chunk_messages import ChunkMessages, M
 from neurosnap.recording.read.recording import Recording
 
 ROOM = 48 * 2**20
@@ -86,16 +86,18 @@ class TickIndex:
             except RecordingError:  # noted in `damage`
                 continue
 
+    def _said(self, number: int, topic: str, kind: type[M]) -> list[M]:
+        """Return a chunk's messages of a topic; none if it cannot be read."""
+        for _, chunk in self.readable(number, number + 1):
+            return chunk.all(topic, kind)
+        return []
+
     def observed(self, number: int) -> list[wire.Observation]:
         """Return the observations in a chunk; none if it cannot be read."""
         if number in self._observed:
             self._observed.move_to_end(number)
             return self._observed[number]
-        found = [
-            observation
-            for _, chunk in self.readable(number, number + 1)
-            for observation in chunk.all("observation", wire.Observation)
-        ]
+        found = self._said(number, "observation", wire.Observation)
         self._observed[number] = found
         self._observations += len(found)
         while self._observations > _OBSERVATIONS and len(self._observed) > 1:
@@ -144,9 +146,8 @@ class TickIndex:
     def last_tick(self) -> int:
         """Return the last tick whose state was recorded; 0: there is none."""
         for number in reversed(range(len(self))):
-            for _, chunk in self.readable(number, number + 1):
-                if states := chunk.all("state", wire.State):
-                    return max(state.tick for state in states)
+            if states := self._said(number, "state", wire.State):
+                return max(state.tick for state in states)
         return 0
 
     def keyframe(self, tick: int) -> tuple[wire.KeyFrame, list[wire.Band]] | None:
@@ -171,10 +172,9 @@ class TickIndex:
         number = max(0, self.chunk_of(frame.tick) - 1)
         stop = min(self.chunk_after(frame.tick + 1) + 2, len(self))
         while len(found) < frame.bands and number < stop:
-            for _, chunk in self.readable(number, number + 1):
-                for band in chunk.all("band", wire.Band):
-                    if band.tick == frame.tick:
-                        found[band.array, band.offset] = band
+            for band in self._said(number, "band", wire.Band):
+                if band.tick == frame.tick:
+                    found[band.array, band.offset] = band
             number += 1
         return [*found.values()]
 
@@ -189,11 +189,7 @@ class TickIndex:
     def _keyframes(self, number: int) -> list[wire.KeyFrame]:
         if not self._has_keyframe(number):
             return []
-        return [
-            frame
-            for _, chunk in self.readable(number, number + 1)
-            for frame in chunk.all("keyframe", wire.KeyFrame)
-        ]
+        return self._said(number, "keyframe", wire.KeyFrame)
 
     def _has_keyframe(self, number: int) -> bool:
         """Return whether a chunk is said to have a key-frame, or nothing is said of it.

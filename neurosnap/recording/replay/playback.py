@@ -14,7 +14,7 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError
-from neurosnap.fabric.events import wait_at_most
+from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.security.hub_address import Credentials, HubAddress, nearest
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.hub import open_hub
@@ -130,7 +130,7 @@ async def play(
         due = since + (recorded.log_time - first) / _NS / rate
         delay = due - time.perf_counter()
         if delay > 0:
-            await wait_at_most(stop, delay)
+            await wait_any(stop, seconds=delay)
         elif count % _BURST == 0:
             await asyncio.sleep(0)
         if stop.is_set():

@@ -317,8 +317,8 @@ def _taken(recording: Recording, tick: int) -> tuple[tuple[int, ...], Body]:
 def _decisions(recording: Recording) -> Iterator[wire.Decision]:
     """Yield the decisions in a file, and in those before it."""
     number = recording.part or 0
-    log = first_path(recording.path, number) if number else recording.path
-    before = [path for part, path in part_paths(log).items() if part < number]
+    paths = part_paths(first_path(recording.path, number))
+    before = [path for part, path in paths.items() if part < number]
     for each in (*map(Recording.open, before), recording):
         for recorded in each.messages(("decision",)):
             if isinstance(recorded.message, wire.Decision):
@@ -385,13 +385,12 @@ def _begun_after(recording: Recording) -> dict[str, int]:
 
     They show what is missing at the end of a file behind which nothing counts.
     """
-    if (number := recording.part) is None:
-        return {}
-    log = first_path(recording.path, number) if number else recording.path
-    try:
-        return Recording.open_file(part_path(log, number + 1)).files[0].share or {}
-    except RecordingError:  # there is none, or it was cut at its very beginning
-        return {}
+    number, log = recording.part, first_path(recording.path, recording.part)
+    if number is not None:
+        # There may be none, or it was cut at its very beginning.
+        with suppress(RecordingError):
+            return Recording.open_file(part_path(log, number + 1)).files[0].share or {}
+    return {}
 
 
 def _below(ranges: list[tuple[int, int]], end: int) -> int:

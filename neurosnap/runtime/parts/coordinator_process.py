@@ -10,7 +10,7 @@ from collections.abc import Collection
 import msgspec
 
 from neurosnap.errors import InvalidValueError, SwarmError
-from neurosnap.fabric.events import wait_at_most
+from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.protocol.coordinator import Coordinator, Totals
 from neurosnap.protocol.resume_point import ResumePoint, first_number
@@ -166,7 +166,7 @@ async def _wait_alone(
                 if "coordinator" in there:
                     rule = "must have one coordinator, has one already"
                     raise SwarmError(f"swarm {swarm}: {rule}")
-                await wait_at_most(stop, _LOOK)
+                await wait_any(stop, seconds=_LOOK)
                 if stop.is_set():
                     return
     except TimeoutError:

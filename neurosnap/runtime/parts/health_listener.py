@@ -46,8 +46,7 @@ class Past(NamedTuple):
     @classmethod
     def of(cls, past: ResumePoint) -> Self:
         """Return the past of a run that is resumed."""
-        log = Path(past.log)
-        return cls(first_path(log, past.part) if past.part else log, past.tick)
+        return cls(first_path(Path(past.log), past.part), past.tick)
 
 
 class HealthListener:

@@ -24,7 +24,7 @@ from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.write.rotation import Split, SplitWriter
-from neurosnap.runtime.parts.job import Job, PartContext
+from neurosnap.runtime.parts.job import PartContext
 from neurosnap.sources.live.journal import cut, journal_of
 from neurosnap.system.distribution import version
 
@@ -37,27 +37,26 @@ _FLUSH = 0.2  # seconds a chunk may wait before it goes to the operating system
 class RecorderJob(msgspec.Struct, frozen=True):
     """The recorder."""
 
+    options: RunOptions
+    """The run's."""
     path: str
     """Where to record; of several files the first."""
-    metadata: dict[str, str]
-    """What the recording says of the run."""
     past: ResumePoint | None
     """The recording of a resumed run that it takes over."""
+    swarm: str
+    """The swarm's id."""
     parts: tuple[str, ...]
     """Whose last words it waits for."""
-    split: Split | None = None
-    """How it is spread over files; None if it is one."""
-    sync: float = 0.0
-    """Seconds between two syncs to disk; 0: at the end only."""
 
     async def run(self, part: PartContext) -> None:
         """Record everything, after what is recorded of a resumed run."""
+        options = self.options
         with SplitWriter(
             self.path,
-            self.metadata,
+            {**describe(options), "swarm": self.swarm},
             self.past,
-            split=self.split,
-            sync_every=self.sync,
+            split=split_of(options),
+            sync_every=options.sync,
         ) as writer:
             async with part.connection.fabric() as fabric:
                 balance = await run_recorder(
@@ -70,28 +69,6 @@ class RecorderJob(msgspec.Struct, frozen=True):
                     on_ready=part.reporter.ready,
                 )
         part.reporter.done(balance)
-
-
-def recorder_job(
-    options: RunOptions,
-    log: Path,
-    past: ResumePoint | None,
-    swarm: str,
-    heard: tuple[str, ...],
-) -> Job:
-    """Return the job of the recorder of a run.
-
-    Args:
-        options: The run's.
-        log: Where to record.
-        past: What the recording takes over.
-        swarm: The swarm's id.
-        heard: The parts whose last words it waits for.
-    """
-    facts = {**describe(options), "swarm": swarm}
-    return RecorderJob(
-        str(log), facts, past, heard, split=split_of(options), sync=options.sync
-    )
 
 
 def split_of(options: RunOptions) -> Split | None:

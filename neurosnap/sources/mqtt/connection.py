@@ -15,7 +15,6 @@ has two links to one broker the second leaves that to the first.
 """
 
 import asyncio
-import contextlib
 import logging
 import random
 import secrets
@@ -30,6 +29,7 @@ import aiomqtt
 from paho.mqtt.reasoncodes import ReasonCode
 
 from neurosnap.errors import InvalidValueError, NeurosnapError
+from neurosnap.fabric.events import wait_any
 from neurosnap.sources.mqtt.options import MqttBroker
 from neurosnap.sources.mqtt.outbox import TOGETHER, Outbox, Outgoing
 
@@ -136,8 +136,7 @@ class MqttLink:
                         give_up(self._broker, error, late=late)
                     self._log_trouble(error)
                     delay = self._backoff.delay(error, now - since)
-                    with contextlib.suppress(TimeoutError):
-                        await asyncio.wait_for(stop.wait(), delay)
+                    await wait_any(stop, seconds=delay)
         finally:
             with self._lock:
                 self._loop = None
