@@ -22,7 +22,9 @@ _BATCH = 64
 class RunHistory:
     """What a run was over time, as far as it was read.
 
-    Reading is for one thread at a time and may go on while others look.
+    Reading is for one thread at a time and may go on while others look. So an answer
+    says how far was read before it looks at what was: later, it would call itself whole
+    and lack the last ticks.
 
     Args:
         run_view: A view that nothing else uses: it is read from one end to the other.
@@ -48,17 +50,19 @@ class RunHistory:
 
     def series(self, first: int, last: int, points: int) -> api.Series:
         """Return all columns; arguments as of `TimeSeries.curves`."""
+        done = self._is_done(last)
         curves = self._series.curves(first, last, points)
-        return api.Series(columns=curves, done=self._is_done(last))
+        return api.Series(columns=curves, done=done)
 
     def grown(self) -> api.GrownView:
         """Return what the run has grown."""
+        done, read_to = self._is_done(self._run_view.last), self.read_to
         births = self._series.births
         return api.GrownView(
             births=births.listed,
             room=births.room,
-            read_to=self.read_to,
-            done=self._is_done(self._run_view.last) or not births.body.room,
+            read_to=read_to,
+            done=done or not births.body.room,
         )
 
     def raster(
@@ -69,18 +73,19 @@ class RunHistory:
         Raises:
             InvalidValueError: There is no such sensor.
         """
+        done, read_to = self._is_done(last), self.read_to
         part = self._raster.part(first, last, columns, sensor, sensors)
-        done = self._is_done(last)
-        return msgspec.structs.replace(part, read_to=self.read_to, done=done)
+        return msgspec.structs.replace(part, read_to=read_to, done=done)
 
     def marks(self, first: int, last: int, bins: int) -> api.Marks:
         """Return what happened; arguments as of `RunMarks.marks`."""
+        done, read_to = self._is_done(last), self.read_to
         found = Found(
             alarms=tuple(self._health.raised),
             born=[birth.tick for birth in self._series.births.listed],
             missing=self._series.missing(),
-            read_to=self.read_to,
-            done=self._is_done(last),
+            read_to=read_to,
+            done=done,
         )
         return self._marks.marks(first, last, bins, found)
 

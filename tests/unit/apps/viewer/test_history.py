@@ -1,5 +1,6 @@
 """Background reading of a run matches its messages and key-frames."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +58,30 @@ def column(history: RunHistory, name: str, last: int = FEW) -> list[float | None
     curve = found.columns[name]  # type: ignore[index]
     assert curve.ticks == list(range(1, last + 1))
     return curve.values
+
+
+ASKED: dict[str, Callable[[RunHistory], object]] = {
+    "curves": lambda history: history.series(1, TICKS, 1000),
+    "marks": lambda history: history.marks(1, TICKS, 1000),
+    "raster": lambda history: history.raster(1, TICKS, TICKS, 0, SENSORS),
+    "grown": lambda history: history.grown(),
+}
+
+
+@pytest.mark.parametrize("ask", ASKED.values(), ids=ASKED)
+def test_an_answer_that_is_whole_lacks_nothing_that_is_read_meanwhile(
+    ask: Callable[[RunHistory], object], log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    history, whole = RunHistory(RunView(log)), read(log)
+    is_done = history._is_done
+
+    def is_done_in_the_end(last: int) -> bool:
+        while history.read_on():
+            pass
+        return is_done(last)
+
+    monkeypatch.setattr(history, "_is_done", is_done_in_the_end)
+    assert ask(history) == ask(whole)
 
 
 # Marks ------------------------------------------------------------------------------
