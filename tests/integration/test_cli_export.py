@@ -58,26 +58,21 @@ def ended(number: signal.Signals, log: Path, out: Path) -> Result:
     return result
 
 
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
-def test_whatever_ends_it_leaves_nothing_behind(
-    log: Path, tmp_path: Path, name: str
+@pytest.mark.parametrize(
+    ("name", "ignored"),
+    [("SIGINT", False), ("SIGTERM", False), ("SIGHUP", False), ("SIGHUP", True)],
+)
+def test_whatever_ends_it_leaves_nothing_behind_and_what_is_ignored_does_not(
+    log: Path, tmp_path: Path, name: str, ignored: bool
 ) -> None:
-    number = signal.Signals[name]
+    number, out = signal.Signals[name], tmp_path / "out.csv"
     # Whoever started the tests may have had them ignore it.
-    handler = signal.default_int_handler if name == "SIGINT" else signal.SIG_DFL
-    before = signal.signal(number, handler)
+    ends = signal.default_int_handler if name == "SIGINT" else signal.SIG_DFL
+    before = signal.signal(number, signal.SIG_IGN if ignored else ends)
     try:
-        result = ended(number, log, tmp_path / "out.csv")
+        result = ended(number, log, out)
     finally:
         signal.signal(number, before)
-    assert (result.exit_code, result.stdout) == (128 + number, "")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_what_is_ignored_does_not_end_it(log: Path, tmp_path: Path) -> None:
-    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    try:
-        assert ended(signal.SIGHUP, log, tmp_path / "out.csv").exit_code == 0
-    finally:
-        signal.signal(signal.SIGHUP, before)
-    assert (tmp_path / "out.csv").is_file()
+    assert result.exit_code == (0 if ignored else 128 + number)
+    assert list(tmp_path.iterdir()) == ([out] if ignored else [])
+    assert ignored or result.stdout == ""

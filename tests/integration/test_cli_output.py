@@ -73,15 +73,8 @@ def test_a_run_is_told_of_in_the_letters_a_terminal_has(
 ) -> None:
     few = readings.with_name("few.csv")
     few.write_text("".join(READINGS.splitlines(keepends=True)[:-1]), encoding="utf-8")
-    ended = call(
-        "run",
-        few,
-        "--cells",
-        "inline",
-        "--set",
-        "recording.record=false",
-        encoding=encoding,
-    )
+    flags = ("--cells", "inline", "--set", "recording.record=false")
+    ended = call("run", few, *flags, encoding=encoding)
     assert (ended.code, ended.err) == (0, "")
     assert names in ended.out.decode(encoding)
 

@@ -1,18 +1,21 @@
 """A target: distances by brute force, and two sensors that tell their change."""
 
+from collections import deque
 from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
-from tests.support.distances import fewest_actions
 from world.line import CycleWorld, PathWorld, RandomFieldsWorld
 from world.places import PlacesWorld
 from world.plane import GridWorld
-from world.target import Target
+from world.target import Target, distances_to
 
 WORLDS = [
     lambda: PathWorld(places=9, wait=True),
@@ -34,6 +37,42 @@ class Slide(PlacesWorld):
             fields=np.array([[True, True, False, False]]),
             wait=False,
         )
+
+
+def fewest_actions(moves: NDArray[np.intp], target: int) -> list[float]:
+    """One breadth-first search forwards from each place, as slowly as can be."""
+    found = []
+    for start in range(moves.shape[1]):
+        depth = {start: 0}
+        queue = deque([start])
+        while queue:
+            here = queue.popleft()
+            for there in moves[:, here].tolist():
+                if there not in depth:
+                    depth[there] = depth[here] + 1
+                    queue.append(there)
+        found.append(depth.get(target, float("inf")))
+    return found
+
+
+@st.composite
+def any_moves(draw: st.DrawFn) -> NDArray[np.intp]:
+    places = draw(st.integers(1, 8))
+    row = st.lists(st.integers(0, places - 1), min_size=places, max_size=places)
+    return np.array(draw(st.lists(row, min_size=1, max_size=3)))
+
+
+@given(any_moves(), st.data())
+def test_distances_are_the_fewest_actions_whatever_the_moves(
+    moves: NDArray[np.intp], data: st.DataObject
+) -> None:
+    places = moves.shape[1]
+    wanted = data.draw(st.sets(st.integers(0, places - 1)))
+    aims = np.isin(np.arange(places), sorted(wanted))
+    apart = [fewest_actions(moves, target) for target in sorted(wanted)]
+    nearest = [min(each) for each in zip(*apart, strict=True)]
+    expected = nearest if wanted else [float("inf")] * places
+    assert distances_to(moves, aims).tolist() == expected
 
 
 @pytest.mark.parametrize("make", WORLDS)

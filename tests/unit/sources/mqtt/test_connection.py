@@ -90,6 +90,15 @@ def link_over(
     return MqttLink(MqttBroker(), "test", second=second)
 
 
+async def serve_until(link: MqttLink, connection: Connection, count: int) -> None:
+    """Let a link serve until a connection has got so many messages."""
+    stop = asyncio.Event()
+    async with asyncio.TaskGroup() as group:
+        group.create_task(link.serve(stop))
+        await connection.wait_for(count)
+        stop.set()
+
+
 async def test_what_is_on_its_way_at_the_end_is_not_sent_twice(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -111,14 +120,11 @@ async def test_of_a_broken_batch_what_arrived_is_not_sent_again(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     first = Connection(silent=("again",), fails="bad")
-    second, stop = Connection(), asyncio.Event()
+    second = Connection()
     link = link_over(monkeypatch, first, second)
     for topic in ("done", "again", "bad"):
         link.send(Outgoing(topic, b"1"))
-    async with asyncio.TaskGroup() as group:
-        group.create_task(link.serve(stop))
-        await second.wait_for(2)
-        stop.set()
+    await serve_until(link, second, 2)
     assert first.got == ["done", "again", "bad"]
     assert second.got == ["again", "bad"]
 
@@ -132,13 +138,10 @@ async def test_a_lost_broker_is_said_with_how_long_it_will_be_tried(
 ) -> None:
     """A second link of the run leaves it to the first."""
     caplog.set_level(logging.WARNING)
-    again, stop = Connection(), asyncio.Event()
+    again = Connection()
     link = link_over(monkeypatch, Connection(fails="bad"), again, second=second)
     link.send(Outgoing("bad", b"1"))
-    async with asyncio.TaskGroup() as group:
-        group.create_task(link.serve(stop))
-        await again.wait_for(1)
-        stop.set()
+    await serve_until(link, again, 1)
     said = [
         "localhost:1883: not connected, got connection lost;"
         " trying again until the run ends, every 30 s at the latest",
@@ -152,13 +155,10 @@ async def test_a_password_changed_under_way_is_named_once_and_waited_for(
 ) -> None:
     monkeypatch.setattr("neurosnap.sources.mqtt.connection.LONGEST", 0.0)
     refused = [Connection(refuses=refusal("Not authorized")) for _ in range(5)]
-    last, stop = Connection(), asyncio.Event()
+    last = Connection()
     link = link_over(monkeypatch, Connection(fails="bad"), *refused, last)
     link.send(Outgoing("bad", b"1"))
-    async with asyncio.TaskGroup() as group:
-        group.create_task(link.serve(stop))
-        await last.wait_for(1)
-        stop.set()
+    await serve_until(link, last, 1)
     lost, named, again = caplog.messages
     assert "got connection lost; trying again until the run ends" in lost
     assert "got username: must be taken by localhost:1883, with its passwo" in named

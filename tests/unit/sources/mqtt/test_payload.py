@@ -68,21 +68,12 @@ def test_another_word_is_refused_with_those_that_there_are() -> None:
         (b"21 degrees", "must be JSON, got '21 degrees'"),
         (b'{"rooms": []}', "must have the field rooms.0.warm, got '{\"rooms\": []}'"),
         (b'{"rooms": {"0": 3}}', "must have the field rooms.0.warm"),
-        (
-            b'{"rooms": [{"warm": true}]}',
-            "rooms.0.warm must be a number, or nothing for unknown",
-        ),
-        (
-            b'{"rooms": [{"warm": "hot"}]}',
-            "rooms.0.warm must be a number, or nothing for unknown",
-        ),
-        (
-            b'{"rooms": [{"warm": "inf"}]}',
-            "rooms.0.warm must be a number, or nothing for unknown",
-        ),
-        (
-            b'{"rooms": [{"warm": [1]}]}',
-            "rooms.0.warm must be a number, or nothing for unknown",
+        *(
+            (
+                b'{"rooms": [{"warm": %s}]}' % value,
+                "rooms.0.warm must be a number, or nothing for unknown",
+            )
+            for value in (b"true", b'"hot"', b'"inf"', b"[1]")
         ),
         (b"\xff\xfe", "must be UTF-8 text, got '\ufffd\ufffd'"),
         (b"[" * 2000, "must be JSON, got '" + "[" * 40 + "'"),
