@@ -6,7 +6,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from neurosnap.protocol.run_options import SMALLEST
+from neurosnap.errors import InvalidValueError
+from neurosnap.protocol.run_options import SMALLEST, RunOptions
 from neurosnap.recording.read.recording import part_paths
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime import remote_parts
@@ -14,6 +15,8 @@ from neurosnap.runtime.network import Network
 from neurosnap.runtime.request import Outcome, Site
 from neurosnap.runtime.service import Served, serve
 from tests.support.disturbed_runs import ENDLESS, Disturbed, check_same, options_for
+from tests.support.exhaustive import rows
+from tests.support.lamp import BIRTH, lamp_options
 from tests.support.patience import PATIENCE
 from tests.support.ports import free_port
 from tools.soak.__main__ import SERVICES, soak, soak_outside
@@ -24,6 +27,8 @@ pytestmark = [
     pytest.mark.usefixtures("no_process_is_left"),
 ]
 
+WALK = options_for(ENDLESS)
+SPLIT = msgspec.structs.replace(WALK, keyframe_every=50, split=SMALLEST)
 TOGETHER = (
     ("cell/2",),
     ("world",),
@@ -33,33 +38,45 @@ TOGETHER = (
 """The parts that die together, one row for each life of the run."""
 
 
-def test_a_run_of_which_parts_die_together_comes_to_the_same(tmp_path: Path) -> None:
-    options = options_for(ENDLESS)
+@pytest.mark.parametrize(
+    ("options", "killings"),
+    rows(
+        [(WALK, [(20, victims) for victims in TOGETHER])],
+        [
+            (SPLIT, [(60, ("recorder",)), (60, ("cell/2",))]),
+            (
+                lamp_options(ticks=ENDLESS),
+                [(BIRTH - 6, ("coordinator",)), (9, ("cell/24", "recorder"))],
+            ),
+        ],
+    ),
+)
+def test_a_run_of_which_parts_die_comes_to_the_same(
+    options: RunOptions, killings: list[tuple[int, tuple[str, ...]]], tmp_path: Path
+) -> None:
     calm, log = tmp_path / "calm", tmp_path / "log"
-    disturbed = Disturbed(options, log)
-    outcome = disturbed.run(*((20, victims) for victims in TOGETHER))
-    for restart, victims in zip(disturbed.restarts, TOGETHER, strict=True):
+    disturbed = Disturbed(options, log, files=bool(options.split))
+    outcome = disturbed.run(*killings)
+    for restart, (_, victims) in zip(disturbed.restarts, killings, strict=True):
         assert restart.why.startswith(victims)
     check_same(outcome, disturbed, log, options, calm)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["calm", "log"]
-
-
-@pytest.mark.exhaustive
-def test_a_run_in_several_files_comes_to_the_same(tmp_path: Path) -> None:
-    options = msgspec.structs.replace(
-        options_for(ENDLESS), keyframe_every=50, split=SMALLEST
-    )
-    calm, log = tmp_path / "calm", tmp_path / "log"
-    disturbed = Disturbed(options, log, files=True)
-    outcome = disturbed.run(*((60, (victim,)) for victim in ("recorder", "cell/2")))
-    check_same(outcome, disturbed, log, options, calm)
+    assert outcome.totals.grown == (options.body.room > 0)
     files = part_paths(log)
-    assert verify(log).files == len(files) > 2
+    assert (len(files) > 2) == bool(options.split)
     assert list(files) == list(range(len(files)))
     for path in list(files.values())[1:]:
         alone = verify(path)
         assert (alone.same, alone.complete) == (True, True)
     assert sorted(tmp_path.iterdir()) == sorted([calm, *files.values()])
+
+
+def test_what_an_earlier_run_left_is_not_overwritten(tmp_path: Path) -> None:
+    left = tmp_path / "log.broken"
+    left.write_bytes(b"all there is")
+    rule = "log: must be taken away first: a run left it that was cut short"
+    with pytest.raises(InvalidValueError, match=rule):
+        Disturbed(options_for(5), tmp_path / "log").run()
+    assert left.read_bytes() == b"all there is"
 
 
 def test_a_run_with_cells_elsewhere_comes_to_the_same(tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import re
-import signal
 from pathlib import Path
 
 import msgspec
@@ -12,20 +11,16 @@ import pytest
 from neurosnap import wire
 from neurosnap.errors import NeurosnapError, PartDiedError, SwarmError
 from neurosnap.protocol.run_options import CellKind, RunOptions
-from neurosnap.recording.replay.resume import whole_ticks
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime import remote_parts
 from neurosnap.runtime.network import Network
-from neurosnap.runtime.parts.job import Job, PartConnection
 from neurosnap.runtime.request import RunRequest, Site
 from neurosnap.runtime.run import run
 from neurosnap.runtime.service import serve
-from neurosnap.runtime.supervisor import RunningPart, Supervisor
 from tests.support.disturbed_runs import (
     ENDLESS,
     Disturbed,
     options_for,
-    parts,
 )
 from tests.support.hanging_worlds import SILENT, ending_world
 from tests.support.ports import free_port
@@ -45,33 +40,6 @@ def test_a_run_that_dies_too_often_is_given_up(tmp_path: Path) -> None:
         disturbed.run((20, ("world",)), (20, ("world",)))
     assert len(disturbed.restarts) == 1
     assert verify(log).ticks >= disturbed.flushed[-1] - 1 > disturbed.restarts[0].tick
-
-
-def test_a_run_given_up_before_a_tick_of_its_own_keeps_what_there_was(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    log = tmp_path / "log"
-    disturbed = Disturbed(options_for(ENDLESS), log, max_restarts=2)
-    start = Supervisor.start
-
-    # Once it goes on, its hub dies before there is a coordinator: nothing is recorded.
-    async def started(
-        self: Supervisor, job: Job, connection: PartConnection
-    ) -> RunningPart:
-        part = await start(self, job, connection)
-        if connection.who == "recorder" and disturbed.restarts:
-            (hub,) = [one for one in parts() if one.name() == "hub"]
-            hub.send_signal(signal.SIGKILL)
-        return part
-
-    monkeypatch.setattr(Supervisor, "start", started)
-    with pytest.raises(PartDiedError, match=r"^hub: must not end before"):
-        disturbed.run((20, ("world",)))
-    first, second = disturbed.restarts
-    assert first.tick == second.tick > 0
-    assert verify(log).ticks == first.tick
-    # What the second recorder had begun may have been cut off within its first bytes.
-    assert [path for path in tmp_path.iterdir() if whole_ticks(path)] == [log]
 
 
 @pytest.mark.parametrize(("wanted", "times"), [(False, 0), (True, 2)])

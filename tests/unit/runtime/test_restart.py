@@ -7,6 +7,7 @@ from shutil import copy
 import pytest
 
 from neurosnap.errors import PartDiedError, SwarmError
+from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime import run as restart
 from neurosnap.runtime.request import Outcome, RunRequest, Supervision, Watcher
 from neurosnap.runtime.restart_files import RestartFiles
@@ -76,6 +77,8 @@ async def test_told_to_end_while_a_part_dies_a_run_has_one_more_life(
 
     async def one_life(request: RunRequest, *_: object) -> Outcome:
         stop.set()
+        if request.site.incarnation == 0:
+            copy(whole, log)
         if request.site.incarnation < deaths:
             raise PartDiedError("hub: must live, died")
         copy(whole, log)
@@ -90,6 +93,9 @@ async def test_told_to_end_while_a_part_dies_a_run_has_one_more_life(
         else:
             with pytest.raises(PartDiedError, match=r"^hub: must live"):
                 await running
+    # Given up before a tick of its own, it keeps what there was.
+    assert verify(log).ticks == TICKS
+    assert names(tmp_path) == [log.name, whole.name]
 
 
 # How often and when -------------------------------------------------------------------

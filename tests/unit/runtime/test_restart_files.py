@@ -236,6 +236,33 @@ def test_of_two_lives_that_saw_other_things_none_is_deleted(
     assert len(names(log.parent)) == 2
 
 
+@pytest.mark.parametrize(
+    ("after", "before", "kept"),
+    [
+        (60, 30, 60),
+        (30, 60, 60),
+        (30, 30, 30),
+        (0, 5, 5),
+        (5, 0, 5),
+        (-1, 5, 5),
+        (5, -1, 5),
+    ],
+)
+def test_of_two_recordings_the_further_stays(
+    after: int, before: int, kept: int, log: Path, recordings: Recordings
+) -> None:
+    """Of so many ticks each; 0: there is none, -1: it cannot be read."""
+    unread = b"no recording" * 9  # shorter, it could hold no tick
+    for path, ticks in ((log, after), (log.with_name("run.mcap.broken"), before)):
+        if ticks:
+            path.write_bytes(unread if ticks < 0 else recordings[ticks, 3])
+    RestartFiles(log).keep_furthest()
+    assert log.read_bytes() == recordings[kept, 3]
+    # What cannot be read is not deleted: what is in it is unknown.
+    aside = {path.read_bytes() for path in log.parent.iterdir() if path != log}
+    assert aside == ({unread} if -1 in (after, before) else set())
+
+
 @pytest.mark.parametrize("content", [b"", bytes(300)], ids=["empty", "zeros"])
 @pytest.mark.slow
 def test_a_newest_file_that_a_power_cut_left_blank_is_passed_over(
