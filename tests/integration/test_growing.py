@@ -7,146 +7,89 @@ from typing import Any
 import numpy as np
 import pytest
 
-from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.agent import Agent
-from neurosnap.agent.binary_sensors import BinarySensors
-from neurosnap.agent.planner import Planner
+from neurosnap.sensorium import complete
 from neurosnap.wire import Decision
 from tests.support.aliased_worlds import ring, t_maze
 from tests.support.exhaustive import rows
-from tests.support.taught_agents import distances, state_readings
-from tests.support.transition_tables import Table, state_fields
-from tools.paper.explorers import Explorer
+from tools.paper.explorers import Explorer, journey
 from tools.paper.stages import Setting, Stage, StageEnv, stage_of
-from world.toy_text import cliff_walking, frozen_lake
+from world.toy_text import frozen_lake
 
 pytestmark = pytest.mark.slow
 
 
-class Grown:
-    """An agent that explored a world, held against the table of that world."""
+(LAKE, CLIFF, COINS) = (
+    stage_of(Setting(name="", world=f"neurosnap/{world}-v0", steps=0, coins=coins))
+    for world, coins in (("FrozenLake", 0), ("CliffWalking", 0), ("FrozenLake", 3))
+)
 
-    def __init__(
-        self, env: BinarySensors, steps: int, seed: int, **options: Any
-    ) -> None:
-        self.env, self.table, self.greedy = env, Table.of(env), False
-        self.fields = np.array(state_fields(env, self.table))
-        given = {"grow": True, "imagine": True, "explore": 0.0, **options}
-        self.agent = Agent.of(env, "planner", target=["row<1"], seed=seed, **given)
-        self.agent.learn(env, steps, seed=seed)
 
-    def literals(self, place: int) -> set[int]:
-        return {
-            2 * sensor + (not on) for sensor, on in enumerate(self.fields[:, place])
-        }
-
-    def moves(self) -> tuple[int, int, int]:
-        """Return how many moves are guaranteed whole, falsely, and how many there are.
-
-        Moves from where an episode is over are none.
-        """
-        graph = self.agent.snapshot.poc_graph()
-        actions = Actions(self.agent.body)
-        own = 2 * len(self.agent.body.own)
-        whole = false = count = 0
-        table = self.table
-        for before, action, after in zip(
-            table.before.tolist(),
-            table.action.tolist(),
-            table.after.tolist(),
-            strict=True,
-        ):
-            if table.over[before]:
-                continue
-            state = np.zeros(2 * len(self.agent.body.sensors), np.bool_)
-            state[list(self.literals(before))] = True
-            closure = graph.up(actions.signals(state)[action])
-            said = set(np.flatnonzero(guaranteed([closure])[0][:own]).tolist())
-            whole += said >= self.literals(after)
-            false += not said <= self.literals(after)
-            count += 1
-        return whole, false, count
-
-    def journeys(self, every: int = 1) -> list[tuple[int, float]]:
-        """Go from each place to each, and return steps taken and steps needed."""
-        found = []
-        table, env = self.table, self.env
-        for goal in range(0, len(table.states), every):
-            at = (self.fields == self.fields[:, [goal]]).all(axis=0)
-            need = distances(table, at)
-            for start in range(len(table.states)):
-                if not table.over[start] and 0 < need[start] < np.inf:
-                    taken = self.send(start, goal, int(need[start]))
-                    found.append((taken, need[start]))
-        env.close()
-        return found
-
-    def send(self, start: int, goal: int, most: int) -> int:
-        """Return the steps to a place; one more than `most` if that is not enough."""
-        env, goal_reads = self.env, self.fields[:, goal]
-        inner: Any = env.unwrapped
-        if self.greedy:
-            body = self.agent.body
-            self.agent._mind.policy = Planner(body, self.literals(goal), 0, explore=0.0)
-        else:
-            self.agent.aim(self.literals(goal))
-        self.agent.set_down()
-        env.reset(seed=0)
-        inner.s = int(self.table.states[start])
-        bits = state_readings(env)
-        for steps in range(most + 1):
-            if np.array_equal(bits, goal_reads):
-                return steps
-            action = self.agent.act(bits, begins=steps == 0).action
-            bits = np.asarray(env.step(action)[0], np.bool_)
-        return most + 1
+def explored(stage: Stage, steps: int, seed: int, **options: Any) -> Explorer:
+    given = {"seed": seed, "grow": True, "imagine": True, **options}
+    agent = Explorer.of(StageEnv(stage), "planner", **given)
+    agent.learn(StageEnv(stage), steps, seed=seed)
+    return agent
 
 
 @functools.cache
-def lake(seed: int = 0) -> Grown:
+def lake(seed: int = 0) -> Explorer:
     """Return an agent that explored the lake; tests go on with copies of it."""
-    return Grown(frozen_lake(), 1000, seed)
+    return explored(LAKE, 1000, seed)
+
+
+def journeys(
+    agent: Explorer, stage: Stage, every: int = 1, *, imagine: bool = True
+) -> tuple[list[int], list[int]]:
+    """Go from each place to each; return steps taken, -1 if too many, and needed."""
+    taken, needed = list[int](), list[int]()
+    for goal in range(0, len(stage.over), every):
+        need = stage.distances((stage.fields[:, goal] == stage.fields.T).all(axis=1))
+        wanted = complete(stage.fields[:, goal])
+        for start in np.flatnonzero(
+            ~stage.over & (need > 0) & (need < np.inf)
+        ).tolist():
+            needed.append(int(need[start]))
+            way = journey(agent, stage, start, wanted, needed[-1], imagine=imagine)
+            taken.append(way.steps)
+    return taken, needed
 
 
 @pytest.mark.parametrize("seed", rows([0], [1, 2]))
 def test_every_move_on_the_lake_is_guaranteed_and_every_way_the_shortest(
     seed: int,
 ) -> None:
-    grown = deepcopy(lake(seed))
-    assert grown.moves() == (44, 0, 44)
-    assert len(grown.agent.body.in_use) <= 25
-    journeys = grown.journeys()
-    assert len(journeys) == 165
-    assert [taken for taken, _ in journeys] == [need for _, need in journeys]
+    agent = deepcopy(lake(seed))
+    assert agent.whole(LAKE) == (44, 0, 44)
+    assert len(agent.body.in_use) <= 25
+    taken, needed = journeys(agent, LAKE)
+    assert len(taken) == 165
+    assert taken == needed
 
 
 @pytest.mark.exhaustive
 def test_every_move_at_the_cliff_is_guaranteed_and_every_way_the_shortest() -> None:
-    cliff = Grown(cliff_walking(), 3000, 0)
-    assert cliff.moves() == (148, 0, 148)
-    assert len(cliff.agent.body.in_use) <= 35
-    journeys = cliff.journeys(every=6)
-    assert [taken for taken, _ in journeys] == [need for _, need in journeys]
+    agent = explored(CLIFF, 3000, 0)
+    assert agent.whole(CLIFF) == (148, 0, 148)
+    assert len(agent.body.in_use) <= 35
+    taken, needed = journeys(agent, CLIFF, every=6)
+    assert taken == needed
 
 
 def test_neither_growth_nor_imagining_alone_is_enough() -> None:
-    plain = Grown(frozen_lake(), 1000, 0, grow=False)
-    assert plain.agent.body.grown == ()
-    whole, _, count = plain.moves()
+    plain = explored(LAKE, 1000, 0, grow=False)
+    assert plain.body.grown == ()
+    whole, _, count = plain.whole(LAKE)
     assert whole < count
-    greedily = deepcopy(lake())
-    greedily.greedy = True
-    for one in (plain, greedily):
-        assert any(taken > need for taken, need in one.journeys(every=5))
+    for agent, imagine in ((plain, True), (deepcopy(lake()), False)):
+        taken, _ = journeys(agent, LAKE, every=5, imagine=imagine)
+        assert -1 in taken
 
 
 @pytest.mark.parametrize("seed", rows([0], [1, 2]))
 def test_sensors_that_are_coins_cost_no_move_and_are_told_as_chance(seed: int) -> None:
-    lake = Setting(name="coins", world="neurosnap/FrozenLake-v0", steps=0, coins=3)
-    stage = stage_of(lake)
-    agent = Explorer.of(StageEnv(stage), "planner", seed=seed, grow=True, imagine=True)
-    agent.learn(StageEnv(stage), 2000, seed=seed)
-    assert agent.whole(stage) == (44, 0, 44)
+    agent = explored(COINS, 2000, seed)
+    assert agent.whole(COINS) == (44, 0, 44)
     assert len(agent.body.in_use) <= 40
     coins = ("coin_0", "coin_1", "coin_2")
     assert agent.chance == dict.fromkeys(agent.body.actions, coins)
@@ -176,12 +119,6 @@ def test_where_every_action_slips_it_says_so_and_grows_little() -> None:
 
 
 # Where places look alike: what was done a step before tells them apart --------------
-
-
-def explored(stage: Stage, steps: int, seed: int) -> Agent:
-    agent = Agent.of(StageEnv(stage), "planner", seed=seed, grow=True, imagine=True)
-    agent.learn(StageEnv(stage), steps, seed=seed)
-    return agent
 
 
 def sent(agent: Agent, stage: Stage, goal: str, start: int, seed: int) -> int:

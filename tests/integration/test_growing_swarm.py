@@ -20,13 +20,13 @@ from neurosnap.recording.replay.learning import Learning, learned_at
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.writer import Writer
-from neurosnap.runtime.anomaly_feed import recorded
-from neurosnap.runtime.request import Outcome, RunRequest, Watcher
+from neurosnap.runtime import anomaly_feed
+from neurosnap.runtime.request import RunRequest, Watcher
 from neurosnap.runtime.run import run
 from tests.support.course import course
-from tests.support.disturbed_runs import ENDLESS, Disturbed
 from tests.support.lamp import BIRTH, LIMITED, lamp_options
-from tests.support.recorded_messages import first
+from tests.support.recorded_messages import first, of_type
+from tests.support.recorded_runs import recorded
 from tests.support.rewritten_recordings import (
     changing,
     flipped,
@@ -40,27 +40,19 @@ TICKS = 40
 GROWN = "press&a&b"
 
 
-def made(options: RunOptions, log: Path) -> Outcome:
-    return asyncio.run(run(RunRequest(options, log), asyncio.Event()))
-
-
 def decisions(log: Path) -> dict[int, wire.Decision]:
-    messages = (
-        recorded.message for recorded in Recording.open(log).messages(("decision",))
-    )
-    return {one.tick: one for one in messages if isinstance(one, wire.Decision)}
+    return {one.tick: one for one in of_type(log, wire.Decision)}
 
 
 @pytest.fixture(scope="module")
 def inline(tmp_path_factory: pytest.TempPathFactory) -> Path:
     log = tmp_path_factory.mktemp("inline") / "grows"
-    made(lamp_options(ticks=TICKS, cells="inline"), log)
-    return log
+    return recorded(lamp_options(ticks=TICKS, cells="inline"), log)
 
 
 def test_where_a_limit_cut_an_episode_off_no_episode_ends(tmp_path: Path) -> None:
     options, log = lamp_options(LIMITED, ticks=TICKS, cells="inline"), tmp_path / "log"
-    made(options, log)
+    recorded(options, log)
     assert not ends_at_last(options, log)
     # If the recording does not say that a limit cut it off, it is an end.
     untold = changing(wire.Observation, lambda m: m.cut, lambda _: {"cut": False})
@@ -70,9 +62,7 @@ def test_where_a_limit_cut_an_episode_off_no_episode_ends(tmp_path: Path) -> Non
 def ends_at_last(options: RunOptions, log: Path) -> set[bytes]:
     """Return the places at which episodes ended, by the last key-frame."""
     memory = options.new_memory()
-    frames = [each.message for each in Recording.open(log).messages(("keyframe",))]
-    assert isinstance(frames[-1], wire.KeyFrame)
-    memory.restore(frames[-1].agent)
+    memory.restore(of_type(log, wire.KeyFrame)[-1].agent)
     assert memory.experience is not None
     return memory.experience.ends
 
@@ -82,9 +72,8 @@ def test_what_was_grown_is_called_by_its_formula_and_learned_as_in_the_run(
 ) -> None:
     recording = Recording.open(inline)
     frames = {
-        recorded.message.tick: Snapshot.from_bytes(recorded.message.snapshot)
-        for recorded in recording.messages(("keyframe",))
-        if isinstance(recorded.message, wire.KeyFrame)
+        frame.tick: Snapshot.from_bytes(frame.snapshot)
+        for frame in of_type(inline, wire.KeyFrame)
     }
     assert GROWN in frames[TICKS].sensorium
     order = learned_at(recording, TICKS).poc_graph()
@@ -94,13 +83,8 @@ def test_what_was_grown_is_called_by_its_formula_and_learned_as_in_the_run(
 
     # Without any key-frame, from what was observed and decided.
     learning = Learning(inline, lamp_options(ticks=TICKS, cells="inline"))
-    observed = {
-        recorded.message.tick: recorded.message
-        for recorded in recording.messages(("observation",))
-        if isinstance(recorded.message, wire.Observation)
-    }
-    in_order = (observed[tick] for tick in sorted(observed))
-    for tick in learning.learn_to(TICKS - 1, in_order, decisions(inline)):
+    in_order = sorted(of_type(inline, wire.Observation), key=lambda one: one.tick)
+    for tick in learning.learn_to(TICKS - 1, iter(in_order), decisions(inline)):
         if tick in frames:
             learning.snapshot.adopt(frames[tick].state)
             assert learning.snapshot.to_bytes() == frames[tick].to_bytes()
@@ -131,13 +115,13 @@ def test_an_anomaly_of_what_was_grown_is_told_by_its_name(tmp_path: Path) -> Non
         watch=True,
     )
     log = tmp_path / "log.mcap"
-    made(options, log)
+    recorded(options, log)
     names = births_of(Recording.open(log)).names
     first = options.body.first_grown
     assert len(names) > first
     said = [
         link.implication
-        for told in recorded(Recording.open(log), support=0)
+        for told in anomaly_feed.recorded(Recording.open(log), support=0)
         if isinstance(told, NamedAnomaly)
         for link in told.broken
     ]
@@ -164,24 +148,6 @@ def test_a_decision_that_cannot_be_right_is_named(
     observation = wire.Observation(1, b"\0\0\0\0", known=b"\1\0\0\0")
     with pytest.raises(RecordingError, match=re.escape(rule)):
         learning.learn(observation, msgspec.structs.replace(birth, **wrong))
-
-
-def test_it_goes_on_twice_from_the_tick_in_which_a_sensor_was_grown(
-    inline: Path, tmp_path: Path
-) -> None:
-    first, second, log = (tmp_path / name for name in ("first", "second", "log"))
-    options = lamp_options(ticks=BIRTH, cells="inline", keyframe_every=TICKS)
-    made(options, first)
-    _, past = find_resume_point(first)
-    more = msgspec.structs.replace(options, ticks=BIRTH + 3)
-    asyncio.run(run(RunRequest(more, second, past), asyncio.Event()))
-    # Of this one, the first key-frame is that of the tick of the birth.
-    _, past = find_resume_point(second, BIRTH + 2)
-    assert past.tick == BIRTH + 2
-    whole = msgspec.structs.replace(options, ticks=TICKS)
-    asyncio.run(run(RunRequest(whole, log, past), asyncio.Event()))
-    assert course(log) == course(inline)
-    assert verify(log).same
 
 
 def prefix(log: Path, target: Path, places: int) -> Path:
@@ -241,36 +207,13 @@ def cell_of(answer: wire.Recalled) -> int:
     return int(answer.who.rpartition("/")[2])
 
 
-def test_a_reader_may_begin_anywhere(inline: Path) -> None:
-    for tick in (10, 20, 30):
-        verdict = verify(inline, tick)
-        assert (verdict.same, verdict.start, verdict.ticks) == (True, tick, 40 - tick)
-
-
-@pytest.mark.exhaustive
-@pytest.mark.zenoh
-@pytest.mark.usefixtures("no_process_is_left")
-def test_parts_die_around_births_and_it_comes_to_the_same(tmp_path: Path) -> None:
-    options = lamp_options(ticks=ENDLESS)
-    calm, log = tmp_path / "calm", tmp_path / "log"
-    disturbed = Disturbed(options, log)
-    outcome = disturbed.run((BIRTH - 6, ("coordinator",)), (9, ("cell/24", "recorder")))
-    ticks = outcome.totals.ticks
-    made(msgspec.structs.replace(options, ticks=ticks, cells="inline"), calm)
-    assert course(log, ticks) == course(calm)
-    verdict = verify(log)
-    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, ticks)
-    assert outcome.restarts == 2
-    assert BIRTH in {one.tick for one in decisions(log).values() if one.born >= 0}
-
-
 def test_in_several_files_each_begins_with_what_was_grown(
     inline: Path, tmp_path: Path
 ) -> None:
     log = tmp_path / "log"
     # Cells of their own say more than one worker for all of them.
     apart = {"cells": "inline", "workers": 0}
-    made(lamp_options(ticks=TICKS, split=SMALLEST, **apart), log)
+    recorded(lamp_options(ticks=TICKS, split=SMALLEST, **apart), log)
     files = part_paths(log)
     assert len(files) > 1
     assert course(log) == course(inline)
