@@ -254,36 +254,22 @@ def test_a_journal_of_an_earlier_run_is_not_written_into(tmp_path: Path) -> None
 
 
 class Mourning(Disturbed):
-    """Looks, each time the run goes on, whether the recorder had ended in order."""
+    """Looks, when the run goes on, whether the recorder had ended in order."""
 
-    def __init__(self, log: Path) -> None:
-        super().__init__(options_for(ENDLESS), log)
-        self.finished: list[bool] = []
-        self.restarts = _Told(self._look)
+    finished = False
 
-    def _look(self) -> None:
-        self.finished.append(Recording.open(f"{self._log}.broken").cut is None)
-
-
-class _Told(list[Restart]):
-    """Calls somebody for each restart."""
-
-    def __init__(self, call: Callable[[], None]) -> None:
-        super().__init__()
-        self._call = call
-
-    def append(self, restart: Restart) -> None:
-        super().append(restart)
-        self._call()
+    def note(self, restart: Restart) -> None:
+        super().note(restart)
+        self.finished = Recording.open(f"{self._log}.broken").cut is None
 
 
 def test_a_recorder_without_a_hub_writes_down_what_it_has(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(launch, "_LAST_WRITE", PATIENCE)
-    mourning = Mourning(tmp_path / "log")
+    mourning = Mourning(options_for(ENDLESS), tmp_path / "log")
     mourning.run((20, ("hub",)))
-    assert mourning.finished == [True]
+    assert mourning.finished
 
 
 def chunks(log: Path) -> int:

@@ -8,6 +8,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 import aiomqtt
+import psutil
 import pytest
 
 from neurosnap.recording.read.recording import Recording
@@ -66,6 +67,11 @@ class Running:
         self.log = log
         self.said = ""
         self._command = command
+
+    def has(self, who: str) -> bool:
+        """Return whether a process of that name is below it."""
+        family = psutil.Process(self._command.pid).children(recursive=True)
+        return who in [one.name() for one in family]
 
     async def ended(self) -> int:
         """Wait for its end; return how it ended."""
@@ -127,6 +133,8 @@ async def test_a_house_is_learned_and_looked_after(tmp_path: Path, cells: str) -
                 }
                 await see(other, seen, wanted)
             assert seen["house/bell"] == b"now"
+            # What goes on reading when a part of the swarm dies; see test_kept.py.
+            assert run.has("intake") == (cells == "process")
             (device,) = [t for t in seen if t.startswith("homeassistant/device/")]
             assert b"door" in seen[device]
 
