@@ -5,52 +5,129 @@ tries alone, or strikes while a run is under way.
 """
 
 import asyncio
+import secrets
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-import msgspec
 import pytest
 import zenoh
-from typer.testing import CliRunner, Result
 
 from neurosnap import wire
-from neurosnap.apps.cli import app
 from neurosnap.fabric.security.hub_address import Credentials
 from neurosnap.fabric.security.load_keys import read_credentials
+from neurosnap.fabric.security.make_keys import make_keys
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.session import configuration
-from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.replay.verify import verify
+from tests.support.command_line import happy, refused
 from tests.support.exhaustive import rows
-from tests.support.fabrics import Seen
-from tests.support.intrusions import (
-    PULSE,
-    WIRING,
-    conduct_others,
-    spy_on_others,
-)
-from tests.support.secured_hub import SWARM, Hub, hub_with
-from tests.support.secured_swarm import options, run_swarm
+from tests.support.fabrics import Seen, are_one_network
+from tests.support.ports import free_port
+from tests.support.recorded_messages import assert_true_run, of_type
+from tests.support.secured_hub import SWARM, Hub, hub_with, run_swarm
+from tests.support.services import going
 from tests.support.witnesses import Heard
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
 
+WIRING = wire.Wiring(cell=1, epoch=1, after=0, add=(4,))
+FORBIDDEN: tuple[wire.Message, ...] = (
+    WIRING,
+    wire.Decision(1, 0, "mine"),
+    wire.WaveStart(1, 1, "state", 0, 1),
+    wire.Observation(1, b"\x01"),
+    wire.State(1, 1, b"", False, 0, 0, 0, 0, 0),
+    wire.KeyFrame(1, b""),
+)
+PULSE = wire.Pulse(wave=1, source=0, target=2, hops=1, credit=1)
+
+
+@pytest.fixture(params=["one hub", "the ends of a line of three"])
+def hubs(request: pytest.FixtureRequest, role_keys: Path) -> Iterator[tuple[Hub, Hub]]:
+    """The hub of the parts that are attacked, and that of the intruder."""
+    with hub_with(role_keys) as here:
+        if request.param == "one hub":
+            yield here, here
+            return
+        with (
+            hub_with(role_keys, here) as between,
+            hub_with(role_keys, between) as there,
+        ):
+            asyncio.run(are_one_network(here.end, there.end))
+            yield here, there
+
+
 async def test_a_cell_cannot_conduct_others_and_a_watcher_says_nothing(
-    role_keys: Path,
+    hubs: tuple[Hub, Hub],
 ) -> None:
-    with hub_with(role_keys) as hub:
-        await conduct_others(hub, hub)
+    here, there = hubs
+    everything, neighbour, world, seen = Heard(), Heard(), Heard(), Seen()
+    async with (
+        here.end("recorder") as ears,
+        here.end("cell/1") as cell,
+        here.end("world") as place,
+        there.end("watcher") as usher,
+        there.end("cell/0") as intruder,
+    ):
+        await usher.watch(seen)
+        await ears.subscribe(("**",), everything)
+        await cell.subscribe(wire.cell_keys(1), neighbour)
+        await place.subscribe(("state", "decision"), world)
+        for end in (ears, cell, place):
+            await end.announce()
+            await seen.wait((end.who, True))
+        # A watcher says nothing.
+        usher.publish(wire.Leave("cell/0"), wire.Fault("watcher", ""))
+        # In order on one session: once its pulse is there, the rest would be too.
+        intruder.publish(*FORBIDDEN, PULSE)
+        assert await everything.wait(PULSE) == [PULSE]
+        # What was dropped shows as a gap.
+        assert everything.sequences == [len(FORBIDDEN)]
+        assert await neighbour.wait(PULSE) == [PULSE]
+        # The same wiring, from there, by whom it may come.
+        async with there.end("coordinator") as coordinator:
+            coordinator.publish(WIRING)
+            await neighbour.wait(WIRING)
+        assert world.messages == []
 
 
 async def test_a_cell_can_neither_listen_to_others_nor_pass_for_them(
-    role_keys: Path,
+    hubs: tuple[Hub, Hub],
 ) -> None:
-    with hub_with(role_keys) as hub:
-        await spy_on_others(hub, hub)
+    here, there = hubs
+    everything, overheard, allowed = Heard(), Heard(), Heard()
+    seen, spied = Seen(), Seen()
+    observation, last = wire.Observation(1, b"\1"), wire.Leave("world")
+    async with (
+        here.end("recorder") as ears,
+        here.end("cell/0") as spy,
+        here.end("coordinator", "cell") as pretender,
+        here.end("cell/1") as cell,
+        there.end("watcher") as usher,
+        there.end("world") as world,
+    ):
+        await usher.watch(seen)
+        await ears.subscribe(("**",), everything)
+        await cell.subscribe(wire.cell_keys(1), allowed)
+        await spy.subscribe(("**",), overheard)
+        await spy.subscribe(("leave/**", "cellreport/**", "decision"), overheard)
+        await spy.watch(spied)
+        await pretender.announce()
+        for end in (cell, ears):
+            await end.confirm()
+        spy.publish(PULSE)
+        await everything.wait(PULSE)  # behind all that it asked for
+        for end in (cell, ears):
+            await end.announce()
+            await seen.wait((end.who, True))
+        world.publish(observation, last)
+        assert await everything.wait(last) == [PULSE, observation, last]
+        assert await allowed.wait(observation) == [PULSE, observation]
+        assert set(overheard.messages) <= {PULSE}  # its own
+        assert spied.changes == []
+        assert ("coordinator", True) not in seen.changes
 
 
 @pytest.mark.parametrize("mode", rows(["router"], ["peer"]))
@@ -82,6 +159,46 @@ async def test_a_cell_gains_nothing_as_a_peer_or_a_router(
     assert ("coordinator", True) not in seen.changes
 
 
+def test_a_router_that_is_no_hub_is_named(role_keys: Path) -> None:
+    endpoint = f"tls/127.0.0.1:{free_port()}"
+    with going("serve", "hub", "--listen", endpoint, "--tls", role_keys) as hub:
+        assert "listening on" in hub.stderr.readline()
+        config = configuration(
+            "router",
+            connect__endpoints=[endpoint],
+            transport__link__tls=Credentials.in_folder(role_keys, "cell").to_connect(),
+        )
+        with zenoh.open(config):
+            said = hub.stderr.readline()
+    assert said.startswith(
+        "cell is linked and no hub: what hubs send each other may be"
+    )
+
+
+def test_hubs_of_different_keys_are_not_linked(role_keys: Path, tmp_path: Path) -> None:
+    make_keys(tmp_path / "others")
+    with hub_with(role_keys) as hub, hub_with(tmp_path / "others", hub) as stranger:
+
+        async def pass_by() -> None:
+            heard, seen, mark = Heard(), Seen(), secrets.token_hex(2)
+            async with hub.end("recorder") as ears, hub.end("cell/1") as cell:
+                await ears.subscribe(("**",), heard)
+                await ears.watch(seen)
+                async with stranger.end("world") as world:
+                    await world.announce()
+                    world.publish(wire.Leave("world"))
+                    await world.confirm()
+                await cell.announce()
+                await seen.wait(("cell/1", True))
+                fault = wire.Fault("cell/1", mark)
+                cell.publish(fault)
+                assert await heard.wait(fault) == [fault]
+                assert seen.changes == [("cell/1", True)]
+
+        asyncio.run(pass_by())
+    assert any(line.startswith("session refused:") for line in hub.refused)
+
+
 # While a run is under way ------------------------------------------------------------
 
 TICKS = 60
@@ -99,9 +216,8 @@ def forged(
 
 async def struck(
     hub: Hub, attack: list[wire.Delivery], log: Path, who: str = "cell/9"
-) -> tuple[RunOptions, Completeness]:
+) -> Completeness:
     """Run a swarm; send `attack` with the certificate of `who` in the middle of it."""
-    given = msgspec.structs.replace(options(), ticks=TICKS, keyframe_every=20)
     sent = asyncio.Event()
 
     async with hub.end(who) as intruder:
@@ -116,21 +232,9 @@ async def struck(
                     sent.set()
 
         await intruder.subscribe(("observation",), strike)
-        balance = await run_swarm(hub, given, log)
+        balance = await run_swarm(hub, log, TICKS, keyframe_every=20)
         assert sent.is_set()
-    return given, balance
-
-
-def check_untouched(log: Path) -> None:
-    """The recording is of the whole run, and is what the run would have said."""
-    ticks = [
-        each.message.tick
-        for each in Recording.open(log).messages(("state",))
-        if isinstance(each.message, wire.State)
-    ]
-    assert ticks == list(range(1, TICKS + 1))
-    verdict = verify(log)
-    assert (verdict.difference, verdict.complete) == (None, True)
+    return balance
 
 
 async def test_no_part_speaks_for_one_of_another_role(
@@ -147,12 +251,14 @@ async def test_no_part_speaks_for_one_of_another_role(
         for delivery in forged(wire.Leave(who), key, 1)
     ]
     with hub_with(role_keys) as hub:
-        _, balance = await struck(hub, attack, log)
+        balance = await struck(hub, attack, log)
     assert balance.whole, balance
     assert balance.duplicates == 0
     # Under keys of its own it came through, and was nobody's.
     assert balance.foreign >= FORGED
-    check_untouched(log)
+    # The recording is of the whole run, and is what the run would have said.
+    assert [s.tick for s in of_type(log, wire.State)] == list(range(1, TICKS + 1))
+    assert_true_run(log)
 
 
 # The command --------------------------------------------------------------------------
@@ -160,17 +266,9 @@ async def test_no_part_speaks_for_one_of_another_role(
 
 def test_the_command_makes_keys(tmp_path: Path) -> None:
     folder = tmp_path / "keys"
-
-    def call(*more: str) -> Result:
-        line = ["init", "keys", str(folder), *more, "--format", "json"]
-        return CliRunner().invoke(app, line)
-
-    made = call("--host", "hub.example", "--days", "2")
-    assert made.exit_code == 0, made.output
-    facts = msgspec.json.decode(made.stdout.splitlines()[-1])
+    facts = happy("init", "keys", folder, "--host", "hub.example", "--days", 2)
     assert (facts["folder"], facts["hosts"][-1]) == (str(folder), "hub.example")
     until = datetime.fromisoformat(facts["until"])
     assert timedelta(days=1) < until - datetime.now(UTC) <= timedelta(days=2)
     assert read_credentials(folder, "cell/7").role == "cell"
-    again = call()
-    assert (again.exit_code, "keys: must not exist yet" in again.stderr) == (2, True)
+    assert "keys: must not exist yet" in refused("init", "keys", folder)

@@ -18,7 +18,7 @@ from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.serialization import Encoding, load_pem_private_key
 
 from neurosnap import wire
-from neurosnap.errors import FabricError, InvalidValueError
+from neurosnap.errors import FabricError
 from neurosnap.fabric.security.hub_address import Credentials, HubAddress
 from neurosnap.fabric.security.load_keys import read_credentials
 from neurosnap.fabric.security.make_keys import make_keys
@@ -27,40 +27,25 @@ from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.session import configuration
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.playback import Playing, play_on
-from neurosnap.recording.write.writer import Writer
 from tests.support.fabrics import Seen
 from tests.support.patience import PATIENCE
-from tests.support.secured_hub import INTRUSION, SWARM, Hub, hub_with
-from tests.support.secured_swarm import TICKS, options, run_swarm
+from tests.support.secured_hub import INTRUSION, Hub, hub_with, run_swarm
 from tests.support.witnesses import Heard
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
 
-# A swarm ------------------------------------------------------------------------------
+TICKS = 12
 
 
-async def test_a_swarm_runs_with_the_rights_of_its_roles(
-    role_keys: Path, tmp_path: Path
-) -> None:
-    with hub_with(role_keys) as hub:
-        balance = await run_swarm(hub, options(), tmp_path / "log.mcap")
-    assert balance.whole, balance
-    assert hub.refused == []
-    recording = Recording.open(tmp_path / "log.mcap")
-    states = [m for m in recording.messages() if isinstance(m.message, wire.State)]
-    assert len(states) == TICKS
-
-
-# Playing back -------------------------------------------------------------------------
-
-
-async def test_a_recording_plays_to_who_has_a_certificate(
+async def test_a_swarm_runs_with_its_rights_and_plays_to_who_has_a_certificate(
     role_keys: Path, tmp_path: Path
 ) -> None:
     log = tmp_path / "log.mcap"
     with hub_with(role_keys) as hub:
-        await run_swarm(hub, options(), log)
+        balance = await run_swarm(hub, log, TICKS)
+    assert balance.whole, balance
+    assert hub.refused == []
     recording = Recording.open(log)
     heard, seen, stop = Heard(), Seen(), asyncio.Event()
     connected = asyncio.Event()
@@ -105,17 +90,6 @@ async def test_a_recording_plays_to_who_has_a_certificate(
     assert played.ticks == TICKS
     observed = [m for m in heard.messages if isinstance(m, wire.Observation)]
     assert [each.tick for each in observed] == list(range(1, TICKS + 1))
-
-
-async def test_a_recording_is_not_played_to_the_network_in_the_clear(
-    tmp_path: Path,
-) -> None:
-    with Writer(tmp_path / "log.mcap") as writer:
-        writer.start({"swarm": SWARM})
-        writer.finish({}, {})
-    recording = Recording.open(tmp_path / "log.mcap")
-    with pytest.raises(InvalidValueError, match=r"^endpoint: must be tcp/ on loopback"):
-        await play_on(recording, "tcp/0.0.0.0:0", asyncio.Event())
 
 
 # Certificates -------------------------------------------------------------------------

@@ -1,5 +1,6 @@
 """A hub under mutual TLS, in its own process, which says what it refused."""
 
+import asyncio
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -9,8 +10,13 @@ from pathlib import Path
 from neurosnap.fabric.security.hub_address import Credentials, HubAddress
 from neurosnap.fabric.security.roles import Role
 from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.recording.format.completeness import Completeness
+from neurosnap.runtime.network import Network
+from neurosnap.runtime.request import RunRequest, Site
+from neurosnap.runtime.run import run
 from tests.support.patience import PATIENCE
 from tests.support.ports import free_port
+from tests.support.run_options import options_for
 
 INTRUSION = 1.0  # seconds an intruder goes on trying
 SWARM = "one"
@@ -70,3 +76,14 @@ def hub_with(keys: Path, *links: Hub) -> Iterator[Hub]:
             _, errors = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, errors
     hub.refused = errors.splitlines()
+
+
+async def run_swarm(hub: Hub, log: Path, ticks: int, **more: object) -> Completeness:
+    """Run a swarm of processes over a hub, each with the keys of its role."""
+    given = {"ticks": ticks, "threshold": 0.1, "keyframe_every": 5, **more}
+    options = options_for("neurosnap/Path-v0", 2, **given)  # type: ignore[arg-type]
+    network = Network(connect=hub.endpoint, tls=str(hub.keys))
+    request = RunRequest(options, log, site=Site(network, swarm=SWARM))
+    balance = (await run(request, asyncio.Event())).completeness
+    assert balance is not None
+    return balance
