@@ -18,7 +18,6 @@ from neurosnap import wire
 from neurosnap.agent.environment import Continuing
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording, part_paths
-from tests.support.command_line import refused
 from tests.support.course import course
 from tests.support.foxglove_rules import refusals
 from tests.support.inline_runs import recorded_run, resumed_run
@@ -160,11 +159,3 @@ def test_in_processes_it_is_the_same(log: Path, tmp_path: Path) -> None:
     assert {tick: one.data for tick, one in here.items()} == {
         tick: one.data for tick, one in there.items()
     }
-
-
-@pytest.mark.parametrize("source", ["neurosnap/Path-v0", "neurosnap/Grid-v0"])
-def test_a_world_that_does_not_draw_is_refused(source: str, tmp_path: Path) -> None:
-    path = tmp_path / "run.mcap"
-    said = refused("run", source, "--set", "recording.frames=1", "--out", path)
-    assert f"the render mode rgb_array, got '{source}'" in said
-    assert not path.exists()

@@ -3,11 +3,12 @@
 import re
 import shlex
 import signal
+import socket
 from pathlib import Path
 
 import pytest
 
-from tests.support.command_line import refused
+from tests.support.command_line import failed
 from tests.support.ports import free_port
 from tests.support.view_commands import Verb, verb
 
@@ -59,29 +60,11 @@ async def test_the_page_runs(tmp_path: Path) -> None:
     assert any(line.startswith("same:") for line in await done(tmp_path, verify))
 
 
-@pytest.mark.parametrize(
-    ("options", "text"),
-    [
-        (("--elsewhere", "1"), "elsewhere: must come with --swarm ID"),
-        (
-            ("--elsewhere", "9", "--swarm", "a", "--listen", "tcp/127.0.0.1:7447"),
-            "elsewhere: must be cells of the swarm, 0 to 5, got '9'",
-        ),
-        (
-            ("--elsewhere", "x", "--swarm", "a", "--listen", "tcp/127.0.0.1:7447"),
-            "elsewhere: must be like 0-499 or 3,7,9-12, of at most six digits, got 'x'",
-        ),
-        (("--swarm", "a/b"), "swarm: must be letters and digits, got 'a/b'"),
-        (
-            ("--connect", "tcp/127.0.0.1:1", "--listen", "tcp/127.0.0.1:2"),
-            "connect: must not come with an endpoint to listen on",
-        ),
-        (("--connect", "tcp/192.0.2.1:7447"), "connect: must be tcp/ on loopback"),
-    ],
-)
-def test_what_cannot_be_shared_is_refused(
-    options: tuple[str, ...], text: str, tmp_path: Path
-) -> None:
-    small = ("neurosnap/Path-v0", "--set", "places=7", "--out", tmp_path / "log")
-    assert text in refused("run", *small, *options)
-    assert not (tmp_path / "log").exists()
+def test_a_port_in_use_is_named(tmp_path: Path) -> None:
+    run = ("run", "neurosnap/Path-v0", "--ticks", 20, "--out", tmp_path / "log.mcap")
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        said = failed(*run, "--listen", f"tcp/127.0.0.1:{taken.getsockname()[1]}")
+    assert said.startswith("error: hub: must be able to listen on")
+    assert ".rs:" not in said

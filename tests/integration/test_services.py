@@ -271,18 +271,3 @@ def test_who_does_not_fit_is_refused_and_the_run_minds_nothing(
             ended(cells)
             ended(world)
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize(
-    ("line", "text"),
-    [
-        (("cells", "a/b", "0"), "swarm: must be letters and digits"),
-        (("cells", SWARM), "Missing argument 'RANGES'"),
-        (("cells", SWARM, "3,3"), "cells: must name each once, got '3,3'"),
-        (("recorder", SWARM, "--out", "/nowhere/x"), "out: must be in a folder that"),
-        (("coordinator", PATH, "--swarm", ""), "swarm: must be letters and digits"),
-    ],
-    ids=lambda given: " ".join(map(str, given)) if isinstance(given, tuple) else "",
-)
-def test_wrong_usage_is_refused_at_once(line: tuple[str, ...], text: str) -> None:
-    assert text in refused("serve", *line, "--connect", "tcp/127.0.0.1:1")

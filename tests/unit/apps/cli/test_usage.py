@@ -14,6 +14,8 @@ TOML = f'[source]\nkind = "world"\nid = "{WORLD}"\n'
 FILE = "run readings.csv --cells inline"
 PATH = f"run {WORLD} --cells inline --set places=5"
 GROWS = f"run {WORLD} --agent planner --target below_1 --set agent.grow=1"
+NEAR = "tcp/127.0.0.1:1"
+SHARED = f"run {WORLD} --set places=7 --swarm a --listen {NEAR} --elsewhere"
 UNRECORDED = f"run {WORLD} --set recording.record=false"
 NO_RECORDING = "must go with a recording, and nothing is recorded, got"
 NO_FOLDER = "out: must be another file, not a folder or what is read, got"
@@ -39,6 +41,7 @@ ROWS = {
     f"{SPLIT}=63KiB": "must be 0, or at least 65536 bytes, got 64512",
     f"{UNRECORDED} --out x.mcap": f"out: {NO_RECORDING}",
     f"{UNRECORDED} --set recording.split=1MiB": f"recording.split: {NO_RECORDING}",
+    f"{PATH} --set recording.frames=1": (f"the render mode rgb_array, got '{WORLD}'"),
     f"{FILE} --out taken.csv": "out: must not exist yet, got 'taken.csv'",
     f"{FILE} --out .": f"{NO_FOLDER} '.'",
     f"{FILE} --out folder": f"{NO_FOLDER} 'folder'",
@@ -53,6 +56,30 @@ ROWS = {
     ),
     f"{GROWS} --cells worker --set snapshot.learning=spread": (
         "learning: must be coordinator where sensors grow, got 'spread'"
+    ),
+    # A swarm on a network, and its parts as services.
+    f"run {WORLD} --listen tcp/0.0.0.0:7447": "listen: must be tcp/ on loopback",
+    f"run {WORLD} --listen tls/127.0.0.1:7447": "listen: must come with keys (--tls)",
+    f"run {WORLD} --listen tls/127.0.0.1:7447 --tls none": (
+        "none/ca.pem: must be a file that can be read"
+    ),
+    f"run {WORLD} --tls keys": "tls: must come with an endpoint to listen on",
+    f"run {WORLD} --connect tcp/192.0.2.1:7447": "connect: must be tcp/ on loopback",
+    f"run {WORLD} --connect {NEAR} --listen {NEAR}": (
+        "connect: must not come with an endpoint to listen on"
+    ),
+    f"run {WORLD} --swarm a/b": "swarm: must be letters and digits, got 'a/b'",
+    f"run {WORLD} --elsewhere 1": "elsewhere: must come with --swarm ID",
+    f"{SHARED} 9": "elsewhere: must be cells of the swarm, 0 to 5, got '9'",
+    f"{SHARED} x": (
+        "elsewhere: must be like 0-499 or 3,7,9-12, of at most six digits, got 'x'"
+    ),
+    f"serve cells a/b 0 --connect {NEAR}": "swarm: must be letters and digits",
+    f"serve cells a --connect {NEAR}": "Missing argument 'RANGES'",
+    f"serve cells a 3,3 --connect {NEAR}": "cells: must name each once, got '3,3'",
+    f"serve recorder a --out none/x --connect {NEAR}": "out: must be in a folder that",
+    f"serve coordinator {WORLD} --swarm '' --connect {NEAR}": (
+        "swarm: must be letters and digits"
     ),
     # Depth.
     "depth --heights 1,two": "heights: must be whole numbers, got '1,two'",
