@@ -10,7 +10,6 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
-import msgspec
 import pytest
 import zenoh
 
@@ -20,14 +19,17 @@ from neurosnap.fabric.security.roles import Role
 from neurosnap.fabric.zenoh.discovery import incarnation
 from neurosnap.fabric.zenoh.session import connecting
 from neurosnap.recording.read.recording import Recording
+from neurosnap.runtime.parts.job import PartConnection
 from neurosnap.sensorium import pack
 from neurosnap.sources.live.latest_readings import LatestReadings
 from neurosnap.sources.live.live_source import LiveSource
 from neurosnap.sources.live.tick_schedule import OnChange
 from neurosnap.sources.live.zenoh_source import ZenohFeeder
 from tests.support.commands import Command
+from tests.support.fabrics import hub_in_process
 from tests.support.patience import PATIENCE
 from tests.support.ports import free_port
+from tests.support.secured_hub import hub_with
 from tests.support.sources import readings
 
 pytestmark = pytest.mark.slow
@@ -37,65 +39,19 @@ NAMES = ("door", "motion")
 EXAMPLE = Path(__file__).parents[2] / "examples" / "any_program.py"
 
 
-BE_HUB = """
-import sys
-from pathlib import Path
-from neurosnap.fabric.zenoh.hub import open_hub
-from neurosnap.fabric.security.load_keys import read_credentials
-credentials = read_credentials(Path(sys.argv[2]), "hub") if sys.argv[2:] else None
-session = open_hub([sys.argv[1]], sessions=20, credentials=credentials)
-print("ready", flush=True)
-sys.stdin.read()
-session.close()
-"""
+@pytest.fixture(scope="module")
+def hub() -> Iterator[str]:
+    """A hub on loopback, for one swarm after the other."""
+    with hub_in_process(f"tcp/127.0.0.1:{free_port()}") as one:
+        yield one.endpoint
 
 
-class Hub(msgspec.Struct, frozen=True):
-    """A hub in its own process, as in a `PartConnection`."""
-
-    endpoint: str
-    keys: Path | None = None
-    role: Role = "world"
-    swarm: str = SWARM
-
-    @property
-    def address(self) -> HubAddress:
-        return HubAddress(self.endpoint, self.credentials)
-
-    @property
-    def credentials(self) -> Credentials | None:
-        return self.credentials_of(self.role)
-
-    def credentials_of(self, role: Role) -> Credentials | None:
-        return None if self.keys is None else Credentials.in_folder(self.keys, role)
-
-    def session(self, role: Role) -> zenoh.Session:
-        """Open a session as any program would: there is nothing of ours in it."""
-        return zenoh.open(
-            connecting(HubAddress(self.endpoint, self.credentials_of(role)), PATIENCE)
-        )
-
-
-@contextmanager
-def hub_on(protocol: str, keys: Path | None = None) -> Iterator[Hub]:
-    endpoint = f"{protocol}/127.0.0.1:{free_port()}"
-    command = [
-        sys.executable,
-        "-c",
-        BE_HUB,
-        endpoint,
-        *([str(keys)] if keys else []),
-    ]
-    with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE
-    ) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == b"ready\n"
-        try:
-            yield Hub(endpoint, keys)
-        finally:
-            process.communicate(timeout=PATIENCE)
-    assert process.returncode == 0
+def session(
+    endpoint: str, role: Role = "sensor", keys: Path | None = None
+) -> zenoh.Session:
+    """Open a session as any program would: there is nothing of ours in it."""
+    own = None if keys is None else Credentials.in_folder(keys, role)
+    return zenoh.open(connecting(HubAddress(endpoint, own), PATIENCE))
 
 
 class Ticks(threading.Thread):
@@ -125,14 +81,14 @@ class Ticks(threading.Thread):
 
 
 @contextmanager
-def ticking(hub: Hub) -> Iterator[Ticks]:
-    feeder = ZenohFeeder(hub)
+def ticking(hub: str, swarm: str = SWARM) -> Iterator[Ticks]:
+    feeder = ZenohFeeder(PartConnection("world", swarm, HubAddress(hub)))
     source = LiveSource(LatestReadings(NAMES), OnChange(), feeder=feeder)
     ticks = Ticks(source)
     ticks.start()
     try:
-        with hub.session("sensor") as session:
-            listened_to(session, f"neurosnap/{SWARM}/reading").undeclare()
+        with session(hub) as sensor:
+            listened_to(sensor, f"neurosnap/{SWARM}/reading").undeclare()
         yield ticks
     finally:
         source.close()
@@ -159,24 +115,21 @@ def listened_to(session: zenoh.Session, key: str) -> zenoh.Publisher:
 
 
 @pytest.mark.zenoh
-def test_after_a_restart_a_program_is_heard_under_the_id_that_it_knows() -> None:
-    with hub_on("tcp") as hub:
-        again = msgspec.structs.replace(hub, swarm=incarnation(SWARM, 1))
-        with ticking(again) as ticks, hub.session("sensor") as session:
-            session.put(f"neurosnap/{SWARM}/reading", b'{"bits": [1, 0]}')
-            ticks.wait([True, False])
-            session.put(f"neurosnap/{again.swarm}/reading/motion", b"on")
-            ticks.wait([True, True])
+def test_after_a_restart_a_program_is_heard_under_the_id_that_it_knows(
+    hub: str,
+) -> None:
+    again = incarnation(SWARM, 1)
+    with ticking(hub, again) as ticks, session(hub) as sensor:
+        sensor.put(f"neurosnap/{SWARM}/reading", b'{"bits": [1, 0]}')
+        ticks.wait([True, False])
+        sensor.put(f"neurosnap/{again}/reading/motion", b"on")
+        ticks.wait([True, True])
 
 
 @pytest.mark.zenoh
-def test_the_example_publishes_what_a_source_then_shows() -> None:
-    with hub_on("tcp") as hub, ticking(hub) as ticks:
-        command = [sys.executable, str(EXAMPLE), hub.endpoint, SWARM]
-        told = subprocess.run(
-            [*command, "door=on", "motion=off"], timeout=PATIENCE, check=True
-        )
-        assert told.returncode == 0
+def test_the_example_publishes_what_a_source_then_shows(hub: str) -> None:
+    with ticking(hub) as ticks:
+        assert called(hub, SWARM, "door=on", "motion=off").returncode == 0
         ticks.wait([True, False])
 
 
@@ -206,13 +159,13 @@ def called(*given: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.zenoh
-def test_the_example_shows_what_a_swarm_decides() -> None:
-    with hub_on("tcp") as hub, hub.session("coordinator") as session:
-        command = [sys.executable, str(EXAMPLE), hub.endpoint, SWARM]
+def test_the_example_shows_what_a_swarm_decides(hub: str) -> None:
+    with session(hub) as coordinator:
+        command = [sys.executable, str(EXAMPLE), hub, SWARM]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as program:
             assert program.stdout is not None
             try:
-                decides = listened_to(session, f"neurosnap/{SWARM}/decision")
+                decides = listened_to(coordinator, f"neurosnap/{SWARM}/decision")
                 decides.put(wire.encode(wire.Decision(1, -1, "why not")))
                 said = program.stdout.readline()
             finally:
@@ -221,10 +174,10 @@ def test_the_example_shows_what_a_swarm_decides() -> None:
 
 
 @pytest.mark.zenoh
-def test_what_is_put_for_another_swarm_is_not_heard() -> None:
-    with hub_on("tcp") as hub, ticking(hub) as ticks, hub.session("sensor") as session:
-        session.put("neurosnap/other/reading/door", "on")
-        session.put(f"neurosnap/{SWARM}/reading/motion", "on")
+def test_what_is_put_for_another_swarm_is_not_heard(hub: str) -> None:
+    with ticking(hub) as ticks, session(hub) as sensor:
+        sensor.put("neurosnap/other/reading/door", "on")
+        sensor.put(f"neurosnap/{SWARM}/reading/motion", "on")
         assert ticks.wait([None, True]) == [[None, True]]
 
 
@@ -233,11 +186,11 @@ def test_under_tls_the_role_sensor_can_say_and_hear_nothing_else(
     role_keys: Path,
 ) -> None:
     with (
-        hub_on("tls", role_keys) as hub,
-        hub.session("watcher") as eyes,
-        hub.session("sensor") as session,
-        hub.session("cell") as cell,
-        hub.session("world") as world,
+        hub_with(role_keys) as secured,
+        session(secured.endpoint, "watcher", role_keys) as eyes,
+        session(secured.endpoint, "sensor", role_keys) as sensor,
+        session(secured.endpoint, "cell", role_keys) as cell,
+        session(secured.endpoint, "world", role_keys) as world,
     ):
         came = {"observation": threading.Event(), "reading/last": threading.Event()}
 
@@ -253,15 +206,15 @@ def test_under_tls_the_role_sensor_can_say_and_hear_nothing_else(
                 f"neurosnap/{SWARM}/**",
                 zenoh.handlers.Callback(partial(note, said), indirect=False),
             )
-            for listener, said in ((eyes, heard), (session, overheard))
+            for listener, said in ((eyes, heard), (sensor, overheard))
         )
         # Once the hub knows that the watcher listens, it passes on what it may.
         while not came["observation"].wait(0.05):
             world.put(f"neurosnap/{SWARM}/observation", "on")
         for topic in wire.TOPICS:
-            session.put(f"neurosnap/{SWARM}/{topic}", "on")
+            sensor.put(f"neurosnap/{SWARM}/{topic}", "on")
         cell.put(f"neurosnap/{SWARM}/reading/door", "on")
-        session.put(f"neurosnap/{SWARM}/reading/last", "on")
+        sensor.put(f"neurosnap/{SWARM}/reading/last", "on")
         assert came["reading/last"].wait(PATIENCE)
         listening.undeclare()
         watching.undeclare()
@@ -276,13 +229,16 @@ def test_a_program_puts_readings_and_reads_what_the_swarm_makes_of_them(
 ) -> None:
     log = tmp_path / "outside.mcap"
     readings = [(number % 2, int(number % 3 > 0)) for number in range(30)]
-    hub = Hub(f"tls/127.0.0.1:{free_port()}", role_keys)
+    endpoint = f"tls/127.0.0.1:{free_port()}"
     given = ["zenoh:", "--set", f"sensors={','.join(NAMES)}", "--swarm", SWARM]
-    given += ["--listen", hub.endpoint, "--tls", str(role_keys), "--out", str(log)]
+    given += ["--listen", endpoint, "--tls", str(role_keys), "--out", str(log)]
     states = []
     with Command("run", *given, "--threshold", "0.1") as process:
         # Wait for each state before putting the next reading.
-        with hub.session("watcher") as eyes, hub.session("sensor") as mouth:
+        with (
+            session(endpoint, "watcher", role_keys) as eyes,
+            session(endpoint, "sensor", role_keys) as mouth,
+        ):
             said = eyes.declare_subscriber(f"neurosnap/{SWARM}/state")
             publisher = listened_to(mouth, f"neurosnap/{SWARM}/reading")
             for bits in readings:

@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,14 +11,13 @@ from typing import Any
 import msgspec
 import psutil
 import pytest
-from typer.testing import CliRunner
 
-from neurosnap.apps.cli import app
 from neurosnap.errors import InvalidValueError, SwarmError
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime import registry
-from tests.support.command_line import call, last_json
+from tests.support.command_line import call, happy, refused
 from tests.support.commands import Command
+from tests.support.disturbed_commands import wait_for_size
 from tests.support.patience import PATIENCE
 
 
@@ -37,9 +35,7 @@ def going(log: Path) -> Iterator[Command]:
     """A swarm of five cells that goes on until it is stopped."""
     more = ("--ticks", "100000", "--set", "places=6", "--out", str(log))
     with Command("run", "neurosnap/Path-v0", *more) as process:
-        while not log.exists() or log.stat().st_size < 20_000:
-            assert process.poll() is None, process.communicate()
-            time.sleep(0.02)  # looking costs what the swarm needs to come so far
+        wait_for_size(process, log, 20_000)
         yield process
 
 
@@ -48,7 +44,7 @@ def going(log: Path) -> Iterator[Command]:
 def test_a_swarm_is_listed_shown_and_stopped(tmp_path: Path) -> None:
     first, second = tmp_path / "first.mcap", tmp_path / "second.mcap"
     with going(first) as stopped, going(second) as left:
-        listed = last_json(call("ps", "--format", "json").stdout)["swarms"]
+        listed = happy("ps")["swarms"]
         assert [Path(one["log"]) for one in sorted(listed, key=_by_log)] == [
             first,
             second,
@@ -58,17 +54,12 @@ def test_a_swarm_is_listed_shown_and_stopped(tmp_path: Path) -> None:
         names = {who for who, _ in registry.parts_of(psutil.Process(pids[first]))}
         services = {"hub", "recorder", "coordinator", "world"}
         assert names == services | {f"cell/{n}" for n in range(5)}
-        assert last_json(call("stop", ids[first], "--format", "json").stdout)[
-            "log"
-        ] == str(first)
+        assert happy("stop", ids[first])["log"] == str(first)
         stdout, stderr = stopped.communicate(timeout=PATIENCE)
         assert stopped.returncode == 0, stderr
         assert "as asked" in stdout
         assert left.poll() is None  # the other one goes on
-        assert [
-            one["swarm"]
-            for one in last_json(call("ps", "--format", "json").stdout)["swarms"]
-        ] == [ids[second]]
+        assert [one["swarm"] for one in happy("ps")["swarms"]] == [ids[second]]
     verdict = verify(first)
     assert (verdict.same, verdict.complete) == (True, True)
 
@@ -78,10 +69,9 @@ def _by_log(note: dict[str, Any]) -> str:
 
 
 def test_what_is_not_there_is_named(runtime: Path) -> None:
-    result = CliRunner().invoke(app, ["stop", "abcd"])
-    assert result.exit_code == 2
-    assert "swarm: must be one of none: no swarm runs here, got 'abcd'" in result.stderr
-    assert CliRunner().invoke(app, ["ps"]).stdout == "no swarm runs here\n"
+    rule = "swarm: must be one of none: no swarm runs here, got 'abcd'"
+    assert rule in refused("stop", "abcd")
+    assert call("ps").stdout == "no swarm runs here\n"
 
 
 def test_a_note_is_there_while_its_swarm_is(runtime: Path) -> None:

@@ -65,32 +65,6 @@ def test_what_is_unknown_is_off_and_said_to_be_unknown() -> None:
     ]
 
 
-def test_what_a_sensor_in_context_is_made_of_may_be_unknown() -> None:
-    world = World(Scripted(ROWS, ACTING.actions), ACTING)
-    names = ACTING.sensors
-    for tick in range(3):
-        observation = told(world, tick, 0)
-        assert observation is not None
-        if tick:
-            # The state holds what is known of the own sensors, and nothing else.
-            row = ROWS[tick - 1]
-            unknown = {f"s{k}" for k, on in enumerate(row) if on is None}
-            expected = {f"go&{name}" for name in unknown}
-            expected |= {f"go&~{name}" for name in unknown}
-            expected |= {f"s{k}" for k, on in enumerate(ROWS[tick]) if on is None}
-            known = observation.known or b"\xff\xff"
-            flags = np.unpackbits(np.frombuffer(known, np.uint8), bitorder="little")
-            assert {
-                n for n, on in zip(names, flags, strict=False) if not on
-            } == expected
-        literals = [False] * (2 * len(names))
-        for k, on in enumerate(ROWS[tick]):
-            if on is not None:
-                literals[2 * k + (not on)] = True
-        state = wire.State(tick + 1, 1, pack(literals), False, 0, 0, 0, 0, 0)
-        assert world.receive(state) is None
-
-
 def test_a_source_that_knows_nothing_is_named() -> None:
     world = World(Scripted([[True, True], [None, None]]), PLAIN)
     told(world, 0)
