@@ -16,16 +16,14 @@ from neurosnap.agent.body import Body
 from neurosnap.agent.policy import EXACT, AgentKind
 from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.run_options import CellKind, RunOptions, SnapshotKind
-from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.fit_agent import body_of, drawn_to
 from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
-from neurosnap.sensorium import pack, unpack
+from neurosnap.sensorium import pack
 from neurosnap.sources.open import open_source
-from neurosnap.sources.protocol import Argument, Observed, Source
+from neurosnap.sources.protocol import Argument
 from tests.support.aliased_worlds import NAME as MAZE
-from tests.support.course import course
 from tests.support.exhaustive import rows
 from tests.support.lamp import BIRTH, LIMITED, lamp_options
 from tests.support.recorded_messages import of_type
@@ -113,12 +111,9 @@ def recorded_in(log: Path) -> tuple[list[bytes], list[wire.Decision]]:
     return states, [one for one in of_type(log, wire.Decision) if one.tick]
 
 
-def by_one_agent(
-    options: RunOptions, source: Source | None = None
-) -> tuple[list[bytes], list[wire.Decision]]:
+def by_one_agent(options: RunOptions) -> tuple[list[bytes], list[wire.Decision]]:
     """Return the states and decisions of an agent that has all in one process."""
-    if source is None:
-        source = open_source(options.source, options.seed, options.arguments)
+    source = open_source(options.source, options.seed, options.arguments)
     memory = options.new_memory()
     agent = Agent(
         options.body, options.new_policy(memory), options.new_snapshot(), memory
@@ -128,9 +123,7 @@ def by_one_agent(
     while seen is not None and len(decisions) < options.ticks:
         if seen.cut:
             agent.set_down()
-        # Whatever an unknown reading is said to be: here it is what it should be.
-        bits = seen.bits if seen.known is None else seen.bits ^ ~seen.known
-        decisions.append(agent.act(bits, seen.begins, seen.known))
+        decisions.append(agent.act(seen.bits, seen.begins))
         states.append(pack(agent.state))
         seen = source.step(decisions[-1].action)
     # The last decision of a run is never published: nothing would answer it.
@@ -188,114 +181,12 @@ def test_a_swarm_decides_as_one_agent(
             assert any(split(literals)[1] for _, literals in born.values())
 
 
-@pytest.fixture(scope="module")
-def wholes(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """Recordings of inline runs, each made once."""
-    folder = tmp_path_factory.mktemp("wholes")
-
-    def whole(name: str) -> Path:
-        log = folder / name
-        return log if log.exists() else made(RUNS[name](cells="inline"), log)
-
-    return whole
-
-
-@pytest.mark.parametrize(
-    ("name", "stop"),
-    [
-        *((name, 20) for name in ("excited", "planner")),
-        *(("grows", BIRTH + later) for later in (0, 1, 9)),
-    ],
-)
-def test_it_goes_on_as_if_nothing_had_been(
-    name: str, stop: int, wholes: Callable[[str], Path], tmp_path: Path
-) -> None:
-    begun, log, whole = tmp_path / "begun", tmp_path / "log", wholes(name)
-    made(RUNS[name](ticks=stop, cells="inline"), begun)
-    _, past = find_resume_point(begun)
-    options = RUNS[name](cells="inline")
-    asyncio.run(run(RunRequest(options, log, past), asyncio.Event()))
-    assert course(log) == course(whole)
-    assert verify(log).same
-    before = of_type(whole, wire.Decision)
-    assert all(one in before for one in of_type(log, wire.Decision) if one.tick)
-
-
-class Foggy:
-    """A source of which every reading may be missing, the first excepted.
-
-    What is missing reads the opposite of what it should.
-    """
-
-    def __init__(self, source: Source) -> None:
-        self._source = source
-        self._chance = np.random.default_rng(SEED)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._source, name)
-
-    def first(self) -> Observed | None:
-        return self._seen(self._source.first())
-
-    def step(self, action: int) -> Observed | None:
-        return self._seen(self._source.step(action))
-
-    def _seen(self, seen: Observed | None) -> Observed | None:
-        if seen is None:
-            return None
-        known = self._chance.random(len(seen.bits)) < 0.7
-        known[0] = True
-        return Observed(seen.bits ^ ~known, known, seen.begins, seen.cut)
-
-
-@pytest.mark.parametrize(
-    ("agent", "snapshot"),
-    [("walker", "discounted"), ("excited", "empirical"), ("planner", "discounted")],
-)
-def test_what_is_not_read_is_missing_alike_in_process_and_in_a_swarm(
-    agent: AgentKind,
-    snapshot: SnapshotKind,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    options = acting(agent, PATH, snapshot=snapshot, cells="inline")
-    monkeypatch.setattr(
-        "neurosnap.runtime.parts.world_process.open_source",
-        lambda *given: Foggy(open_source(*given)),
-    )
-    made(options, tmp_path / "log")
-    alone = Foggy(open_source(PATH, SEED, options.arguments))
-    assert recorded_in(tmp_path / "log") == by_one_agent(options, alone)
-    verdict = verify(tmp_path / "log")
-    assert (verdict.same, verdict.complete) == (True, True), verdict.difference
-
-
-def test_what_was_sensed_of_an_action_is_checked_against_the_decision(
-    tmp_path: Path,
-) -> None:
-    options = acting("excited", PATH, cells="inline")
-    made(options, tmp_path / "log")
-    # As if the world had made up what was done: every reading of an action inverted.
-    felt = slice(len(options.body.own), len(options.body.own) + 3)
-
-    def felt_wrongly(message: wire.Observation) -> dict[str, object]:
-        bits = unpack(message.bits, len(options.sensors))
-        bits[felt] = ~bits[felt]
-        return {"bits": pack(bits)}
-
-    change = changing(wire.Observation, lambda m: m.tick == 7, felt_wrongly)
-    verdict = verify(rewritten(tmp_path / "log", tmp_path / "changed", change))
-    assert not verdict.same
-    assert "tick 7: /observation: forward does not follow" in str(verdict.difference)
-
-
-def test_a_beginning_that_is_not_reported_is_found(
-    wholes: Callable[[str], Path], tmp_path: Path
-) -> None:
+def test_a_beginning_that_is_not_reported_is_found(tmp_path: Path) -> None:
+    log = made(planned(cells="inline"), tmp_path / "log")
     change = changing(
         wire.Observation, lambda m: m.begins and m.tick > 1, lambda _: {"begins": False}
     )
-    verdict = verify(rewritten(wholes("planned"), tmp_path / "changed", change))
+    verdict = verify(rewritten(log, tmp_path / "changed", change))
     rule = r"tick \d+: /observation: .* does not follow from the decision"
     assert re.match(rule, str(verdict.difference))
 

@@ -1,9 +1,13 @@
 """The coordinator's core, with simulated cells that answer at once and in order."""
 
 import numpy as np
+import pytest
+from msgspec.structs import replace
 
 from neurosnap import wire
+from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
+from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.sensorium import pack, unpack
 from tests.support.coordinator_runs import (
     ROWS,
@@ -16,6 +20,7 @@ from tests.support.coordinator_runs import (
     only,
     partly,
 )
+from tests.support.run_options import core_options
 
 # A run --------------------------------------------------------------------------------
 
@@ -42,6 +47,22 @@ def test_a_run_can_go_on() -> None:
     said = swarm.observe(5, ROWS[4])
     assert isinstance(said[-1], wire.KeyFrame)
     assert swarm.core.tick == 5
+
+
+def test_a_core_made_of_its_key_frame_counts_on() -> None:
+    swarm = Swarm(new())
+    *_, frame = swarm.run(ROWS)
+    assert isinstance(frame, wire.KeyFrame)
+    again = Coordinator.from_key_frame(core_options(SENSORS), frame)
+    assert again.totals == swarm.core.totals
+    for workers, wrong, rule in (
+        (0, {"epochs": (1, 2)}, "epochs: must be one for all cells"),
+        (2, {"epochs": (1, 2, 3)}, "epochs: must be one for each of 2"),
+        (0, {"snapshot": b"none"}, "data: must be a Snapshot written"),
+    ):
+        given, other = core_options(SENSORS, workers), replace(frame, **wrong)
+        with pytest.raises(InvalidValueError, match=f"^{rule}"):
+            Coordinator.from_key_frame(given, other)
 
 
 def test_totals_add_up() -> None:
