@@ -1,6 +1,7 @@
 """A coordinator of three sensors, its cells, and what they observe."""
 
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -9,13 +10,13 @@ from numpy.typing import NDArray
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.agent.policies import Walker
-from neurosnap.agent.policy import Closures, Deliberation, Policy
+from neurosnap.agent.policy import Deliberation, Policy
+from neurosnap.fabric.in_memory import matches
 from neurosnap.poc.learning.kinds import EmpiricalSnapshot
-from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.sensorium import pack
 from tests.support.run_options import core_options
-from tests.support.swarm_parts import AnsweringSwarm
+from tests.support.swarm_parts import hosting, keys_of
 
 SENSORS = 3
 M = TypeVar("M")
@@ -35,19 +36,12 @@ def observed(tick: int, text: str) -> wire.Observation:
 ROWS = ["000", "110", "010", "111", "011", "000", "110", "100"]
 
 
-class Asks:
-    """Asks fixed questions and keeps the answers."""
-
-    def __init__(self, *questions: tuple[int, ...]) -> None:
-        self.questions = questions
-        self.answers: list[list[Bits]] = []
+class AsksNothing:
+    """Asks nothing, and decides by the tick."""
 
     def decide(self, tick: int, state: Bits) -> Deliberation:
-        answers: Closures = []
-        if self.questions:
-            answers = yield list(self.questions)
-        self.answers.append([answer.copy() for answer in answers])
-        return tick, "as asked"
+        yield from ()
+        return tick, "nothing asked"
 
     def grow(self, body: Body) -> None:
         raise AssertionError("no sensor grows here")
@@ -65,27 +59,34 @@ def new(
     )
 
 
-def learned(rows: Sequence[str]) -> PocGraph:
-    """Return the graph that `rows` teach."""
-    snapshot = EmpiricalSnapshot(SENSORS, threshold=0.2)
-    for row in rows:
-        snapshot.observe(bits(row))
-    return snapshot.poc_graph()
+class Swarm:
+    """A coordinator and three cells, which answer at once and in order.
 
+    Attributes:
+        lost: Which messages are not delivered.
+    """
 
-def above(rows: Sequence[str], *questions: tuple[int, ...]) -> list[list[bool]]:
-    """Return what each question's literals imply once `rows` were seen."""
-    graph = learned(rows)
-    return [graph.up(question).tolist() for question in questions]
+    def __init__(self, core: Coordinator) -> None:
+        self.core = core
+        self.hosts = list(hosting(SENSORS, 0).values())
+        self.lost: Callable[[wire.Message], bool] = lambda _: False
 
-
-class Swarm(AnsweringSwarm):
-    """A coordinator and three cells; readings are a text."""
-
-    def __init__(
-        self, core: Coordinator, lost: Callable[[wire.Message], bool] = lambda _: False
-    ) -> None:
-        super().__init__(core, SENSORS, lost=lost)
+    def say(self, messages: Iterable[wire.Message]) -> list[wire.Message]:
+        """Deliver until no part has more to say; return the coordinator's part."""
+        said: list[wire.Message] = []
+        queue = deque(messages)
+        while queue:
+            message = queue.popleft()
+            if message.sender == "coordinator":
+                said.append(message)
+            if self.lost(message):
+                continue
+            for host in self.hosts:
+                if any(matches(key, message.key) for key in keys_of(host)):
+                    queue += host.receive([message])
+            if isinstance(message, wire.Observation | wire.CellReport):
+                queue += self.core.receive(message)
+        return said
 
     def observe(self, tick: int, text: str) -> list[wire.Message]:
         return self.say([observed(tick, text)])

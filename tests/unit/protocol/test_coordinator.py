@@ -12,7 +12,7 @@ from neurosnap.sensorium import pack, unpack
 from tests.support.coordinator_runs import (
     ROWS,
     SENSORS,
-    Asks,
+    AsksNothing,
     Swarm,
     bits,
     new,
@@ -26,7 +26,7 @@ from tests.support.run_options import core_options
 
 
 def test_the_last_tick_ends_the_run_with_a_whole_snapshot() -> None:
-    swarm = Swarm(new(Asks(), keyframe_every=3))
+    swarm = Swarm(new(AsksNothing(), keyframe_every=3))
     said = swarm.run(ROWS)
     assert [frame.tick for frame in only(wire.KeyFrame, said)] == [3, 6, 8]
     frame = said[-1]
@@ -38,11 +38,11 @@ def test_the_last_tick_ends_the_run_with_a_whole_snapshot() -> None:
 
 
 def test_a_run_can_go_on() -> None:
-    swarm = Swarm(new(Asks(), ticks=3))
+    swarm = Swarm(new(AsksNothing(), ticks=3))
     swarm.run(ROWS[:3])
     swarm.core.resume(5)
     opening = swarm.say(swarm.core.begin())
-    assert opening[-1] == wire.Decision(3, 3, "as asked")
+    assert opening[-1] == wire.Decision(3, 3, "nothing asked")
     swarm.observe(4, ROWS[3])
     said = swarm.observe(5, ROWS[4])
     assert isinstance(said[-1], wire.KeyFrame)
@@ -82,7 +82,7 @@ def test_totals_add_up() -> None:
 
 
 def test_the_state_is_what_the_cells_reported_and_nothing_else() -> None:
-    core = new(Asks())
+    core = new(AsksNothing())
     core.begin()
     core.receive(observed(1, "000"))
     # Nobody has learned that sensor 1 is on, and yet its cell says so.
@@ -121,28 +121,6 @@ def test_everything_known_is_the_same_said_or_not() -> None:
     assert said.say([whole]) == plain.observe(5, ROWS[4])
 
 
-# Planning waves -----------------------------------------------------------------------
-
-
-def test_answers_come_in_the_order_of_the_questions_however_waves_settle() -> None:
-    policy = Asks((0,), (3,))
-    core = new(policy)
-    core.begin()
-    core.receive(observed(1, "000"))
-    reports = [
-        wire.CellReport(1, c, 0, (2 * c + 1,), (0,), (2,), 0, epoch=1) for c in range(3)
-    ]
-    said = [message for report in reports for message in core.receive(report)]
-    assert [m.wave for m in only(wire.WaveStart, said)] == [2, 3]
-    (reached,) = core.receive(wire.CellReport(3, 1, 0, (3,), (0,), (0,), 0, epoch=1))
-    assert isinstance(reached, wire.Reached)
-    assert (reached.wave, reached.signal) == (3, (3,))
-    said = core.receive(wire.CellReport(2, 0, 0, (0,), (0,), (0,), 0, epoch=1))
-    assert [type(m) for m in said] == [wire.Reached, wire.Decision]
-    answers = [np.flatnonzero(a).tolist() for a in policy.answers[-1]]
-    assert answers == [[0], [3]]
-
-
 # The end ------------------------------------------------------------------------------
 
 
@@ -158,7 +136,7 @@ def test_asked_to_stop_between_ticks_it_ends_at_once() -> None:
 
 
 def test_asked_to_stop_within_a_tick_it_ends_the_tick_first() -> None:
-    swarm = Swarm(new(Asks()))
+    swarm = Swarm(new(AsksNothing()))
     swarm.run(ROWS[:2])
     starts = swarm.core.receive(observed(3, ROWS[2]))
     assert swarm.core.stop() == []

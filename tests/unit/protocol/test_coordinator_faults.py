@@ -1,17 +1,11 @@
 """What a coordinator refuses, and what it does about a wave that does not settle."""
 
-import numpy as np
 import pytest
 
 from neurosnap import wire
-from neurosnap.sensorium import complete
 from tests.support.coordinator_runs import (
     ROWS,
-    Asks,
     Swarm,
-    above,
-    bits,
-    learned,
     new,
     observed,
     only,
@@ -72,56 +66,6 @@ def test_what_cannot_be_right_is_a_fault_and_changes_nothing(
 
 
 # Late waves ---------------------------------------------------------------------------
-
-
-def test_an_overdue_wave_is_sent_again_with_whole_wirings() -> None:
-    swarm = Swarm(new(Asks()))
-    swarm.run(ROWS[:4])
-    swarm.lost = lambda m: isinstance(m, wire.CellReport) and m.cell == 1
-    swarm.observe(5, ROWS[4])
-    assert swarm.core.in_flight == (5,)
-    swarm.lost = lambda _: False
-    said = swarm.say(swarm.core.overdue(5))
-    wirings = only(wire.Wiring, said)
-    assert all(wiring.after == 0 for wiring in wirings)
-    edges = {
-        (literal, target)
-        for wiring in wirings
-        for literal, targets in (
-            (2 * wiring.cell, wiring.add),
-            (2 * wiring.cell + 1, wiring.add_complement),
-        )
-        for target in targets
-    }
-    assert edges == set(zip(*learned(ROWS[:5]).hasse().nonzero(), strict=True))
-    (start,) = only(wire.WaveStart, said)
-    literals = tuple(np.flatnonzero(complete(bits(ROWS[4]))).tolist())
-    assert start == wire.WaveStart(6, 5, "state", 2, 6, literals, 5, 6)
-    (state,) = only(wire.State, said)
-    undisturbed = only(wire.State, Swarm(new(Asks())).run(ROWS[:5]))[-1]
-    assert (state.tick, state.wave, state.literals) == (5, 6, undisturbed.literals)
-    assert said[-1] == wire.Decision(5, 5, "as asked")
-
-
-def test_an_overdue_planning_wave_still_answers_its_question() -> None:
-    policy = Asks((0,), (3,))
-    swarm = Swarm(new(policy))
-    swarm.run(ROWS[:4])
-    before = len(policy.answers)
-
-    def loses(message: wire.Message) -> bool:
-        return isinstance(message, wire.Pulse) and message.source == 0
-
-    swarm.lost = loses
-    swarm.observe(5, "000")
-    assert len(policy.answers) == before
-    (late,) = swarm.core.in_flight
-    swarm.lost = lambda _: False
-    said = swarm.say(swarm.core.overdue(late))
-    (reached,) = only(wire.Reached, said)
-    assert (reached.wave, reached.signal) == (late + 2, (0,))
-    answers = [answer.tolist() for answer in policy.answers[-1]]
-    assert answers == above([*ROWS[:4], "000"], (0,), (3,))
 
 
 def test_a_late_wave_is_repeated_with_what_is_known() -> None:

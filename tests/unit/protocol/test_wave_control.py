@@ -46,15 +46,6 @@ def test_cells_are_told_which_waves_they_can_forget() -> None:
     assert begin(control, "signal", 0, (0,)).settled_below == 3
 
 
-@pytest.mark.parametrize("wave", [2, 9])
-def test_a_report_on_a_wave_that_never_was_is_refused(wave: int) -> None:
-    control = WaveControl(SENSORS)
-    begin(control, "state")
-    rule = r"^cellreport: must be on a wave up to 1, got"
-    with pytest.raises(MessageError, match=rule):
-        control.report(settled(wave, 0, 0))
-
-
 # Who is told of a wave ----------------------------------------------------------------
 
 

@@ -11,10 +11,8 @@ from neurosnap import wire
 from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.partition import shares
 from neurosnap.protocol.worker import Worker
-from neurosnap.sensorium import pack
 from tests.support.wave_messages import packed, share, start, state_wave
 from tests.support.worker_messages import (
-    HOSTED,
     ME,
     SENSORS,
     batch,
@@ -137,32 +135,6 @@ def shown(message: wire.Message) -> str:
     assert isinstance(message, wire.WorkerReport)
     fired = "".join(f" {literal}@{hop}" for literal, hop in fired_in(message).items())
     return f"{message.wave}.{message.part} by {message.epoch}:{fired}"
-
-
-@given(
-    st.lists(
-        st.sampled_from([True, False, None]), min_size=SENSORS, max_size=SENSORS
-    ).filter(lambda row: any(on is not None for on in row))
-)
-def test_of_the_readings_those_of_its_cells_that_are_known_fire(
-    row: list[bool | None],
-) -> None:
-    worker = Worker(ME, HOSTED)
-    told = wire.Observation(
-        1,
-        pack([on is True for on in row]),
-        known=pack([on is not None for on in row]),
-    )
-    expected = {
-        2 * cell + (row[cell] is False): 0
-        for cell in HOSTED[ME]
-        if row[cell] is not None
-    }
-    said = worker.receive([told, state_wave(1, 1, credit=4)])
-    fired = [
-        fired_in(report) for report in said if isinstance(report, wire.WorkerReport)
-    ]
-    assert fired == ([expected] if expected else [])
 
 
 def test_batches_to_a_worker_are_numbered_by_wave() -> None:
