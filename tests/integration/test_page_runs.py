@@ -350,16 +350,6 @@ async def test_a_recording_without_a_tick_says_so(empty_log: Path) -> None:
         await expect(page.locator("#what")).to_contain_text("standard input, 3 sensors")
 
 
-async def plots_are_there(page: Page) -> None:
-    """Wait until the page has all it wants to plot."""
-    await page.evaluate(
-        """async () => {
-            const { page } = await import("/main.js");
-            while (document.querySelector("#plots").ariaBusy === "true") await new Promise(requestAnimationFrame);
-        }"""
-    )
-
-
 @pytest.mark.slow
 async def test_a_tick_that_was_not_recorded_is_said_and_stepped_over(
     path_log: Path, tmp_path: Path
@@ -401,7 +391,8 @@ async def test_what_is_wrong_is_said_until_it_is_no_longer_so(
     cut.write_bytes(whole.read_bytes()[: whole.stat().st_size * 2 // 3])
     last = RunView(cut).last
     async with opened(cut, "#t=1") as page:
-        await plots_are_there(page)
+        # It has all it wants to plot.
+        await expect(page.locator("#plots")).to_have_attribute("aria-busy", "false")
         notice = page.locator("#notice")
         await expect(notice).to_have_text(CUT)
         await page.evaluate(

@@ -25,7 +25,6 @@ from tests.support.lamp import BIRTH
 from tests.support.patience import PATIENCE
 from tests.support.recorded_runs import (
     TICKS,
-    in_chunks,
     path_run,
     recorded,
     without_states,
@@ -166,36 +165,6 @@ async def test_a_sensor_is_found_by_a_part_of_its_name(planner_log: Path) -> Non
     await expect(found).to_have_text("none")
     await page.keyboard.press("Escape")
     await expect(found).to_have_text("")
-
-
-async def test_a_live_run_appears_and_grows(planner_log: Path, tmp_path: Path) -> None:
-    whole = in_chunks(planner_log, tmp_path / "whole.mcap", 4000)
-    chunks = Recording.open(whole).files[0].layout.chunks
-    data, log = whole.read_bytes(), tmp_path / "live.mcap"
-    grown = [chunks[len(chunks) * part // 3].offset for part in (1, 2)]
-    log.write_bytes(data[: grown[0]])
-    live = True
-    truth = worded(whole)
-    async with opened(log, grows=lambda: live) as page:
-        await expect(page.locator("#badge")).to_have_text("live")
-        first = await shown_tick(page)
-        assert 1 < first < TICKS
-        with log.open("ab") as file:
-            file.write(data[grown[0] : grown[1]])
-        await wait_until(
-            page, f"document.querySelector('#drawing').dataset.tick > {first}"
-        )
-        await page.click("#tab-sensors")
-        second = int(await page.get_attribute("#time", "max") or "0")
-        await wait_shown(page, second)
-        assert await states(page, second) == truth[second]
-        with log.open("ab") as file:
-            file.write(data[grown[1] :])
-        live = False
-        await wait_shown(page, TICKS)
-        assert await states(page, TICKS) == truth[TICKS]
-        await expect(page.locator("#badge")).to_have_text(f"ended at tick {TICKS}")
-        await expect(page.locator("#notice")).to_be_hidden()
 
 
 @pytest.fixture(scope="module")
@@ -536,10 +505,18 @@ async def test_an_alarm_is_marked_and_gone_to(home_log: Path) -> None:
     await expect(page.locator("#choice-title")).to_have_text("flush")
     await go_to(page, alarm.tick - 1)
     await expect(card).to_be_hidden()
+    tab, home = page.locator("#tab-health"), page.locator("#health")
+    await expect(tab).to_have_text("Health: 1 alarm")
+    await tab.click()
+    await expect(home).to_contain_text("; 8 of 8 sensors known")
+    await expect(home.locator(".alarm")).to_contain_text("flush: silent since ")
+    rows = home.locator("tbody tr")
+    await expect(rows).to_have_count(8)
+    await expect(rows.nth(FLUSH)).to_contain_text("in alarm")
 
 
 @pytest.mark.slow
-async def test_the_card_names_what_may_be_wrong(
+async def test_the_card_names_what_may_be_wrong_and_no_suspect_is_believed_plainly(
     broken_log: Path,
 ) -> None:
     view = RunView(broken_log)
@@ -549,13 +526,20 @@ async def test_the_card_names_what_may_be_wrong(
     page = await page_at(broken_log, frame.tick)
     card = page.locator("#anomaly")
     text = await card.inner_text()
-    for sensor in (*frame.anomaly.culprits, *frame.anomaly.others):
+    suspects = (*frame.anomaly.culprits, *frame.anomaly.others)
+    for sensor in suspects:
         assert names[sensor] in text
     assert frame.anomaly.broken[0].evidence in text
     await card.locator("p button").first.click()
-    first = (*frame.anomaly.culprits, *frame.anomaly.others)[0]
-    assert await page.inner_text("#choice-title") == names[first]
+    assert await page.inner_text("#choice-title") == names[suspects[0]]
     await card.locator("li button").first.click()
     assert await page.inner_text("#choice-title") == "Selected edge"
+    await page.click("#tab-sensors")
+    buttons = page.locator("#outline tbody button")
+    for sensor in range(len(names)):
+        await buttons.nth(sensor).click()
+        doubted = "may be wrong" in await page.inner_text("#choice-body")
+        assert doubted == (sensor in suspects)
     await go_to(page, frame.tick - 1)
+    await expect(page.locator("#choice-body")).not_to_contain_text("may be wrong")
     await expect(card).to_be_hidden()

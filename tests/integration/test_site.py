@@ -1,27 +1,22 @@
 """The documentation site is whole, and asks no other host for anything."""
 
+import mimetypes
 import shutil
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import pytest
+from playwright.async_api import ConsoleMessage, Route
 
+from tools.browser import NO_BROWSER, browsing, chromium
 from tools.site.__main__ import built
 
 ROOT = Path(__file__).parents[2]
+HOST = "site.test"
 NAV = tomllib.loads((ROOT / "zensical.toml").read_text())["project"]["nav"]
-
-
-def copied(folder: Path) -> Path:
-    """Copy what the site is made of."""
-    for name in ("docs", "neurosnap", "tools/site"):
-        shutil.copytree(
-            ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__")
-        )
-    shutil.copy(ROOT / "zensical.toml", folder)
-    return folder
 
 
 def named(nav: Any) -> Iterator[str]:
@@ -43,12 +38,58 @@ def test_every_page_is_in_the_navigation_once() -> None:
     assert sorted(named(NAV)) == sorted(pages)
 
 
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site, built without a warning from a copy of what it is made of."""
+    folder = tmp_path_factory.mktemp("site")
+    for name in ("docs", "neurosnap", "tools/site"):
+        shutil.copytree(
+            ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__")
+        )
+    shutil.copy(ROOT / "zensical.toml", folder)
+    assert built(folder) == []
+    return folder / "build/site"
+
+
 @pytest.mark.slow
 @pytest.mark.exhaustive
-def test_the_site_is_whole_and_asks_no_other_host(tmp_path: Path) -> None:
-    copied(tmp_path)
-    assert built(tmp_path) == []
-    site = tmp_path / "build/site"
+def test_the_policy_of_each_page_names_no_other_host(site: Path) -> None:
     for name in named(NAV):
         page = (site / name).with_suffix(".html").read_text()
         assert "default-src 'self'" in page, name
+
+
+@pytest.mark.slow
+@pytest.mark.exhaustive
+@pytest.mark.skipif(chromium() is None, reason=NO_BROWSER)
+async def test_it_is_read_and_searched_from_its_own_files(site: Path) -> None:
+    elsewhere: list[str] = []
+    said: list[str] = []
+
+    async def answer(route: Route) -> None:
+        """Answer from the files of the site, and nothing else."""
+        url = urlsplit(route.request.url)
+        file = site / url.path.lstrip("/")
+        if url.hostname != HOST or not file.is_file():
+            elsewhere.append(route.request.url)
+            await route.abort()
+            return
+        kind = mimetypes.guess_type(file.name)[0] or "application/octet-stream"
+        await route.fulfill(body=file.read_bytes(), content_type=kind)
+
+    def listen(message: ConsoleMessage) -> None:
+        if message.type in ("error", "warning"):
+            said.append(message.text)
+
+    async with browsing() as page:
+        page.on("console", listen)
+        await page.context.route("**/*", answer)
+        for name in "index", "reference/python", "explanation/ideas":
+            await page.goto(f"https://{HOST}/{name}.html")
+        await page.get_by_role("button", name="Search").first.click()
+        await page.keyboard.type("contrapositive")
+        found = page.get_by_role("listbox").locator("mark, em, b, u, a")
+        await found.filter(has_text="contrapositive").first.wait_for()
+        await page.goto(f"https://{HOST}/404.html")
+    assert elsewhere == []
+    assert said == []

@@ -2,9 +2,7 @@
 
 import asyncio
 import shutil
-import signal
 import socket
-from contextlib import aclosing
 from pathlib import Path
 
 import msgspec
@@ -18,10 +16,9 @@ from neurosnap.apps.viewer.auth import Address
 from neurosnap.errors import InvalidValueError, SwarmError
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.parts.recorder_process import describe
-from tests.support.page_requests import events, get
+from tests.support.page_requests import get
 from tests.support.patience import PATIENCE
-from tests.support.recorded_runs import TICKS, path_run
-from tests.support.view_commands import address_of, verb
+from tests.support.recorded_runs import path_run
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_notes")]
 
@@ -139,18 +136,3 @@ async def test_a_page_that_cannot_be_served_ends_the_run(
             port = taken.getsockname()[1]
             options = {"port": port, "browser": False}
             await viewed(path_log, asyncio.Event(), work, lambda _: None, **options)
-
-
-async def test_ctrl_c_ends_it_in_order(tmp_path: Path, path_log: Path) -> None:
-    notes = tmp_path / "runtime"
-    async with (
-        asyncio.timeout(PATIENCE),
-        verb(notes, "view", str(path_log), "--no-browser") as viewing,
-    ):
-        base, _, token = (await address_of(viewing)).partition("/?token=")
-        address = Address(int(base.rpartition(":")[2]), token)
-        async with aclosing(events(address)) as told:
-            assert (await anext(told)).ticks == TICKS
-            viewing.send_signal(signal.SIGINT)
-            _, said = await viewing.communicate()
-    assert (viewing.returncode, said) == (0, b"")

@@ -28,6 +28,7 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.anomaly_words import evidence, named_anomaly, with_support
 from neurosnap.recording.read.recording import Recording
 from tests.support.lamp import LIMITED, lamp_options
+from tests.support.recorded_messages import of_type
 from tests.support.recorded_runs import TICKS as FEW
 from tests.support.recorded_runs import (
     csv_run,
@@ -98,12 +99,8 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def anomalies(path: Path) -> dict[int, wire.Anomaly]:
     """Return those that are told, by tick."""
-    found = {}
-    for each in Recording.open(path).messages(("anomaly",)):
-        assert isinstance(each.message, wire.Anomaly)
-        if (rest := with_support(each.message, SUPPORT)) is not None:
-            found[rest.tick] = rest
-    return found
+    every = (with_support(each, SUPPORT) for each in of_type(path, wire.Anomaly))
+    return {rest.tick: rest for rest in every if rest is not None}
 
 
 def test_a_stretch_a_tick_has_what_the_messages_say(log: Path) -> None:
@@ -181,11 +178,7 @@ def test_a_frame_tells_its_anomaly_as_watch_does(log: Path) -> None:
 def test_beginnings_of_trajectories_are_marked(tmp_path: Path) -> None:
     options = lamp_options(LIMITED, ticks=40, cells="inline")
     log = recorded(options, tmp_path / "run.mcap")
-    begins = [
-        each.message.tick
-        for each in Recording.open(log).messages(("observation",))
-        if isinstance(each.message, wire.Observation) and each.message.begins
-    ]
+    begins = [each.tick for each in of_type(log, wire.Observation) if each.begins]
     marks = read(log).marks(1, 40, 40)
     assert [tick for tick in range(1, 41) if marks.begins[tick - 1]] == begins
     assert len(begins) > 1
@@ -289,7 +282,7 @@ def path_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_column_is_what_was_recorded(path_log: Path) -> None:
     history = read(path_log)
-    states = [each.message for each in Recording.open(path_log).messages(("state",))]
+    states = of_type(path_log, wire.State)
     for name in ("edges", "depth", "height", "pulses"):
         told = [getattr(state, name) for state in states]
         assert column(history, name) == told
