@@ -10,6 +10,7 @@ import msgspec
 import pytest
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from neurosnap.apps import viewer
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.auth import Address
 from neurosnap.apps.viewer.run_view import RunView
@@ -82,6 +83,7 @@ async def test_it_answers_what_the_page_asks(path_log: Path) -> None:
         assert head.endswith(b"\r\n\r\n")  # and no body
 
 
+STATIC = Path(viewer.__file__).parent / "static"
 WRONG = [
     ("/api/frames", 400, "from: must be a whole number from 0 up, got None"),
     ("/api/frames?from=-1", 400, "from: must be a whole number"),
@@ -95,6 +97,7 @@ WRONG = [
     ("/api/series?points=3", 400, "points: must be in [4, 2000]"),
     ("/api/nothing", 404, "not here"),
     ("/nothing.js", 404, "not here"),
+    ("/vendor/", 404, "not here"),
 ]
 """Questions, and how each is answered."""
 CLIMBING = [
@@ -114,6 +117,15 @@ CLIMBING = [
     "http://evil.example/etc/passwd",
 ]
 """Paths that would lead out of the folder of the page."""
+
+
+async def test_every_file_of_the_page_is_given_as_it_is(path_log: Path) -> None:
+    names = [each.relative_to(STATIC) for each in STATIC.rglob("*") if each.is_file()]
+    assert len(names) > 10
+    async with served(path_log) as address:
+        for name in names:
+            assert await get(address, f"/{name}") == (200, (STATIC / name).read_bytes())
+        assert await get(address, "/") == await get(address, "/index.html")
 
 
 async def test_a_wrong_question_is_told_what_is_wrong(path_log: Path) -> None:

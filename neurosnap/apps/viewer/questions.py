@@ -19,7 +19,7 @@ from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.session import ViewSession, news
 from neurosnap.apps.viewer.tick_difference import difference
 from neurosnap.apps.viewer.time_series import MOST_COLUMNS, MOST_SENSORS
-from neurosnap.errors import InvalidValueError, NeurosnapError
+from neurosnap.errors import InvalidValueError
 
 _FRAMES_AT_ONCE = 30
 """Frames read before another question has its turn: many are asked for in advance."""
@@ -53,7 +53,7 @@ class Questions:
             *(self.series, self.raster, self.marks, self.beside),
             *(self.births, self.health, self.difference),
         )
-        return {each.__name__: _refusing(each) for each in every}
+        return {each.__name__: each for each in every}
 
     def _asked(self, request: Request, name: str = "run") -> ViewSession:
         """Return the recording that is asked about: the first, but for what is said."""
@@ -191,20 +191,6 @@ class Questions:
             views = [await stack.enter_async_context(each.held()) for each in pair]
             found = await asyncio.to_thread(difference, views[0], tick, views[-1], then)
         return _answer(found)
-
-
-def _refusing(endpoint: Endpoint) -> Endpoint:
-    """Return an endpoint that answers errors of ours by saying what is wrong."""
-
-    async def refusing(request: Request) -> Response:
-        try:
-            return await endpoint(request)
-        except InvalidValueError as error:
-            return refusal(400, str(error))
-        except NeurosnapError as error:
-            return refusal(500, str(error))
-
-    return refusing
 
 
 def _answer(found: msgspec.Struct) -> Response:

@@ -11,32 +11,24 @@ import secrets
 import socket
 from collections.abc import AsyncIterator, Iterator, Sequence
 from contextlib import asynccontextmanager
-from functools import cache
-from importlib.resources import files
-from importlib.resources.abc import Traversable
+from pathlib import Path
 
 import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import Response
-from starlette.routing import Route
+from starlette.responses import FileResponse, Response
+from starlette.routing import Mount, Route
+from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 
 from neurosnap.apps.viewer.auth import LOOPBACK, Address, Guard, refusal
 from neurosnap.apps.viewer.questions import Questions
 from neurosnap.apps.viewer.session import ViewSession
-from neurosnap.errors import InvalidValueError
+from neurosnap.errors import InvalidValueError, NeurosnapError
 
-PAGE = "index.html"
 _GRACE = 3
 """Seconds an answer may take to end once the server is to."""
-_TYPES = {
-    "css": "text/css",
-    "html": "text/html",
-    "js": "text/javascript",
-    "svg": "image/svg+xml",
-}
-_STATIC = files("neurosnap.apps.viewer") / "static"
+_STATIC = Path(__file__).parent / "static"
 
 
 class _Server(uvicorn.Server):
@@ -103,19 +95,24 @@ def _application(
         stop: Ends what would go on for ever.
     """
 
-    async def static(request: Request) -> Response:
-        return asset(request.path_params["name"]) or await nowhere(request)
+    async def page(_: Request) -> Response:
+        return FileResponse(_STATIC / "index.html")
 
-    async def nowhere(_: Request, __: Exception | None = None) -> Response:
+    async def nowhere(_: Request, __: Exception) -> Response:
         return refusal(404, "not here")
+
+    async def wrong(_: Request, error: Exception) -> Response:
+        status = 400 if isinstance(error, InvalidValueError) else 500
+        return refusal(status, str(error))
 
     endpoints = Questions(sessions, stop).endpoints()
     app = Starlette(
         routes=[
             *(Route(f"/api/{name}", each) for name, each in endpoints.items()),
-            Route("/{name:path}", static),
+            Route("/", page),
+            Mount("/", StaticFiles(directory=_STATIC)),
         ],
-        exception_handlers={404: nowhere},
+        exception_handlers={404: nowhere, NeurosnapError: wrong},
     )
     return Guard(app, address.port, address.token)
 
@@ -129,32 +126,3 @@ def _listener(port: int) -> socket.socket:
     except OSError as error:
         rule = f"must be free on this machine ({error})"
         raise InvalidValueError("port", rule, port) from error
-
-
-def _found(folder: Traversable, prefix: str = "") -> Iterator[tuple[str, Traversable]]:
-    """Yield the files of the page in a folder, with their names below ``static/``."""
-    for entry in folder.iterdir():
-        name = prefix + entry.name
-        if entry.is_dir():
-            yield from _found(entry, f"{name}/")
-        elif name.rpartition(".")[2] in _TYPES:
-            yield name, entry
-
-
-_FILES = dict(sorted(_found(_STATIC)))
-NAMES = tuple(_FILES)
-"""All files that are served; no other is."""
-
-
-def asset(name: str) -> Response | None:
-    """Return the file of a name, ``""`` for the page itself; None if there is none."""
-    known = name or PAGE
-    if known not in _FILES:
-        return None
-    return Response(_content(known), media_type=_TYPES[known.rpartition(".")[2]])
-
-
-@cache
-def _content(name: str) -> bytes:
-    """Return what is in one of `NAMES`."""
-    return _FILES[name].read_bytes()
