@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import msgspec
 
-from neurosnap.health.alarm import Alarm, AlarmProgress, told
+from neurosnap.health.alarm import Alarm, AlarmProgress, News, SensorHealth, told
 from neurosnap.health.follower import Follower
 from neurosnap.recording.read.observations import OwnReadings, observations
 from neurosnap.recording.read.recording import Recording
@@ -23,20 +23,12 @@ class Raised(msgspec.Struct, frozen=True):
     """The kind of that next alarm; None if there is none."""
 
 
-class SensorHealth(msgspec.Struct, frozen=True):
-    """A sensor at the end."""
-
-    sensor: str
-    known: bool
-    health: float
-    """From 1, well, to 0, in alarm."""
-
-
 class HealthLog(msgspec.Struct, frozen=True):
     """All that a monitor said of a home."""
 
     alarms: list[Raised]
     sensors: list[SensorHealth]
+    """How each sensor is at the end."""
     progress: AlarmProgress
     budget: str
 
@@ -89,35 +81,21 @@ def follow(
     follower = Follower(names, budget)
     raised: list[Raised] = []
     for each in readings:
-        said = follower.observe(each.on, each.known, each.at, begins=each.begins)
-        # Many steps may be over at once; in each, what ends does so before what begins.
-        changes: list[tuple[int, Alarm | str]] = [(at, name) for name, at in said.ended]
-        changes += [(alarm.step, alarm) for alarm in said.begun]
-        for step, what in sorted(changes, key=lambda change: change[0]):
-            if isinstance(what, str):
-                _end(raised, what, step)
-            else:
-                _end(raised, what.sensor, step, what.kind)
-                raised.append(Raised(what, what.line(), None, None))
+        for news in follower.observe(each.on, each.known, each.at, begins=each.begins):
+            _end(raised, news)
+            if (alarm := news.alarm) is not None:
+                raised.append(Raised(alarm, alarm.line(), None, None))
     monitor = follower.monitor
-    known, health = monitor.known, monitor.health
-    return HealthLog(
-        raised,
-        [
-            SensorHealth(name, bool(known[at]), round(float(health[at]), 3))
-            for at, name in enumerate(names)
-        ],
-        monitor.progress,
-        budget,
-    )
+    return HealthLog(raised, monitor.sensors, monitor.progress, budget)
 
 
-def _end(raised: list[Raised], name: str, step: int, became: str | None = None) -> None:
-    """Note that the alarm of a sensor, if there is one, ended with a step."""
+def _end(raised: list[Raised], news: News) -> None:
+    """Note that the alarm of a sensor, if there is one, ended."""
+    became = None if news.alarm is None else news.alarm.kind
     for place, each in enumerate(raised):
-        if each.ended is None and each.alarm.sensor == name:
+        if each.ended is None and each.alarm.sensor == news.sensor:
             raised[place] = msgspec.structs.replace(
-                each, ended=told(step + 1), became=became
+                each, ended=told(news.step), became=became
             )
 
 

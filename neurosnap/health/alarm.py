@@ -156,6 +156,16 @@ class AlarmProgress(msgspec.Struct, frozen=True):
         )
 
 
+class SensorHealth(msgspec.Struct, frozen=True):
+    """How a sensor is."""
+
+    sensor: str
+    known: bool
+    """Enough was learned of it for it to be judged."""
+    health: float
+    """From 1, well, to 0, in alarm."""
+
+
 class Standing(msgspec.Struct, frozen=True):
     """How the sensors of a home are."""
 

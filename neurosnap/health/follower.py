@@ -5,24 +5,15 @@ one that reads the recording afterwards, say the same.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.health.alarm import Alarm, Standing
+from neurosnap.health.alarm import Alarm, News, Standing
 from neurosnap.health.monitor import HealthMonitor
 from neurosnap.health.steps import STEP, Steps
 
 Flags = NDArray[np.bool_]
-
-
-class ReportedAlarm(NamedTuple):
-    """What a monitor says of some time."""
-
-    begun: list[Alarm]
-    ended: list[tuple[str, int]]
-    """The sensors that are well again, and the step by whose end they were."""
 
 
 class Follower:
@@ -59,7 +50,7 @@ class Follower:
 
     def observe(
         self, on: Flags, known: Flags, at: float, *, begins: bool = False
-    ) -> ReportedAlarm:
+    ) -> list[News]:
         """Observe a tick.
 
         Args:
@@ -70,8 +61,9 @@ class Follower:
             begins: Nothing was read before it: what was on meanwhile is unknown.
 
         Returns:
-            What is said of the steps that were over by then. A step costs a millisecond
-            or so, and now and then the time to learn anew.
+            What is said of the steps that were over by then, in order; in each, what
+            ends comes before what begins. A step costs a millisecond or so, and now and
+            then the time to learn anew.
         """
         if self._at is None:
             self._at, self._number = at, int(at // STEP)
@@ -82,27 +74,25 @@ class Follower:
         self._read(on, known, max(at, self._at))
         return said
 
-    def until(self, now: float) -> ReportedAlarm:
+    def until(self, now: float) -> list[News]:
         """Let time pass without an observation.
 
         Args:
             now: Seconds since 1970. Before the first observation it does nothing.
         """
-        begun: list[Alarm] = []
-        ended: list[tuple[str, int]] = []
+        said: list[News] = []
         if self._at is None:
-            return ReportedAlarm(begun, ended)
+            return said
         while (end := (self._number + 1) * float(STEP)) <= now:
-            number = self._number
             alarms, well = self.monitor.follow(*self._step(end))
-            begun += alarms
-            ended += [(name, number) for name in well]
+            said += [News(self._number, name, None) for name in well]
+            said += [News(self._number, alarm.sensor, alarm) for alarm in alarms]
             for name in (*well, *(alarm.sensor for alarm in alarms)):
                 self._alarms.pop(name, None)
             self._alarms |= {alarm.sensor: alarm for alarm in alarms}
             self._at = max(self._at, end)
         self._at = max(self._at, now)
-        return ReportedAlarm(begun, ended)
+        return said
 
     def _read(self, on: Flags, known: Flags, at: float) -> None:
         """Let the sensors read so from a time on."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.health.alarm import Alarm, AlarmProgress, Companion
+from neurosnap.health.alarm import Alarm, AlarmProgress, Companion, SensorHealth
 from neurosnap.health.budget import parse_budget
 from neurosnap.health.evidence import CHATTER, KINDS, LESS, SILENT, STUCK
 from neurosnap.health.expectation import WINDOWS, features
@@ -75,6 +75,12 @@ class HealthMonitor:
         if self.learned is None:
             return np.zeros(len(self._names), np.bool_)
         return self.learned.known.copy()
+
+    @property
+    def sensors(self) -> list[SensorHealth]:
+        """How each sensor is."""
+        each = zip(self._names, self.known.tolist(), self.health.tolist(), strict=True)
+        return [SensorHealth(name, known, round(well, 3)) for name, known, well in each]
 
     @property
     def progress(self) -> AlarmProgress:

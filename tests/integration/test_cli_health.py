@@ -109,10 +109,11 @@ def test_a_recording_is_watched_with_its_alarms_and_their_ends(
 
 
 def test_the_page_shows_what_is_said(recorded: Path, facts: dict[str, Any]) -> None:
+    end = RunView(recorded).last
     view = RunHistory(RunView(recorded))
     assert not view.health.done
     while view.read_on():
-        assert not view.health.done
+        assert view.health.done == (view.health.read_to == end)
     shown = msgspec.to_builtins(view.health)
     assert shown["done"]
     assert shown["sensors"] == facts["sensors"]

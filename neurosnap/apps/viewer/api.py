@@ -34,6 +34,7 @@ from typing import Literal, TypeAlias
 import msgspec
 
 from neurosnap.agent.growth.changed import Changed
+from neurosnap.health.alarm import SensorHealth
 from neurosnap.recording.replay.births import RecordedBirth
 
 Bit: TypeAlias = Literal[0, 1] | None
@@ -296,49 +297,38 @@ class Points(msgspec.Struct, frozen=True):
     """None where it is not known."""
 
 
-class Series(msgspec.Struct, frozen=True, kw_only=True):
-    """All columns over time."""
+class ReadSoFar(msgspec.Struct, frozen=True, kw_only=True):
+    """What is found by reading a recording through, as far as that was done."""
 
-    columns: dict[Column, Points]
-    done: bool
+    read_to: int = 0
+    """The last tick that was read."""
+    done: bool = False
     """All that was asked for has been read; if not, ask again."""
 
 
-class GrownView(msgspec.Struct, frozen=True, kw_only=True):
+class Series(ReadSoFar, frozen=True, kw_only=True):
+    """All columns over time."""
+
+    columns: dict[Column, Points]
+
+
+class GrownView(ReadSoFar, frozen=True, kw_only=True):
     """The sensors that a run has grown."""
 
     births: tuple[RecordedBirth, ...]
     room: int
     """How many more may be grown."""
-    read_to: int
-    """The last tick whose decision is counted."""
-    done: bool
-    """All there are have been counted; if not, ask again."""
 
 
-class SensorHealthView(msgspec.Struct, frozen=True, kw_only=True):
-    """How a sensor is."""
-
-    sensor: str
-    known: bool
-    """Enough was learned of it for it to be judged."""
-    health: float
-    """From 1, well, to 0, in alarm."""
-
-
-class HomeHealth(msgspec.Struct, frozen=True):
+class HomeHealth(ReadSoFar, frozen=True, kw_only=True):
     """Which sensors seem broken; nothing in a run that judges none."""
 
     progress: str
     """How much is learned, in a line."""
     alarms: list[str]
     """Those in force, in a line each, the oldest first."""
-    sensors: list[SensorHealthView]
+    sensors: list[SensorHealth]
     """The world's own."""
-    read_to: int
-    """The last tick whose readings count."""
-    done: bool
-    """All there are have been counted; if not, ask again."""
 
 
 class RaisedAlarm(msgspec.Struct, frozen=True):
@@ -352,7 +342,7 @@ class RaisedAlarm(msgspec.Struct, frozen=True):
     """The observation that showed its end; None if it was in force to the last."""
 
 
-class Marks(msgspec.Struct, frozen=True, kw_only=True):
+class Marks(ReadSoFar, frozen=True, kw_only=True):
     """What happened in stretches of ticks that are as long as one another."""
 
     first: int
@@ -374,9 +364,6 @@ class Marks(msgspec.Struct, frozen=True, kw_only=True):
     """How many of its ticks have no state in the recording."""
     alarms: list[RaisedAlarm]
     """Those raised there, the first `MOST_ALARMS`."""
-    read_to: int
-    done: bool
-    """All that was asked for has been read; if not, ask again."""
 
 
 class Beside(msgspec.Struct, frozen=True):
@@ -386,7 +373,7 @@ class Beside(msgspec.Struct, frozen=True):
     """None if there is none, or it was not read yet."""
 
 
-class RasterPart(msgspec.Struct, frozen=True, kw_only=True):
+class RasterPart(ReadSoFar, frozen=True, kw_only=True):
     """Some sensors over time: a column a tick, of every so many ticks."""
 
     first: int
@@ -399,10 +386,6 @@ class RasterPart(msgspec.Struct, frozen=True, kw_only=True):
     sensors: int
     values: bytes
     """A byte each, column by column; see the constants of `tick_messages`."""
-    read_to: int = 0
-    """The last tick that was read."""
-    done: bool = False
-    """All that was asked for has been read; if not, ask again."""
 
 
 class Event(msgspec.Struct, frozen=True, kw_only=True):

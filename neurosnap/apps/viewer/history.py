@@ -5,15 +5,19 @@ all of it. So they fill up while one looks at something else, and what is not th
 is said to be so. One reader hands each stretch of ticks to all of them.
 """
 
-import msgspec
+from typing import TypeVar
+
 import numpy as np
+from msgspec.structs import replace
 
 from neurosnap.apps.viewer import api
-from neurosnap.apps.viewer.marks import Found, HealthView, RunMarks
+from neurosnap.apps.viewer.marks import HealthView, RunMarks
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.tick_messages import NOT_RECORDED, Ticks, conditions
-from neurosnap.apps.viewer.time_series import RASTER_ROOM, Raster, TimeSeries
+from neurosnap.apps.viewer.time_series import Raster, TimeSeries
 from neurosnap.errors import RecordingError
+
+T = TypeVar("T", bound=api.ReadSoFar)
 
 _BATCH = 64
 """Ticks read at a time, at most: others wait for as long."""
@@ -28,42 +32,37 @@ class RunHistory:
 
     Args:
         run_view: A view that nothing else uses: it is read from one end to the other.
-        room: Bytes that the values of the raster may take.
     """
 
-    def __init__(self, run_view: RunView, room: int = RASTER_ROOM) -> None:
+    def __init__(self, run_view: RunView) -> None:
         self._run_view = run_view
         self._series = TimeSeries(run_view)
-        self._raster = Raster(run_view, room)
-        self._marks = RunMarks(run_view)
+        self._raster = Raster(run_view)
         self._health = HealthView(run_view)
-        self._first = run_view.first
-        self.read_to = self._first - 1
+        self._marks = RunMarks(run_view, self._series, self._health)
+        self.read_to = run_view.first - 1
         """The last tick that was read; one before the first if none was."""
         self.ended = False
-        """There is no more to read, or it cannot be read."""
+        """No more can be read."""
 
     @property
     def health(self) -> api.HomeHealth:
         """Which sensors seem broken."""
-        return self._health.health
+        so_far = self._so_far(self._run_view.last)
+        return _with(so_far, self._health.health)
 
     def series(self, first: int, last: int, points: int) -> api.Series:
         """Return all columns; arguments as of `TimeSeries.curves`."""
-        done = self._is_done(last)
+        so_far = self._so_far(last)
         curves = self._series.curves(first, last, points)
-        return api.Series(columns=curves, done=done)
+        return _with(so_far, api.Series(columns=curves))
 
     def grown(self) -> api.GrownView:
         """Return what the run has grown."""
-        done, read_to = self._is_done(self._run_view.last), self.read_to
-        births = self._series.births
-        return api.GrownView(
-            births=births.listed,
-            room=births.room,
-            read_to=read_to,
-            done=done or not births.body.room,
-        )
+        so_far, births = self._so_far(self._run_view.last), self._series.births
+        grows = births.body.room > 0
+        grown = api.GrownView(births=births.listed, room=births.room, done=not grows)
+        return _with(so_far, grown)
 
     def raster(
         self, first: int, last: int, columns: int, sensor: int, sensors: int
@@ -73,29 +72,23 @@ class RunHistory:
         Raises:
             InvalidValueError: There is no such sensor.
         """
-        done, read_to = self._is_done(last), self.read_to
+        so_far = self._so_far(last)
         part = self._raster.part(first, last, columns, sensor, sensors)
-        return msgspec.structs.replace(part, read_to=read_to, done=done)
+        return _with(so_far, part)
 
     def marks(self, first: int, last: int, bins: int) -> api.Marks:
         """Return what happened; arguments as of `RunMarks.marks`."""
-        done, read_to = self._is_done(last), self.read_to
-        found = Found(
-            alarms=tuple(self._health.raised),
-            born=[birth.tick for birth in self._series.births.listed],
-            missing=self._series.missing(),
-            read_to=read_to,
-            done=done,
-        )
-        return self._marks.marks(first, last, bins, found)
+        so_far = self._so_far(last)
+        return _with(so_far, self._marks.marks(first, last, bins))
 
     def beside(self, tick: int, way: int) -> api.Beside:
         """Return the nearest anomaly or alarm before (-1) or after (1) a tick."""
-        return self._marks.beside(tick, way, tuple(self._health.raised))
+        return self._marks.beside(tick, way)
 
-    def _is_done(self, last: int) -> bool:
-        """Return whether all there is up to a tick has been read."""
-        return self.ended or min(last, self._run_view.last) <= self.read_to
+    def _so_far(self, last: int) -> api.ReadSoFar:
+        """Return how far was read, and whether that is all there is up to a tick."""
+        done = self.ended or min(last, self._run_view.last) <= self.read_to
+        return api.ReadSoFar(read_to=self.read_to, done=done)
 
     def read_on(self) -> bool:
         """Read some ticks more; return whether there were any.
@@ -105,23 +98,14 @@ class RunHistory:
         """
         view = self._run_view
         view.grow()
-        if self.read_to < self._first:
-            self._first = view.first
-            self.read_to = self._first - 1
-        first = self.read_to + 1
+        first = max(self.read_to + 1, view.first)
         last = min(view.last, first + view.at_once(_BATCH) - 1)
         if first > last:
-            self._health.settle()
             return False
         self._read(first, last)
         self.read_to = last  # last: a reader in between sees whole ticks
         self.ended = False
         return True
-
-    def end(self) -> None:
-        """Say that no more can be read."""
-        self.ended = True
-        self._health.settle()
 
     def _read(self, first: int, last: int) -> None:
         view = self._run_view
@@ -139,3 +123,9 @@ class RunHistory:
             self._health.read(ticks, first, last)
         self._series.read(ticks, what, first, last)
         self._raster.read(what, first)
+
+
+def _with(so_far: api.ReadSoFar, part: T) -> T:
+    """Return an answer that says how far was read; one may be done before all was."""
+    done = part.done or so_far.done
+    return replace(part, read_to=so_far.read_to, done=done)

@@ -8,41 +8,26 @@ import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import NamedTuple
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.apps.viewer import api
-from neurosnap.apps.viewer.api import HomeHealth, RaisedAlarm, SensorHealthView
+from neurosnap.apps.viewer.api import HomeHealth, RaisedAlarm
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.tick_messages import Ticks
+from neurosnap.apps.viewer.time_series import TimeSeries
 from neurosnap.errors import MessageError, ShapeError
-from neurosnap.health.alarm import Alarm
+from neurosnap.health.alarm import News
 from neurosnap.health.budget import NEVER
 from neurosnap.health.follower import Follower
 from neurosnap.protocol.anomaly_words import with_support
 from neurosnap.recording.read.observations import own_readings
 
 
-class Found(NamedTuple):
-    """Marks from other readers of the run, as far as was read."""
-
-    alarms: Sequence[RaisedAlarm] = ()
-    """By tick."""
-    born: Sequence[int] = ()
-    """The ticks that grow a sensor, each as often as it grows one."""
-    missing: Sequence[int] = ()
-    """The ticks of which no state was recorded."""
-    read_to: int = 0
-    """The last tick that was read."""
-    done: bool = True
-    """All that is asked for was read."""
-
-
-class RunMarks:
-    """What happened in a run, as far as it was read.
+class HealthView:
+    """The health of a run's sensors, as far as its readings were read.
 
     Args:
         run_view: The view that is read.
@@ -50,6 +35,73 @@ class RunMarks:
 
     def __init__(self, run_view: RunView) -> None:
         self._run_view = run_view
+        self._follower: Follower | None = None
+        self.raised: list[RaisedAlarm] = []
+        """The alarms there were, by tick."""
+        self._in_force: dict[str, int] = {}  # sensors: the places of their alarms there
+        options = run_view.options
+        if options.alarms != NEVER:
+            self._follower = Follower(options.body.own, options.alarms)
+        self.health = self._now()
+        """How the sensors are now."""
+
+    def read(self, ticks: Ticks, first: int, last: int) -> None:
+        """Take in the readings of the ticks that follow those read before.
+
+        To learn anew takes seconds, sometimes.
+        """
+        if self._follower is None:
+            return
+        body = self._run_view.options.body
+        for tick in range(first, last + 1):
+            observation = ticks.observations.get(tick)
+            if observation is None:
+                continue
+            with suppress(ShapeError):  # it is of other sensors
+                at, on, known, begins = own_readings(
+                    observation, ticks.sent[tick], body
+                )
+                for news in self._follower.observe(on, known, at, begins=begins):
+                    self._take(news, tick)
+        self.health = self._now()
+
+    def _take(self, news: News, tick: int) -> None:
+        """Take in what an observation told."""
+        place = self._in_force.pop(news.sensor, None)
+        if place is not None:
+            was = self.raised[place]
+            self.raised[place] = msgspec.structs.replace(was, until=tick)
+        if news.alarm is not None:
+            number = self._run_view.options.body.own.index(news.sensor)
+            self._in_force[news.sensor] = len(self.raised)
+            self.raised.append(RaisedAlarm(tick, number, news.alarm.line()))
+
+    def _now(self) -> HomeHealth:
+        if self._follower is None:
+            return HomeHealth(progress="", alarms=[], sensors=[], done=True)
+        standing = self._follower.standing
+        return HomeHealth(
+            progress=standing.progress.line(),
+            alarms=[alarm.line() for alarm in standing.alarms],
+            sensors=self._follower.monitor.sensors,
+        )
+
+
+class RunMarks:
+    """What happened in a run, as far as it was read.
+
+    Args:
+        run_view: The view that is read.
+        series: Says which sensors were grown, and which states are not recorded.
+        health: Says which alarms were raised.
+    """
+
+    def __init__(
+        self, run_view: RunView, series: TimeSeries, health: HealthView
+    ) -> None:
+        self._run_view = run_view
+        self._series = series
+        self._health = health
         self._anomalies: list[int] = []  # ticks, ascending
         self._begins: list[int] = []
         self._times: dict[int, int] = {}  # tick -> ns since 1970
@@ -72,21 +124,21 @@ class RunMarks:
             if self._is_there and not was_there:
                 self._reached.append(tick)
 
-    def marks(self, first: int, last: int, bins: int, found: Found) -> api.Marks:
+    def marks(self, first: int, last: int, bins: int) -> api.Marks:
         """Return what happened from one tick to another, in as many stretches.
 
         Args:
             first: From 1 up.
             last: Not before `first`; beyond the last tick: up to that.
             bins: How many stretches, from 1 up; fewer where there are fewer ticks.
-            found: What else there is to mark.
         """
         first = max(first, self._run_view.first)
         last = min(last, self._run_view.last)
         ticks = max(0, last - first + 1)
         edges = np.linspace(first, first + ticks, min(bins, ticks) + 1)
-        inside = [one for one in found.alarms if first <= one.tick <= last]
+        inside = [one for one in self._health.raised if first <= one.tick <= last]
         resumed = self._run_view.recording.resumed
+        born = [birth.tick for birth in self._series.births.listed]
         return api.Marks(
             first=first,
             last=last,
@@ -95,16 +147,15 @@ class RunMarks:
             times=[self._time(math.ceil(edge)) for edge in edges[:-1].tolist()],
             resumed=[tick for tick in resumed if first <= tick <= last],
             reached=_counted(self._reached, edges),
-            born=_counted(found.born, edges),
-            missing=_counted(found.missing, edges),
+            born=_counted(born, edges),
+            missing=_counted(self._series.missing(), edges),
             alarms=inside[: api.MOST_ALARMS],
-            read_to=found.read_to,
-            done=found.done,
         )
 
-    def beside(self, tick: int, way: int, alarms: Sequence[RaisedAlarm]) -> api.Beside:
+    def beside(self, tick: int, way: int) -> api.Beside:
         """Return the nearest anomaly or alarm before (-1) or after (1) a tick."""
-        told = sorted({*self._anomalies, *(alarm.tick for alarm in alarms)})
+        alarms = (alarm.tick for alarm in self._health.raised)
+        told = sorted({*self._anomalies, *alarms})
         place = bisect_right(told, tick) if way > 0 else bisect_left(told, tick) - 1
         there = 0 <= place < len(told)
         return api.Beside(told[place] if there else None)
@@ -118,85 +169,3 @@ def _counted(ticks: Sequence[int], edges: NDArray[np.float64]) -> list[int]:
     """Return how many ticks lie in each stretch; the edges are one more."""
     counted: list[int] = np.diff(np.searchsorted(np.array(ticks), edges)).tolist()
     return counted
-
-
-class HealthView:
-    """The health of a run's sensors, as far as its readings were read.
-
-    Args:
-        run_view: The view that is read.
-    """
-
-    def __init__(self, run_view: RunView) -> None:
-        self._run_view = run_view
-        self._tick = 0  # the last that was read
-        self._follower: Follower | None = None
-        self.raised: list[RaisedAlarm] = []
-        """The alarms there were, by tick."""
-        self._in_force: dict[int, Alarm] = {}  # by their places there
-        options = run_view.options
-        if options.alarms != NEVER:
-            self._follower = Follower(options.body.own, options.alarms)
-        self.health = self._now(done=self._follower is None)
-        """How the sensors are now."""
-
-    def read(self, ticks: Ticks, first: int, last: int) -> None:
-        """Take in the readings of the ticks that follow those read before.
-
-        To learn anew takes seconds, sometimes.
-        """
-        if self._follower is None:
-            return
-        body = self._run_view.options.body
-        for tick in range(first, last + 1):
-            observation = ticks.observations.get(tick)
-            if observation is None:
-                continue
-            with suppress(ShapeError):  # it is of other sensors
-                at, on, known, begins = own_readings(
-                    observation, ticks.sent[tick], body
-                )
-                said = self._follower.observe(on, known, at, begins=begins)
-                self._follow(self._follower, said.begun, tick)
-        self._tick = last
-        self.health = self._now(done=False)
-
-    def _follow(self, follower: Follower, begun: Sequence[Alarm], tick: int) -> None:
-        """Take in what an observation told; an alarm may be over by its end again."""
-        standing = {alarm.sensor: alarm for alarm in follower.standing.alarms}
-        for place, alarm in list(self._in_force.items()):
-            if standing.get(alarm.sensor) != alarm:
-                was = self.raised[place]
-                self.raised[place] = msgspec.structs.replace(was, until=tick)
-                del self._in_force[place]
-        for alarm in begun:
-            number = self._run_view.options.body.own.index(alarm.sensor)
-            raised = RaisedAlarm(tick, number, alarm.line())
-            if standing.get(alarm.sensor) == alarm:
-                self._in_force[len(self.raised)] = alarm
-            else:
-                raised = msgspec.structs.replace(raised, until=tick)
-            self.raised.append(raised)
-
-    def settle(self) -> None:
-        """Say that all there is was read."""
-        self.health = msgspec.structs.replace(self.health, done=True)
-
-    def _now(self, *, done: bool) -> HomeHealth:
-        follower = self._follower
-        if follower is None:
-            return HomeHealth("", [], [], self._tick, done)
-        monitor, standing = follower.monitor, follower.standing
-        known, health = monitor.known.tolist(), monitor.health.tolist()
-        return HomeHealth(
-            standing.progress.line(),
-            [alarm.line() for alarm in standing.alarms],
-            [
-                SensorHealthView(
-                    sensor=name, known=known[at], health=round(health[at], 3)
-                )
-                for at, name in enumerate(self._run_view.options.body.own)
-            ],
-            self._tick,
-            done,
-        )

@@ -165,7 +165,7 @@ class ViewSession:
             try:
                 more = await asyncio.to_thread(history.read_on)
             except RecordingError:
-                history.end()  # what was read until then is there
+                history.ended = True  # what was read until then is there
             if more:
                 continue
             if live:

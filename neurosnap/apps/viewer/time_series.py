@@ -34,7 +34,7 @@ from neurosnap.recording.replay.births import Births
 
 MOST_SENSORS = 500
 MOST_COLUMNS = 2000
-RASTER_ROOM = 64 * 2**20
+_RASTER_ROOM = 64 * 2**20
 """Bytes of values, at most: of a longer run only every so many ticks are kept."""
 _STARTS_WITH = 1024
 _KINDS: dict[Column, tuple[int, ...]] = {
@@ -155,13 +155,12 @@ class Raster:
 
     Args:
         run_view: The view that is read.
-        room: Bytes that the values may take.
     """
 
-    def __init__(self, run_view: RunView, room: int = RASTER_ROOM) -> None:
+    def __init__(self, run_view: RunView) -> None:
         self._run_view = run_view
         self._sensors = run_view.options.body.count
-        self._most = max(2, room // max(1, self._sensors))
+        self._most = max(2, _RASTER_ROOM // max(1, self._sensors))
         self._first = run_view.first
         self._step = 1
         self._rows: list[NDArray[np.uint8]] = []

@@ -5,12 +5,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.health.alarm import Alarm
-from neurosnap.health.follower import Follower, ReportedAlarm
+from neurosnap.health.follower import Follower
 from neurosnap.health.monitor import HealthMonitor
 from neurosnap.health.steps import STEP, Steps, steps_of
 
 START = 1_600_000_123.0
-NOTHING = ReportedAlarm([], [])
 
 
 class Kept(HealthMonitor):
@@ -107,7 +106,7 @@ def test_while_nobody_listened_nothing_is_known() -> None:
 
 def test_time_that_goes_back_stands_still() -> None:
     follower, kept = following(1)
-    assert follower.until(1e9) == NOTHING  # before anything was seen
+    assert follower.until(1e9) == []  # before anything was seen
     follower.observe(flags(0), flags(1), 6000.0)
     follower.observe(flags(1), flags(1), 5000.0)
     follower.observe(flags(0), flags(1), 6100.0)

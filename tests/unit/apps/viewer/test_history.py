@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from neurosnap import wire
-from neurosnap.apps.viewer.api import COUNTED, RaisedAlarm
+from neurosnap.apps.viewer import time_series
+from neurosnap.apps.viewer.api import COUNTED, RaisedAlarm, ReadSoFar
 from neurosnap.apps.viewer.history import RunHistory
-from neurosnap.apps.viewer.marks import Found
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.tick_messages import (
     CONTRADICTED,
@@ -27,6 +27,7 @@ from neurosnap.apps.viewer.time_series import thinned
 from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.anomaly_words import evidence, named_anomaly, with_support
 from neurosnap.recording.read.recording import Recording
+from neurosnap.recording.replay.births import RecordedBirth
 from tests.support.lamp import LIMITED, lamp_options
 from tests.support.recorded_messages import of_type
 from tests.support.recorded_runs import TICKS as FEW
@@ -46,8 +47,8 @@ GONE = range(4, 9)
 LAST = 32  # the last tick of the run that leaves sensors unread
 
 
-def read(log: Path, room: int = 1 << 20) -> RunHistory:
-    history = RunHistory(RunView(log), room)
+def read(log: Path) -> RunHistory:
+    history = RunHistory(RunView(log))
     while history.read_on():
         pass
     return history
@@ -74,14 +75,14 @@ def test_an_answer_that_is_whole_lacks_nothing_that_is_read_meanwhile(
     ask: Callable[[RunHistory], object], log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     history, whole = RunHistory(RunView(log)), read(log)
-    is_done = history._is_done
+    so_far = history._so_far
 
-    def is_done_in_the_end(last: int) -> bool:
+    def so_far_in_the_end(last: int) -> ReadSoFar:
         while history.read_on():
             pass
-        return is_done(last)
+        return so_far(last)
 
-    monkeypatch.setattr(history, "_is_done", is_done_in_the_end)
+    monkeypatch.setattr(history, "_so_far", so_far_in_the_end)
     assert ask(history) == ask(whole)
 
 
@@ -138,23 +139,27 @@ def test_fewer_stretches_add_up(log: Path) -> None:
     assert part.anomalies == each.anomalies[10:20]
 
 
-def test_what_else_was_found_is_counted_and_gone_to(log: Path) -> None:
-    marks, told = read(log)._marks, sorted(anomalies(log))
+def test_what_else_was_found_is_counted_and_gone_to(
+    log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    marks, told = read(log), sorted(anomalies(log))
     alarms = [RaisedAlarm(tick, 0, f"alarm {tick}") for tick in (3, 3, 17, 60)]
-    found = Found(alarms, born=[9, 9], missing=[1, 2, 30], done=False)
-    each = marks.marks(1, TICKS, TICKS, found)
+    monkeypatch.setattr(marks._health, "raised", alarms)
+    birth = RecordedBirth(tick=9, sensor=3, name="a", history=None)
+    monkeypatch.setattr(marks._series.births, "listed", (birth, birth))
+    monkeypatch.setattr(marks._series, "missing", lambda: [1, 2, 30])
+    each = marks.marks(1, TICKS, TICKS)
     ticks = range(1, TICKS + 1)
     assert each.born == [2 if tick == 9 else 0 for tick in ticks]
     assert [tick for tick in ticks if each.missing[tick - 1]] == [1, 2, 30]
     assert each.alarms == alarms
-    assert marks.marks(4, 59, 7, found).alarms == alarms[2:3]
-    assert not each.done
+    assert marks.marks(4, 59, 7).alarms == alarms[2:3]
     both = sorted({*told, 3, 17, 60})
     for tick in range(TICKS + 2):
         after = [one for one in both if one > tick]
         before = [one for one in both if one < tick]
-        assert marks.beside(tick, 1, alarms).tick == min(after, default=None)
-        assert marks.beside(tick, -1, alarms).tick == max(before, default=None)
+        assert marks.beside(tick, 1).tick == min(after, default=None)
+        assert marks.beside(tick, -1).tick == max(before, default=None)
 
 
 def test_a_frame_tells_its_anomaly_as_watch_does(log: Path) -> None:
@@ -258,12 +263,15 @@ def test_a_part_has_every_so_many_of_the_ticks(
     assert part.values == rows.tobytes()
 
 
-def test_what_there_is_no_room_for_is_thinned_out(gaps_log: Path) -> None:
+def test_what_there_is_no_room_for_is_thinned_out(
+    gaps_log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     whole = np.frombuffer(read(gaps_log).raster(1, LAST, 99, 0, 9).values, np.uint8)
-    thin = read(gaps_log, room=10 * SENSORS).raster(1, LAST, 99, 0, 9)
+    monkeypatch.setattr(time_series, "_RASTER_ROOM", 10 * SENSORS)
+    thin = read(gaps_log).raster(1, LAST, 99, 0, 9)
     assert (thin.first, thin.step) == (1, 4)
     assert thin.values == whole.reshape(LAST, SENSORS)[::4].tobytes()
-    later = read(gaps_log, room=10 * SENSORS).raster(6, LAST, 99, 0, 9)
+    later = read(gaps_log).raster(6, LAST, 99, 0, 9)
     assert (later.first, later.step) == (9, 4)
 
 
