@@ -38,10 +38,6 @@ class Banded(NamedTuple):
     runs: Runs
     log: Path
 
-    def record(self, log: Path, **changes: Any) -> Path:
-        """Record the run again, with some options changed."""
-        return record(self.runs, self.kind, log, **changes)
-
 
 def record(runs: Runs, kind: str, log: Path, **changes: Any) -> Path:
     given = {"band": 4, "workers": 1, **changes}
@@ -100,7 +96,8 @@ def test_a_replay_begins_with_them_and_a_run_goes_on(
 ) -> None:
     assert verify(banded.log, 15).start == 14
     assert verify(banded.log, 15).same
-    start, on = banded.record(tmp_path / "start", ticks=ticks), tmp_path / "on"
+    start, on = tmp_path / "start", tmp_path / "on"
+    record(banded.runs, banded.kind, start, ticks=ticks)
     resumed_run(start, on, TICKS)
     assert_true_run(on, ticks=TICKS)
     assert course(on) == course(banded.log)

@@ -8,21 +8,18 @@ from pathlib import Path
 import pytest
 
 from neurosnap import wire
-from neurosnap.agent.body import Body
 from neurosnap.errors import InvalidValueError
 from neurosnap.fabric.security.hub_address import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.hub import open_hub
-from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.recording.replay.playback import Played, Playing, play, play_on
 from neurosnap.recording.write.writer import Writer
-from neurosnap.runtime.request import RunRequest
-from neurosnap.runtime.run import run
-from neurosnap.sources.open import open_source
 from tests.support.fabrics import Heard, Seen
+from tests.support.inline_runs import recorded_run
 from tests.support.patience import PATIENCE
+from tests.support.run_options import options_for
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
@@ -31,19 +28,16 @@ TICKS = 12
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
-    source = open_source("neurosnap/Path-v0", 2)
-    source.close()
-    options = RunOptions(
-        source="neurosnap/Path-v0",
-        body=Body(own=source.sensors, actions=source.actions),
-        ticks=TICKS,
-        seed=2,
+    options = options_for(
+        "neurosnap/Path-v0",
+        2,
         threshold=0.1,
         cells="inline",
+        ticks=TICKS,
         keyframe_every=5,
     )
     log = tmp_path_factory.mktemp("run") / "log.mcap"
-    asyncio.run(run(RunRequest(options, log), asyncio.Event()))
+    recorded_run(options, log)
     return Recording.open(log)
 
 

@@ -18,8 +18,8 @@ from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.replay import Replay
 from neurosnap.runtime.launch import run_incarnation
 from neurosnap.runtime.request import SILENT, RunRequest
-from neurosnap.runtime.run import run
 from neurosnap.sources.protocol import Argument
+from tests.support.inline_runs import recorded_run
 from tests.support.rewritten_recordings import overtaken, rewritten, write_again
 from tests.support.run_options import options_for
 from tests.support.scripted_sources import Scripted
@@ -127,7 +127,7 @@ def _options(
 
 
 def recorded(options: RunOptions, log: Path) -> Path:
-    asyncio.run(run(RunRequest(options, log), asyncio.Event()))
+    recorded_run(options, log)
     return log
 
 

@@ -7,13 +7,15 @@ import subprocess
 from configparser import ConfigParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from neurosnap import DiscountedSnapshot, EmpiricalSnapshot, Sensorium
 from neurosnap.apps.config.load import load
 from neurosnap.apps.config.prepare import prepare
 from neurosnap.sources.mqtt.payload import Payload, PayloadReader
-from neurosnap.sources.open import mqtt_options, open_source
+from neurosnap.sources.open import mqtt_options
+from neurosnap.sources.tables.open_readings import open_readings
 from tests.support.programs import find, needs
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -117,17 +119,12 @@ def test_the_readings_are_those_of_their_script() -> None:
 
 
 def test_what_the_readings_were_made_by_is_learned_from_them() -> None:
-    source = open_source(str(EXAMPLES / "readings.csv"), seed=0)
-    memory = EmpiricalSnapshot(Sensorium(source.sensors))
-    reading = source.first()
-    assert reading is not None
-    for _ in range(360):
-        assert reading is not None
-        memory.observe(reading.bits)
-        reading = source.step(0)
-    source.close()
+    columns = open_readings(str(EXAMPLES / "readings.csv")).columns
+    names = columns.sensorium
+    memory = EmpiricalSnapshot(names)
+    for bits in np.array([columns.reading(k) for k in range(len(names))]).T[:360]:
+        memory.observe(bits)
     graph = memory.poc_graph()
-    names = memory.sensorium
     missed = [
         (one, other)
         for one, other in MEANT

@@ -39,6 +39,9 @@ ROWS = {
     f"{FILE} --set places=4": "arguments: must not be given for a file",
     "run readings.csv --cells threads": "'threads' is not one of 'auto'",
     f"{SPLIT}=63KiB": "must be 0, or at least 65536 bytes, got 64512",
+    f"{PATH} --set recording.split=64KiB --set recording.keep=2": (
+        "keep: must go with a source that"
+    ),
     f"{UNRECORDED} --out x.mcap": f"out: {NO_RECORDING}",
     f"{UNRECORDED} --set recording.split=1MiB": f"recording.split: {NO_RECORDING}",
     f"{PATH} --set recording.frames=1": (f"the render mode rgb_array, got '{WORLD}'"),

@@ -1,6 +1,5 @@
 """The replayable parts of a damaged or growing recording."""
 
-import asyncio
 import random
 import shutil
 from pathlib import Path
@@ -21,8 +20,7 @@ from neurosnap.recording.replay.resume import find_resume_point, whole_ticks
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.copying import salvage
 from neurosnap.recording.write.rotation import Split, SplitWriter
-from neurosnap.runtime.request import RunRequest
-from neurosnap.runtime.run import run
+from tests.support.inline_runs import recorded_run
 from tests.support.recorded_runs import csv_run, in_chunks, path_run, recorded
 from tests.support.rewritten_recordings import changing, overtaken, write_again
 
@@ -171,7 +169,7 @@ def test_a_run_that_needs_no_actions_goes_on_from_behind_the_damage(
     _, past = find_resume_point(log, TICKS)
     assert past.tick == 36
     new = tmp_path / "new.mcap"
-    outcome = asyncio.run(run(RunRequest(options, new, past), asyncio.Event()))
+    outcome = recorded_run(options, new, past=past)
     assert outcome.completeness is not None
     assert not outcome.completeness.whole
     verdict = verify(new)
@@ -273,14 +271,6 @@ def test_what_is_salvaged_without_one_of_its_files_is_not_whole(
 # In several files that a view shows ---------------------------------------------------
 
 
-def test_all_files_are_looked_at_as_one(whole: Path, split: Path) -> None:
-    one, several = RunView(whole), RunView(split)
-    assert (several.first, several.last, several.cut(live=False)) == (1, TICKS, None)
-    assert several.frames(1, TICKS) == one.frames(1, TICKS)
-    for tick in (40, 0, 13, 14, 15, 28, 29):
-        assert several.graph(tick) == one.graph(tick)
-
-
 def test_a_later_file_stands_for_itself(whole: Path, split: Path) -> None:
     one, later = RunView(whole), RunView(part_path(split, 2))
     first, last = 2 * EVERY + 1, 3 * EVERY
@@ -313,9 +303,11 @@ def test_files_that_come_and_grow_are_followed(whole: Path, tmp_path: Path) -> N
     assert view is not None
     assert view.grow()
     assert not view.grow()
-    assert view.recording.cut is None
-    assert view.frames(1, TICKS) == RunView(whole).frames(1, TICKS)
-    assert view.graph(TICKS) == RunView(whole).graph(TICKS)
+    one = RunView(whole)
+    assert (view.first, view.last, view.cut(live=False)) == (1, TICKS, None)
+    assert view.frames(1, TICKS) == one.frames(1, TICKS)
+    for tick in (40, 0, 13, 14, 15, 28, 29):
+        assert view.graph(tick) == one.graph(tick)
 
 
 def test_files_deleted_before_or_while_they_are_looked_at_are_left_out(

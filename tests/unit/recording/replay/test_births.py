@@ -1,6 +1,5 @@
 """What a run has grown, as its decisions and key-frames say."""
 
-import asyncio
 from pathlib import Path
 
 import msgspec
@@ -14,8 +13,7 @@ from neurosnap.errors import RecordingError
 from neurosnap.protocol.run_options import SMALLEST
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.births import Births, RecordedBirth, births_of
-from neurosnap.runtime.request import RunRequest
-from neurosnap.runtime.run import run
+from tests.support.inline_runs import recorded_run
 from tests.support.lamp import BIRTH, GROWN, lamp_options
 from tests.support.rewritten_recordings import changing, rewritten
 
@@ -83,15 +81,10 @@ def test_behind_a_gap_it_goes_on_from_the_next_key_frame() -> None:
     ]
 
 
-def made(log: Path, **more: object) -> None:
-    options = lamp_options(cells="inline", **{"ticks": 40, **more})
-    asyncio.run(run(RunRequest(options, log), asyncio.Event()))
-
-
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("lamp") / "lamp.mcap"
-    made(path)
+    recorded_run(lamp_options(cells="inline", ticks=40), path)
     return path
 
 
@@ -108,7 +101,7 @@ def test_info_lists_what_a_run_has_grown(log: Path) -> None:
 def test_a_later_file_alone_says_by_when(tmp_path: Path) -> None:
     log = tmp_path / "log.mcap"
     # Enough for several chunks: only they count towards the size of a file.
-    made(log, ticks=400, split=SMALLEST)
+    recorded_run(lamp_options(cells="inline", ticks=400, split=SMALLEST), log)
     (found,) = births_of(Recording.open(log)).listed
     assert (found.tick, found.exact) == (BIRTH, True)
     last = max(tmp_path.glob("log_*.mcap"))

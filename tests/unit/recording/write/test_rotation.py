@@ -11,8 +11,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.apps.cli.recording_info import describe, render
-from neurosnap.errors import InvalidValueError, RecordingError
-from neurosnap.protocol.run_options import RunOptions
+from neurosnap.errors import RecordingError
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording, part_path, part_paths
@@ -187,15 +186,9 @@ def test_a_file_in_the_way_is_not_overwritten(log: Path, number: int) -> None:
     assert list(log.parent.iterdir()) == [other]
 
 
-def test_options_know_the_smallest_file() -> None:
-    given = msgspec.structs.asdict(options())
-    for split, rule in ((65535, "split: must be 0, or at least 65536"), (0, "keep: ")):
-        with pytest.raises(InvalidValueError, match=rf"^{rule}"):
-            RunOptions(**{**given, "split": split, "keep": 2})
-    with pytest.raises(InvalidValueError, match=r"^keep: must go with a source that"):
-        RunOptions(**{**given, "split": 65536, "keep": 2})
-    still = {**given, "body": Body(own=("s0",)), "split": 65536, "keep": 2}
-    assert split_of(RunOptions(**still)) == Split(65536, 2)
+def test_options_say_how_files_are_split_and_which_are_kept() -> None:
+    still = {"body": Body(own=("s0",)), "split": 65536, "keep": 2}
+    assert split_of(msgspec.structs.replace(options(), **still)) == Split(65536, 2)
     assert split_of(options()) is None
 
 
