@@ -15,6 +15,8 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Self
 
+import zenoh
+
 from neurosnap import wire
 from neurosnap.fabric.events import Failure
 from neurosnap.fabric.protocol import (
@@ -27,20 +29,8 @@ _TURN = 256  # deliveries before other tasks of the loop get their turn
 
 @functools.lru_cache(maxsize=1 << 16)
 def matches(expression: str, key: str) -> bool:
-    """Tell whether `key` is one of those `expression` stands for.
-
-    Args:
-        expression: Chunks between slashes; ``*`` is any one, ``**`` as the last any
-            number of them.
-        key: A key without wildcards.
-    """
-    wanted, given = expression.split("/"), key.split("/")
-    if wanted[-1] == "**":
-        wanted.pop()
-        given = given[: len(wanted)]
-    return len(wanted) == len(given) and all(
-        w in ("*", g) for w, g in zip(wanted, given, strict=True)
-    )
+    """Tell whether `key` is one of those that `expression` stands for in Zenoh."""
+    return zenoh.KeyExpr(expression).includes(zenoh.KeyExpr(key))
 
 
 class MemoryHub:

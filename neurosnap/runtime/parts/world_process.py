@@ -120,23 +120,13 @@ class WorldJob(msgspec.Struct, frozen=True):
 
     async def run(self, part: PartContext) -> None:
         """Answer decisions until the end."""
-        source: Source
         options, past, connection = self.options, self.past, part.connection
-        way_in = self.way_in
-        kept = None if way_in is None else open_kept(options, way_in, connection)
-        if kept is None:
-            seed, arguments = options.seed, options.arguments
-            source = open_source(
-                options.source, seed, arguments, connection, options.frames > 0
-            )
-        else:
-            source = kept
-        known = None
+        source, known = _opened(options, self.way_in, connection), None
         try:
-            if kept is not None:
+            if isinstance(source, LiveSource | RemoteSource):
                 # In a thread: it asks another process, which may be coming back.
                 tick = 0 if past is None else past.tick
-                known = await asyncio.to_thread(kept.resume_after, tick)
+                known = await asyncio.to_thread(source.resume_after, tick)
             async with (
                 connection.fabric(swift=True) as fabric,
                 synced(source, options.sync),
@@ -156,21 +146,15 @@ class WorldJob(msgspec.Struct, frozen=True):
         part.reporter.done(lost_of(source, options))
 
 
-def open_kept(
-    options: RunOptions, way_in: WayIn, hub: Hub | None = None
-) -> LiveSource | RemoteSource:
-    """Return the source of a run whose readings are kept; `resume_after` comes first.
-
-    Raises:
-        NeurosnapError: As from `open_live`; or readings cannot be kept.
-    """
-    body = options.body
+def _opened(options: RunOptions, way_in: WayIn | None, hub: Hub) -> Source:
+    """Return the source of a run."""
+    name, arguments, body = options.source, options.arguments, options.body
+    if way_in is None:
+        return open_source(name, options.seed, arguments, hub, options.frames > 0)
     if way_in.address:
         return RemoteSource(way_in.address, body.own, body.actions)
     journal = Journal(Path(way_in.journal), body.own)
-    return open_live(
-        options.source, options.arguments, hub, journal=journal, most=options.ticks
-    )
+    return open_live(name, arguments, hub, journal=journal, most=options.ticks)
 
 
 @asynccontextmanager

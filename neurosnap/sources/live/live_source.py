@@ -126,7 +126,6 @@ class LiveSource:
         self._shown: Observed | None = None  # the last row, be it given or waiting
         self._turn = 0  # a waiting call ends when this has changed; see `wake_reader`
         self._away = False
-        self._unshown: Bits = np.zeros(len(latest.sensors), np.bool_)
         self._stamps = ClockMapping(clock(), wall())
         # Serializes `start` and `stop`: no start after a stop, no stop during a start.
         self._feeding = threading.Lock()
@@ -134,7 +133,7 @@ class LiveSource:
         self._started = self._ended = self._closed = False
         self._error: BaseException | None = None
         self._refusals = Refusals(clock)
-        self._ticks = self._taken = self._coalesced = self._dropped = 0
+        self._ticks = self._taken = self._dropped = 0
         self._missing = 0
 
     def first(self) -> Observed | None:
@@ -241,7 +240,6 @@ class LiveSource:
                 self._waiting.append(self._row(*seen))
             except NeurosnapError as error:
                 self._error = error
-            self._unshown[:] = False
             self._schedule.given(now)
         return patience
 
@@ -294,8 +292,6 @@ class LiveSource:
                     )
                 elif self._latest.update(number, on, as_of, now):
                     self._taken += 1
-                    self._coalesced += int(self._unshown[number])
-                    self._unshown[number] = True
                     self._changed()
             if self._away:
                 # Here, not in the waiting thread: readings may come before it wakes.
@@ -339,8 +335,6 @@ class LiveSource:
             now = self._clock()
             taken = self._latest.update_all(on, known, self._as_of(at, now), now)
             self._taken += int(np.count_nonzero(taken))
-            self._coalesced += int(np.count_nonzero(taken & self._unshown))
-            self._unshown &= ~taken  # a whole reading is shown by a tick of its own
             if known.any() and (spare or len(self._waiting) < WAITING):
                 try:
                     self._waiting.append(self._row(on, known))
@@ -404,7 +398,6 @@ class LiveSource:
             return Statistics(
                 ticks=self._ticks,
                 taken=self._taken,
-                coalesced=self._coalesced,
                 late=self._latest.late,
                 ahead=self._latest.ahead,
                 refused=self._refusals.count,
@@ -479,7 +472,6 @@ class LiveSource:
             seen = self._latest.observation(now)
             patience = self._patience(seen, now)
             if patience == 0:
-                self._unshown[:] = False
                 return self._row(*seen)
             if self._ended:
                 return None

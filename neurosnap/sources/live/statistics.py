@@ -16,8 +16,6 @@ class Statistics(msgspec.Struct, frozen=True):
     """Observations given out."""
     taken: int
     """Readings taken; a whole one counts one for each sensor."""
-    coalesced: int
-    """Of single readings, those another replaced before any tick could show them."""
     late: int
     """Readings dropped because a younger one was there."""
     ahead: int
