@@ -29,7 +29,7 @@ from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import first_path
 from neurosnap.runtime.parts.job import PartConnection, PartContext
-from neurosnap.runtime.parts.world_process import WayIn, lost_of, synced
+from neurosnap.runtime.parts.world_process import WayIn, synced
 from neurosnap.runtime.request import Outcome, RunRequest
 from neurosnap.runtime.supervisor import Supervisor
 from neurosnap.sources.live import remote_source
@@ -42,7 +42,7 @@ from neurosnap.sources.live.journal import (
     remove,
 )
 from neurosnap.sources.live.live_source import LiveSource
-from neurosnap.sources.open import ZENOH, is_live, open_live
+from neurosnap.sources.open import ZENOH, is_live, lost_by, open_live
 
 INTAKE = "intake"
 """What the part is called."""
@@ -94,7 +94,7 @@ class IntakeJob(msgspec.Struct, frozen=True):
             await worlds.wait_closed()
             # The folder is the run's own; a launcher that was killed cannot remove it.
             await asyncio.to_thread(shutil.rmtree, socket.parent, ignore_errors=True)
-        part.reporter.done(lost_of(source, options))
+        part.reporter.done(lost_by(options.source, source.statistics()))
 
 
 async def run_journaled(request: RunRequest, work: Work) -> Outcome:

@@ -77,7 +77,7 @@ async def run(
         alone = kept.log is None or kept.options.cells == "inline"
         if kept.supervision is None or alone:
             return await run_incarnation(kept, stop, watcher)
-        return await run_with_restarts(kept, stop, watcher)
+        return await Lives(kept, watcher).run(stop)
 
     return await run_journaled(request, work)
 
@@ -108,36 +108,19 @@ def resumed(log: Path, ticks: int | None = None) -> RunRequest:
     return RunRequest(msgspec.structs.replace(options, ticks=most), past=past)
 
 
-async def run_with_restarts(
-    request: RunRequest, stop: asyncio.Event, watcher: Watcher = SILENT
-) -> Outcome:
-    """Run a swarm of processes to its end; restart it when a part dies.
+class Lives:
+    """The incarnations of one run, one after the other.
 
     Args:
-        request: Recorded and supervised. However the call ends, its `log` is the
+        request: Recorded and supervised. However the run ends, its `log` is the
             recording with the latest tick, and only damaged files stay beside it; see
-            `neurosnap.runtime.restart_files`. Each time the run goes on, it does so as
-            the next incarnation of its swarm's id.
-        stop: Ends the run in order.
+            `neurosnap.runtime.restart_files`.
         watcher: Changes in ticks that are done again are not reported again. A swarm
             that goes on first reports the health before.
 
     Raises:
         InvalidValueError: Something of an earlier run is beside the recording.
-        OSError: A file of the run cannot be moved or deleted.
-        PartDiedError: A part died more often than allowed. What was recorded by then
-            is readable.
-        NeurosnapError: As from `run_incarnation`.
     """
-    lives = _Lives(request, watcher)
-    try:
-        return await lives.run(stop)
-    finally:
-        lives.files.keep_furthest()
-
-
-class _Lives:
-    """The incarnations of one run, one after the other."""
 
     def __init__(self, request: RunRequest, watcher: Watcher) -> None:
         if request.log is None or request.supervision is None:
@@ -172,7 +155,19 @@ class _Lives:
             self._watcher.on_change(change)
 
     async def run(self, stop: asyncio.Event) -> Outcome:
-        """Run one incarnation after the other, until one ends in order."""
+        """Run one incarnation after the other, until one ends in order.
+
+        Raises:
+            OSError: A file of the run cannot be moved or deleted.
+            PartDiedError: A part died more often than allowed.
+            NeurosnapError: As from `run_incarnation`.
+        """
+        try:
+            return await self._run_all(stop)
+        finally:
+            self.files.keep_furthest()
+
+    async def _run_all(self, stop: asyncio.Event) -> Outcome:
         while True:
             was_stopped = stop.is_set()  # before this incarnation began
             try:

@@ -16,17 +16,15 @@ from tools.simulate.weather import Weather
 
 
 class _Writer(Writer):
-    """Writes to a disk that may be full."""
+    """Writes to a disk that may be full, and packs nothing.
+
+    So a file is as long as what it holds says.
+    """
 
     def __init__(
-        self,
-        check_space: Callable[[], None],
-        path: Path,
-        *,
-        packs: bool,
-        chunk: int,
+        self, check_space: Callable[[], None], path: Path, *, chunk: int
     ) -> None:
-        super().__init__(path, packs=packs, chunk=chunk)
+        super().__init__(path, packs=False, chunk=chunk)
         self._check_space = check_space
 
     def add(
@@ -72,9 +70,8 @@ class Recorder:
         self._parts = parts
         self._left: set[str] = set()
         self._time = 0
-        # Not packed, so that a file is as long as what it holds says.
         full = partial(disk.check_space, weather)
-        new_writer = partial(_Writer, full, packs=False, chunk=chunk)
+        new_writer = partial(_Writer, full, chunk=chunk)
         with self._failing():
             self._writer = SplitWriter(
                 log, facts, past, split=split, new_writer=new_writer

@@ -8,7 +8,7 @@ pieces, one after the other, with one running number; a reader gets it whole.
 
 import struct
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from neurosnap import wire
 from neurosnap.errors import FabricError
@@ -28,15 +28,8 @@ _BESIDE = struct.Struct("<QQ")  # running number, sender's clock in ns
 _BESIDE_A_PIECE = struct.Struct("<QQII")  # and which piece it is, of how many
 
 
-class Put(NamedTuple):
-    """What is put at once: a payload, and what travels beside it."""
-
-    payload: bytes
-    beside: bytes
-
-
-def pieces(delivery: wire.Delivery) -> Sequence[Put]:
-    """Return what a message is put as.
+def pieces(delivery: wire.Delivery) -> Sequence[tuple[bytes, bytes]]:
+    """Return what a message is put as: payloads, each with what travels beside it.
 
     Raises:
         FabricError: No session would take it in.
@@ -46,10 +39,10 @@ def pieces(delivery: wire.Delivery) -> Sequence[Put]:
         if len(payload) > _WHOLE:
             rule = f"must have at most {_WHOLE:,} bytes, got {len(payload):,}"
             raise FabricError(f"message on {key}: {rule}")
-        return (Put(payload, _BESIDE.pack(number, sent)),)
+        return ((payload, _BESIDE.pack(number, sent)),)
     count = -(-len(payload) // _PIECE)
     return [
-        Put(
+        (
             payload[index * _PIECE : (index + 1) * _PIECE],
             _BESIDE_A_PIECE.pack(number, sent, index, count),
         )

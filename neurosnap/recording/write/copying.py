@@ -24,21 +24,8 @@ _OF_ITS_FILE = ("part", "begins", "split", "keep")
 _BALANCE = ("completeness", "expected")
 
 
-def facts_of(metadata: Mapping[str, str], past: ResumePoint | None) -> dict[str, str]:
-    """Return what is written of a run, where it is resumed with that it is."""
-    if past is None:
-        return dict(metadata)
-    resumed = msgspec.json.encode(past.resumed).decode()
-    return {**metadata, "resumed": resumed}
-
-
-def begin_recording(
-    writer: Writer, metadata: Mapping[str, str], past: ResumePoint | None
-) -> None:
-    """Start a recording: with what is taken over, where a run is resumed."""
-    writer.start(facts_of(metadata, past))
-    if past is None:
-        return
+def take_over(writer: Writer, past: ResumePoint) -> None:
+    """Begin a recording that was started with what a resumed run takes over."""
     old = RecordingFile.open(Path(past.log))
     _begin_shares(writer, old.share or {}, past.part)
     _copy_into(

@@ -49,7 +49,7 @@ from neurosnap.recording.write.causal_order import (
     CausalOrder,
     CoordinatorProgress,
 )
-from neurosnap.recording.write.copying import begin_recording, facts_of
+from neurosnap.recording.write.copying import take_over
 from neurosnap.recording.write.fsync_thread import FsyncThread
 from neurosnap.recording.write.writer import Writer
 
@@ -111,7 +111,9 @@ class SplitWriter:
         self._make = new_writer
         self._number = 0 if past is None else past.part
         self._begins = 0 if past is None else past.begins
-        self._metadata = facts_of(metadata, past)
+        self._metadata = dict(metadata)
+        if past is not None:
+            self._metadata["resumed"] = msgspec.json.encode(past.resumed).decode()
         self._check_free()
         self._older: Writer | None = None
         self._boundary = _Boundary(wire.Decision(0, -1, ""), 0, 0)
@@ -122,7 +124,9 @@ class SplitWriter:
         self._vanished: list[str] = []
         self._newest = self._new_writer()
         try:
-            begin_recording(self._newest, self._facts(), past)
+            self._newest.start(self._facts())
+            if past is not None:
+                take_over(self._newest, past)
         except BaseException:
             self.abandon()
             raise

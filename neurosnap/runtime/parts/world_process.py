@@ -143,7 +143,10 @@ class WorldJob(msgspec.Struct, frozen=True):
                 await take_part(fabric, work)
         finally:
             source.close()
-        part.reporter.done(lost_of(source, options))
+        lost = 0
+        if isinstance(source, LiveSource):
+            lost = lost_by(options.source, source.statistics())
+        part.reporter.done(lost)
 
 
 def _opened(options: RunOptions, way_in: WayIn | None, hub: Hub) -> Source:
@@ -180,10 +183,3 @@ async def _sync(source: LiveSource, journal: Journal, seconds: float) -> None:
             await asyncio.to_thread(journal.sync)
     except NeurosnapError as error:
         source.fail(error)
-
-
-def lost_of(source: Source, options: RunOptions) -> int:
-    """Return how many readings a source that takes them in itself has lost."""
-    if not isinstance(source, LiveSource):
-        return 0
-    return lost_by(options.source, source.statistics())

@@ -11,7 +11,7 @@ from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime import run as restart
 from neurosnap.runtime.request import Outcome, RunRequest, Supervision, Watcher
 from neurosnap.runtime.restart_files import RestartFiles
-from neurosnap.runtime.run import Restarts, run
+from neurosnap.runtime.run import Lives, Restarts, run
 from tests.support.restart_runs import names, options_of
 
 TICKS = 12
@@ -56,11 +56,10 @@ async def test_a_tick_that_was_cut_off_is_done_again_before_the_end(
     monkeypatch.setattr(RestartFiles, "have_left", look)
     monkeypatch.setattr(restart, "run_incarnation", one_life)
     async with asyncio.timeout(PATIENCE):
-        found = await restart.run_with_restarts(
+        found = await Lives(
             RunRequest(options, log, supervision=Supervision(backoff=0)),
-            stop,
             Watcher(on_restart=lambda _: stop.set()),
-        )
+        ).run(stop)
     assert heeded == [not had]
     assert (found.restarts, found.kept) == (1, ())
     assert names(tmp_path) == [log.name, whole.name]
@@ -86,7 +85,7 @@ async def test_told_to_end_while_a_part_dies_a_run_has_one_more_life(
 
     monkeypatch.setattr(restart, "run_incarnation", one_life)
     request = RunRequest(options, log, supervision=Supervision(backoff=0))
-    running = restart.run_with_restarts(request, stop)
+    running = Lives(request, Watcher()).run(stop)
     async with asyncio.timeout(PATIENCE):
         if deaths == 1:
             assert (await running).restarts == 1

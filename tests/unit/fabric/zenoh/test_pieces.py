@@ -9,7 +9,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import FabricError, InvalidValueError
-from neurosnap.fabric.zenoh.pieces import LARGEST, Assembly, Put, pieces
+from neurosnap.fabric.zenoh.pieces import LARGEST, Assembly, pieces
 from neurosnap.protocol.key_frames import with_snapshot
 from neurosnap.protocol.run_options import RunOptions, SnapshotKind
 
@@ -28,10 +28,9 @@ class Bytes:
 class Sample:
     """As much of Zenoh's as is looked at."""
 
-    def __init__(self, key: str, put: Put) -> None:
+    def __init__(self, key: str, put: tuple[bytes, bytes]) -> None:
         self.key_expr = PREFIX + key
-        self.payload = Bytes(put.payload)
-        self.attachment = Bytes(put.beside)
+        self.payload, self.attachment = map(Bytes, put)
 
 
 def sent(payload: bytes, key: str = "keyframe", number: int = 7) -> list[Any]:
