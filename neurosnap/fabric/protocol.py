@@ -29,11 +29,6 @@ class Fabric(Protocol):
         """The part's name, as in `Message.sender`."""
         ...
 
-    @property
-    def sent(self) -> int:
-        """How many messages this part has published; the next one's number."""
-        ...
-
     def publish(self, *messages: wire.Message) -> None:
         """Send `messages` in order, each under its key.
 

@@ -162,11 +162,9 @@ async def test_numbers_run_from_the_first_over_all_keys_heard_or_not(
         listening(network, "leave/**") as heard,
         network.end("sender", first=41) as sender,
     ):
-        assert sender.sent == 41
         for _ in range(3):
             sender.publish(wire.Fault("sender", ""))
             sender.publish(wire.Leave("sender"))
-        assert sender.sent == 47
         await heard.wait(3)
         assert heard.sequences() == [42, 44, 46]
 
