@@ -8,7 +8,6 @@ message of every part.
 import asyncio
 import secrets
 import tempfile
-import time
 from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -103,8 +102,6 @@ class Ending:
     """The coordinator's result, as JSON."""
     completeness: Completeness | None
     """The recording's balance; None if nothing was recorded."""
-    seconds: float
-    """From the start of the first part until the coordinator was done."""
     stopped: bool
     """It was asked to stop before it was done."""
     lost: int = 0
@@ -191,7 +188,6 @@ class _Launch:
             here: The parts that are started here, by name.
             stop: Ends it.
         """
-        began = time.perf_counter()
         if self._site.network.connect and not await self._connections.await_hub(stop):
             raise NothingBegunError("swarm: must reach its hub, got a stop request")
         try:
@@ -205,7 +201,7 @@ class _Launch:
                 else [coordinator.ended, world.ended]
             )
             await wait_any(self._supervisor.failed, stop, *ends)
-            stopped, ended = stop.is_set(), coordinator.done_at or time.perf_counter()
+            stopped = stop.is_set()
         finally:
             late = await self._end()
         if self._supervisor.error is not None:
@@ -219,7 +215,7 @@ class _Launch:
         lost = 0
         if world is not None and world.result is not None:
             lost = msgspec.json.decode(world.result, type=int)
-        return Ending(_result(coordinator), completeness, ended - began, stopped, lost)
+        return Ending(_result(coordinator), completeness, stopped, lost)
 
     async def _start_hub(self, stop: asyncio.Event) -> None:
         sessions = len(self._jobs.hosts) + _SERVICES

@@ -5,7 +5,6 @@ ended in order. Whether the parts are processes or something else, their starter
 """
 
 import asyncio
-import time
 from collections.abc import Callable, Collection, Sequence
 from typing import Self, TypeVar
 
@@ -41,8 +40,6 @@ class RunningPart:
         self.ready = asyncio.Event()
         self.ended = asyncio.Event()
         self.result: bytes | None = None
-        self.done_at: float | None = None
-        """When its result came, as `time.perf_counter` counts."""
 
 
 class Supervisor:
@@ -126,7 +123,6 @@ class Supervisor:
             case Done(result=result):
                 self._expected.add(report.who)
                 part.result = bytes(result)
-                part.done_at = time.perf_counter()
             case Failed():
                 self._reasons[report.who] = report
 

@@ -1,37 +1,34 @@
 """A swarm that passes waves and nothing else, to be timed or weighed."""
 
 import asyncio
+import time
 from collections.abc import Callable
 from functools import partial
 
 import msgspec
 
 from neurosnap.depth.probe import Measured, ProbeJob, ProbePlan
-from neurosnap.runtime.launch import Ending, Jobs, host_jobs, launch
+from neurosnap.runtime.launch import Jobs, host_jobs, launch
 from neurosnap.runtime.request import Site, Watcher
 
 
-def probe(plan: ProbePlan, weigh: Callable[[], None] | None = None) -> Ending:
-    """Return how a swarm ended that passed all waves of a plan.
+def probe(
+    plan: ProbePlan, weigh: Callable[[], None] | None = None
+) -> tuple[float, list[Measured]]:
+    """Return after how many seconds a swarm was up, and each wave that it passed.
 
     Args:
         plan: Its cells and waves.
         weigh: Called once some waves have passed; the swarm is stopped after it.
     """
     jobs = Jobs(partial(ProbeJob, plan), host_jobs(plan.sensors, plan.workers))
-    stop = asyncio.Event()
+    stop, began, seconds = asyncio.Event(), time.perf_counter(), list[float]()
 
     def on_wave(passed: int) -> None:
+        seconds.append(time.perf_counter() - began)  # first when every cell is there
         if passed and weigh is not None and not stop.is_set():
             weigh()
             stop.set()
 
-    async def run() -> Ending:
-        return await launch(jobs, Site(), stop, Watcher(on_wave))
-
-    return asyncio.run(run())
-
-
-def rows_of(ending: Ending) -> list[Measured]:
-    """Return what was measured of each wave."""
-    return msgspec.json.decode(ending.result, type=list[Measured])
+    result = asyncio.run(launch(jobs, Site(), stop, Watcher(on_wave))).result
+    return seconds[0], msgspec.json.decode(result, type=list[Measured])

@@ -10,7 +10,7 @@ from pathlib import Path
 from neurosnap.depth.probe import Measured, ProbePlan
 from neurosnap.runtime.child_processes import allow_files
 from tools.bench.bare import mean_pss
-from tools.bench.probe import probe, rows_of
+from tools.bench.probe import probe
 from tools.bench.report import Line, Sizes, ratio_of_pairs
 
 _ROOT = Path(__file__).parents[2]
@@ -34,9 +34,9 @@ def spawn(sizes: Sizes) -> list[Line]:
     theirs, ours, waves = [], [], []
     for _ in range(sizes.pairs):
         theirs.append(run_bare("spawn", sizes.cells)["seconds"])
-        ending = probe(plan)
-        waves.append(rows_of(ending)[0].seconds)
-        ours.append(ending.seconds - waves[-1])
+        seconds, (wave,) = probe(plan)
+        waves.append(wave.seconds)
+        ours.append(seconds)
     ratio = min(ours) / min(theirs)
     time = Line(
         f"{sizes.cells:,} cells, a process each, up and wired",
@@ -93,7 +93,7 @@ def hop(sizes: Sizes) -> list[Line]:
     ring = "ring", sizes.chain, str(sizes.waves)
     for _ in range(sizes.pairs):
         theirs.append(run_bare(*ring)["hop"])
-        medians = _medians(rows_of(probe(plan)))
+        medians = _medians(probe(plan)[1])
         slopes.append((medians[high] - medians[low]) / (high - low))
         quotients.append(medians[high] / high)
     bare = min(theirs)
