@@ -8,9 +8,7 @@ import pytest
 import zenoh
 
 from neurosnap import wire
-from neurosnap.fabric.security.hub_address import Credentials
 from neurosnap.fabric.zenoh.pieces import LARGEST
-from neurosnap.fabric.zenoh.session import configuration
 from tests.support.fabrics import Seen
 from tests.support.secured_hub import SWARM, Hub, hub_with
 from tests.support.witnesses import Heard
@@ -28,16 +26,6 @@ def process_of(hub: Hub) -> psutil.Process:
     return found
 
 
-def stranger(hub: Hub) -> zenoh.Session:
-    """Return a session with a cell's certificate and nothing of ours."""
-    config = configuration(
-        "client",
-        connect__endpoints=[hub.endpoint],
-        transport__link__tls=Credentials.in_folder(hub.keys, "cell").to_connect(),
-    )
-    return zenoh.open(config)
-
-
 async def test_a_huge_message_fills_nobodys_memory(role_keys: Path) -> None:
     heard = Heard()
     key = f"neurosnap/{SWARM}/{PULSE.key}"
@@ -45,7 +33,7 @@ async def test_a_huge_message_fills_nobodys_memory(role_keys: Path) -> None:
         process = process_of(hub)
         async with hub.end("recorder") as ears, hub.end("cell/0") as cell:
             await ears.subscribe(("**",), heard)
-            session = stranger(hub)
+            session = hub.session()
             try:
                 cell.publish(PULSE)
                 await heard.wait(PULSE)

@@ -11,14 +11,11 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
-import zenoh
 
 from neurosnap import wire
-from neurosnap.fabric.security.hub_address import Credentials
 from neurosnap.fabric.security.load_keys import read_credentials
 from neurosnap.fabric.security.make_keys import make_keys
 from neurosnap.fabric.zenoh.client import ZenohFabric
-from neurosnap.fabric.zenoh.session import configuration
 from neurosnap.recording.format.completeness import Completeness
 from tests.support.command_line import happy, refused
 from tests.support.exhaustive import rows
@@ -135,17 +132,11 @@ async def test_a_cell_gains_nothing_as_a_peer_or_a_router(
     role_keys: Path, mode: str
 ) -> None:
     everything, seen = Heard(), Seen()
-    intruder = Credentials.in_folder(role_keys, "cell")
     with hub_with(role_keys) as hub:
-        config = configuration(
-            mode,
-            connect__endpoints=[hub.endpoint],
-            transport__link__tls=intruder.to_connect(),
-        )
         async with hub.end("recorder") as ears, hub.end("cell/0") as cell:
             await ears.subscribe(("**",), everything)
             await ears.watch(seen)
-            session = await asyncio.to_thread(zenoh.open, config)
+            session = await asyncio.to_thread(hub.session, mode)
             token = session.liveliness().declare_token(
                 f"neurosnap/{SWARM}/alive/coordinator"
             )
@@ -163,12 +154,7 @@ def test_a_router_that_is_no_hub_is_named(role_keys: Path) -> None:
     endpoint = f"tls/127.0.0.1:{free_port()}"
     with going("serve", "hub", "--listen", endpoint, "--tls", role_keys) as hub:
         assert "listening on" in hub.stderr.readline()
-        config = configuration(
-            "router",
-            connect__endpoints=[endpoint],
-            transport__link__tls=Credentials.in_folder(role_keys, "cell").to_connect(),
-        )
-        with zenoh.open(config):
+        with Hub(endpoint, role_keys).session("router"):
             said = hub.stderr.readline()
     assert said.startswith(
         "cell is linked and no hub: what hubs send each other may be"

@@ -7,9 +7,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import zenoh
+
 from neurosnap.fabric.security.hub_address import Credentials, HubAddress
 from neurosnap.fabric.security.roles import Role
 from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.fabric.zenoh.session import configuration
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.runtime.network import Network
 from neurosnap.runtime.request import RunRequest, Site
@@ -49,6 +52,14 @@ class Hub:
         """Return an end with the certificate of `role`, by default the right one."""
         own = who if role is None else role
         return self.end_with(who, Credentials.in_folder(self.keys, own))
+
+    def session(self, mode: str = "client") -> zenoh.Session:
+        """Return a session with a cell's certificate, and nothing of ours in it."""
+        tls = Credentials.in_folder(self.keys, "cell").to_connect()
+        config = configuration(
+            mode, connect__endpoints=[self.endpoint], transport__link__tls=tls
+        )
+        return zenoh.open(config)
 
     def end_with(self, who: str, credentials: Credentials) -> ZenohFabric:
         return ZenohFabric(
