@@ -1,4 +1,4 @@
-"""Plans: lists of actions, their expected results, and their names in reasons."""
+"""Plans: lists of actions, their expected results, and how explanations name them."""
 
 import re
 from collections.abc import Sequence

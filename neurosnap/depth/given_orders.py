@@ -1,4 +1,4 @@
-"""Orders given as lists of edges, not learned, of up to millions of sensors."""
+"""Orders of up to millions of sensors, given as lists of edges."""
 
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""Learns from a home's own history what is normal, and how far evidence strays."""
+"""Learns what is normal from a home's history, and how much evidence varies."""
 
 from dataclasses import dataclass
 

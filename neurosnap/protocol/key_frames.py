@@ -1,4 +1,4 @@
-"""Puts a snapshot into a key-frame; a large one into the bands that follow it, too."""
+"""Puts a snapshot into a key-frame, and into further bands if it is large."""
 
 from collections.abc import Iterable, Iterator, Sequence
 

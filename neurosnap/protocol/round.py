@@ -1,4 +1,4 @@
-"""A question to several parts, repeated until all answer or the silent are named.
+"""Asks several parts until all answer, or reports which did not.
 
 A wave, a question to the histories of cells, and what workers learn are asked, gathered
 and asked again in the same way. They differ in how an answer is checked, and in what

@@ -1,4 +1,4 @@
-"""A stream of a run's anomalies, births and alarms, live or recorded."""
+"""A stream of a run's anomalies, grown sensors and alarms, live or recorded."""
 
 import asyncio
 import contextlib

@@ -1,4 +1,4 @@
-"""Parts as child processes of this one, forked from a server.
+"""Runs parts as child processes, forked from a fork server.
 
 Children are forked from a server that has this module and the cell's loaded already, so
 a cell costs a fork and a Zenoh session and nothing else. Whatever happens, nothing is

@@ -1,4 +1,4 @@
-"""Snapshots that share the pairs equal one that has them all."""
+"""Snapshots that divide the pairs of sensors equal one snapshot of all pairs."""
 
 from itertools import pairwise
 

@@ -1,4 +1,4 @@
-"""Parts' ends of a swarm on both fabrics, and handlers that can wait."""
+"""Connections of parts on both fabrics, and message handlers that can wait."""
 
 import asyncio
 import secrets

@@ -1,4 +1,4 @@
-"""Starting literals of waves, shares of credit, and numbers as bytes."""
+"""Helpers for tests of waves: starting literals, shares of credit, number encoding."""
 
 from fractions import Fraction
 

@@ -1,4 +1,4 @@
-"""A swarm that passes waves and nothing else, to be timed or weighed."""
+"""A swarm that only passes waves, to measure its time and memory."""
 
 import asyncio
 import time

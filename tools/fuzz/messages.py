@@ -1,4 +1,4 @@
-"""Random and altered messages: each holds what the type of its fields allows.
+"""Random and altered messages whose fields keep their types.
 
 Fields and their types are read off the messages themselves, so a new message needs no
 word here; a new type of field is refused until it has a way to be drawn.

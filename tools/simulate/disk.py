@@ -1,4 +1,4 @@
-"""The disk of a simulated swarm: what a death leaves of its files.
+"""The disk of a simulated swarm: which files survive a crash.
 
 A disk may be full at any write, and flip bits in what was written. A power cut may take
 all that was not synced, or leave zeros for it; a file may be taken away by somebody.

@@ -1,4 +1,4 @@
-"""One life of a simulated swarm: from its start to its end, or to a death.
+"""One incarnation of a simulated swarm: from its start to its end or a crash.
 
 The cores are the real ones, and so is the recorder's writer; only their shells, which
 wait for messages and clocks, are replaced. What a clock would bring about (a wave's

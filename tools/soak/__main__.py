@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Disturbs runs, or lets one last, and checks the result.
+"""Runs that are disturbed, or very long, and checks of their results.
 
 With --fault kill, parts of a running swarm are killed. Every role and every pair of
 roles is killed with SIGKILL as often as any other, in a random order and at random

@@ -1,4 +1,4 @@
-"""The memory of a run's processes: does it grow?
+"""Checks that the memory of a run's processes does not grow.
 
 It is looked at once in a while, and a line is laid through what each process has from a
 tenth of the run on, when all is loaded that ever is.

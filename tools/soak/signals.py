@@ -1,4 +1,4 @@
-"""Runs that get a signal to end at a random moment: do they end in order?
+"""Ends runs by a signal at a random moment, and checks that they end in order.
 
 A run is started anew each time and gets SIGINT, SIGTERM or SIGHUP, alone or with its
 whole process group, at any moment from its first line to its last; before some of them

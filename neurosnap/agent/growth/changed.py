@@ -1,4 +1,4 @@
-"""A sensor that was grown, or retired, as users are told of it."""
+"""Tells users that a sensor was grown, or retired."""
 
 import msgspec
 

@@ -1,4 +1,4 @@
-"""Applies the growth and retirement of sensors, as a decision says it, to a snapshot.
+"""Grows and retires the sensors of a snapshot, as a decision says.
 
 A decision carries all it takes, so that a reader of a run learns of a birth what
 the run did, without its history.

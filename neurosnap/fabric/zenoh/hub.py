@@ -1,4 +1,4 @@
-"""The hub: a router that parts of a swarm connect to, linked to others or alone.
+"""The hub: a router for a swarm's parts, which may be linked to other hubs.
 
 Without credentials it stays on this machine; with them every link is mutual TLS, and it
 passes on only what `neurosnap.fabric.security.roles` allows. Each hub holds its own

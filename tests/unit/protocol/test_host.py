@@ -1,4 +1,4 @@
-"""What every part refuses, and the readings that cells and workers keep."""
+"""Messages that parts refuse, and how many readings cells and workers keep."""
 
 import pytest
 from hypothesis import given

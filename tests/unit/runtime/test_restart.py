@@ -1,4 +1,4 @@
-"""A run that goes on after a death, and is told to end meanwhile."""
+"""A run that is told to end while it restarts after a part died."""
 
 import asyncio
 from pathlib import Path

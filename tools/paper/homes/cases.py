@@ -1,4 +1,4 @@
-"""The cases of the protocol: what every method says of each fault, table by table."""
+"""What every fault-detection method reports for each fault, table by table."""
 
 import hashlib
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Runs all methods on one home, each learned anew every week from the past."""
+"""Runs all methods on one home, and retrains each weekly on past data."""
 
 import functools
 import math

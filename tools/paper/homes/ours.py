@@ -1,4 +1,4 @@
-"""The health monitor as a method: one pass over the home, and a branch per fault."""
+"""The health monitor as a method: one pass over a home, forked for each fault."""
 
 import bisect
 from copy import deepcopy

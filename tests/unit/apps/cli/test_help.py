@@ -1,4 +1,4 @@
-"""Help that can be read: few verbs in panels, options in groups, whole names."""
+"""Help is readable: verbs in small panels, grouped options, no name cut short."""
 
 from collections.abc import Iterator
 

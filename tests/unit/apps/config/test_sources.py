@@ -1,4 +1,4 @@
-"""Tables of live sources."""
+"""TOML tables that describe live sources."""
 
 import sys
 from pathlib import Path

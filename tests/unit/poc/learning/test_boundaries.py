@@ -1,4 +1,4 @@
-"""The exact observation at which a code changes, checked by hand."""
+"""The exact observation at which a relation's code changes, checked by hand."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The health of a run's sensors is followed as its readings come, and catches up."""
+"""The health monitor of a run follows its readings, and catches up after a delay."""
 
 import asyncio
 import itertools

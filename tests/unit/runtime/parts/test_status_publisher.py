@@ -1,4 +1,4 @@
-"""The MQTT publisher ends with its run and announces it."""
+"""The MQTT publisher ends with its run, and announces the end."""
 
 import asyncio
 from collections.abc import Mapping

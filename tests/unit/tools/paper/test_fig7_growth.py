@@ -1,4 +1,4 @@
-"""Stages match their worlds, and learners work on them."""
+"""Experiment stages match the worlds they are made from, and learners work on them."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Faults and baselines behave as named, and the figure of homes has all tables."""
+"""Faults, baselines and the tables of the homes figure are as specified."""
 
 import csv
 from pathlib import Path
