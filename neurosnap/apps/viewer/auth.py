@@ -116,18 +116,14 @@ class Guard:
                 self._cookie, self._token, httponly=True, samesite="strict"
             )
             return response
-        if self._is_token(self._brought(scope)):
+        # Not by http.cookies, which drops all of them for one that it cannot read: a
+        # browser sends what other programs of this machine have set, too.
+        if self._is_token(HTTPConnection(scope).cookies.get(self._cookie, "")):
             return None
         error = (
             "token: must be that of the address neurosnap view printed: open that first"
         )
         return refusal(401, error)
-
-    def _brought(self, scope: Scope) -> str:
-        """Return the token in the cookie; empty: there is none."""
-        # Not by http.cookies, which drops all of them for one that it cannot read: a
-        # browser sends what other programs of this machine have set, too.
-        return HTTPConnection(scope).cookies.get(self._cookie, "")
 
     def _is_token(self, text: str) -> bool:
         return secrets.compare_digest(text.encode(), self._token.encode())

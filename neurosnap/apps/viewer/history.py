@@ -109,8 +109,8 @@ class RunHistory:
 
     def _read(self, first: int, last: int) -> None:
         view = self._run_view
-        what = np.full((last - first + 1, view.options.body.count), NOT_RECORDED)
-        what = what.astype(np.uint8)
+        shape = last - first + 1, view.options.body.count
+        what = np.full(shape, NOT_RECORDED, np.uint8)
         ticks = None
         try:
             ticks = Ticks(view.tick_index, view.options, first, last, with_waves=False)

@@ -12,8 +12,7 @@ from hashlib import blake2b
 import numpy as np
 
 from neurosnap.agent.body import Body
-from neurosnap.apps.viewer.api import Arrow, Edge, Graph, NodeView
-from neurosnap.poc.learning.kinds import Snapshot
+from neurosnap.apps.viewer.api import Arrow, Graph, NodeView
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.tick_index import TickIndex
@@ -128,21 +127,35 @@ def graph_id(graph: PocGraph, body: Body) -> str:
     return wires.hexdigest()
 
 
-def drawn(name: str, tick: int, graph: PocGraph, body: Body) -> Graph:
-    """Return the order of `graph`, whose id is `name`, with its layers. O(N²) time.
+def covers(graph: PocGraph) -> list[tuple[int, int]]:
+    """Return the covering edges of an order between those that stand for their classes.
+
+    Of an edge and its contrapositive it is the one with the smaller source.
+    """
+    below, above = np.nonzero(graph.hasse())
+    standing = graph.representative
+    chosen = (below <= above ^ 1) & (standing[below] != standing[above])
+    return list(zip(below[chosen].tolist(), above[chosen].tolist(), strict=True))
+
+
+def classes(graph: PocGraph) -> list[tuple[int, ...]]:
+    """Return the classes of equivalent literals, each once with its complement."""
+    return [members for members in graph.classes() if members[0] % 2 == 0]
+
+
+def drawn(tick: int, graph: PocGraph, body: Body) -> Graph:
+    """Return the order of `graph` with its layers. O(N²) time.
 
     Sensors still to be grown are not drawn, and retired ones where they are still in
     the order.
     """
     names = body.sensors
-    pairs = np.argwhere(graph.hasse())
-    shown = sorted({*body.read, *(pairs >> 1).ravel().tolist()})
+    wired = np.argwhere(graph.hasse()) >> 1
+    shown = sorted({*body.read, *wired.ravel().tolist()})
     standing = graph.representative
     heights = graph.heights()
-    below, above = pairs.T
-    chosen = (below <= above ^ 1) & (standing[below] != standing[above])
     return Graph(
-        id=name,
+        id=graph_id(graph, body),
         tick=tick,
         height=graph.height(),
         nodes=[
@@ -154,24 +167,6 @@ def drawn(name: str, tick: int, graph: PocGraph, body: Body) -> Graph:
             )
             for sensor in shown
         ],
-        edges=[Arrow(source=a, target=b) for a, b in pairs[chosen].tolist()],
-        classes=[members for members in graph.classes() if members[0] % 2 == 0],
-    )
-
-
-def weighed(tick: int, snapshot: Snapshot, source: int, target: int) -> Edge:
-    """Return what is known of ``source -> target`` after a tick.
-
-    Raises:
-        InvalidValueError: There is no such literal, or both are of one sensor.
-    """
-    found = snapshot.evidence(source, target)
-    return Edge(
-        source=source,
-        target=target,
-        tick=tick,
-        weights=(found.both, found.against, found.other, found.neither),
-        threshold=found.limit,
-        holds=found.holds,
-        since=found.since,
+        edges=[Arrow(source=a, target=b) for a, b in covers(graph)],
+        classes=classes(graph),
     )

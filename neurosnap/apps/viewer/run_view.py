@@ -16,7 +16,7 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.agent.growth.sensor_changes import changes_in
 from neurosnap.apps.viewer import api
-from neurosnap.apps.viewer.learned import SnapshotCache, drawn, graph_id, weighed
+from neurosnap.apps.viewer.learned import SnapshotCache, drawn, graph_id
 from neurosnap.apps.viewer.tick_messages import Ticks
 from neurosnap.apps.viewer.waves import Imagined, first_shown, plan_of
 from neurosnap.apps.viewer.world_scene import Scene
@@ -159,8 +159,7 @@ class RunView:
             RecordingError: An observation or a key-frame that is needed is not there.
         """
         learned = self.learned(tick)
-        graph = learned.snapshot.poc_graph()
-        return drawn(graph_id(graph, learned.body), tick, graph, learned.body)
+        return drawn(tick, learned.snapshot.poc_graph(), learned.body)
 
     def edge(self, source: int, target: int, tick: int) -> api.Edge:
         """Return what is known of ``source -> target`` after a tick.
@@ -170,7 +169,16 @@ class RunView:
                 one sensor.
             RecordingError: An observation or a key-frame that is needed is not there.
         """
-        return weighed(tick, self.learned(tick).snapshot, source, target)
+        found = self.learned(tick).snapshot.evidence(source, target)
+        return api.Edge(
+            source=source,
+            target=target,
+            tick=tick,
+            weights=(found.both, found.against, found.other, found.neither),
+            threshold=found.limit,
+            holds=found.holds,
+            since=found.since,
+        )
 
     def learned(self, tick: int) -> Learning:
         """Return what was learned by a tick, and of which sensors; not to be changed.
@@ -263,7 +271,7 @@ class RunView:
             bits=_bits(observed),
             state=_bits(literals),
             contradicted=np.flatnonzero(ticks.contradicted(state, literals)).tolist(),
-            action=self.named(choice),
+            action=self._names[choice] if 0 <= choice < len(self._names) else None,
             choice=choice,
             why="" if decision is None else decision.why,
             begins=observation is not None and observation.begins,
@@ -318,10 +326,6 @@ class RunView:
         except ShapeError as error:
             place = f"{self.path}: tick {state.tick}"
             raise RecordingError(f"{place}: /state: {error}") from error
-
-    def named(self, action: int) -> str | None:
-        """Return what an action is called; None if nothing is done."""
-        return self._names[action] if 0 <= action < len(self._names) else None
 
 
 def _bits(literals: NDArray[np.bool_]) -> list[api.Bit]:

@@ -8,7 +8,7 @@ file under the same name, and everything begins again.
 
 import asyncio
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Concatenate, ParamSpec, TypeVar
 
@@ -108,33 +108,27 @@ class ViewSession:
         Raises:
             RecordingError: It is not there any more, or cannot be read.
         """
-        await self.look()
         before = self.run_view
-        if not self.live:
-            async with self._lock:
-                await asyncio.to_thread(self._open_again)
+        await self.look(anew=not self.live)
         if self.run_view is not before:
             self._renewed.set()
         return await self.ask(RunView.run, self.live)
 
-    async def look(self) -> None:
+    async def look(self, *, anew: bool = False) -> None:
         """See whether the recording has grown, if it is time to.
+
+        Args:
+            anew: In any case: where it had ended there may be another now.
 
         Raises:
             RecordingError: It cannot be read any more.
         """
         now = asyncio.get_running_loop().time()
-        if not self.live or now - self._looked < _EVERY:
+        if not anew and (not self.live or now - self._looked < _EVERY):
             return
         self._looked = now
         async with self._lock:
             await asyncio.to_thread(self._look)
-
-    def _open_again(self) -> None:
-        """Open what is there now under the same name, if that is another recording."""
-        with suppress(RecordingError):  # deleted: who asks is told
-            if self.run_view.recording.replaced():
-                self._open()
 
     def _look(self) -> None:
         # Asked first: what was written before its end is seen after.
@@ -144,7 +138,8 @@ class ViewSession:
                 self._open()
                 return
         except RecordingError:
-            # Deleted; or the run that goes on has not begun to write.
+            # Deleted, which who asks is told; or the run that goes on has not begun to
+            # write.
             self.live = self._is_live(grows)
             return
         self.run_view.grow()

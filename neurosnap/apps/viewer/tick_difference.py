@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.apps.viewer.api import Arrow, Bit, Frame
+from neurosnap.apps.viewer.learned import classes, covers
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.literals import from_words
@@ -74,13 +75,13 @@ def difference(here: RunView, tick: int, there: RunView, then: int) -> TickDiffe
         RecordingError: An observation or a key-frame that is needed is not there.
     """
     one, other = here.learned(tick), there.learned(then)
-    drawn, their_drawn = here.graph(tick), there.graph(then)
+    graph, their_graph = one.snapshot.poc_graph(), other.snapshot.poc_graph()
     own = one.body.sensors[: one.body.size]
     theirs = {name: k for k, name in enumerate(other.body.sensors[: other.body.size])}
     pairs = [(k, theirs[name], name) for k, name in enumerate(own) if name in theirs]
     places = literals_of([k for k, _, _ in pairs])
-    mine = restricted(one.snapshot.poc_graph(), places)
-    its = restricted(other.snapshot.poc_graph(), literals_of([k for _, k, _ in pairs]))
+    mine = restricted(graph, places)
+    its = restricted(their_graph, literals_of([k for _, k, _ in pairs]))
     frames = here.frames(tick, tick), there.frames(then, then)
     return TickDifference(
         tick=tick,
@@ -88,8 +89,8 @@ def difference(here: RunView, tick: int, there: RunView, then: int) -> TickDiffe
         sensors=len(pairs),
         felt=_felt(frames[0][0], frames[1][0], pairs) if all(frames) else None,
         actions=(_action(frames[0]), _action(frames[1])),
-        height=(drawn.height, their_drawn.height),
-        edges=(len(drawn.edges), len(their_drawn.edges)),
+        height=(graph.height(), their_graph.height()),
+        edges=(len(covers(graph)), len(covers(their_graph))),
         here=_only(mine, its, places.tolist()),
         there=_only(its, mine, places.tolist()),
     )
@@ -155,17 +156,11 @@ def only_in(graph: PocGraph, other: PocGraph) -> list[tuple[int, int]]:
         other: Over the same sensors.
 
     Returns:
-        Pairs of literals, of an edge and its contrapositive the one with the smaller
-        source. What is implied by way of others is no difference, and what equivalent
-        literals share is in `only_equal`. O(N³/64) time where the orders are new.
+        Pairs of literals, as of `covers`. What is implied by way of others is no
+        difference, and what equivalent literals share is in `only_equal`. O(N³/64) time
+        where the orders are new.
     """
-    below, above = np.nonzero(graph.hasse())
-    standing = graph.representative
-    chosen = (below <= above ^ 1) & (standing[below] != standing[above])
-    below, above = below[chosen], above[chosen]
-    bits = other.closed[below, above >> 6] >> (above & 63).astype(np.uint64)
-    lacking = (bits & np.uint64(1)) == 0
-    return list(zip(below[lacking].tolist(), above[lacking].tolist(), strict=True))
+    return [(a, b) for a, b in covers(graph) if not other.leq(a, b)]
 
 
 def only_equal(graph: PocGraph, other: PocGraph) -> list[tuple[int, ...]]:
@@ -181,6 +176,6 @@ def only_equal(graph: PocGraph, other: PocGraph) -> list[tuple[int, ...]]:
     standing = other.representative
     return [
         members
-        for members in graph.classes()
-        if members[0] % 2 == 0 and len(set(standing[list(members)].tolist())) > 1
+        for members in classes(graph)
+        if len(set(standing[list(members)].tolist())) > 1
     ]

@@ -100,7 +100,10 @@ class TimeSeries:
             row = self._values[number, : self._filled]
             values = row[first - self._first : max(0, last - self._first + 1)]
             places = thinned(values, points)
-            known = [_finite(value) for value in values[places].tolist()]
+            known = [
+                value if math.isfinite(value) else None
+                for value in values[places].tolist()
+            ]
             curves[column] = Points((places + first).tolist(), known)
         return curves
 
@@ -238,7 +241,3 @@ def thinned(values: NDArray[np.float32], points: int) -> NDArray[np.int64]:
         chosen.add(start + int(np.where(known, run, np.inf).argmin()))
         chosen.add(start + int(np.where(known, run, -np.inf).argmax()))
     return np.array(sorted(chosen), np.int64)
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

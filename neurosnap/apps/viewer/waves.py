@@ -10,6 +10,7 @@ and its contexts that held. Where these are not those of the present state, a pl
 imagined the state (`neurosnap.agent.imagining_planner`).
 """
 
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 
@@ -44,7 +45,7 @@ class Waves:
     def __init__(self, sensors: int) -> None:
         self._literals = range(2 * sensors)
         self._starts: dict[int, dict[int, wire.WaveStart]] = {}  # by tick, by wave
-        self._found: dict[int, _FoundWave] = {}
+        self._found: defaultdict[int, _FoundWave] = defaultdict(_FoundWave)
 
     def begin(self, start: wire.WaveStart) -> None:
         """Take note of a wave; some are announced to many."""
@@ -53,7 +54,7 @@ class Waves:
     def report(self, reports: Iterable[wire.CellReport | wire.WorkerReport]) -> None:
         """Add what cells or workers reported, on whatever wave."""
         for report in reports:
-            found = self._at(report.wave)
+            found = self._found[report.wave]
             with suppress(MessageError):  # numbers that are cut off
                 found.hops.update(zip(*wire.fired(report), strict=False))
             found.credit += report.credit
@@ -75,17 +76,15 @@ class Waves:
 
     def reached(self, number: int) -> list[int]:
         """Return the literals that a wave reached, in no order."""
-        found = self._found.get(number)
-        if found is None:
-            return []
-        return [literal for literal in found.hops if literal in self._literals]
+        hops = self._found[number].hops
+        return [literal for literal in hops if literal in self._literals]
 
     def of(self, tick: int, observed: tuple[int, ...]) -> list[WaveView]:
         """Return the waves of a tick, oldest first; arguments as in `settled`."""
         return [self._shown(start, observed) for start in self._of(tick)]
 
     def _shown(self, start: wire.WaveStart, observed: tuple[int, ...]) -> WaveView:
-        found = self._at(start.wave)
+        found = self._found[start.wave]
         hops = self._hops(found)
         return WaveView(
             wave=start.wave,
@@ -99,7 +98,7 @@ class Waves:
 
     def _is_settled(self, start: wire.WaveStart, observed: tuple[int, ...]) -> bool:
         """Return whether the shares that came back are those that were given out."""
-        shares = self._at(start.wave).credit
+        shares = self._found[start.wave].credit
         scale = max((start.credit, *shares))
         if not shares or scale > DEEPEST:
             return False
@@ -115,11 +114,6 @@ class Waves:
         """Return the announcements of a tick's waves, oldest first."""
         starts = self._starts.get(tick, {})
         return [starts[wave] for wave in sorted(starts)]
-
-    def _at(self, number: int) -> _FoundWave:
-        if number not in self._found:
-            self._found[number] = _FoundWave()
-        return self._found[number]
 
 
 class Imagined:
