@@ -15,12 +15,13 @@ from neurosnap.sources.live.live_source import WAITING, ClockMapping, LiveSource
 from neurosnap.sources.live.tick_schedule import Clocked, OnChange, TickSchedule
 from neurosnap.sources.protocol import Observed
 from tests.support.fake_time import FakeTime, Told
+from tests.support.sources import readings
 
 NAMES = ["door", "motion"]
 EPOCH = 1_690_000_000.0
 END = 60.0
 
-Shown = tuple[tuple[bool, ...], tuple[bool, ...]]
+Shown = list[bool | None]
 Put = tuple[int, int, bool | None]
 
 
@@ -34,11 +35,6 @@ def source_of(
     )
 
 
-def shown(seen: Observed) -> Shown:
-    known = np.ones(len(seen.bits), bool) if seen.known is None else seen.known
-    return tuple(seen.bits.tolist()), tuple(known.tolist())
-
-
 def run(
     source: LiveSource, time: FakeTime, puts: list[Put], busy: Sequence[int]
 ) -> list[tuple[float, Shown]]:
@@ -49,7 +45,7 @@ def run(
     ticks: list[tuple[float, Shown]] = []
     seen = source.first()
     while seen is not None:
-        ticks.append((time.now, shown(seen)))
+        ticks.append((time.now, readings(seen)))
         time.pass_until(time.now + busy[len(ticks) % len(busy)])
         seen = source.step(-1)
     return ticks
@@ -57,13 +53,12 @@ def run(
 
 def view(puts: list[Put], now: float, stale: float | None) -> Shown:
     """Return what all readings up to `now` come to."""
-    bits, known = [], []
+    found: Shown = []
     for sensor in range(len(NAMES)):
         mine = [(t, on) for t, s, on in puts if s == sensor and t <= now]
         when, on = mine[-1] if mine else (0, None)
-        known.append(on is not None and (stale is None or now < when + stale))
-        bits.append(known[-1] and on is True)
-    return tuple(bits), tuple(known)
+        found.append(on if stale is None or now < when + stale else None)
+    return found
 
 
 PUTS = st.lists(
@@ -98,7 +93,7 @@ def test_on_change_every_moment_is_judged_by_all_readings_so_far(
         since = moment - expected[-1][0] if expected else np.inf
         changed = not expected or seen != expected[-1][1]
         must = bool(expected) and most is not None and since >= most
-        if any(seen[1]) and ((changed and since >= least) or must):
+        if seen != [None, None] and ((changed and since >= least) or must):
             expected.append((float(moment), seen))
             free = moment + busy[len(expected) % len(busy)]
     assert ticks == expected
@@ -118,7 +113,7 @@ def test_by_the_clock_a_late_tick_comes_at_once_and_hides_those_before_it(
     free, due, skipped = 0.0, 0.0, 0
     for moment in np.arange(0.0, END):
         seen = view(puts, moment, stale)
-        if moment >= max(free, due) and any(seen[1]):
+        if moment >= max(free, due) and seen != [None, None]:
             expected.append((float(moment), seen))
             free = moment + busy[len(expected) % len(busy)]
             while (due := due + interval) <= moment:
@@ -142,10 +137,10 @@ def test_whole_readings_have_a_tick_each_before_the_latest_or_a_failure_shows(
     else:
         source.end()
     seen = [source.first(), source.step(-1), source.step(-1)]
-    assert [shown(each) for each in seen if each is not None] == [
-        ((True, False), (True, False)),
-        ((True, False), (True, False)),
-        ((False, True), (True, True)),
+    assert [readings(each) for each in seen if each is not None] == [
+        [True, None],
+        [True, None],
+        [False, True],
     ]
     if fails:
         with pytest.raises(FabricError, match=r"^hub: gone$"):
@@ -153,7 +148,7 @@ def test_whole_readings_have_a_tick_each_before_the_latest_or_a_failure_shows(
         return
     latest = source.step(-1)
     assert latest is not None
-    assert shown(latest) == ((True, True), (True, True))
+    assert readings(latest) == [True, True]
     assert source.step(-1) is None
 
 
@@ -208,7 +203,7 @@ def test_the_last_change_is_shown_at_the_end_whatever_the_pace() -> None:
     source.end()
     seen = source.step(-1)
     assert seen is not None
-    assert shown(seen) == ((False, False), (True, False))
+    assert readings(seen) == [False, None]
     assert source.step(-1) is None
     assert time.now == 0.0
 
@@ -254,7 +249,7 @@ def test_stamps_are_times_since_the_epoch() -> None:
     time.at(600.0, source.close)
     seen = source.first()
     assert seen is not None
-    assert shown(seen) == ((True, False), (True, False))
+    assert readings(seen) == [True, None]
     assert source.statistics().late == 1
     assert source.step(-1) is None  # at 505 nothing is known any more
     assert time.now == 600.0

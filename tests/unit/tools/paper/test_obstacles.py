@@ -100,15 +100,10 @@ def test_claims_about_the_excited_follow_the_numbers() -> None:
     options = FigureOptions(runs=2, steps=3)
     made = fig4_excitation.cells(options)
     near = [np.ones((2, 3), np.uint16) for _ in made]
-    assert [c.holds for c in fig4_excitation.report(options, near).claims] == [
-        True,
-        True,
-    ]
-    near[0][1, -1] = 2
-    assert [c.holds for c in fig4_excitation.report(options, near).claims] == [
-        True,
-        False,
-    ]
+    for last, holds in ((1, [True, True]), (2, [True, False])):
+        near[0][1, -1] = last
+        report = fig4_excitation.report(options, near)
+        assert [claim.holds for claim in report.claims] == holds
     rows = list(fig4_excitation.report(options, near).rows)
     assert len(rows) == len(made) * 3
     assert rows[2] == ("path", "", "drawn", 3, "1.5", "0.5", 1, 2)
