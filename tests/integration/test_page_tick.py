@@ -181,7 +181,6 @@ async def test_a_sensor_says_what_would_follow_if_it_were_on_or_off(
     planner_log: Path,
 ) -> None:
     view = RunView(planner_log)
-    names = view.options.sensors
     graph = view.learned(TICKS).snapshot.poc_graph()
     page = await page_at(planner_log, TICKS)
     told = await page.evaluate(
@@ -194,9 +193,7 @@ async def test_a_sensor_says_what_would_follow_if_it_were_on_or_off(
         }"""
     )
     for literal, words in enumerate(told):
-        above = np.zeros(2 * len(names), np.bool_)
-        above[literal] = True
-        above = graph.up(above)
+        above = graph.up([literal])
         above[[literal, literal ^ 1]] = False
         expected = {
             word: {f"s{sensor}" for sensor in np.flatnonzero(above[half::2])}

@@ -98,13 +98,8 @@ async def test_a_broker_gives_the_first_anomaly(tmp_path: Path) -> None:
     with started(tmp_path, "allow_anonymous true") as broker:
         address = f"127.0.0.1:{broker.port}"
         async with peer(broker, "neurosnap/#") as home:
-            for topic, payload in (
-                (DOOR, '{"contact": true}'),
-                (
-                    HALL,
-                    '{"occupancy": false}',
-                ),
-            ):
+            first = {DOOR: '{"contact": true}', HALL: '{"occupancy": false}'}
+            for topic, payload in first.items():
                 await home.publish(topic, payload, qos=1, retain=True)
             line = topics.replace("localhost", address)
             async with verb(tmp_path, *shlex.split(line)) as process:

@@ -193,7 +193,7 @@ async def test_a_growing_recording_is_told_frame_by_frame(
     data, growing = small.read_bytes(), tmp_path / "growing.mcap"
     growing.write_bytes(data[: len(data) // 3])
     last: dict[int, api.Frame] = {}
-    shares = iter([45, 55, 65, 100])
+    shares = iter([40, 45, 50, 100])
     loop = asyncio.get_running_loop()
     times = []
     session = ViewSession(growing, lambda: True)
@@ -201,6 +201,7 @@ async def test_a_growing_recording_is_told_frame_by_frame(
         async for event in events(address):
             times.append(loop.time())
             last |= {frame.tick: frame for frame in event.frames}
+            assert len(event.frames) <= 11  # the last one again, and the newest
             assert event.live == (
                 event.ticks < TICKS or session.run_view.recording.cut is not None
             )

@@ -8,8 +8,9 @@ from neurosnap import wire
 from neurosnap.protocol import host as limits
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.wave import DEEPEST
-from tests.support.cell_messages import OWN
 from tests.support.wave_messages import LARGEST
+
+OWN = 2  # the literal of sensor 1
 
 
 def start(wave: int, *, cell: int = -1, **more: int) -> wire.WaveStart:
@@ -56,13 +57,31 @@ WRONG: list[wire.Message] = [
 ]
 
 
-@pytest.mark.parametrize("wrong", WRONG, ids=lambda m: f"{m!r:.40}")
+FOREIGN: list[tuple[wire.Message, str]] = [
+    (wire.Pulse(8, 0, 4, 1, 0), "pulse: must be for this cell, got 4"),
+    (wire.Wiring(2, 5, 0, add=(4,)), "wiring: must be for this cell, got 2"),
+    (wire.Observation(6, b""), "observation: must hold sensor 1, got 0 bytes"),
+    (
+        wire.Observation(6, b"\x02", known=b"\x05"),
+        "observation: must be 0 where it is not known, got sensor 1 on",
+    ),
+    (wire.Decision(6, 0, "?"), "decision: is not for a cell"),
+    (wire.CellReport(8, 0, 0, (), (), (), 0), "cellreport: is not for a cell"),
+]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "what"),
+    [*((message, "") for message in WRONG), *FOREIGN],
+    ids=lambda given: f"{given!r:.40}",
+)
 def test_what_cannot_be_right_is_a_fault_and_changes_nothing(
-    wrong: wire.Message,
+    wrong: wire.Message, what: str
 ) -> None:
     clean, tried = under_way(), under_way()
     (fault,) = tried.receive([wrong])
     assert isinstance(fault, wire.Fault)
+    assert fault.what.startswith(what)
     assert len(fault.what) < 100
     rest: list[wire.Message] = [
         wire.Wiring(1, 2, 1, add=(6,)),

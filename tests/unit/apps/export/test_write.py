@@ -26,6 +26,7 @@ from tests.support.inline_runs import (
     scripted_options,
 )
 from tests.support.lamp import BIRTH, GROWN, lamp_options
+from tests.support.recorded_messages import of_type
 from tests.support.recorded_runs import recorded as run_recorded
 from tests.support.scripted_sources import Scripted
 
@@ -61,18 +62,6 @@ def table(path: Path) -> list[dict[str, str]]:
     return list(csv.DictReader(io.StringIO(path.read_text(encoding="utf-8"))))
 
 
-def by_tick(log: Path) -> dict[int, dict[type, tuple[wire.Message, int]]]:
-    """Return what was recorded of each tick, and when it was sent."""
-    found: dict[int, dict[type, tuple[wire.Message, int]]] = {}
-    for each in Recording.open(log).messages(("observation", "state", "decision")):
-        message = each.message
-        assert isinstance(message, wire.Observation | wire.State | wire.Decision)
-        if message.tick:
-            place = found.setdefault(message.tick, {})
-            place[type(message)] = message, each.sent
-    return found
-
-
 def bit(packed: bytes, number: int) -> bool:
     return bool(packed[number // 8] >> number % 8 & 1)
 
@@ -80,16 +69,17 @@ def bit(packed: bytes, number: int) -> bool:
 def test_a_row_of_csv_is_what_was_recorded_of_a_tick(log: Path, tmp_path: Path) -> None:
     out = tmp_path / "out.csv"
     assert exported(log, out) == Exported(str(out), TICKS, 0, True)
-    got, said = table(out), by_tick(log)
-    assert [int(row["tick"]) for row in got] == sorted(said)
-    sensors = Recording.open(log).options.sensors
-    for row in got:
-        there = said[int(row["tick"])]
-        observation, sent = there[wire.Observation]
-        state, _ = there[wire.State]
-        assert isinstance(observation, wire.Observation)
-        assert isinstance(state, wire.State)
-        assert np.datetime64(row["time"].removesuffix("Z")).astype(int) == sent
+    got, recording = table(out), Recording.open(log)
+    sent = [each.sent for each in recording.messages(("observation",))]
+    observations, states = of_type(log, wire.Observation), of_type(log, wire.State)
+    decisions = {one.tick: one for one in of_type(log, wire.Decision)}
+    ticks = [int(row["tick"]) for row in got]
+    assert ticks == [one.tick for one in observations] == [one.tick for one in states]
+    sensors = recording.options.sensors
+    for row, at, observation, state in zip(
+        got, sent, observations, states, strict=True
+    ):
+        assert np.datetime64(row["time"].removesuffix("Z")).astype(int) == at
         assert row["begins"] == str(int(observation.begins))
         assert row["incoherent"] == str(int(state.incoherent))
         for name in ("depth", "height", "edges", "pulses"):
@@ -103,13 +93,10 @@ def test_a_row_of_csv_is_what_was_recorded_of_a_tick(log: Path, tmp_path: Path) 
             other = bit(state.literals, 2 * number + 1)
             assert row["state"][number] == ("T" if own else "F" if other else "?")
         # A decision is named after its action; the last tick may have none.
-        decision = there[wire.Decision][0] if wire.Decision in there else None
-        if decision is None:
-            assert (row["decision"], row["why"]) == ("", "")
-        else:
-            assert isinstance(decision, wire.Decision)
+        named = "", ""
+        if decision := decisions.get(state.tick):
             named = ("go", "stay")[decision.action], decision.why
-            assert (row["decision"], row["why"]) == named
+        assert (row["decision"], row["why"]) == named
     assert any(row[NAMES[1]] == "" for row in got)
 
 
