@@ -77,17 +77,6 @@ class MemoryHub:
         self._hand_over(*taken)
         return True
 
-    def run(self, most: int = 10_000_000) -> int:
-        """Deliver until nothing is under way; return how many it took.
-
-        Raises:
-            RuntimeError: There was no end to it within `most` deliveries.
-        """
-        for count in range(most):
-            if not self.step():
-                return count
-        raise RuntimeError(f"hub: must fall silent within {most} deliveries")
-
     def _next_delivery(self) -> tuple[str, wire.Delivery] | None:
         """Return the next receiver and what it gets."""
         if not self._queue:

@@ -101,15 +101,6 @@ def find(swarm: str = "") -> Note:
     raise InvalidValueError("swarm", rule, swarm)
 
 
-def parts_of(launcher: psutil.Process) -> Iterator[tuple[str, psutil.Process]]:
-    """Yield the parts that a process has started, by name; who is gone is left out."""
-    for process in launcher.children(recursive=True):
-        with suppress(psutil.NoSuchProcess, psutil.AccessDenied):
-            name = process.name()
-            if name.partition("/")[0] in _KINDS:
-                yield name, process
-
-
 def stop(note: Note, patience: float) -> None:
     """Ask a swarm to end in order, as Ctrl-C would, and wait for it.
 
@@ -131,13 +122,6 @@ def stop(note: Note, patience: float) -> None:
     except psutil.TimeoutExpired as error:
         rule = f"must end within {patience:g} s of being asked to"
         raise SwarmError(f"swarm {note.swarm}: {rule}, goes on") from error
-
-
-_KINDS = {
-    *("hub", "recorder", "coordinator", "intake", "world"),
-    *("watcher", "worker", "cell"),
-}
-"""What the names of parts begin with."""
 
 
 def _launcher(note: Note) -> psutil.Process | None:

@@ -19,6 +19,7 @@ from tests.support.command_line import call, happy, refused
 from tests.support.commands import Command
 from tests.support.disturbed_commands import wait_for_size
 from tests.support.patience import PATIENCE
+from tests.support.swarm_processes import parts_of
 
 
 @pytest.fixture(autouse=True)
@@ -51,7 +52,7 @@ def test_a_swarm_is_listed_shown_and_stopped(tmp_path: Path) -> None:
         ]
         ids = {Path(one["log"]): one["swarm"] for one in listed}
         pids = {Path(one["log"]): one["pid"] for one in listed}
-        names = {who for who, _ in registry.parts_of(psutil.Process(pids[first]))}
+        names = {who for who, _ in parts_of(psutil.Process(pids[first]))}
         services = {"hub", "recorder", "coordinator", "world"}
         assert names == services | {f"cell/{n}" for n in range(5)}
         assert happy("stop", ids[first])["log"] == str(first)

@@ -23,6 +23,7 @@ from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.run import run
 from tests.support.hypothesis_settings import cases
+from tests.support.memory_hubs import run_out
 from tools.simulate.__main__ import simulated
 from tools.simulate.case import live_on, random_options
 from tools.simulate.check import WrongError, check
@@ -220,7 +221,7 @@ def test_what_is_lost_is_counted_by_link() -> None:
     hub.fabric("a").publish(wire.Leave("a"))
     hub.heal("a", "c")
     hub.fabric("a").publish(wire.Leave("a"))
-    hub.run()
+    run_out(hub)
     assert heard == ["c"]
     assert hub.lost == {("a", "b"): 12, ("a", "c"): 11, ("a", "d"): 12}
 
@@ -229,6 +230,6 @@ def test_slow_links_mostly_come_last() -> None:
     hub = SimulatedHub(3, Faults(slow=frozenset({("a", "b")})))
     heard = listening(hub, "b", "c")
     hub.fabric("a").publish(*[wire.Leave("a")] * 100)
-    hub.run()
+    run_out(hub)
     assert sorted(heard) == ["b"] * 100 + ["c"] * 100
     assert 0 < heard[:100].count("b") < 30

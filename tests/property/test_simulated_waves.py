@@ -21,6 +21,7 @@ from neurosnap.protocol.wave_control import WaveControl
 from neurosnap.sensorium import pack
 from tests.support.edges import edge_list, edges_of
 from tests.support.hypothesis_settings import cases
+from tests.support.memory_hubs import run_out
 from tests.support.swarm_parts import Host, hosting, keys_of
 from tools.simulate.simulated_hub import Faults, SimulatedHub
 
@@ -262,7 +263,7 @@ def undisturbed(seed: int, *, shared: bool = False) -> int:
         network.rewire(graph.wiring(kind))
         network.dawdle(chance)
         signals = launch(network, chance, ticks, sensors)
-        network.hub.run(100_000)
+        run_out(network.hub, 100_000)
         out = neighbours(closed(pairs))
         most = height(sensors, out) + 2
         for number, signal in signals.items():

@@ -20,9 +20,9 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from neurosnap.protocol.run_options import LearningKind
-from neurosnap.runtime.registry import parts_of
 from neurosnap.runtime.request import RunRequest, Watcher
 from neurosnap.runtime.run import run
+from tests.support.swarm_processes import parts_of
 from tools.bench.report import Line, Sizes
 from tools.bench.run import line_options
 

@@ -30,6 +30,7 @@ from neurosnap.recording.format.records import opened
 from neurosnap.recording.format.scan import scan_index
 from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime.parts.job import decoded
+from tests.support.memory_hubs import run_out
 from tools.fuzz.altered_bytes import damage, damage_json, damage_recording
 from tools.fuzz.messages import altered, message
 from tools.fuzz.run import SENSORS, WORKERS, Honest
@@ -115,7 +116,7 @@ class Decode:
                 key = self._own_key(tag[1].decode(), payload, key)
             delivery = wire.Delivery(key, 0, 0, payload)
             read = count.timed(delivery, partial(decoded, part, [delivery]))
-            hub.run()
+            run_out(hub)
             said = [wire.decode(fault.key, fault.payload) for fault in faults]
             faults.clear()
             if len(read) + len(said) != 1:

@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 import psutil
 
-from neurosnap.runtime.registry import parts_of
+from tests.support.swarm_processes import parts_of
 
 Victims: TypeAlias = tuple[str, ...]
 

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 import psutil
 
-from neurosnap.runtime.registry import parts_of
+from tests.support.swarm_processes import parts_of
 
 _WARM = 0.1  # share of the run whose memory does not count
 

@@ -29,8 +29,8 @@ import psutil
 from neurosnap.errors import NeurosnapError
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
-from neurosnap.runtime.registry import parts_of
 from neurosnap.system.signals import SIGNALS
+from tests.support.swarm_processes import parts_of
 
 PATIENCE = 120.0  # seconds a run may take to end, on a busy machine
 _GONE = 10.0  # seconds what a run leaves may take to go

@@ -110,7 +110,7 @@ class LatestReadings:
         self._off_until[sensor] = until if on is False else -np.inf
         return True
 
-    def update_all(self, on: Bits, some: Bits, at: float, now: float) -> Bits:
+    def update_all(self, on: Bits, some: Bits, at: float, now: float) -> None:
         """Update every sensor, as `update` would one after the other. O(N).
 
         Args:
@@ -118,21 +118,17 @@ class LatestReadings:
             some: ``(N,)``, which of them know.
             at: When they were read.
             now: When they came, never before any time given earlier.
-
-        Returns:
-            Which were taken, ``(N,)``; a late one is not.
         """
         if at > now:
             self.ahead += len(self.sensors) * (at > now + TOLERANCE)
             at = now
-        taken: Bits = at >= self._at
+        taken = at >= self._at
         self._at[taken] = at
         until = at + self._span
         self._on_until[taken] = np.where(on | self._seen, until, -np.inf)[taken]
         off = some & ~on & ~self._seen
         self._off_until[taken] = np.where(off, until, -np.inf)[taken]
         self.late += int(np.count_nonzero(~taken))
-        return taken
 
     def observation(self, now: float) -> tuple[Bits, Bits]:
         """Return what is read, and what of it is known. O(N).

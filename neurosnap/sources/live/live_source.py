@@ -133,8 +133,7 @@ class LiveSource:
         self._started = self._ended = self._closed = False
         self._error: BaseException | None = None
         self._refusals = Refusals(clock)
-        self._ticks = self._taken = self._dropped = 0
-        self._missing = 0
+        self._dropped = self._missing = 0
 
     def first(self) -> Observed | None:
         """Start the feeder, unless it is on its way, and wait for the first tick.
@@ -291,7 +290,6 @@ class LiveSource:
                         " (name it among the sensors and start again)"
                     )
                 elif self._latest.update(number, on, as_of, now):
-                    self._taken += 1
                     self._changed()
             if self._away:
                 # Here, not in the waiting thread: readings may come before it wakes.
@@ -333,8 +331,7 @@ class LiveSource:
             if self.is_full or self._closed:
                 return
             now = self._clock()
-            taken = self._latest.update_all(on, known, self._as_of(at, now), now)
-            self._taken += int(np.count_nonzero(taken))
+            self._latest.update_all(on, known, self._as_of(at, now), now)
             if known.any() and (spare or len(self._waiting) < WAITING):
                 try:
                     self._waiting.append(self._row(on, known))
@@ -396,8 +393,6 @@ class LiveSource:
         """Return what came in so far; from any thread."""
         with self._condition:
             return Statistics(
-                ticks=self._ticks,
-                taken=self._taken,
                 late=self._latest.late,
                 ahead=self._latest.ahead,
                 refused=self._refusals.count,
@@ -414,7 +409,6 @@ class LiveSource:
             if shown is None:
                 return None
             self._schedule.given(self._clock())
-            self._ticks += 1
             self.given += 1
             self._condition.notify_all()  # there is room for one more
         return shown

@@ -12,10 +12,6 @@ import msgspec
 class Statistics(msgspec.Struct, frozen=True):
     """The counts of one source, since it was made."""
 
-    ticks: int
-    """Observations given out."""
-    taken: int
-    """Readings taken; a whole one counts one for each sensor."""
     late: int
     """Readings dropped because a younger one was there."""
     ahead: int

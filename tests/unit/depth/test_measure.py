@@ -20,6 +20,7 @@ from neurosnap.poc.order.graph import WiringKind
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.partition import hosts, shares
 from neurosnap.protocol.worker import Worker
+from tests.support.memory_hubs import run_out
 from tools.simulate.simulated_hub import SimulatedHub
 
 
@@ -189,7 +190,7 @@ def probed(
         else:
             join(Cell(number), hub.fabric(who), wire.cell_keys(number))
     say(probe.begin())
-    while hub.run() or not probe.finished:
+    while run_out(hub) or not probe.finished:
         for number in probe.in_flight:
             say(probe.overdue(number))
     return probe

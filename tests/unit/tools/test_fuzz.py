@@ -10,6 +10,7 @@ from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.protocol.host import check_readings
 from neurosnap.runtime.parts.job import decoded
 from tests.support.exhaustive import rows
+from tests.support.memory_hubs import run_out
 from tests.support.refusals import refusal
 from tools.fuzz import __main__ as fuzz
 from tools.fuzz import altered_bytes
@@ -94,7 +95,7 @@ def test_a_fault_does_not_repeat_ten_megabytes() -> None:
     hub.fabric("ear").listen(("fault/**",), heard.extend)
     large = b'{"type":"' + b"x" * 10_000_000 + b'"}'
     assert decoded(part, [wire.Delivery("wavestart", 0, 0, large)]) == []
-    hub.run()
+    run_out(hub)
     (delivery,) = heard
     assert len(delivery.payload) < 500
     fault = wire.decode("fault/cell/1", delivery.payload)

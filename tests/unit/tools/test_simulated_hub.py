@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap import wire
+from tests.support.memory_hubs import run_out
 from tests.support.patience import PATIENCE
 from tools.simulate.simulated_hub import Faults, SimulatedHub
 
@@ -48,7 +49,7 @@ def test_with_a_seed_senders_overtake_each_other_and_each_keeps_its_order(
     hub = SimulatedHub(seed)
     log = listener(hub)
     chatter(hub, senders=3, each=20)
-    hub.run()
+    run_out(hub)
     assert all(numbers(log, f"s{s}") == list(range(20)) for s in range(3))
 
 
@@ -58,7 +59,7 @@ def test_a_seed_gives_an_order_and_faults_and_none_gives_neither() -> None:
         log = listener(hub)
         chatter(hub, senders=3, each=20)
         assert hub.pending == 60 or seed
-        hub.run()
+        run_out(hub)
         return log
 
     assert heard(None) == [(f"s{s}", number) for number in range(20) for s in range(3)]
@@ -75,7 +76,7 @@ def test_what_is_under_way_to_whoever_leaves_is_for_nobody_of_its_name() -> None
     assert hub.pending == 1
     again = listener(hub, "leaves")
     end.publish(wire.Leave("sender"))
-    hub.run()
+    run_out(hub)
     assert (leaves, again) == ([], [("sender", 1)])
     assert stays == [("sender", 0), ("sender", 1)]
 
@@ -88,7 +89,7 @@ def test_an_answer_that_never_ends_is_noticed() -> None:
     with pytest.raises(
         RuntimeError, match=r"^hub: must fall silent within 50 deliveries$"
     ):
-        hub.run(50)
+        run_out(hub, 50)
 
 
 # Faults -------------------------------------------------------------------------------
@@ -98,7 +99,7 @@ def test_a_duplicate_comes_later_and_nothing_is_missing() -> None:
     hub = SimulatedHub(5, Faults(duplicate=0.3))
     log = listener(hub)
     chatter(hub, senders=2, each=200)
-    hub.run()
+    run_out(hub)
     assert len(log) > 450
     for who in ("s0", "s1"):
         firsts = list(dict.fromkeys(numbers(log, who)))
@@ -109,7 +110,7 @@ def test_what_is_dropped_leaves_a_gap_in_the_numbers() -> None:
     hub = SimulatedHub(5, Faults(drop=0.3))
     log = listener(hub)
     chatter(hub, senders=1, each=300)
-    hub.run()
+    run_out(hub)
     heard = numbers(log, "s0")
     assert 150 < len(heard) < 270
     assert heard == sorted(set(heard))
@@ -125,14 +126,14 @@ def test_a_cut_link_loses_what_was_under_way_and_what_comes(seed: int | None) ->
         end.publish(wire.Leave("sender"))
 
     send()
-    hub.run()
+    run_out(hub)
     send()
     hub.cut("sender", "far")
     send()
-    hub.run()
+    run_out(hub)
     hub.heal("far", "sender")
     send()
-    hub.run()
+    run_out(hub)
     assert numbers(far, "sender") == [0, 3]
     assert numbers(near, "sender") == [0, 1, 2, 3]
     assert hub.pending == 0

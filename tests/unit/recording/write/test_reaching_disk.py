@@ -24,6 +24,7 @@ from neurosnap.recording.write.rotation import Split, SplitWriter
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.parts import recorder_process as recorder
 from neurosnap.runtime.parts.recorder_process import run_recorder
+from tests.support.memory_hubs import run_out
 from tests.support.recorded_messages import assert_true_run
 from tests.support.recordings import EACH, NOW
 from tests.support.split_runs import EVERY, SMALL, SplitRun
@@ -85,7 +86,7 @@ async def test_the_first_whole_tick_is_flushed_at_once(
             )
             await asyncio.sleep(0)
             coordinator.publish(EACH["observation"], EACH["state"])
-            hub.run()
+            run_out(hub)
             await until(lambda: states(log) == 1)
             stop.set()
             await running

@@ -11,6 +11,7 @@ from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.rotation import SplitWriter
 from neurosnap.runtime.parts import recorder_process as recorder
 from neurosnap.runtime.parts.recorder_process import _Listener
+from tests.support.memory_hubs import run_out
 from tests.support.recordings import EACH
 
 PARTS = ("world", "cell/0")
@@ -63,7 +64,7 @@ async def test_only_what_is_written_counts(tmp_path: Path) -> None:
                 for message in (state, leave)
             ]
         )
-        hub.run()
+        run_out(hub)
         assert [wire.decode("fault/recorder", one.payload) for one in faults] == [
             wire.Fault("recorder", f"{key}: must hold a message that can be recorded")
             for key in ("state", "leave/world")
