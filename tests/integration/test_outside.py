@@ -250,7 +250,7 @@ def test_a_program_puts_readings_and_reads_what_the_swarm_makes_of_them(
     assert process.returncode == 0, errors
     recording = Recording.open(log)
     # Readings pass by the recorder: no message of ours, and no attack.
-    balance = recording.completeness()
+    balance = recording.balance(recording.sequences())
     assert (balance.whole, balance.foreign) == (True, 0)
     observed = [r.message for r in recording.messages(("observation",))]
     assert [m.bits for m in observed if isinstance(m, wire.Observation)] == [

@@ -3,6 +3,9 @@
 import threading
 from collections.abc import Callable
 
+from neurosnap.sources.live.live_source import ClockMapping, LiveSource
+from neurosnap.sources.live.statistics import Refusals
+
 
 class FakeTime(threading.Condition):
     """A clock, and a condition whose waits let it run on.
@@ -45,6 +48,21 @@ class FakeTime(threading.Condition):
 
     def notify_all(self) -> None:
         self._notified = True
+
+
+def timed(source: LiveSource, time: FakeTime, epoch: float = 0.0) -> LiveSource:
+    """Let a source that is not used yet go by a fake clock, and wait in it.
+
+    Args:
+        source: The source.
+        time: The clock.
+        epoch: Seconds since 1970 when it shows 0.
+    """
+    source._clock, source._condition = time.clock, time
+    source._wall = lambda: epoch + time.now
+    source._stamps = ClockMapping(time.now, epoch + time.now)
+    source._refusals = Refusals(time.clock)
+    return source
 
 
 class Told(threading.Condition):

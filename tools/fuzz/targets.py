@@ -305,7 +305,7 @@ class RecordingTarget:
         self._look()
         recording = Recording.open(self._path)
         render(describe(recording))
-        recording.completeness()
+        recording.balance(recording.sequences())
         for topic in wire.TOPICS:  # what lacks it is skipped, by the indexes
             list(recording.messages((topic,)))
         _ = recording.files[0].share, recording.closing

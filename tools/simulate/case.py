@@ -87,7 +87,8 @@ def live_on(
             return tally  # some of it cannot be read, and it says so
         if past is not None and past.part:
             # The files of lives before it say what they lack by themselves.
-            completeness = Recording.open(log).completeness()
+            recording = Recording.open(log)
+            completeness = recording.balance(recording.sequences())
         # What the disk or the network took from it, the files before may have.
         spared = completeness.whole and not (tally.flips or tally.powercuts)
         if lives.kept and spared:

@@ -227,7 +227,7 @@ def _look(log: Path, killer: Killer, seconds: float) -> Soaked:
         restarts=killer.restarts,
         redone=killer.redone,
         repeated=sum(isinstance(m, wire.WaveStart) and m.repeats > 0 for m in heard),
-        lost=sum(recording.completeness().missing.values()),
+        lost=sum(recording.balance(recording.sequences()).missing.values()),
         doubled=len(keys) - len(set(keys)),
         verified=verdict.same and verdict.complete,
         born=sum(isinstance(m, wire.Decision) and m.born >= 0 for m in heard),

@@ -166,7 +166,8 @@ class Struggle:
             yield f"must have nothing to say, said {others}"
         try:
             recording = Recording.open(self.log)
-            if not (recording.cut is None and recording.completeness().whole):
+            balance = recording.balance(recording.sequences())
+            if recording.cut is not None or not balance.whole:
                 yield "must leave a recording that is whole"
             elif _ticks(recording) and not verify(self.log).same:
                 yield "must leave a recording that can be derived again"

@@ -36,7 +36,6 @@ class Inbox(Generic[T]):
         fail: Called on the loop, once, with what `deliver` raised or with an
             `InboxOverflowError`; nothing more is let in then.
         swift: Deliver on a thread of the inbox, not on the loop.
-        capacity: How many items may wait.
     """
 
     def __init__(
@@ -46,12 +45,11 @@ class Inbox(Generic[T]):
         fail: Callable[[BaseException], None],
         *,
         swift: bool = False,
-        capacity: int = _CAPACITY,
     ) -> None:
         self._owner = owner
         self._deliver = deliver
         self._fail = fail
-        self._capacity = capacity
+        self._capacity = _CAPACITY
         self._loop = asyncio.get_running_loop()
         # Not `queue.Queue`: this one is a single lock in C, safe to use in a callback.
         self._items: queue.SimpleQueue[T | None] = queue.SimpleQueue()

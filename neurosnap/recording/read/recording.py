@@ -285,19 +285,11 @@ class Recording:
             sequences.receive(recorded.message.sender, recorded.sequence)
         return sequences
 
-    def completeness(self) -> Completeness:
-        """Read all messages and return whether any is missing.
+    def balance(self, sequences: RunningNumbers) -> Completeness:
+        """Return whether any message is missing, by the running numbers of all.
 
         In a finished recording that includes what senders say they sent after the last
         that was recorded, and counts what the writer left out.
-
-        Raises:
-            RecordingError: As `messages`, or the totals are not what a writer writes.
-        """
-        return self.balance(self.sequences())
-
-    def balance(self, sequences: RunningNumbers) -> Completeness:
-        """Return `completeness`, by running numbers that were read already.
 
         Raises:
             RecordingError: The totals are not what a writer writes.

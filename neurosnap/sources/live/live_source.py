@@ -22,7 +22,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -59,17 +59,6 @@ class Feeder(Protocol):
         """
 
 
-class Timing(NamedTuple):
-    """The clocks of a live source, and its lock."""
-
-    clock: Callable[[], float] = time.monotonic
-    """Seconds that never go back."""
-    wall: Callable[[], float] = time.time
-    """Seconds since the epoch, which is what readings are stamped in."""
-    condition: threading.Condition | None = None
-    """The lock, and how to wait; if None, a new one."""
-
-
 class LiveSource:
     """A live `Source` over the latest readings and a schedule.
 
@@ -83,7 +72,6 @@ class LiveSource:
             actions; on the world's thread, so it should not take long.
         journal: Where rows are written before they are given; None for nowhere.
         most: Rows that there are to be at most; None for no bound.
-        timing: For tests.
     """
 
     live: bool = True
@@ -100,9 +88,7 @@ class LiveSource:
         actuate: Callable[[int], None] | None = None,
         journal: Journal | None = None,
         most: int | None = None,
-        timing: Timing | None = None,
     ) -> None:
-        clock, wall, condition = Timing() if timing is None else timing
         self.sensors: tuple[str, ...] = latest.sensors
         self.orders: tuple[int, ...] = (0,) * len(latest.sensors)
         self.actions: tuple[str, ...] = tuple(actions)
@@ -115,9 +101,9 @@ class LiveSource:
         self._schedule = schedule
         self._feeder = feeder
         self._actuate = actuate
-        self._clock = clock
-        self._wall = wall
-        self._condition = threading.Condition() if condition is None else condition
+        self._clock: Callable[[], float] = time.monotonic
+        self._wall: Callable[[], float] = time.time  # what readings are stamped in
+        self._condition = threading.Condition()
         self._number = {name: k for k, name in enumerate(latest.sensors)}
         self._most = most
         self._rows = 0 if journal is None else journal.last  # rows there are, in all
@@ -126,13 +112,13 @@ class LiveSource:
         self._shown: Observed | None = None  # the last row, be it given or waiting
         self._turn = 0  # a waiting call ends when this has changed; see `wake_reader`
         self._away = False
-        self._stamps = ClockMapping(clock(), wall())
+        self._stamps = ClockMapping(self._clock(), self._wall())
         # Serializes `start` and `stop`: no start after a stop, no stop during a start.
         self._feeding = threading.Lock()
         self._sensitive = True  # a reading may bring the next tick nearer
         self._started = self._ended = self._closed = False
         self._error: BaseException | None = None
-        self._refusals = Refusals(clock)
+        self._refusals = Refusals(self._clock)
         self._dropped = self._missing = 0
 
     def first(self) -> Observed | None:

@@ -106,7 +106,8 @@ async def test_an_inbox_that_is_pushed_too_much_is_an_error(swift: bool) -> None
         assert not swift or go_on.wait(10)
 
     owner = Owner(block)
-    inbox = Inbox("cell/3", owner.deliver, owner.fail, swift=swift, capacity=3)
+    inbox = Inbox("cell/3", owner.deliver, owner.fail, swift=swift)
+    inbox._capacity = 3
     try:
         for item in range(1000):  # of which a thread takes some first
             inbox.push(item)
@@ -158,7 +159,8 @@ async def test_an_inbox_that_overflows_and_fails_says_so_once() -> None:
         raise TroubleError
 
     owner = Owner(refuse)
-    inbox = Inbox("me", owner.deliver, owner.fail, capacity=2)
+    inbox = Inbox("me", owner.deliver, owner.fail)
+    inbox._capacity = 2
     for item in range(5):
         inbox.push(item)
     await owner.until(lambda: bool(owner.failures))

@@ -89,7 +89,7 @@ def test_a_finished_recording_says_so_and_an_unknown_topic_is_refused_at_once(
     record(log, [])
     recording = Recording.open(log)
     assert list(recording.messages()) == []
-    assert recording.completeness() == Completeness(0)
+    assert recording.balance(recording.sequences()) == Completeness(0)
     assert recording.cut is None
     assert recording.metadata == {"seed": "7", "world": "Test-v0", "schema": SCHEMA}
     rule = r"^topics: must be of observation, .*'/wavestart"
@@ -167,7 +167,7 @@ def read_all(log: Path) -> None:
     recording = Recording.open(log)
     list(recording.messages())
     assert recording.closing is None
-    recording.completeness()
+    recording.balance(recording.sequences())
 
 
 @pytest.mark.parametrize(

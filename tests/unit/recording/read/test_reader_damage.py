@@ -68,7 +68,7 @@ def test_cut_anywhere_it_gives_the_whole_chunks(finished: bytes, log: Path) -> N
     # The last cut is behind the totals.
     recording = Recording.open(log)
     assert recording.totals is not None
-    assert recording.completeness() == Completeness(151)
+    assert recording.balance(recording.sequences()) == Completeness(151)
 
 
 def flipped(whole: bytes, seed: int, count: int) -> Iterator[tuple[int, bytes]]:
@@ -135,7 +135,7 @@ def test_zeros_elsewhere_cost_what_they_cover(abandoned: bytes, log: Path) -> No
         recording = Recording.open(log)
         read = [recorded.delivery for recorded in recording.messages()]
         assert read == [one for one in DELIVERIES if one not in DELIVERIES[lost]]
-        assert recording.completeness().missing
+        assert recording.balance(recording.sequences()).missing
         assert recording.metadata["seed"] == "7"
 
 

@@ -87,8 +87,10 @@ def test_every_file_is_a_run_and_all_together_are_the_run(
         recording, begins = Recording.open_file(path), number * EVERY
         assert recording.cut is None
         assert (recording.part, recording.begins) == (number, begins)
-        assert recording.completeness() == recording.noted().completeness
-        assert recording.completeness().whole
+        assert (
+            recording.balance(recording.sequences()) == recording.noted().completeness
+        )
+        assert recording.balance(recording.sequences()).whole
         share, upcoming = recording.files[0].share, recording.noted().expected
         assert share is not None
         assert all(share.get(who, 0) == end for who, end in ends.items())

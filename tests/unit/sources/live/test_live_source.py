@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from neurosnap.errors import FabricError
 from neurosnap.sources.live.latest_readings import TOLERANCE, LatestReadings
-from neurosnap.sources.live.live_source import WAITING, ClockMapping, LiveSource, Timing
+from neurosnap.sources.live.live_source import WAITING, ClockMapping, LiveSource
 from neurosnap.sources.live.tick_schedule import Clocked, OnChange, TickSchedule
 from neurosnap.sources.protocol import Observed
-from tests.support.fake_time import FakeTime, Told
+from tests.support.fake_time import FakeTime, Told, timed
 from tests.support.sources import readings
 
 NAMES = ["door", "motion"]
@@ -28,11 +28,8 @@ Put = tuple[int, int, bool | None]
 def source_of(
     time: FakeTime, schedule: TickSchedule, stale_after: float | None = None
 ) -> LiveSource:
-    return LiveSource(
-        LatestReadings(NAMES, stale_after=stale_after),
-        schedule,
-        timing=Timing(time.clock, lambda: EPOCH + time.now, time),
-    )
+    latest = LatestReadings(NAMES, stale_after=stale_after)
+    return timed(LiveSource(latest, schedule), time, EPOCH)
 
 
 def run(
@@ -289,10 +286,8 @@ def test_a_flood_of_bad_input_is_a_line_a_second(
     [("first", "close"), ("first", "end"), ("first", "fail"), ("room", "close")],
 )
 def test_who_waits_is_let_go(call: str, end: str) -> None:
-    lock = Told()
-    source = LiveSource(
-        LatestReadings(NAMES), OnChange(), timing=Timing(condition=lock)
-    )
+    source = LiveSource(LatestReadings(NAMES), OnChange())
+    source._condition = lock = Told()
     found: list[object] = []
 
     def wait() -> None:

@@ -11,9 +11,9 @@ import pytest
 from neurosnap.errors import NeurosnapError
 from neurosnap.sources.live.journal import Journal, read_journal
 from neurosnap.sources.live.latest_readings import LatestReadings
-from neurosnap.sources.live.live_source import WAITING, LiveSource, Timing
+from neurosnap.sources.live.live_source import WAITING, LiveSource
 from neurosnap.sources.live.tick_schedule import Clocked, OnChange, TickSchedule
-from tests.support.fake_time import FakeTime
+from tests.support.fake_time import FakeTime, timed
 
 NAMES = ["door", "motion"]
 
@@ -41,8 +41,8 @@ class Kept:
             actuate=None if done is None else done.append,
             journal=Journal(self.folder, NAMES),
             most=most,
-            timing=Timing(time.clock, time.clock, time),
         )
+        timed(source, time)
         self._open.append(source)
         return source
 

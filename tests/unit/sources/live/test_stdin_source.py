@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.sources.live import stdin_source
 from neurosnap.sources.live.latest_readings import LatestReadings
-from neurosnap.sources.live.live_source import WAITING, LiveSource, Timing
+from neurosnap.sources.live.live_source import WAITING, LiveSource
 from neurosnap.sources.live.stdin_source import Lines, StdinFeeder, first_line, names_in
 from neurosnap.sources.live.tick_schedule import OnChange
 from tests.support.fake_time import Told
@@ -102,9 +102,8 @@ def test_the_pipe_holds_back_who_writes_and_nothing_is_lost(pipe: Pipe) -> None:
             pipe.write(line % (number % 2, number % 3 == 0))
         pipe.end()
 
-    lock = Told()
-    timing, feeder = Timing(condition=lock), StdinFeeder()
-    source = LiveSource(LatestReadings(NAMES), OnChange(), feeder=feeder, timing=timing)
+    source = source_on()
+    source._condition = lock = Told()
     writing = threading.Thread(target=write)
     writing.start()
     assert source.first() is not None
