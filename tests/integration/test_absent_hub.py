@@ -2,7 +2,6 @@
 
 import asyncio
 import signal
-import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,6 +14,7 @@ from neurosnap.fabric.zenoh.hub import open_hub
 from neurosnap.fabric.zenoh.session import reach
 from tests.support.commands import Command
 from tests.support.exhaustive import rows
+from tests.support.ports import free_port
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh]
 
@@ -24,9 +24,7 @@ PATH = "neurosnap/Path-v0"
 @pytest.fixture
 def endpoint() -> str:
     """Where nobody listens."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    return f"tcp/127.0.0.1:{free_port()}"
 
 
 @contextmanager

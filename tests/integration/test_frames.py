@@ -138,6 +138,7 @@ def test_a_run_that_goes_on_has_all_of_them(log: Path, tmp_path: Path) -> None:
     assert course(on) == course(log)
 
 
+@pytest.mark.slow
 def test_a_run_in_several_files_has_all_of_them(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     ticks = 800  # more than a chunk holds, which may wait to be full

@@ -1,8 +1,6 @@
 """Swarms that run are found by their id, and can be stopped by it alone."""
 
 import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -84,29 +82,24 @@ def test_a_note_is_there_while_its_swarm_is(runtime: Path) -> None:
     assert list((runtime / "neurosnap").iterdir()) == []
 
 
+@pytest.mark.slow
 def test_two_launchers_of_one_id_keep_a_note_each(runtime: Path) -> None:
     code = (
+        "import sys\n"
         "from neurosnap.runtime.registry import noted\n"
         "with noted('abcd', 'other.csv', '', None):\n"
-        "    print(flush=True); input()"
+        "    print(flush=True); sys.stdin.read()"
     )
-    with subprocess.Popen(
-        [sys.executable, "-c", code],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    ) as other:
-        assert other.stdout is not None
+    with Command("-c", code) as other:
+        other.stdout.readline()
         with registry.noted("abcd", "own.csv", "", None):
-            other.stdout.readline()
             pids = {note.source: note.pid for note in registry.swarms()}
             assert pids == {"own.csv": os.getpid(), "other.csv": other.pid}
-            with pytest.raises(
-                InvalidValueError, match=r"^swarm: must be of one launcher, is of proc"
-            ):
+            rule = r"^swarm: must be of one launcher, is of proc"
+            with pytest.raises(InvalidValueError, match=rule):
                 registry.find("abcd")
         assert registry.find("abcd").source == "other.csv"
-        other.communicate("over", timeout=PATIENCE)
+        other.communicate(timeout=PATIENCE)
     assert registry.swarms() == []
 
 
@@ -139,25 +132,22 @@ def test_a_note_of_a_launcher_that_is_gone_counts_for_nothing(runtime: Path) -> 
             registry.find("abcd")
 
 
+@pytest.mark.slow
 def test_a_swarm_that_does_not_end_is_left_alone() -> None:
     code = (
-        "import signal; signal.signal(15, signal.SIG_IGN); print(flush=True); input()"
+        "import signal, sys\n"
+        "signal.signal(15, signal.SIG_IGN)\n"
+        "print(flush=True); sys.stdin.read()"
     )
-    with subprocess.Popen(
-        [sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE
-    ) as process:
-        assert process.stdout is not None
+    with Command("-c", code) as process:
         process.stdout.readline()
-        try:
-            born = psutil.Process(process.pid).create_time()
-            note = registry.Note(
-                swarm="abcd", pid=process.pid, born=born, source="", endpoint="", log=""
-            )
-            with pytest.raises(SwarmError, match=r"^swarm abcd: must end within 0.2 s"):
-                registry.stop(note, 0.2)
-            assert process.poll() is None
-        finally:
-            process.kill()
+        born = psutil.Process(process.pid).create_time()
+        note = registry.Note(
+            swarm="abcd", pid=process.pid, born=born, source="", endpoint="", log=""
+        )
+        with pytest.raises(SwarmError, match=r"^swarm abcd: must end within 0.2 s"):
+            registry.stop(note, 0.2)
+        assert process.poll() is None
 
 
 def test_a_folder_that_others_may_enter_is_refused(
