@@ -7,17 +7,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from neurosnap import wire
 from neurosnap.agent.agent import Agent
-from neurosnap.agent.body import Body
 from neurosnap.agent.policy import EXACT, AgentKind
 from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.run_options import CellKind, RunOptions, SnapshotKind
 from neurosnap.recording.replay.verify import verify
-from neurosnap.runtime.fit_agent import body_of, drawn_to
+from neurosnap.runtime.fit_agent import drawn_to
 from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from neurosnap.sensorium import pack
@@ -197,15 +195,6 @@ def test_an_excited_agent_is_given_a_target_where_it_needs_one() -> None:
     assert drawn_to(PATH, SEED, {"target": 2}, None) == {}
     with pytest.raises(InvalidValueError, match=r"^target: must be the number"):
         drawn_to(PATH, SEED, {}, "below_3")
-
-
-def test_a_walker_gets_no_more_than_the_worlds_own_sensors() -> None:
-    source = open_source(PATH, SEED, {"wait": True})
-    assert body_of(source, "walker").sensors == source.sensors
-    full = body_of(source, "excited")
-    assert full == Body.full(source.sensors, source.actions, source.orders)
-    assert len(full.sensors) == len(source.sensors) * 7 + 3
-    assert np.all(full.position[: 2 * len(source.sensors)])
 
 
 # Exploring by plan --------------------------------------------------------------------

@@ -12,7 +12,6 @@ from playwright.async_api import Page, expect
 from neurosnap.apps.viewer.server import serving
 from neurosnap.apps.viewer.session import ViewSession
 from tests.support.browser_pages import IN_BROWSER, looked_at, opened, page_at
-from tests.support.page_faults import faults
 from tests.support.recorded_runs import TICKS
 from tools.browser import SIZE, Scheme, wait_shown
 from tools.screenshots.recordings import recorded
@@ -21,6 +20,7 @@ from tools.screenshots.states import STATES, enter
 pytestmark = IN_BROWSER
 
 DOCS = Path(__file__).parents[2] / "docs"
+AXE = Path(__file__).parents[1] / "vendor" / "axe-core" / "axe.min.js"
 PLANNED = 36  # ticks of the lamp, at which a plan of two steps begins
 PHONE = 360, 740
 CONTROLS = ("#search", "#help", "#fit", "#wave-play", "#taller", "#speed", "#world svg")
@@ -31,6 +31,18 @@ ENTERED = ("wave", "time", "compare", "belief", "raster", "phone")
 @pytest.fixture(scope="session")
 def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("recordings")
+
+
+async def faults(page: Page) -> list[object]:
+    """Return the serious and critical ones, with the elements they are found in."""
+    if not await page.evaluate("() => 'axe' in window"):
+        await page.evaluate(AXE.read_text(encoding="utf-8"))
+    found: list[object] = await page.evaluate(
+        """async () => (await axe.run()).violations
+            .filter(({ impact }) => impact === "serious" || impact === "critical")
+            .map(({ id, nodes }) => [id, nodes.map(({ html }) => html)])"""
+    )
+    return found
 
 
 async def no_fault_in_either_scheme(page: Page) -> None:
