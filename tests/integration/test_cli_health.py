@@ -14,9 +14,7 @@ from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime.parts import health_listener
 from neurosnap.runtime.parts.health_listener import HealthListener, Past
 from tests.support.command_line import call, happy
-from tests.support.lived_in import SENSORS, START, lived_in
 from tests.support.patience import PATIENCE
-from tests.support.rewritten_recordings import sent_at
 
 if TYPE_CHECKING:
     from neurosnap.health.alarm import Standing
@@ -27,21 +25,9 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a home whose flush stops after three weeks, a row for each change."""
-    path = tmp_path_factory.mktemp("home") / "one.csv"
-    flush, onset = SENSORS.index("flush"), START + 21 * 86400
-    spans = [
-        (round(on), round(on) + round(off - on), sensor)
-        for on, off, sensor in lived_in(26, 1)
-        if not (sensor == flush and on >= onset)
-    ]
-    rows = ["time," + ",".join(SENSORS)]
-    for at in sorted({at for start, end, _ in spans for at in (start, end)}):
-        on = {sensor for start, end, sensor in spans if start <= at < end}
-        rows.append(f"{at}," + ",".join(str(int(k in on)) for k in range(len(SENSORS))))
-    path.write_text("\n".join(rows) + "\n")
-    return path
+def table(home_log: Path) -> Path:
+    """Return a home whose flush rests from a day on, a row for each change."""
+    return home_log.with_name("home.csv")
 
 
 def test_a_broken_sensor_is_named_in_a_line_and_as_json(table: Path) -> None:
@@ -68,21 +54,9 @@ def test_a_window_that_opens_again_and_again_is_not_silent_in_between() -> None:
 
 
 @pytest.fixture(scope="module")
-def recorded(table: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a recording of the home, as if it had been made then."""
-    folder = tmp_path_factory.mktemp("recorded")
-    log, later = folder / "home.mcap", folder / "later.mcap"
-    times = [int(row.split(",")[0]) for row in table.read_text().splitlines()[1:]]
-    more = "--ticks", len(times), "--set", "health.alarms=1/week", "--out", log
-    happy("run", table, "--cells", "inline", *more)
-
-    return sent_at(log, later, times)
-
-
-@pytest.fixture(scope="module")
-def facts(recorded: Path) -> dict[str, Any]:
+def facts(home_log: Path) -> dict[str, Any]:
     """Return what is said of the recording's sensors."""
-    return happy("health", recorded)
+    return happy("health", home_log)
 
 
 @pytest.mark.exhaustive
@@ -96,10 +70,10 @@ def test_a_recording_says_what_its_readings_said(
 
 
 def test_a_recording_is_watched_with_its_alarms_and_their_ends(
-    recorded: Path, facts: dict[str, Any]
+    home_log: Path, facts: dict[str, Any]
 ) -> None:
     alarms = facts["alarms"]
-    lines = call("watch", recorded).stdout.splitlines()
+    lines = call("watch", home_log).stdout.splitlines()
     for each in alarms:
         assert [line for line in lines if line.endswith(f"UTC  {each['line']}")]
     well = [line for line in lines if line.endswith(": well again")]
@@ -108,9 +82,9 @@ def test_a_recording_is_watched_with_its_alarms_and_their_ends(
     )
 
 
-def test_the_page_shows_what_is_said(recorded: Path, facts: dict[str, Any]) -> None:
-    end = RunView(recorded).last
-    view = RunHistory(RunView(recorded))
+def test_the_page_shows_what_is_said(home_log: Path, facts: dict[str, Any]) -> None:
+    end = RunView(home_log).last
+    view = RunHistory(RunView(home_log))
     assert not view.health.done
     while view.read_on():
         assert view.health.done == (view.health.read_to == end)
@@ -126,10 +100,10 @@ def test_the_page_shows_what_is_said(recorded: Path, facts: dict[str, Any]) -> N
 
 @pytest.mark.exhaustive
 async def test_one_who_catches_up_knows_what_it_knew(
-    recorded: Path, monkeypatch: pytest.MonkeyPatch
+    home_log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(health_listener, "_LAST", PATIENCE)
-    recording = Recording.open(recorded)
+    recording = Recording.open(home_log)
     body = recording.options.body
     told = [
         (each.message, each.sent)
@@ -141,7 +115,7 @@ async def test_one_who_catches_up_knows_what_it_knew(
     over.set()
     heard: dict[int, list[Standing]] = {0: [], middle: []}
     for start, standings in heard.items():
-        past = Past(recorded, start) if start else None
+        past = Past(home_log, start) if start else None
         listener = HealthListener(body, "1/week", standings.append, past)
         for message, sent in told[start:]:
             listener.receive(message, sent)
