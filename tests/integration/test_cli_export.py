@@ -10,29 +10,17 @@ from typer.testing import Result
 
 from neurosnap.apps.export import write
 from tests.support.command_line import call, happy
+from tests.support.recorded_runs import TICKS
 
 pytestmark = pytest.mark.slow
 
-TICKS = 30
-
-
-def run(source: object, log: Path) -> Path:
-    given = ("--ticks", TICKS, "--seed", 5, "--cells", "inline", "--out", log)
-    assert call("run", source, *given).exit_code == 0
-    return log
-
-
-@pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return run("neurosnap/Path-v0", tmp_path_factory.mktemp("logs") / "path.mcap")
-
 
 def test_a_table_goes_beside_the_recording_or_where_it_is_named(
-    log: Path, monkeypatch: pytest.MonkeyPatch
+    path_log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(log.parent)
+    monkeypatch.chdir(path_log.parent)
     for form, out in (("csv", ()), ("parquet", ("-o", "path.parquet"))):
-        facts = happy("export", log.name, *out)
+        facts = happy("export", path_log.name, *out)
         assert facts == {
             "path": f"path.{form}",
             "ticks": TICKS,
@@ -63,14 +51,14 @@ def ended(number: signal.Signals, log: Path, out: Path) -> Result:
     [("SIGINT", False), ("SIGTERM", False), ("SIGHUP", False), ("SIGHUP", True)],
 )
 def test_whatever_ends_it_leaves_nothing_behind_and_what_is_ignored_does_not(
-    log: Path, tmp_path: Path, name: str, ignored: bool
+    path_log: Path, tmp_path: Path, name: str, ignored: bool
 ) -> None:
     number, out = signal.Signals[name], tmp_path / "out.csv"
     # Whoever started the tests may have had them ignore it.
     ends = signal.default_int_handler if name == "SIGINT" else signal.SIG_DFL
     before = signal.signal(number, signal.SIG_IGN if ignored else ends)
     try:
-        result = ended(number, log, out)
+        result = ended(number, path_log, out)
     finally:
         signal.signal(number, before)
     assert result.exit_code == (0 if ignored else 128 + number)

@@ -7,15 +7,9 @@ import numpy as np
 import pytest
 
 from tests.support.command_line import call, happy, refused
-from tests.support.command_line_files import record_path
 from tests.support.sources import written
 
 READINGS = Path(__file__).parents[2] / "examples" / "readings.csv"
-
-
-@pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return record_path(tmp_path_factory.mktemp("log") / "path.mcap")
 
 
 def test_a_csv_file_has_the_same_rows(tmp_path: Path) -> None:
@@ -66,13 +60,13 @@ def test_more_sensors_than_fit_are_refused(
     assert call("learn", READINGS, "--sensors", "m*").exit_code == 0
 
 
-def test_a_recording_has_the_same_table(log: Path) -> None:
-    table = happy("learn", log)
-    assert table["learned"] == "learned by tick 30"
+def test_a_recording_has_the_same_table(path_log: Path) -> None:
+    table = happy("learn", path_log)
+    assert table["learned"] == "learned by tick 40"
     told = {(row["a"], row["b"]) for row in table["relations"]}
     assert len(told) == len(table["relations"])
-    assert ("below_18", "below_19") in told
-    shown = call("learn", log).stdout
-    assert "below_18 implies below_19" in shown
-    assert "learned by tick 12" in call("learn", log, "--at", 12).stdout
-    assert happy("learn", log, "--threshold", 0.01)["ticks"] == 30
+    assert ("below_6", "below_7") in told
+    shown = call("learn", path_log).stdout
+    assert "below_6 implies below_7" in shown
+    assert "learned by tick 12" in call("learn", path_log, "--at", 12).stdout
+    assert happy("learn", path_log, "--threshold", 0.01)["ticks"] == 40

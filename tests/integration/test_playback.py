@@ -17,28 +17,15 @@ from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.recording.replay.playback import Played, Playing, play, play_on
 from neurosnap.recording.write.writer import Writer
 from tests.support.fabrics import Heard, Seen
-from tests.support.inline_runs import recorded_run
 from tests.support.patience import PATIENCE
-from tests.support.run_options import options_for
+from tests.support.recorded_runs import TICKS
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
-TICKS = 12
-
 
 @pytest.fixture(scope="module")
-def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
-    options = options_for(
-        "neurosnap/Path-v0",
-        2,
-        threshold=0.1,
-        cells="inline",
-        ticks=TICKS,
-        keyframe_every=5,
-    )
-    log = tmp_path_factory.mktemp("run") / "log.mcap"
-    recorded_run(options, log)
-    return Recording.open(log)
+def recording(path_log: Path) -> Recording:
+    return Recording.open(path_log)
 
 
 def deliveries(recording: Recording) -> list[wire.Delivery]:
