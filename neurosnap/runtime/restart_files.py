@@ -14,6 +14,7 @@ ticks in files with one of these names, or in the recording itself.
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from itertools import count
 from pathlib import Path
 from typing import TypeAlias
 
@@ -65,11 +66,6 @@ class RestartFiles:
                 " resume FILE --out NEW`"
             )
             raise InvalidValueError("log", rule, str(self._broken))
-
-    @property
-    def recorded(self) -> bool:
-        """There is a file of the recording."""
-        return bool(part_paths(self._log))
 
     def furthest(self, options: RunOptions) -> ResumePoint | None:
         """Return where the recorded run can go on; None if it has no whole tick.
@@ -186,20 +182,11 @@ class RestartFiles:
         self.kept.append(kept)
 
     def _free_name(self) -> Path:
-        number = 1
-        while (path := damaged_path(self._log, number)).exists():
-            number += 1
-        return path
-
-
-def damaged_path(log: Path, number: int) -> Path:
-    """Return where something is kept that cannot be gone on from.
-
-    Examples:
-        >>> damaged_path(Path("run.mcap"), 1).name
-        'run.damaged-1.mcap'
-    """
-    return log.with_name(f"{log.stem}.damaged-{number}{log.suffix}")
+        """Return where the next thing is kept that cannot be gone on from."""
+        stem, suffix = self._log.stem, self._log.suffix
+        names = (f"{stem}.damaged-{number}{suffix}" for number in count(1))
+        paths = map(self._log.with_name, names)
+        return next(path for path in paths if not path.exists())
 
 
 def _deleted(path: Path, held_by: Sequence[Path]) -> bool:

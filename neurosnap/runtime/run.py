@@ -32,6 +32,7 @@ from neurosnap.errors import (
 )
 from neurosnap.fabric.events import wait_any
 from neurosnap.protocol.resume_point import ResumePoint
+from neurosnap.recording.read.recording import part_paths
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.runtime.journaled_run import run_journaled
 from neurosnap.runtime.launch import new_swarm_id, run_incarnation
@@ -199,7 +200,7 @@ class Lives:
         options, files = self._next.options, self.files
         found = await asyncio.to_thread(files.furthest, options)
         kept = len(files.kept)
-        if self._reached > self._next.after and not files.recorded:
+        if self._reached > self._next.after and not part_paths(self._log):
             self._vanished.append(str(self._log))
         # Not on a thread, which would go on beside `keep_furthest` once this
         # is cancelled.

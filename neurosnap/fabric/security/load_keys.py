@@ -58,7 +58,8 @@ def read_credentials(
     if key.public_key() != certificate.public_key():
         rule = f"must be the key of {found.certificate}"
         raise InvalidValueError(found.key, rule, "another key")
-    _warn(folder, min(_until(authority), _until(certificate)), at)
+    ends = authority.not_valid_after_utc, certificate.not_valid_after_utc
+    _warn(folder, min(ends), at)
     return found
 
 
@@ -71,10 +72,6 @@ def near(until: datetime, now: datetime) -> str:
         f"expires on {until:%F %H:%M} UTC, in {max(left.days, 0)} days; make new keys"
         " with `neurosnap init keys`"
     )
-
-
-def _until(certificate: x509.Certificate) -> datetime:
-    return certificate.not_valid_after_utc
 
 
 def _warn(folder: Path, until: datetime, now: datetime) -> None:

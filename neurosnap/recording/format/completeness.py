@@ -12,6 +12,7 @@ what comes before that is none of its business.
 from bisect import bisect_right
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from operator import itemgetter
 from types import MappingProxyType
 
 import msgspec
@@ -56,10 +57,6 @@ def added_up(balances: Iterable[Completeness]) -> Completeness:
         gaps += balance.gaps
     lost = dict(sorted(missing.items()))
     return Completeness(messages, lost, duplicates, foreign, tuple(vanished), gaps)
-
-
-def _start(gap: tuple[int, int]) -> int:
-    return gap[0]
 
 
 class RunningNumbers:
@@ -122,7 +119,7 @@ class RunningNumbers:
     def _fill(self, sender: str, sequence: int) -> bool:
         """Take `sequence` out of the sender's gaps; return whether it was in one."""
         gaps = self._gaps.get(sender, [])
-        index = bisect_right(gaps, sequence, key=_start) - 1
+        index = bisect_right(gaps, sequence, key=itemgetter(0)) - 1
         if index < 0 or sequence >= gaps[index][1]:
             return False
         start, stop = gaps[index]

@@ -36,10 +36,6 @@ class Played(msgspec.Struct):
     seconds: float = 0.0
 
 
-async def _nothing() -> None:
-    """Begin at once."""
-
-
 class Playing(NamedTuple):
     """How a recording is played, and who is told."""
 
@@ -47,7 +43,7 @@ class Playing(NamedTuple):
     """How many times as fast as it was recorded."""
     start: int = 1
     """The first tick."""
-    on_begin: Callable[[], Awaitable[None]] = _nothing
+    on_begin: Callable[[], Awaitable[None]] | None = None
     """Awaited once before the first message, when nothing is wrong."""
     on_progress: Callable[[int], None] = lambda _: None
     """Told each tick."""
@@ -115,7 +111,8 @@ async def play(
     last = TickIndex(recording).last_tick()
     if not 1 <= start <= max(last, 1):
         raise InvalidValueError("from", f"must be in [1, {last}]", start)
-    await on_begin()
+    if on_begin is not None:
+        await on_begin()
     played, began = Played(), time.perf_counter()
     if start > 1:
         snapshot = learned_at(recording, start - 1)

@@ -157,7 +157,8 @@ def _files(log: Path, most: int | None) -> list[Recording]:
         try:
             recording = Recording.open_file(path)
         except RecordingError:
-            if files and _is_blank(path):
+            # A power cut leaves a file that has a name and no content.
+            if files and not path.read_bytes().strip(b"\0"):
                 break
             raise
         if path == log and recording.part != 0:
@@ -183,11 +184,6 @@ def _lacks_bands(recording: Recording) -> bool:
     frames = (recorded.message for recorded in recording.messages(("keyframe",)))
     begun = any(isinstance(frame, wire.KeyFrame) and frame.bands for frame in frames)
     return begun and next(starts(recording), None) is None
-
-
-def _is_blank(path: Path) -> bool:
-    """Tell whether a file has a name and no content, as a power cut leaves one."""
-    return not path.read_bytes().strip(b"\0")
 
 
 def _derive(recording: Recording, most: int | None, lacks: bool = False) -> _Point:
