@@ -208,11 +208,7 @@ def run(
         given[f"source.arguments.{argument}"] = value
     if out is not None:
         given["recording.path"], names["recording.path"] = str(out), "out"
-    request = prepare(described(str(source), given, names))
-    if request.log is None:
-        rule = "must be recorded to be returned"
-        raise InvalidValueError("recording.record", rule, False)
-    return _carry_out(request, watcher)
+    return _carry_out(prepare(described(str(source), given, names)), watcher)
 
 
 def measure_depth(
@@ -233,9 +229,10 @@ def measure_depth(
 
 
 def _carry_out(request: RunRequest, watcher: Watcher = SILENT) -> Recording:
-    """Run a request that is recorded; return its recording."""
+    """Run what was requested; return its recording."""
     if request.log is None or request.written is None:
-        raise ValueError("request: must be recorded")
+        rule = "must be recorded to be returned"
+        raise InvalidValueError("recording.record", rule, False)
     request.log.parent.mkdir(exist_ok=True)
     _awaited(lambda: run_swarm(request, asyncio.Event(), watcher))
     return Recording(request.written)

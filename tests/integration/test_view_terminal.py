@@ -3,13 +3,14 @@
 import asyncio
 import shutil
 import socket
+from functools import partial
 from pathlib import Path
 
 import msgspec
 import pytest
 from typer.testing import CliRunner
 
-from neurosnap.apps.cli import app
+from neurosnap.apps.cli import app, page
 from neurosnap.apps.cli.page import look, viewed
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.auth import Address
@@ -21,6 +22,11 @@ from tests.support.patience import PATIENCE
 from tests.support.recorded_runs import path_run
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_notes")]
+
+
+@pytest.fixture(autouse=True)
+def _no_browser(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("webbrowser.open", lambda _: True)
 
 
 def refused(*arguments: str) -> tuple[int, str]:
@@ -80,7 +86,7 @@ async def test_a_run_is_looked_at_while_it_goes_on_and_after(
         stop.set()
 
     async with asyncio.timeout(PATIENCE):
-        got = await viewed(log, stop, work, on_end, browser=False)
+        got = await viewed(log, stop, work, on_end)
     assert (got, looked.is_set()) == ("outcome", True)
     assert (shown[0].live, shown[0].ticks, shown[0].cut) == (True, 0, None)
 
@@ -119,11 +125,11 @@ async def test_a_run_that_fails_ends_its_page(tmp_path: Path) -> None:
     log = tmp_path / "run.mcap"
     async with asyncio.timeout(PATIENCE):
         with pytest.raises(SwarmError, match=r"^cell/3: died"):
-            await viewed(log, asyncio.Event(), work, on_end, browser=False)
+            await viewed(log, asyncio.Event(), work, on_end)
 
 
 async def test_a_page_that_cannot_be_served_ends_the_run(
-    tmp_path: Path, path_log: Path
+    path_log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def work(stop: asyncio.Event) -> None:
         await stop.wait()
@@ -134,5 +140,5 @@ async def test_a_page_that_cannot_be_served_ends_the_run(
             pytest.raises(InvalidValueError, match=r"^port: must be free"),
         ):
             port = taken.getsockname()[1]
-            options = {"port": port, "browser": False}
-            await viewed(path_log, asyncio.Event(), work, lambda _: None, **options)
+            monkeypatch.setattr(page, "look", partial(look, port=port))
+            await viewed(path_log, asyncio.Event(), work, lambda _: None)

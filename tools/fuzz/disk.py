@@ -168,7 +168,7 @@ def _derived(truth: _Truth, log: Path) -> int:
 
 def _described(recording: Recording) -> None:
     found = recording_info.describe(recording)
-    recording_info.render(found)
+    list(recording_info.render(found))
     if recording.whole:
         _demand(found.completeness.whole, "whole, but for the info")
 

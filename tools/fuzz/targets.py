@@ -304,7 +304,7 @@ class RecordingTarget:
     def _read(self) -> None:
         self._look()
         recording = Recording.open(self._path)
-        render(describe(recording))
+        list(render(describe(recording)))
         recording.balance(recording.sequences())
         for topic in wire.TOPICS:  # what lacks it is skipped, by the indexes
             list(recording.messages((topic,)))

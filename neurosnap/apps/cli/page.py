@@ -108,9 +108,6 @@ async def viewed(
     stop: asyncio.Event,
     work: Callable[[asyncio.Event], Coroutine[Any, Any, T]],
     on_end: Callable[[T], None],
-    *,
-    port: int = 0,
-    browser: bool = True,
 ) -> T:
     """Do what writes a recording, and let it be looked at: then, and until `stop`.
 
@@ -119,8 +116,6 @@ async def viewed(
         stop: Ends both.
         work: Returns once `log` is whole.
         on_end: Given the result, while the page is still there.
-        port: As in `look`.
-        browser: As in `look`.
 
     Raises:
         NeurosnapError: As from `work` or from `look`; either ends the other.
@@ -128,7 +123,7 @@ async def viewed(
     halt = asyncio.Event()
     running = asyncio.create_task(work(stop), name="view/run")
     page = asyncio.create_task(
-        look([log], halt, port=port, browser=browser, grows=lambda: not running.done()),
+        look([log], halt, grows=lambda: not running.done()),
         name="view/page",
     )
     try:

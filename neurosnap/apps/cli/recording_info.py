@@ -171,12 +171,8 @@ def _read_through(
     return counts, start, end, recording.balance(sequences)
 
 
-def render(info: Info) -> str:
-    """Return `info` as text: what is missing, then the run, then the file."""
-    return "\n".join(_lines(info))
-
-
-def _lines(info: Info) -> Iterator[str]:
+def render(info: Info) -> Iterator[str]:
+    """Yield `info` in lines: what is missing, then the run, then the file."""
     yield from _balance(info)
     if info.births or info.room:
         yield f"grown: {len(info.births)}, room for {info.room} more"

@@ -45,7 +45,7 @@ def info(log: Log, form: Format = "text") -> None:
     with errors():
         recording = Recording.open_file(log)
         found = describe(recording)
-        say(form, render(found))
+        say(form, *render(found))
         print_facts(form, found)
         if not recording.whole:
             raise typer.Exit(LOST)

@@ -10,7 +10,6 @@ import csv
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import TypeAlias
 
 import msgspec
 import numpy as np
@@ -23,11 +22,6 @@ from neurosnap.recording.read.ticks import ticks
 from neurosnap.recording.replay.births import births_of
 from neurosnap.sources.tables.csv_file import as_text
 from neurosnap.system.distribution import must_have
-
-WriteTable: TypeAlias = Callable[
-    [Path, Sequence[Column], Iterable[Sequence[Cell]]], None
-]
-"""Writes a table with a schema: a row at a time, as `Table.row` gives them."""
 
 _CELLS = 1 << 20
 """About so many are held in memory before they are written as a row group."""
@@ -71,7 +65,7 @@ def export(
     if ending not in (".csv", ".parquet"):
         rule = "must end with one of .csv, .parquet, .mcap"
         raise InvalidValueError("out", rule, str(out))
-    write = write_csv if ending == ".csv" else parquet_writer()
+    write = write_csv if ending == ".csv" else write_parquet
     table = Table(births_of(recording).body)
     count = incomplete = 0
 
@@ -91,7 +85,7 @@ def export(
 def write_csv(
     path: Path, columns: Sequence[Column], rows: Iterable[Sequence[Cell]]
 ) -> None:
-    """Write a table row by row; see `WriteTable`."""
+    """Write a table row by row, as `Table.row` gives them."""
     shown = [_SHOWN[column.kind] for column in columns]
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
@@ -105,8 +99,10 @@ def write_csv(
             )
 
 
-def parquet_writer() -> WriteTable:
-    """Return what writes Parquet, a row group after the other.
+def write_parquet(
+    path: Path, columns: Sequence[Column], rows: Iterable[Sequence[Cell]]
+) -> None:
+    """Write a table likewise, a row group after the other.
 
     Raises:
         MissingExtraError: pyarrow is not installed.
@@ -125,23 +121,17 @@ def parquet_writer() -> WriteTable:
         "bit": pa.bool_(),
         "text": pa.string(),
     }
-
-    def write(
-        path: Path, columns: Sequence[Column], rows: Iterable[Sequence[Cell]]
-    ) -> None:
-        schema = pa.schema([(column.name, types[column.kind]) for column in columns])
-        size = max(1, _CELLS // len(columns))
-        left = iter(rows)
-        with pq.ParquetWriter(path, schema) as writer:
-            while group := list(islice(left, size)):
-                cells = zip(*group, strict=True)
-                arrays = [
-                    pa.array(column, field.type)
-                    for column, field in zip(cells, schema, strict=True)
-                ]
-                writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
-
-    return write
+    schema = pa.schema([(column.name, types[column.kind]) for column in columns])
+    size = max(1, _CELLS // len(columns))
+    left = iter(rows)
+    with pq.ParquetWriter(path, schema) as writer:
+        while group := list(islice(left, size)):
+            cells = zip(*group, strict=True)
+            arrays = [
+                pa.array(column, field.type)
+                for column, field in zip(cells, schema, strict=True)
+            ]
+            writer.write_table(pa.Table.from_arrays(arrays, schema=schema))
 
 
 _SHOWN: dict[Kind, Callable[[Cell], object]] = {

@@ -111,7 +111,7 @@ def test_info_says_what_is_missing(whole: Path, spoiled: tuple[Path, Chunk]) -> 
     states = {m.message.tick for m in there if isinstance(m.message, wire.State)}
     missing = {t for a, b in found.missing_ticks for t in range(a, b + 1)}
     assert missing == set(range(1, TICKS + 1)) - states
-    text = render(found)
+    text = "\n".join(render(found))
     assert f"bytes {chunk.start_offset} to {chunk.stop_offset}: chunk" in text
     assert "missing ticks: " in text
 

@@ -92,7 +92,7 @@ def test_info_lists_what_a_run_has_grown(log: Path) -> None:
     found = describe(Recording.open(log))
     only = RecordedBirth(tick=BIRTH, sensor=24, name=GROWN, history=BIRTH)
     assert (found.births, found.room) == ((only,), 2)
-    text = render(found)
+    text = "\n".join(render(found))
     assert "grown: 1, room for 2 more\n" in text
     assert f"  tick {BIRTH}  sensor 24  {GROWN}  from {BIRTH} ticks\n" in text
 

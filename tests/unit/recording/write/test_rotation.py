@@ -115,7 +115,7 @@ def test_every_file_is_a_run_and_all_together_are_the_run(
     assert verdict.files == len(paths)
     counts = ("ticks", "wirings", "waves", "states", "decisions")
     assert [getattr(verdict, n) for n in counts] == [getattr(alone, n) for n in counts]
-    text = render(describe(Recording.open_file(paths[1])))
+    text = "\n".join(render(describe(Recording.open_file(paths[1]))))
     assert f"files: {len(paths)}\n" in text
     assert "  log.mcap\n  log_0001.mcap\n" in text
 
