@@ -130,6 +130,8 @@ def test_what_was_learned_is_known_behind_the_damage(
 
 def test_the_last_tick_known_may_lie_before_the_damage(log: Path) -> None:
     spoil(log, 38)
+    ((begin, end),) = verify(log).missing
+    assert begin <= 38 < end == TICKS
     recording = Recording.open(log)
     *_, frame = recording.messages(("keyframe",))
     chunks = recording.files[0].layout.chunks

@@ -21,22 +21,6 @@ def observed(*ticks: int) -> list[wire.Observation]:
     return [wire.Observation(tick, bytes((tick % 8,))) for tick in ticks]
 
 
-def learned(last: int) -> Learning:
-    learning = Learning(LOG, options())
-    assert list(learning.learn_to(last, observed(*range(1, last + 1)), {})) == [
-        *range(1, last + 1)
-    ]
-    return learning
-
-
-def test_a_copy_stays_where_it_was() -> None:
-    learning = learned(10)
-    other = learning.copy()
-    before = other.snapshot.to_bytes()
-    learning.learn(observed(11)[0])
-    assert (other.tick, other.snapshot.to_bytes()) == (10, before)
-
-
 @pytest.mark.parametrize("ticks", [(1, 2, 4), (1, 2)])
 def test_an_observation_that_is_missing_is_an_error(ticks: tuple[int, ...]) -> None:
     learning = Learning(LOG, options())

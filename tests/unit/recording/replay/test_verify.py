@@ -7,7 +7,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.resume import find_resume_point
-from neurosnap.recording.replay.verify import _between, verify
+from neurosnap.recording.replay.verify import verify
 from tests.support.inline_runs import (
     ACTIONS,
     implying_rows,
@@ -32,23 +32,6 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     source = Scripted(implying_rows(2 * TICKS, 0), ACTIONS)
     log = tmp_path_factory.mktemp("whole") / "log.mcap"
     return record_scripted(source, scripted_options(TICKS), log)
-
-
-@pytest.mark.parametrize(
-    ("first", "ranges", "missing"),
-    [
-        (0, [(1, 4), (5, 9)], []),
-        (0, [(2, 4), (6, 9)], [(1, 1), (5, 5)]),
-        (7, [(8, 9), (12, 20)], [(10, 11)]),
-    ],
-)
-def test_ticks_between_what_was_compared_are_missing(
-    whole: Path,
-    first: int,
-    ranges: list[tuple[int, int]],
-    missing: list[tuple[int, int]],
-) -> None:
-    assert list(_between(Recording.open(whole), first, ranges)) == missing
 
 
 @pytest.mark.parametrize("sensor", [2, 3, 5])
