@@ -104,14 +104,14 @@ class RunMarks:
         self._health = health
         self._anomalies: list[int] = []  # ticks, ascending
         self._begins: list[int] = []
-        self._times: dict[int, int] = {}  # tick -> ns since 1970
+        self._times: dict[int, float] = {}  # tick -> seconds since 1970
         self._reached: list[int] = []  # ticks that come to the target
         self._is_there = False  # at the last tick that was read
 
     def read(self, ticks: Ticks, first: int, last: int) -> None:
         """Take in the messages of the ticks that follow those read before."""
         for tick, observation in sorted(ticks.observations.items()):
-            self._times[tick] = ticks.sent[tick]
+            self._times[tick] = ticks.sent[tick] / 1e9
             if observation.begins:
                 self._begins.append(tick)
         for tick, anomaly in sorted(ticks.anomalies.items()):
@@ -144,7 +144,7 @@ class RunMarks:
             last=last,
             anomalies=_counted(self._anomalies, edges),
             begins=_counted(self._begins, edges),
-            times=[self._time(math.ceil(edge)) for edge in edges[:-1].tolist()],
+            times=[self._times.get(math.ceil(edge)) for edge in edges[:-1].tolist()],
             resumed=[tick for tick in resumed if first <= tick <= last],
             reached=_counted(self._reached, edges),
             born=_counted(born, edges),
@@ -159,10 +159,6 @@ class RunMarks:
         place = bisect_right(told, tick) if way > 0 else bisect_left(told, tick) - 1
         there = 0 <= place < len(told)
         return api.Beside(told[place] if there else None)
-
-    def _time(self, tick: int) -> float | None:
-        sent = self._times.get(tick)
-        return None if sent is None else sent / 1e9
 
 
 def _counted(ticks: Sequence[int], edges: NDArray[np.float64]) -> list[int]:

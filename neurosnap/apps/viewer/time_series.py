@@ -76,7 +76,12 @@ class TimeSeries:
             self._first = first
         found = np.full((len(COLUMNS), last - first + 1), np.nan, np.float32)
         if ticks is not None:
-            self._read_states(ticks, what, first, last, found)
+            if self._run_view.options.body.room:
+                self._follow_births(ticks.decisions, last)
+            for tick, state in ticks.states.items():
+                stated = [getattr(state, name) for name in STATED]
+                counted = self._counts(what[tick - first], tick)
+                found[:, tick - first] = [*stated, *counted]
         needed = self._filled + found.shape[1]
         if needed > self._values.shape[1]:
             room = np.full((len(COLUMNS), 2 * needed), np.nan, np.float32)
@@ -112,23 +117,6 @@ class TimeSeries:
         gone = np.isnan(self._values[0, : self._filled])
         found: list[int] = (np.flatnonzero(gone) + self._first).tolist()
         return found
-
-    def _read_states(
-        self,
-        ticks: Ticks,
-        what: NDArray[np.uint8],
-        first: int,
-        last: int,
-        found: NDArray[np.float32],
-    ) -> None:
-        if self._run_view.options.body.room:
-            self._follow_births(ticks.decisions, last)
-        for tick, state in ticks.states.items():
-            found[: len(STATED), tick - first] = [
-                getattr(state, name) for name in STATED
-            ]
-            counts = self._counts(what[tick - first], tick)
-            found[len(STATED) :, tick - first] = counts
 
     def _counts(self, what: NDArray[np.uint8], tick: int) -> list[float]:
         """Return how many sensors are what, in the order of `COUNTED`."""

@@ -85,7 +85,8 @@ class Waves:
 
     def _shown(self, start: wire.WaveStart, observed: tuple[int, ...]) -> WaveView:
         found = self._found[start.wave]
-        hops = self._hops(found)
+        known = (hop for hop in found.hops.items() if hop[0] in self._literals)
+        hops = sorted(known, key=lambda hop: (hop[1], hop[0]))  # nearest first
         return WaveView(
             wave=start.wave,
             kind=start.kind,
@@ -104,11 +105,6 @@ class Waves:
             return False
         given = len(start.signal or observed) << (scale - start.credit)
         return sum(1 << (scale - share) for share in shares) == given
-
-    def _hops(self, found: _FoundWave) -> list[tuple[int, int]]:
-        """Return the literals reached with their hops, nearest first."""
-        known = (hop for hop in found.hops.items() if hop[0] in self._literals)
-        return sorted(known, key=lambda hop: (hop[1], hop[0]))
 
     def _of(self, tick: int) -> list[wire.WaveStart]:
         """Return the announcements of a tick's waves, oldest first."""
