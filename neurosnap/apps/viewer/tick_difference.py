@@ -91,8 +91,8 @@ def difference(here: RunView, tick: int, there: RunView, then: int) -> TickDiffe
         actions=(_action(frames[0]), _action(frames[1])),
         height=(graph.height(), their_graph.height()),
         edges=(len(covers(graph)), len(covers(their_graph))),
-        here=_only(mine, its, places.tolist()),
-        there=_only(its, mine, places.tolist()),
+        here=only_in(mine, its, places.tolist()),
+        there=only_in(its, mine, places.tolist()),
     )
 
 
@@ -120,12 +120,28 @@ def _felt(frame: Frame, other: Frame, pairs: list[tuple[int, int, str]]) -> list
     ]
 
 
-def _only(graph: PocGraph, other: PocGraph, places: list[int]) -> Only:
-    edges, classes = only_in(graph, other), only_equal(graph, other)
+def only_in(graph: PocGraph, other: PocGraph, places: list[int]) -> Only:
+    """Return what one order implies and another does not.
+
+    What is implied by way of others is no difference in edges, and what equivalent
+    literals share is one in classes. O(N³/64) time where the orders are new.
+
+    Args:
+        graph: The one.
+        other: Over the same sensors.
+        places: The numbers that their literals have here.
+    """
+    edges = [(a, b) for a, b in covers(graph) if not other.leq(a, b)]
+    standing = other.representative
+    apart = [
+        members
+        for members in classes(graph)
+        if len(set(standing[list(members)].tolist())) > 1
+    ]
     return Only(
         edges=[Arrow(source=places[a], target=places[b]) for a, b in edges[:_LISTED]],
-        classes=[tuple(places[a] for a in members) for members in classes[:_LISTED]],
-        count=len(edges) + len(classes),
+        classes=[tuple(places[a] for a in members) for members in apart[:_LISTED]],
+        count=len(edges) + len(apart),
     )
 
 
@@ -146,36 +162,3 @@ def restricted(graph: PocGraph, literals: NDArray[np.intp]) -> PocGraph:
         return graph
     closed = from_words(graph.closed, len(graph))
     return PocGraph(closed[np.ix_(literals, literals)])
-
-
-def only_in(graph: PocGraph, other: PocGraph) -> list[tuple[int, int]]:
-    """Return the covering edges of one order that the other does not imply.
-
-    Args:
-        graph: The one.
-        other: Over the same sensors.
-
-    Returns:
-        Pairs of literals, as of `covers`. What is implied by way of others is no
-        difference, and what equivalent literals share is in `only_equal`. O(N³/64) time
-        where the orders are new.
-    """
-    return [(a, b) for a, b in covers(graph) if not other.leq(a, b)]
-
-
-def only_equal(graph: PocGraph, other: PocGraph) -> list[tuple[int, ...]]:
-    """Return the classes of one order that are not equivalent in the other.
-
-    Args:
-        graph: The one.
-        other: Over the same sensors.
-
-    Returns:
-        Classes of two literals and more, each once with its complement.
-    """
-    standing = other.representative
-    return [
-        members
-        for members in classes(graph)
-        if len(set(standing[list(members)].tolist())) > 1
-    ]
