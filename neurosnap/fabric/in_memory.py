@@ -19,10 +19,7 @@ import zenoh
 
 from neurosnap import wire
 from neurosnap.fabric.events import Failure
-from neurosnap.fabric.protocol import (
-    Handler,
-    PresenceHandler,
-)
+from neurosnap.fabric.protocol import Handler, PresenceHandler
 
 _TURN = 256  # deliveries before other tasks of the loop get their turn
 

@@ -16,11 +16,7 @@ from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.zenoh.discovery import FoundSwarm
 from neurosnap.health.alarm import News, Standing, news
 from neurosnap.health.budget import NEVER
-from neurosnap.protocol.anomaly_words import (
-    NamedAnomaly,
-    named_anomaly,
-    with_support,
-)
+from neurosnap.protocol.anomaly_words import NamedAnomaly, named_anomaly, with_support
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.observations import alarms_of
 from neurosnap.recording.read.recording import Recording
@@ -55,13 +51,11 @@ def _anomalies_and_births(
 ) -> Iterator[tuple[int, NamedAnomaly | Changed]]:
     births = births_of(recording)
     sensors, changes = births.body.sensors, births.changes()
-    for each in recording.messages(("anomaly",)):
-        if isinstance(each.message, wire.Anomaly):
-            tick = each.message.tick
-            while changes and changes[0].tick < tick:
-                yield changes[0].tick, changes.pop(0)
-            if (rest := with_support(each.message, support)) is not None:
-                yield tick, named_anomaly(rest, sensors)
+    for anomaly in recording.all("anomaly", wire.Anomaly):
+        while changes and changes[0].tick < anomaly.tick:
+            yield changes[0].tick, changes.pop(0)
+        if (rest := with_support(anomaly, support)) is not None:
+            yield anomaly.tick, named_anomaly(rest, sensors)
     yield from ((change.tick, change) for change in changes)
 
 

@@ -180,7 +180,9 @@ class Supervisor:
         """End `parts` at once."""
         those = [self._parts[who] for who in parts if who in self._parts]
         for part in those:
-            self._kill(part)
+            if not part.ended.is_set():
+                self._killed.add(part.who)
+                part.handle.kill()
         for part in those:
             await part.ended.wait()
 
@@ -200,8 +202,3 @@ class Supervisor:
             await self.kill([part.who for part in late])
             return [part.who for part in late]
         return []
-
-    def _kill(self, part: RunningPart) -> None:
-        if not part.ended.is_set():
-            self._killed.add(part.who)
-            part.handle.kill()

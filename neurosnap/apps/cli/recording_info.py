@@ -125,11 +125,7 @@ def _run(info: Info) -> dict[str, str]:
 
 def _missing_ticks(recording: Recording) -> Iterator[tuple[int, int]]:
     """Yield the ticks without a state, up to the last that has one."""
-    there = {
-        recorded.message.tick
-        for recorded in recording.messages(("state",))
-        if isinstance(recorded.message, wire.State)
-    }
+    there = {state.tick for state in recording.all("state", wire.State)}
     for before, after in pairwise([recording.begins, *sorted(there)]):
         if after > before + 1:
             yield before + 1, after - 1

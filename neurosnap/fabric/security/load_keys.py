@@ -16,9 +16,7 @@ from cryptography.hazmat.primitives.serialization import load_pem_private_key
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.fabric.security.hub_address import (
-    Credentials,
-)
+from neurosnap.fabric.security.hub_address import Credentials
 
 _LOG = logging.getLogger(__name__)
 
@@ -27,9 +25,7 @@ SOON = timedelta(days=30)
 _warned: set[Path] = set()
 
 
-def read_credentials(
-    folder: Path, who: str, *, now: datetime | None = None
-) -> Credentials:
+def read_credentials(folder: Path, who: str) -> Credentials:
     """Return the credentials of `who` in a folder that `make_keys` made.
 
     Warns, once for a folder, of a certificate that expires within 30 days. About half a
@@ -39,7 +35,6 @@ def read_credentials(
         folder: What was made, or the authority's certificate and the two files of the
             role.
         who: A part, ``cell/3``, which has those of its role; or a role.
-        now: When they must be valid.
 
     Raises:
         InvalidValueError: There is no such role; a file is missing, is not what it must
@@ -50,7 +45,7 @@ def read_credentials(
     authority = _certificate(Path(found.authority))
     certificate = _certificate(Path(found.certificate))
     key = _key(Path(found.key))
-    at = datetime.now(UTC) if now is None else now
+    at = datetime.now(UTC)
     _check_time(found.authority, authority, at)
     _check_time(found.certificate, certificate, at)
     _check_signed(found, certificate, authority)

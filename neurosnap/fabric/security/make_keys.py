@@ -26,11 +26,7 @@ from cryptography.hazmat.primitives.serialization import (
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from neurosnap.errors import FabricError, InvalidValueError
-from neurosnap.fabric.security.hub_address import (
-    AUTHORITY,
-    certificate_file,
-    key_file,
-)
+from neurosnap.fabric.security.hub_address import AUTHORITY, certificate_file, key_file
 from neurosnap.fabric.security.roles import ROLES
 
 _LONGEST = 3650  # days
@@ -53,20 +49,14 @@ class Made(msgspec.Struct):
     """When all certificates expire, UTC."""
 
 
-def make_keys(
-    folder: Path,
-    hosts: Sequence[str] = (),
-    *,
-    days: int = 365,
-    now: datetime | None = None,
-) -> Made:
+def make_keys(folder: Path, hosts: Sequence[str] = (), *, days: int = 365) -> Made:
     """Make a private authority and a certificate for every role (EC, P-256).
 
     Args:
         folder: Where; must not exist yet. It gets mode 0700, its files 0600.
         hosts: Names and addresses the hub is reached under, beside this machine's own.
-        days: How long the certificates are valid, in [1, 3650].
-        now: From when; they are valid an hour earlier, for clocks that lag.
+        days: How long the certificates are valid, in [1, 3650]. They begin an hour
+            ago, for clocks that lag.
 
     Raises:
         InvalidValueError: The folder is there already, or has no parent; a host is no
@@ -82,7 +72,7 @@ def make_keys(
         raise InvalidValueError("keys", rule, str(folder))
     hosts = tuple(dict.fromkeys((*_HERE, *hosts)))
     names = [_general_name(host) for host in hosts]
-    start = datetime.now(UTC) if now is None else now
+    start = datetime.now(UTC)
     authority = _Authority(start - _SKEW, start + timedelta(days=days))
     files = authority.files()
     for role in ROLES:

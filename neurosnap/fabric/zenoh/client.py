@@ -22,10 +22,7 @@ import zenoh
 from neurosnap import wire
 from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.events import Failure
-from neurosnap.fabric.protocol import (
-    Handler,
-    PresenceHandler,
-)
+from neurosnap.fabric.protocol import Handler, PresenceHandler
 from neurosnap.fabric.security.hub_address import HubAddress
 from neurosnap.fabric.security.roles import DESCRIPTION, FLUSHED
 from neurosnap.fabric.zenoh.inbox import Inbox, Poll

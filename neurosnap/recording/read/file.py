@@ -30,11 +30,7 @@ from neurosnap.recording.format.records import (
     opened,
 )
 from neurosnap.recording.format.scan import scan, scan_index
-from neurosnap.recording.read.chunk_messages import (
-    ChunkMessages,
-    Recorded,
-    decoded,
-)
+from neurosnap.recording.read.chunk_messages import ChunkMessages, Recorded, decoded
 
 _AS_WRITTEN = dict(enumerate(wire.TOPICS, start=1))
 """For each channel its topic, as our writer numbers them."""

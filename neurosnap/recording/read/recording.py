@@ -29,7 +29,7 @@ from neurosnap.recording.format.completeness import (
 )
 from neurosnap.recording.format.records import CLOSING, Chunk, Cut
 from neurosnap.recording.format.scan import scan_growth
-from neurosnap.recording.read.chunk_messages import Recorded, decoded
+from neurosnap.recording.read.chunk_messages import M, Recorded, decoded
 from neurosnap.recording.read.file import Noted, RecordingFile, identity
 
 
@@ -268,6 +268,11 @@ class Recording:
         """Return the messages of all files; see `RecordingFile.messages`."""
         several = [file.messages(topics, start=start) for file in self.files]
         return chain.from_iterable(several)
+
+    def all(self, topic: str, kind: type[M]) -> Iterator[M]:
+        """Return the messages of a topic that are of one kind; see `messages`."""
+        several = (recorded.message for recorded in self.messages((topic,)))
+        return (message for message in several if isinstance(message, kind))
 
     def blank_sequences(self) -> RunningNumbers:
         """Return the senders' running numbers before any message has come."""

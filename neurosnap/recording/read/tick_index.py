@@ -187,19 +187,15 @@ class TickIndex:
         return 1 << 62
 
     def _keyframes(self, number: int) -> list[wire.KeyFrame]:
-        if not self._has_keyframe(number):
-            return []
-        return self._said(number, "keyframe", wire.KeyFrame)
-
-    def _has_keyframe(self, number: int) -> bool:
-        """Return whether a chunk is said to have a key-frame, or nothing is said of it.
+        """Return the key-frames in a chunk that is said to have any.
 
         The last chunk of a recording that was cut short may lack what says so.
         """
         file, chunk = self.recording.chunks[number]
-        return not chunk.counts or any(
-            file.topics.get(k) == "keyframe" for k in chunk.counts
-        )
+        topics = {file.topics.get(channel) for channel in chunk.counts}
+        if topics and "keyframe" not in topics:
+            return []
+        return self._said(number, "keyframe", wire.KeyFrame)
 
     def _first_tick(self, number: int) -> int:
         """Return the first tick observed in a chunk or after it; very large: none."""

@@ -9,12 +9,7 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.agent.growth.sensor_changes import apply_change, body_after
 from neurosnap.agent.memory import body_in
-from neurosnap.errors import (
-    InvalidValueError,
-    MessageError,
-    RecordingError,
-    ShapeError,
-)
+from neurosnap.errors import InvalidValueError, MessageError, RecordingError, ShapeError
 from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.protocol.key_frames import snapshot_of
 from neurosnap.protocol.run_options import RunOptions
@@ -184,11 +179,7 @@ def snapshot_at(recording: Recording, tick: int | None = None) -> tuple[int, Sna
 def _last_known(recording: Recording, last: int) -> int:
     """Return the last tick up to `last` that can be learned from what is there."""
     frames = {start.frame.tick for start in starts(recording)}
-    seen = {
-        recorded.message.tick
-        for recorded in recording.messages(("observation",))
-        if isinstance(recorded.message, wire.Observation)
-    }
+    seen = {one.tick for one in recording.all("observation", wire.Observation)}
     known = recording.begins
     for tick in sorted(tick for tick in seen | frames if tick <= last):
         if tick in frames or tick == known + 1:

@@ -181,8 +181,7 @@ def _lacks_bands(recording: Recording) -> bool:
     """Tell whether a file was cut short within the key-frame that it begins with."""
     if recording.cut is None or recording.damage:
         return False
-    frames = (recorded.message for recorded in recording.messages(("keyframe",)))
-    begun = any(isinstance(frame, wire.KeyFrame) and frame.bands for frame in frames)
+    begun = any(frame.bands for frame in recording.all("keyframe", wire.KeyFrame))
     return begun and next(starts(recording), None) is None
 
 
@@ -316,9 +315,7 @@ def _decisions(recording: Recording) -> Iterator[wire.Decision]:
     paths = part_paths(first_path(recording.path, number))
     before = [path for part, path in paths.items() if part < number]
     for each in (*map(Recording.open, before), recording):
-        for recorded in each.messages(("decision",)):
-            if isinstance(recorded.message, wire.Decision):
-                yield recorded.message
+        yield from each.all("decision", wire.Decision)
 
 
 def _counts(

@@ -142,7 +142,7 @@ async def run_recorder(
     finally:
         flushing.cancel()
     listener.closed = True
-    return writer.finish(listener.totals(), listener.expected())
+    return writer.finish({"ticks": str(listener.ticks)}, listener.expected())
 
 
 async def _flush(
@@ -190,7 +190,8 @@ class _Listener:
         self._left: dict[str, int] = {}
         self._going: dict[str, asyncio.TimerHandle] = {}
         self._gone: set[str] = set()
-        self._ticks = 0
+        self.ticks = 0
+        """As far as the recorder can tell."""
         self._frame = 0  # the tick of the last key-frame
         self.framed = 0
         """The tick of the last key-frame but one: no run resumes from before it."""
@@ -208,7 +209,7 @@ class _Listener:
                     what = f"{delivery.key:.100}: {rule}"
                     self._fabric.publish(wire.Fault(self._fabric.who, what))
                 case wire.State(tick=tick):
-                    is_first, self._ticks = not self._ticks, tick
+                    is_first, self.ticks = not self.ticks, tick
                 case wire.KeyFrame(tick=tick) if tick > self._frame:
                     self.framed, self._frame = self._frame, tick
                 case wire.Leave(who=who):
@@ -248,7 +249,3 @@ class _Listener:
             who: self._left.get(who, self._writer.upcoming(who) + 1)
             for who in self._parts
         }
-
-    def totals(self) -> Mapping[str, str]:
-        """Return what the run came to, as far as the recorder can tell."""
-        return {"ticks": str(self._ticks)}

@@ -19,11 +19,7 @@ from neurosnap.errors import InvalidValueError, MessageError, ShapeError
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.health.alarm import Standing
 from neurosnap.health.budget import NEVER
-from neurosnap.protocol.anomaly_words import (
-    anomaly_line,
-    named_anomaly,
-    with_support,
-)
+from neurosnap.protocol.anomaly_words import anomaly_line, named_anomaly, with_support
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.parts.job import PartContext

@@ -14,12 +14,7 @@ from collections.abc import Iterator
 
 from neurosnap.errors import FabricError, InvalidValueError, within
 from neurosnap.sensorium import Sensorium
-from neurosnap.sources.live.json_reading import (
-    LIMIT,
-    hand_in,
-    read,
-    too_long,
-)
+from neurosnap.sources.live.json_reading import LIMIT, hand_in, read, too_long
 from neurosnap.sources.live.live_source import LiveSource
 
 STANDARD_INPUT = 0

@@ -5,6 +5,7 @@ import re
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from shutil import copytree
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -14,6 +15,8 @@ from cryptography.hazmat.primitives.serialization import load_pem_private_key
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from neurosnap.errors import FabricError, InvalidValueError
+from neurosnap.fabric.security import load_keys
+from neurosnap.fabric.security import make_keys as making
 from neurosnap.fabric.security.hub_address import Credentials
 from neurosnap.fabric.security.load_keys import read_credentials
 from neurosnap.fabric.security.make_keys import make_keys
@@ -36,6 +39,12 @@ def keys(made: Path, tmp_path: Path) -> Path:
 
 def certificate(folder: Path, stem: str) -> x509.Certificate:
     return x509.load_pem_x509_certificate((folder / f"{stem}.pem").read_bytes())
+
+
+def let_be(now: datetime, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let it be a time, for who makes keys and who reads them."""
+    for module in (load_keys, making):
+        monkeypatch.setattr(module, "datetime", SimpleNamespace(now=lambda _: now))
 
 
 def mode(path: Path) -> int:
@@ -81,11 +90,12 @@ def test_each_role_has_a_certificate_that_says_what_it_is_for(made: Path) -> Non
 
 
 def test_only_the_owner_can_look_whatever_the_umask_and_for_so_many_days(
-    tmp_path: Path,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now, before = datetime(2030, 5, 1, 12, tzinfo=UTC), os.umask(0)
     try:
-        made = make_keys(tmp_path / "keys", days=3, now=now)
+        let_be(now, monkeypatch)
+        made = make_keys(tmp_path / "keys", days=3)
     finally:
         os.umask(before)
     assert [path.name for path in tmp_path.iterdir()] == ["keys"]
@@ -210,16 +220,18 @@ def test_what_is_wrong_with_keys_is_said(
         read_credentials(keys, "cell")
 
 
-def test_time_has_its_bounds(made: Path) -> None:
+def test_time_has_its_bounds(made: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     keys, second = made / "keys", timedelta(seconds=1)
     found = certificate(keys, "cell")
     last, first = found.not_valid_after_utc, found.not_valid_before_utc
-    read_credentials(keys, "cell", now=last)
-    read_credentials(keys, "cell", now=first)
+    for now in (last, first):
+        let_be(now, monkeypatch)
+        read_credentials(keys, "cell")
     for now in (last + second, first - second):
+        let_be(now, monkeypatch)
         rule = rf"/ca\.pem: must be valid now, .*got '{now:%F %T}'$"
         with pytest.raises(InvalidValueError, match=rule):
-            read_credentials(keys, "cell", now=now)
+            read_credentials(keys, "cell")
 
 
 def test_a_part_of_no_role_is_refused(made: Path) -> None:
