@@ -19,6 +19,7 @@ from neurosnap.poc.order.pocset import Element, PocSet
 from neurosnap.sensorium import Sensorium
 from tests.support.edges import edges_of
 from tests.support.hypothesis_settings import examples
+from tests.support.paper_spaces import chain, exclusive
 from tests.support.theory_oracles import Model, Vertex, face_counts
 from tests.support.theory_strategies import (
     Drawn,
@@ -29,7 +30,6 @@ from tests.support.theory_strategies import (
     poc_sets,
     relations,
 )
-from tools.paper.spaces import chain, exclusive
 
 
 @given(poc_sets())

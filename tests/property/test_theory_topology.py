@@ -13,15 +13,15 @@ from neurosnap.poc.dual.cubing import Cubing
 from neurosnap.poc.dual.homology import CellComplex
 from neurosnap.poc.dual.realization import Realization, corners
 from tests.support.hypothesis_settings import examples
-from tests.support.theory_oracles import Model, face_counts, included
-from tests.support.theory_strategies import Drawn, fields, frozen, poc_sets
-from tools.paper.spaces import (
+from tests.support.paper_spaces import (
     Example,
     grid_with_holes,
     six_arcs,
     six_wide_arcs,
     thresholds,
 )
+from tests.support.theory_oracles import Model, face_counts, included
+from tests.support.theory_strategies import Drawn, fields, frozen, poc_sets
 
 
 def trimmed(numbers: tuple[int, ...]) -> tuple[int, ...]:

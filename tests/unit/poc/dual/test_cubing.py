@@ -10,7 +10,7 @@ from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.dual.cubing import Cubing
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.pocset import PocSet
-from tools.paper.spaces import chain, exclusive
+from tests.support.paper_spaces import chain, exclusive
 
 
 def test_the_simple_example() -> None:

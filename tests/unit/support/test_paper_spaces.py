@@ -6,7 +6,7 @@ import pytest
 
 from neurosnap.poc.dual.cubing import Cubing
 from neurosnap.poc.dual.morphism import splitting
-from tools.paper.spaces import (
+from tests.support.paper_spaces import (
     Example,
     beacons,
     grid_with_holes,
