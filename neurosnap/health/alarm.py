@@ -75,7 +75,7 @@ class Alarm(msgspec.Struct, frozen=True):
             )
         return (
             f"came on {self.came_on} times within ten minutes, most before:"
-            f" {math.exp(self.before):.0f}"
+            f" {_times(self.before)}"
         )
 
     def _who(self) -> str:
@@ -131,6 +131,10 @@ def _seconds(evidence: float) -> str:
 
 def _often(times: int) -> str:
     return "once" if times == 1 else f"{times} times"
+
+
+def _times(evidence: float) -> str:
+    return f"{math.exp(evidence):.0f}"
 
 
 class AlarmProgress(msgspec.Struct, frozen=True):

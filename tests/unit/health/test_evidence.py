@@ -12,8 +12,8 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.health.budget import parse_budget, shares
 from neurosnap.health.evidence import CLOCKS, KINDS, SUMS, JudgedSteps, follow, peaks
 from neurosnap.health.expectation import features, fitted, learned
+from neurosnap.health.steps import steps_of
 from neurosnap.health.tail import MEAN, RATE, SHAPE, START, tail_of, weekly
-from tools.paper.homes.home import steps_of
 
 
 def level(tail: np.ndarray, times: float) -> float:

@@ -1,6 +1,5 @@
 """A recorded home: when each of its sensors was on."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.health.steps import STEP, Steps
+from neurosnap.health.steps import Steps, steps_of
 from neurosnap.sources.tables.open_readings import open_readings
 from neurosnap.sources.tables.readings import Readings, seconds_of
 
@@ -34,10 +33,11 @@ class Home:
         )
         return steps_of(near, len(self.sensors), begin, end)
 
-    def alone(self, sensor: int) -> "Home":
-        """Return the home with one of its sensors, which has number 0 in it."""
-        name, spans = self.sensors[sensor], self.spans[sensor]
-        return Home((name,), (spans,), self.begin, self.end)
+    def steps_of_one(self, sensor: int, begin: float, end: float) -> Steps:
+        """Return the steps of one sensor alone, which has number 0 in them."""
+        spans = self.spans[sensor]
+        near = spans[(spans[:, 0] < end) & (spans[:, 1] >= begin)]
+        return steps_of(((float(a), float(b), 0) for a, b in near), 1, begin, end)
 
     def events(self, begin: float, end: float) -> tuple[Spans, NDArray[np.int64]]:
         """Return the times at which sensors came on, in order, and their numbers."""
@@ -52,41 +52,6 @@ class Home:
         """Return the home with other spans of some sensors."""
         spans = tuple(changed.get(s, own) for s, own in enumerate(self.spans))
         return Home(self.sensors, spans, self.begin, self.end)
-
-
-def steps_of(
-    intervals: Iterable[tuple[float, float, int]],
-    sensors: int,
-    begin: float,
-    end: float,
-) -> Steps:
-    """Return the steps from the one of `begin` to the last that is over at `end`.
-
-    Args:
-        intervals: When a sensor was on: start and end in seconds since 1970, and its
-            number.
-        sensors: How many there are.
-        begin: Seconds since 1970.
-        end: Seconds since 1970.
-    """
-    first = int(begin // STEP)
-    count = max(0, int(end // STEP) - first)
-    came_on = np.zeros((count, sensors), np.int32)
-    longest = np.zeros((count, sensors), np.float32)
-    for start, stop, sensor in intervals:
-        low = int(start // STEP) - first
-        high = min(int(stop // STEP) - first, count - 1)
-        if low >= count or high < 0:
-            continue
-        if low >= 0:
-            came_on[low, sensor] += 1
-        low = max(low, 0)
-        ends = (np.arange(low, high + 1) + first + 1) * float(STEP)
-        lasted = np.minimum(ends, stop) - start
-        np.maximum(
-            longest[low : high + 1, sensor], lasted, out=longest[low : high + 1, sensor]
-        )
-    return Steps(came_on, longest, first)
 
 
 SUFFIXES = (".sensors", ".csv", ".parquet", ".db")

@@ -115,7 +115,7 @@ class Ours:
         whole = self._watched.steps
         low, high = int(begin // STEP) - whole.first, int(end // STEP) - whole.first
         high = min(high, len(whole))
-        own = home.alone(sensor).steps(begin, end)
+        own = home.steps_of_one(sensor, begin, end)
         rates, near = self._expected(learned, low, high)
         one = slice(sensor, sensor + 1)
         count = high - low
