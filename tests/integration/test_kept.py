@@ -1,5 +1,6 @@
 """Readings survive the end of their swarm, and a damaged recording is kept."""
 
+import asyncio
 import json
 import signal
 import time
@@ -21,6 +22,8 @@ from neurosnap.sensorium import unpack
 from neurosnap.sources.live.journal import JournalRow, journal_of, read_journal
 from tests.support.commands import Command
 from tests.support.disturbed_runs import ENDLESS, Disturbed, options_for
+from tests.support.exhaustive import rows
+from tests.support.mosquitto import Mosquitto, needs_mosquitto, peer, started
 from tests.support.patience import PATIENCE
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh, pytest.mark.timeout(600)]
@@ -59,6 +62,9 @@ class Fed:
             return len(recorded(self.log)) >= tick
 
         until(is_there)
+
+    def wait_for_row(self, number: int) -> None:
+        until(lambda: len(rows_of(self.log)) >= number)
 
     def wait_for_row_of(self, line: int) -> None:
         until(lambda: any(row.number == line for row in rows_of(self.log)))
@@ -248,6 +254,73 @@ def test_a_journal_of_an_earlier_run_is_not_written_into(tmp_path: Path) -> None
         status, said = run.end()
     assert status == 2
     assert "journal: must be taken away first" in said
+
+
+HOUSE = """
+[source]
+kind = "mqtt"
+sensors = [
+{sensors}
+]
+[source.broker]
+host = "127.0.0.1"
+port = {port}
+[source.tick]
+min_interval = 0
+"""
+BIT = '  {{ name = "bit{0}", topic = "count", field = "bit{0}" }},'
+
+
+@needs_mosquitto
+@pytest.mark.parametrize("victim", rows(["world"], ["cell/3", "hub"]))
+async def test_each_change_that_a_broker_told_of_meanwhile_is_a_tick(
+    victim: str, tmp_path: Path
+) -> None:
+    log, file = tmp_path / "house.mcap", tmp_path / "house.toml"
+    with started(tmp_path, "allow_anonymous true") as broker:
+        lines = "\n".join(BIT.format(place) for place in range(BITS))
+        file.write_text(HOUSE.format(sensors=lines, port=broker.port))
+        swarm = ("--cells", "process", "--set", "supervision.backoff=3")
+        arguments = ("run", str(file), "--out", str(log), *swarm)
+        with neurosnap(log, *arguments) as run:
+            await asyncio.to_thread(until, lambda: log.exists())
+            await publish_all(broker, run, victim)
+            run.process.send_signal(signal.SIGINT)
+            status, said = await asyncio.to_thread(run.end)
+    assert status == 0, said
+    assert recorded(log) == counted(30)
+    assert verify(log).same
+    assert not journal_of(log).exists()
+
+
+async def publish_all(broker: Mosquitto, run: Fed, victim: str) -> None:
+    """Publish numbers, each once the one before is recorded, but for a restart."""
+    async with peer(broker) as other:
+
+        async def publish(number: int, *, retain: bool = False) -> None:
+            said = {f"bit{place}": number >> place & 1 for place in range(BITS)}
+            await other.publish("count", json.dumps(said), qos=1, retain=retain)
+
+        async def seen(number: int) -> None:
+            await asyncio.to_thread(run.wait_for, number)
+
+        await publish(1, retain=True)  # the world may not listen yet
+        await seen(1)
+        for number in range(2, 11):
+            await publish(number)
+            await seen(number)
+        world = part(run.process.pid, "world")
+        run.kill(victim)
+        await asyncio.to_thread(world.wait, PATIENCE)
+        for number in (11, 12):  # 11 may still answer what the world asked before
+            await publish(number)
+            await asyncio.to_thread(run.wait_for_row, number)
+        for number in range(13, 21):  # in one go, and nobody asks for any of them
+            await publish(number)
+        for number in range(21, 31):
+            await seen(number - 1)
+            await publish(number)
+        await seen(30)
 
 
 # A disk that damages the recording, or takes it away ----------------------------------

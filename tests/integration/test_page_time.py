@@ -472,9 +472,9 @@ async def test_the_strip_shows_what_happened(
                 place = 8 + (strip["width"] - 16) * (tick - 0.5) / last
                 await page.mouse.move(0, 0)  # one that is there already does not move
                 await page.locator("#strip").hover(position={"x": place, "y": 9})
-                title = await page.locator("#strip title").text_content()
                 # A tick that is not there has no time.
-                assert re.match(rf"tick {tick}(, .+)?: .*{words}", str(title))
+                title = re.compile(rf"tick {tick}(, .+)?: .*{words}")
+                await expect(page.locator("#strip title")).to_have_text(title)
                 if kind != "missing":
                     await page.locator("#strip").click(position={"x": place, "y": 5})
                     await wait_shown(page, tick)
