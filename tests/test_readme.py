@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -212,7 +213,7 @@ def run_loaded(step: str, folder: Path) -> tuple[int, str, str]:
 
 def options(words: list[str]) -> set[str]:
     """Return the options of the command that `words`, after the program, begin with."""
-    command: Any = typer.main.get_command(app)
+    command = whole_command()
     for word in words:
         if not hasattr(command, "commands"):
             break
@@ -221,14 +222,22 @@ def options(words: list[str]) -> set[str]:
     return {name for given in command.params for name in given.opts} | {"--help"}
 
 
-def all_options() -> Iterator[str]:
-    """Yield the options of every command."""
-    waiting: list[Any] = [typer.main.get_command(app)]
+@cache
+def all_options() -> frozenset[str]:
+    """Return the options of every command."""
+    found, waiting = {"--help"}, [whole_command()]
     while waiting:
         command = waiting.pop()
         waiting += getattr(command, "commands", {}).values()
         for given in command.params:
-            yield from (*given.opts, *given.secondary_opts)
+            found.update(given.opts, given.secondary_opts)
+    return frozenset(found)
+
+
+@cache
+def whole_command() -> Any:
+    """Return the program with all its verbs; to make it takes 50 ms."""
+    return typer.main.get_command(app)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
@@ -240,7 +249,7 @@ def test_commands_and_their_options_exist(page: Path) -> None:
     # The tools have options of their own.
     for code in INLINE.findall(FENCED.sub("", page.read_text())):
         if not code.startswith("tools/"):
-            assert set(OPTION.findall(code)) <= {*all_options(), "--help"}, code
+            assert set(OPTION.findall(code)) <= all_options(), code
 
 
 @pytest.mark.parametrize("page", LINKED, ids=name_of)
