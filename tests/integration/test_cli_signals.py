@@ -17,6 +17,7 @@ from tests.support.disturbed_commands import (
     sound,
     started,
 )
+from tests.support.exhaustive import rows
 
 pytestmark = pytest.mark.slow
 
@@ -30,7 +31,9 @@ def endless(tmp_path: Path) -> Path:
 
 
 @pytest.mark.zenoh
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["INT", "TERM"])
+@pytest.mark.parametrize(
+    "number", rows([signal.SIGINT], [signal.SIGTERM]), ids=["INT", "TERM"]
+)
 def test_a_run_that_is_interrupted_ends_in_order(
     tmp_path: Path, endless: Path, number: signal.Signals
 ) -> None:

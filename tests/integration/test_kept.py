@@ -202,8 +202,13 @@ def held(coordinator: psutil.Process, asked: bool) -> Iterator[None]:
         coordinator.resume()
 
 
-@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGINT])
-@pytest.mark.parametrize("cells", ["process", "inline"])
+@pytest.mark.parametrize(
+    ("cells", "end"),
+    rows(
+        [("process", signal.SIGKILL), ("inline", signal.SIGINT)],
+        [("process", signal.SIGINT), ("inline", signal.SIGKILL)],
+    ),
+)
 def test_a_run_that_is_resumed_gets_what_had_no_tick(
     end: signal.Signals, cells: str, tmp_path: Path
 ) -> None:

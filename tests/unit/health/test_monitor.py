@@ -13,6 +13,7 @@ from neurosnap.health.alarm import Alarm
 from neurosnap.health.judge import WELL
 from neurosnap.health.monitor import HealthMonitor
 from neurosnap.health.steps import DAY, Steps
+from tests.support.exhaustive import rows
 from tests.support.lived_in import SENSORS, START, Interval, in_steps, lived_in
 
 DAYS, ONSET_DAY = 28, 21
@@ -53,7 +54,7 @@ def without(sensor: int, begin: float = ONSET, end: float = math.inf) -> list[In
     ]
 
 
-@pytest.mark.parametrize("seed", [0, 2])
+@pytest.mark.parametrize("seed", rows([0], [2]))
 def test_a_home_with_nothing_wrong_keeps_to_its_budget(seed: int) -> None:
     begun, _ = HealthMonitor(SENSORS).follow(in_steps(lived_in(DAYS, seed), DAYS))
     # Four weeks at one a week; of a Poisson number with that mean 2 % are above 8.

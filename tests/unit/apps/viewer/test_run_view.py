@@ -16,6 +16,7 @@ from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording
 from neurosnap.sensorium import complete, unpack
+from tests.support.exhaustive import rows
 from tests.support.recorded_messages import of_type
 from tests.support.recorded_runs import (
     TICKS,
@@ -76,7 +77,7 @@ def edges_of(graph: api.Graph) -> frozenset[tuple[int, int]]:
     return frozenset(edges)
 
 
-@pytest.mark.parametrize("chunk", [1 << 20, 3000])
+@pytest.mark.parametrize("chunk", rows([3000], [1 << 20]))
 def test_every_tick_is_what_a_replay_derives(
     log: Path, derived: dict[int, Told], tmp_path: Path, chunk: int
 ) -> None:

@@ -21,6 +21,7 @@ from neurosnap.recording.format.scan import scan, scan_growth, scan_index
 from neurosnap.recording.read.file import RecordingFile
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write import writer
+from tests.support.exhaustive import rows
 from tests.support.recordings import EACH, delivered, record, traffic
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -87,7 +88,7 @@ def flipped(whole: bytes, seed: int, count: int) -> Iterator[tuple[int, bytes]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["finished", "abandoned"])
+@pytest.mark.parametrize("kind", rows(["finished"], ["abandoned"]))
 def test_a_flipped_bit_costs_one_chunk_at_most_and_is_noticed(
     kind: str, log: Path, request: pytest.FixtureRequest
 ) -> None:
