@@ -2,29 +2,37 @@
 
 import asyncio
 from collections.abc import Coroutine
-from contextlib import suppress
 from typing import Any
 
 
 async def wait_any(*events: asyncio.Event, seconds: float | None = None) -> None:
     """Return once one of `events` is set, or some seconds have gone by."""
     if not any(event.is_set() for event in events):
-        with suppress(TimeoutError):
-            async with asyncio.timeout(seconds):
-                await first_of(*(event.wait() for event in events))
+        await first_of(*(event.wait() for event in events), seconds=seconds)
 
 
-async def first_of(*several: Coroutine[Any, Any, object]) -> None:
-    """Return once one of several is over, and raise what it raised; cancel the others.
+async def first_of(
+    *several: Coroutine[Any, Any, object], seconds: float | None = None
+) -> bool:
+    """Wait until one of several is over, and raise what it raised.
 
-    On cancellation nothing is left behind: no task outlives the call.
+    The others are cancelled; all are, if the caller is.
+
+    Args:
+        several: What is waited for.
+        seconds: How long at most; if None, as long as it takes.
+
+    Returns:
+        Whether one is over.
     """
     tasks = [asyncio.create_task(each) for each in several]
     try:
-        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        for task in tasks:
-            if task.done():
-                task.result()
+        done, _ = await asyncio.wait(
+            tasks, timeout=seconds, return_when=asyncio.FIRST_COMPLETED
+        )
+        for task in done:
+            task.result()
+        return bool(done)
     finally:
         for task in tasks:
             task.cancel()

@@ -1,4 +1,4 @@
-"""A run is unaffected by a foreign client on its network.
+"""A run with a stranger on its network: it goes on as if nobody were there.
 
 The stranger is connected to the hub, hears everything, and sends under every key what
 is no message, what is far too large, what it has heard before, and what no part could
@@ -12,7 +12,6 @@ import asyncio
 import random
 from collections import Counter
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -21,14 +20,15 @@ import pytest
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.fabric.in_memory import MemoryHub
-from neurosnap.protocol.run_options import RunOptions
+from neurosnap.fabric.security.hub_address import HubAddress
+from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.read.recording import Recording
-from neurosnap.runtime import inline_tasks
+from neurosnap.runtime import inline_tasks, launch
 from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
 from neurosnap.sensorium import pack
 from tests.support.patience import PATIENCE
-from tests.support.recorded_messages import of_type
 
 pytestmark = pytest.mark.slow
 
@@ -180,7 +180,7 @@ class Stranger:
         await self._answered.wait()
 
 
-def options_for(folder: Path, ticks: int) -> RunOptions:
+def options_for(folder: Path, cells: CellKind, ticks: int) -> RunOptions:
     """Return a run of readings in which s0 implies s1 but for now and then."""
     names = tuple(f"s{sensor}" for sensor in range(SENSORS))
     source = folder / "readings.csv"
@@ -197,8 +197,8 @@ def options_for(folder: Path, ticks: int) -> RunOptions:
         body=Body(own=names, actions=()),
         ticks=ticks,
         threshold=0.1,
-        cells="inline",
-        workers=0,  # each cell is a part
+        cells=cells,
+        workers=2 if cells == "worker" else 0,
     )
 
 
@@ -220,36 +220,25 @@ def outcomes(recording: Recording) -> Outcomes:
     return states, decisions, [r.payload for r in recording.messages(("wiring",))]
 
 
-async def test_a_run_goes_on_as_if_the_stranger_were_not_there(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+async def check(
+    stranger: Stranger,
+    disturb: Callable[[Stranger, RunOptions, Path, asyncio.Event], asyncio.Task[None]],
+    cells: CellKind,
+    tmp_path: Path,
 ) -> None:
-    """Run with it until all it did was reported; then without it, as far."""
-    made: asyncio.Future[MemoryHub] = asyncio.get_running_loop().create_future()
-
-    class Tapped(MemoryHub):
-        def __init__(self) -> None:
-            super().__init__()
-            made.set_result(self)
-
-    stranger, stop = Stranger(), asyncio.Event()
-
-    async def attack() -> None:
-        hub = await made
-        hub.fabric("stranger").listen(("**",), stranger.handle)
-        await stranger.attack(partial(hub.send, "stranger"))
-        stop.set()
-
-    options, log = options_for(tmp_path, 50_000), tmp_path / "disturbed.mcap"
-    with monkeypatch.context() as patch:
-        patch.setattr(inline_tasks, "MemoryHub", Tapped)
-        async with asyncio.timeout(PATIENCE), asyncio.TaskGroup() as group:
-            group.create_task(attack())
-            outcome = await run(RunRequest(options, log), stop)
+    """Run with the stranger until all was reported; then without, as far."""
+    stop, log = asyncio.Event(), tmp_path / "disturbed.mcap"
+    options = options_for(tmp_path, cells, 50_000)
+    async with asyncio.timeout(PATIENCE):
+        attack = disturb(stranger, options, log, stop)
+        outcome = await run(RunRequest(options, log), stop)
+        await attack
     disturbed = Recording.open(log)
     states, decisions, wirings = outcomes(disturbed)
 
-    faults = of_type(log, wire.Fault)
-    assert Counter(fault.who for fault in faults) == stranger.expected
+    faults = [r.message for r in disturbed.messages(("fault",))]
+    said = Counter(f.who for f in faults if isinstance(f, wire.Fault))
+    assert said == stranger.expected
     assert outcome.totals.faults == sum(stranger.expected.values())
     assert outcome.completeness is not None
     assert outcome.completeness.whole
@@ -260,7 +249,63 @@ async def test_a_run_goes_on_as_if_the_stranger_were_not_there(
     assert all(len(r.payload) < 1000 for r in disturbed.messages(("fault",)))
 
     clean_log = tmp_path / "undisturbed.mcap"
-    calm = options_for(tmp_path, len(states))
+    calm = options_for(tmp_path, "inline", len(states))
     await run(RunRequest(calm, clean_log), asyncio.Event())
     assert outcomes(Recording.open(clean_log)) == (states, decisions, wirings)
     assert len(states) > BEGIN
+
+
+async def test_in_one_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    hubs: list[MemoryHub] = []
+    made = asyncio.Event()
+
+    class Tapped(MemoryHub):
+        def __init__(self) -> None:
+            super().__init__()
+            hubs.append(self)
+            made.set()
+
+    monkeypatch.setattr(inline_tasks, "MemoryHub", Tapped)
+
+    def disturb(
+        stranger: Stranger, options: RunOptions, log: Path, stop: asyncio.Event
+    ) -> asyncio.Task[None]:
+        async def attack() -> None:
+            await made.wait()
+            hubs[0].fabric("stranger").listen(("**",), stranger.handle)
+            await stranger.attack(lambda d: hubs[0].send("stranger", d))
+            stop.set()
+
+        return asyncio.create_task(attack())
+
+    await check(Stranger(), disturb, "inline", tmp_path)
+
+
+@pytest.mark.zenoh
+@pytest.mark.exhaustive
+async def test_in_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found: asyncio.Future[tuple[str, str]] = asyncio.get_running_loop().create_future()
+
+    class Tapped(launch._Launch):
+        def __init__(self, *arguments: object) -> None:
+            super().__init__(*arguments)  # type: ignore[arg-type]
+            if not found.done():
+                found.set_result((self.swarm, self._connections._own))
+
+    monkeypatch.setattr(launch, "_Launch", Tapped)
+
+    def disturb(
+        stranger: Stranger, options: RunOptions, log: Path, stop: asyncio.Event
+    ) -> asyncio.Task[None]:
+        async def attack() -> None:
+            swarm, endpoint = await found
+            async with ZenohFabric("stranger", swarm, HubAddress(endpoint)) as fabric:
+                await fabric.subscribe(("**",), stranger.handle)
+                for key in KEYS:  # with no number beside it, nobody even looks
+                    fabric._session.put(f"{wire.ROOT}/{swarm}/{key}", b"\xff")
+                await stranger.attack(fabric.forward)
+            stop.set()
+
+        return asyncio.create_task(attack())
+
+    await check(Stranger(), disturb, "process", tmp_path)

@@ -331,13 +331,11 @@ class _Presence:
         if not self._missing:
             return
         over = self._fabric.serve(self._shell.over)
-        try:
-            async with asyncio.timeout(patience):
-                await first_of(over, self._complete.wait(), stop.wait())
-        except TimeoutError:
+        waits = over, self._complete.wait(), stop.wait()
+        if not await first_of(*waits, seconds=patience):
             late = sorted(self._missing)
             more = f" and {len(late) - 10} more" if len(late) > 10 else ""
             raise SwarmError(
                 f"swarm: every part must come up within {patience:g} s,"
                 f" missing: {', '.join(late[:10])}{more}"
-            ) from None
+            )

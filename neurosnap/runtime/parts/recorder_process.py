@@ -9,7 +9,6 @@ import asyncio
 import sys
 import time
 from collections.abc import Callable, Collection, Mapping
-from contextlib import suppress
 from functools import partial
 from importlib import metadata
 from pathlib import Path
@@ -136,9 +135,7 @@ async def run_recorder(
     )
     try:
         await first_of(fabric.serve(listener.all_left), stop.wait())
-        with suppress(TimeoutError):
-            async with asyncio.timeout(grace):
-                await fabric.serve(listener.all_left)
+        await first_of(fabric.serve(listener.all_left), seconds=grace)
     finally:
         flushing.cancel()
     listener.closed = True
