@@ -1,4 +1,4 @@
-"""A run with a stranger on its network: it goes on as if nobody were there.
+"""A run is unaffected by a foreign client on its network.
 
 The stranger is connected to the hub, hears everything, and sends under every key what
 is no message, what is far too large, what it has heard before, and what no part could
