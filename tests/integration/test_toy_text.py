@@ -1,4 +1,4 @@
-"""Gymnasium's toy texts with binary sensors: what they sense."""
+"""Gymnasium's toy texts: what their sensors read, and what agents learn there."""
 
 from collections import Counter
 from itertools import pairwise

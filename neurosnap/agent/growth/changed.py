@@ -1,4 +1,4 @@
-"""Tells users that a sensor was grown, or retired."""
+"""The notice to users that a sensor was grown, or retired."""
 
 import msgspec
 

@@ -1,4 +1,4 @@
-"""Files of readings of every format, and invalid files."""
+"""Files of readings of every format, as tables and as sources, and invalid files."""
 
 import shutil
 import sqlite3
