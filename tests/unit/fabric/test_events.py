@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from neurosnap.fabric.events import wait_any
+from neurosnap.fabric.events import first_of, wait_any
 
 
 @pytest.mark.parametrize("which", [0, 1, 2])
@@ -35,3 +35,13 @@ async def test_a_wait_that_is_cancelled_leaves_no_task() -> None:
         await waiting
     await asyncio.sleep(0)
     assert asyncio.all_tasks() == before
+
+
+async def test_a_limit_that_is_over_is_told_from_what_a_part_raises() -> None:
+    async def fails() -> None:
+        raise TimeoutError("the disk")
+
+    never = asyncio.Event()
+    assert not await first_of(never.wait(), seconds=0)
+    with pytest.raises(TimeoutError, match="the disk"):
+        await first_of(never.wait(), fails(), seconds=100)
