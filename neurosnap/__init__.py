@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from neurosnap.poc.dual.cubing import Cubing
     from neurosnap.poc.dual.morphism import PocMorphism
     from neurosnap.poc.dual.realization import Realization
-    from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
+    from neurosnap.poc.learning.discounted import DiscountedSnapshot
+    from neurosnap.poc.learning.empirical import EmpiricalSnapshot
     from neurosnap.poc.learning.relation_table import implications
     from neurosnap.poc.order.graph import PocGraph
     from neurosnap.poc.order.pocset import PocSet
@@ -59,8 +60,8 @@ _HOMES = {
     "BinarySensors": "neurosnap.agent.binary_sensors",
     "Body": "neurosnap.agent.body",
     "Cubing": "neurosnap.poc.dual.cubing",
-    "DiscountedSnapshot": "neurosnap.poc.learning.kinds",
-    "EmpiricalSnapshot": "neurosnap.poc.learning.kinds",
+    "DiscountedSnapshot": "neurosnap.poc.learning.discounted",
+    "EmpiricalSnapshot": "neurosnap.poc.learning.empirical",
     "PocGraph": "neurosnap.poc.order.graph",
     "PocMorphism": "neurosnap.poc.dual.morphism",
     "PocSet": "neurosnap.poc.order.pocset",

@@ -16,11 +16,9 @@ import numpy as np
 from gymnasium.spaces import Discrete
 
 from neurosnap.agent.binary_sensors import BinarySensors, Environment
-from neurosnap.agent.sensor import Sensor, one_hot, thresholds
+from neurosnap.agent.sensor import Attribute, Sensor, one_hot, thresholds
 from neurosnap.errors import InvalidValueError, MissingExtraError
 from neurosnap.system.distribution import must_have
-
-from .toy_text import Attribute
 
 ACTIONS = ("left", "right", "forward", "pickup", "drop", "toggle", "done")
 """All that MiniGrid has, in its order."""

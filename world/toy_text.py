@@ -5,7 +5,6 @@ happens next would depend on more than the state. No sensor is always on or alwa
 What is true of the sensors follows from their transition tables.
 """
 
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from gymnasium.envs.toy_text.cliffwalking import CliffWalkingEnv
@@ -13,25 +12,10 @@ from gymnasium.envs.toy_text.frozen_lake import FrozenLakeEnv
 from gymnasium.envs.toy_text.taxi import TaxiEnv
 
 from neurosnap.agent.binary_sensors import BinarySensors, Environment
-from neurosnap.agent.sensor import one_hot, rewarded, thresholds
+from neurosnap.agent.sensor import Attribute, one_hot, rewarded, thresholds
 
 _LETTERS = {b"S": "start", b"F": "frozen", b"H": "hole", b"G": "goal"}
 _STOPS = ("red", "green", "yellow", "blue")
-
-
-@dataclass(frozen=True)
-class Attribute:
-    """What a sensor reads of a state, by its name.
-
-    No lambda: it stays the same under a copy, and an environment that Gymnasium makes
-    again from its spec must compare equal.
-    """
-
-    name: str
-
-    def __call__(self, state: object) -> Any:  # noqa: ANN401 - the sensor knows
-        """Return it."""
-        return getattr(state, self.name)
 
 
 class TilePlace(NamedTuple):

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
 from neurosnap.agent.environment import Continuing, Outing, describe
-from neurosnap.agent.growth.grower import ROOM
+from neurosnap.agent.grower import ROOM
 from neurosnap.agent.imagining_planner import STATES, ImaginingPlanner
 from neurosnap.agent.memory import AgentMemory
 from neurosnap.agent.planner import target_literals
@@ -23,7 +23,8 @@ from neurosnap.agent.policy import TRIES, AgentKind, Policy, default_threshold
 from neurosnap.agent.senses import Senses
 from neurosnap.agent.tick import Mind, Sensed, answered_at_once, tick
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.poc.learning.kinds import EmpiricalSnapshot, Snapshot
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
+from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.sensorium import Sensorium, as_known, complete
 from neurosnap.wire import Decision
 

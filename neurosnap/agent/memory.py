@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body, Context
 from neurosnap.agent.experience import Experience
-from neurosnap.agent.growth.growth import Growth
-from neurosnap.agent.growth.sensor_changes import apply_change, body_after
+from neurosnap.agent.growth import Growth, apply_change
+from neurosnap.agent.sensor_changes import body_after
 from neurosnap.poc.learning.archive import (
     Arrays,
     entry,

@@ -148,6 +148,21 @@ class Trajectory:
         return np.array(readings, np.bool_)
 
 
+@dataclass(frozen=True)
+class Attribute:
+    """What a sensor reads of a state, by its name.
+
+    No lambda: it stays the same under a copy, and an environment that Gymnasium makes
+    again from its spec must compare equal.
+    """
+
+    name: str
+
+    def __call__(self, state: object) -> Any:  # noqa: ANN401 - the sensor knows
+        """Return it."""
+        return getattr(state, self.name)
+
+
 def itself(state: Any) -> Any:  # noqa: ANN401 - whatever a state is
     """Return the state: what sensors are of unless told otherwise."""
     return state

@@ -5,10 +5,10 @@ from collections.abc import Iterable, Iterator, Sequence
 import msgspec
 
 from neurosnap.health.alarm import Alarm, AlarmProgress, News, SensorHealth, told
-from neurosnap.health.follower import Follower
+from neurosnap.health.monitor import Follower
 from neurosnap.recording.read.observations import OwnReadings, observations
 from neurosnap.recording.read.recording import Recording
-from neurosnap.sources.tables.readings import Readings, seconds_of
+from neurosnap.sources.readings import Readings, seconds_of
 
 
 class Raised(msgspec.Struct, frozen=True):

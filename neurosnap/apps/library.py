@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from neurosnap.apps.config.load import described
 from neurosnap.apps.config.prepare import prepare
-from neurosnap.apps.export.columns import Cell, Table
+from neurosnap.apps.export.table import Cell, Table
 from neurosnap.apps.new_files import free_path, new_path
 from neurosnap.depth.measure import Sweep, from_recording, measure
 from neurosnap.depth.probe import Measured
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.learning.relation_table import Relation, tabulate
+from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.option import declared
 from neurosnap.protocol.run_options import RunOptions

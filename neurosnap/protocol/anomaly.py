@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from neurosnap import wire
 from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
 from neurosnap.poc.learning.history import History
-from neurosnap.poc.learning.kinds import Snapshot
+from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.order.contradiction import Contradiction, contradiction
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import Sensorium, as_known, complete
@@ -52,7 +52,7 @@ class AnomalyDetector:
             the occasions that what an anomaly breaks rests on.
 
     Examples:
-        >>> from neurosnap.poc.learning.kinds import EmpiricalSnapshot
+        >>> from neurosnap.poc.learning.empirical import EmpiricalSnapshot
         >>> watcher, snapshot = AnomalyDetector(2), EmpiricalSnapshot(2, 0.25)
         >>> for tick, bits in enumerate([(0, 0), (0, 1), (1, 1), (1, 0)]):
         ...     found = watcher.watch(tick, snapshot.poc_graph(), bits)

@@ -29,7 +29,7 @@ import msgspec
 import numpy as np
 
 from neurosnap import wire
-from neurosnap.agent.growth.sensor_changes import changes_in
+from neurosnap.agent.sensor_changes import changes_in
 from neurosnap.agent.tick import Mind, Sensed, Step, Steps, tick
 from neurosnap.errors import MessageError, ShapeError
 from neurosnap.poc.learning.search import Question
@@ -47,10 +47,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from neurosnap.agent.growth.changed import Changed
     from neurosnap.agent.memory import AgentMemory
     from neurosnap.agent.policy import Policy, Signal
-    from neurosnap.poc.learning.kinds import Snapshot
+    from neurosnap.agent.sensor_changes import Changed
+    from neurosnap.poc.learning.snapshot import Snapshot
     from neurosnap.poc.order.graph import PocGraph
     from neurosnap.protocol.run_options import RunOptions
     from neurosnap.protocol.wave import Wave

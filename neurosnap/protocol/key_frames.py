@@ -12,8 +12,8 @@ from neurosnap.poc.learning.bands import (
     joined,
     stretches_of,
 )
-from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.learning.pairs import pairs_of
+from neurosnap.poc.learning.snapshot import Snapshot
 
 
 def with_snapshot(

@@ -10,7 +10,9 @@ from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import EXACT, EXPLORE, AgentKind, Policy
 from neurosnap.errors import InvalidValueError
 from neurosnap.health.budget import NEVER, parse_budget
-from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
+from neurosnap.poc.learning.discounted import DiscountedSnapshot
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
+from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.order.graph import (
     WiringKind as WiringKind,  # one of the options' kinds
 )

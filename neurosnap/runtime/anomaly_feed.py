@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Self, TypeAlias
 
 from neurosnap import wire
-from neurosnap.agent.growth.changed import Changed
-from neurosnap.agent.growth.sensor_changes import changes_in
+from neurosnap.agent.sensor_changes import Changed, changes_in
 from neurosnap.errors import InvalidValueError, MessageError, SwarmError
 from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.zenoh.discovery import FoundSwarm

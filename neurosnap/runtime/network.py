@@ -7,13 +7,13 @@ from typing import Annotated
 import msgspec
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.fabric.security.hub_address import (
+from neurosnap.fabric.hub_address import (
     Credentials,
     HubAddress,
     check_endpoint,
     nearest,
 )
-from neurosnap.fabric.security.roles import Role, role_of
+from neurosnap.fabric.roles import Role, role_of
 from neurosnap.fabric.zenoh.discovery import Discovery
 from neurosnap.fabric.zenoh.session import reach
 from neurosnap.protocol.option import option
@@ -102,7 +102,7 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
         if not self.tls:
             return None
         # Only here: parts are handed paths, and need no cryptography of their own.
-        from neurosnap.fabric.security.load_keys import read_credentials
+        from neurosnap.fabric.keys import read_credentials
 
         return read_credentials(Path(self.tls), role)
 

@@ -8,7 +8,7 @@ from typing import Annotated, Protocol, cast
 
 import msgspec
 
-from neurosnap.agent.growth.changed import Changed
+from neurosnap.agent.sensor_changes import Changed
 from neurosnap.errors import InvalidValueError, MissingExtraError
 from neurosnap.health.alarm import Standing
 from neurosnap.protocol.coordinator import Totals

@@ -23,7 +23,7 @@ from pathlib import Path
 
 import msgspec
 
-from neurosnap.agent.growth.changed import Changed
+from neurosnap.agent.sensor_changes import Changed
 from neurosnap.errors import (
     InvalidValueError,
     NothingBegunError,

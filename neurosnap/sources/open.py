@@ -66,7 +66,7 @@ def open_source(
     if is_live(name):
         opened = open_live(name, arguments, hub)
     elif name.lower().endswith(".csv") or _is_file(name):
-        from neurosnap.sources.tables.open_readings import FileSource
+        from neurosnap.sources.open_readings import FileSource
 
         if arguments:
             rule = "must not be given for a file"

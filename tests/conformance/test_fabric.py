@@ -10,7 +10,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.errors import FabricError
-from neurosnap.fabric.security.hub_address import HubAddress
+from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from tests.support.fabrics import Heard, Hub, Network, Seen, ZenohNetwork, listening
 from tests.support.patience import PATIENCE

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from neurosnap.errors import FabricError
-from neurosnap.fabric.security.hub_address import HubAddress
+from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.zenoh.hub import open_hub
 from neurosnap.fabric.zenoh.session import reach
 from tests.support.commands import Command

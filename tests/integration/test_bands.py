@@ -12,7 +12,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.apps.viewer.run_view import RunView
-from neurosnap.poc.learning.kinds import Snapshot
+from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.recording.read.keyframes import starts
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.learning import snapshot_at

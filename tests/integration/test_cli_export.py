@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from typer.testing import Result
 
-from neurosnap.apps.export import write
+from neurosnap.apps.export import table
 from tests.support.command_line import call, happy
 from tests.support.recorded_runs import TICKS
 
@@ -32,7 +32,7 @@ def test_a_table_goes_beside_the_recording_or_where_it_is_named(
 
 def ended(number: signal.Signals, log: Path, out: Path) -> Result:
     """Export, and be sent a signal when half of it is written."""
-    whole = write.write_csv
+    whole = table.write_csv
 
     def half(path: Path, columns: Any, rows: Any) -> None:
         whole(path, columns, itertools.islice(rows, TICKS // 2))
@@ -40,7 +40,7 @@ def ended(number: signal.Signals, log: Path, out: Path) -> Result:
 
     before = signal.getsignal(number)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("neurosnap.apps.export.write.write_csv", half)
+        patch.setattr("neurosnap.apps.export.table.write_csv", half)
         result = call("export", log, "-o", out)
     assert signal.getsignal(number) is before
     return result

@@ -18,7 +18,7 @@ from neurosnap.agent.policy import EXACT, default_threshold
 from neurosnap.agent.sensor import thresholds
 from neurosnap.apps.config.load import load
 from neurosnap.apps.config.prepare import prepare
-from neurosnap.poc.learning.kinds import EmpiricalSnapshot
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.protocol.run_options import RunOptions
 from tests.support.exhaustive import rows
 from tests.support.taught_agents import Taught, attempt, taught, tile

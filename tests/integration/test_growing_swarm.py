@@ -9,9 +9,9 @@ import msgspec
 import pytest
 
 from neurosnap import wire
-from neurosnap.agent.growth.changed import Changed
+from neurosnap.agent.sensor_changes import Changed
 from neurosnap.errors import RecordingError
-from neurosnap.poc.learning.kinds import Snapshot
+from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.protocol.anomaly_words import NamedAnomaly
 from neurosnap.protocol.run_options import SMALLEST, CellKind, RunOptions
 from neurosnap.recording.read.recording import Recording, part_paths

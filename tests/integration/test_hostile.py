@@ -19,8 +19,8 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
+from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.in_memory import MemoryHub
-from neurosnap.fabric.security.hub_address import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.read.recording import Recording

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import pytest
 
 from neurosnap import wire
-from neurosnap.fabric.security.hub_address import HubAddress
+from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify

@@ -14,8 +14,8 @@ import pytest
 import zenoh
 
 from neurosnap import wire
-from neurosnap.fabric.security.hub_address import Credentials, HubAddress
-from neurosnap.fabric.security.roles import Role
+from neurosnap.fabric.hub_address import Credentials, HubAddress
+from neurosnap.fabric.roles import Role
 from neurosnap.fabric.zenoh.discovery import incarnation
 from neurosnap.fabric.zenoh.session import connecting
 from neurosnap.recording.read.recording import Recording

@@ -9,7 +9,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError
-from neurosnap.fabric.security.hub_address import HubAddress
+from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.hub import open_hub
 from neurosnap.recording.read.recording import Recording

@@ -23,6 +23,7 @@ from neurosnap.errors import (
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.network import PRIVATE
+from neurosnap.runtime.ray_starter import RayActors
 from neurosnap.runtime.request import (
     SILENT,
     Outcome,
@@ -33,7 +34,6 @@ from neurosnap.runtime.request import (
 )
 from neurosnap.runtime.run import run
 from neurosnap.runtime.supervisor import Supervisor
-from neurosnap.starters.ray_actors import RayActors
 from tests.support.command_line import flat, last_json
 from tests.support.course import course
 from tests.support.disturbed_commands import (

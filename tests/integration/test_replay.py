@@ -14,7 +14,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.depth.measure import from_recording
 from neurosnap.errors import RecordingError
-from neurosnap.poc.learning.kinds import Snapshot
+from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.run_options import RunOptions, SnapshotKind, WiringKind

@@ -13,8 +13,7 @@ from pathlib import Path
 import pytest
 
 from neurosnap import wire
-from neurosnap.fabric.security.load_keys import read_credentials
-from neurosnap.fabric.security.make_keys import make_keys
+from neurosnap.fabric.keys import make_keys, read_credentials
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.recording.format.completeness import Completeness
 from tests.support.command_line import happy, refused

@@ -19,10 +19,9 @@ from cryptography.hazmat.primitives.serialization import Encoding, load_pem_priv
 
 from neurosnap import wire
 from neurosnap.errors import FabricError
-from neurosnap.fabric.security.hub_address import Credentials, HubAddress
-from neurosnap.fabric.security.load_keys import read_credentials
-from neurosnap.fabric.security.make_keys import make_keys
-from neurosnap.fabric.security.roles import Role
+from neurosnap.fabric.hub_address import Credentials, HubAddress
+from neurosnap.fabric.keys import make_keys, read_credentials
+from neurosnap.fabric.roles import Role
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.session import configuration
 from neurosnap.recording.read.recording import Recording

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from neurosnap.fabric.security.roles import Role
+from neurosnap.fabric.roles import Role
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from tests.support.command_line import failed, refused

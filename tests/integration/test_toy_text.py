@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from neurosnap.agent.environment import describe
-from neurosnap.poc.learning.kinds import EmpiricalSnapshot
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from tests.support.taught_agents import (
     BEDS,
     Bed,

@@ -10,9 +10,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
+from neurosnap.poc.learning.discounted import DiscountedSnapshot
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.learning.history import History
-from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
 from neurosnap.poc.learning.search import answered
+from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.sensorium import Sensorium
 from tests.support.edges import learned_edges
 from tests.support.hypothesis_settings import examples

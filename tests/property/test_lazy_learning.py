@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from neurosnap.poc.learning.automatic_threshold import AUTO
 from neurosnap.poc.learning.counting_kernels import CALM, DENSE, FREE
-from neurosnap.poc.learning.kinds import EmpiricalSnapshot
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 
 
 class Eager:

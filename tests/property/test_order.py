@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from neurosnap import wire
-from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
+from neurosnap.poc.learning.discounted import DiscountedSnapshot
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.order.closure_and_reduction import order_of
 from neurosnap.poc.order.graph import PocGraph, WiringKind
 from neurosnap.poc.order.literals import Words, from_words, to_words

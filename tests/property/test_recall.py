@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from neurosnap import wire
-from neurosnap.agent.growth.grower import LONGEST, Candidates, cover
+from neurosnap.agent.grower import LONGEST, Candidates, cover
 from neurosnap.errors import AnswerLostError, MessageError
 from neurosnap.poc.learning.history import History
 from neurosnap.poc.learning.search import Answer, Count, Question, answered

@@ -7,12 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from neurosnap.poc.learning.kinds import (
-    DiscountedSnapshot,
-    EmpiricalSnapshot,
-    Snapshot,
-)
-from neurosnap.poc.learning.snapshot import OF_PAIRS
+from neurosnap.poc.learning.discounted import DiscountedSnapshot
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
+from neurosnap.poc.learning.snapshot import OF_PAIRS, Snapshot
 from neurosnap.protocol.learn_control import pairs_in
 from neurosnap.protocol.worker_learning import pieces_of
 

@@ -8,7 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
+from neurosnap.poc.learning.discounted import DiscountedSnapshot
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
+from neurosnap.poc.learning.snapshot import Snapshot
 from tests.support import oracles
 from tests.support.edges import learned_edges, weights_of
 from tests.support.strategies import Bits, as_set, runs

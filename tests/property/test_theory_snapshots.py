@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.dual.morphism import canonical_projection
-from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
+from neurosnap.poc.learning.discounted import DiscountedSnapshot
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.order.pocset import PocSet
 from tests.support import oracles
 from tests.support.hypothesis_settings import examples

@@ -7,6 +7,7 @@ stands in its place changes nothing.
 import itertools
 from collections import Counter
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -17,12 +18,16 @@ from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body
 from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import AgentKind, RandomNumbers
-from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
+from neurosnap.poc.learning.discounted import DiscountedSnapshot
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.sensorium import Sensorium
 from neurosnap.wire import Decision
 from tests.support import agent_oracles as agents
 from tests.support import oracles
 from tests.support.strategies import as_set, bit_rows
+
+if TYPE_CHECKING:
+    from neurosnap.poc.learning.snapshot import Snapshot
 
 Row = list[bool | None]
 

@@ -12,7 +12,7 @@ from neurosnap.agent.body import Body
 from neurosnap.agent.policies import Walker
 from neurosnap.agent.policy import Deliberation, Policy
 from neurosnap.fabric.in_memory import matches
-from neurosnap.poc.learning.kinds import EmpiricalSnapshot
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.sensorium import pack
 from tests.support.run_options import core_options

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from itertools import permutations
 
 from neurosnap import wire
+from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.fabric.protocol import Fabric
-from neurosnap.fabric.security.hub_address import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from tests.support.patience import PATIENCE
 

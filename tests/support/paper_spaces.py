@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.poc.dual.realization import Realization
-from neurosnap.poc.order.pocset import PocSet
-from neurosnap.poc.order.relations import RelationLike
+from neurosnap.poc.order.pocset import PocSet, RelationLike
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

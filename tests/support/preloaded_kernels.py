@@ -10,7 +10,8 @@ import warnings
 
 import numpy as np
 
-from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
+from neurosnap.poc.learning.discounted import DiscountedSnapshot
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.protocol import worker_kernels
 from neurosnap.recording.format import chunks
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import zenoh
 
-from neurosnap.fabric.security.hub_address import Credentials, HubAddress
-from neurosnap.fabric.security.roles import Role
+from neurosnap.fabric.hub_address import Credentials, HubAddress
+from neurosnap.fabric.roles import Role
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.session import configuration
 from neurosnap.recording.format.completeness import Completeness
@@ -27,7 +27,7 @@ SWARM = "one"
 BE_HUB = """
 import sys
 from pathlib import Path
-from neurosnap.fabric.security.load_keys import read_credentials
+from neurosnap.fabric.keys import read_credentials
 from neurosnap.fabric.zenoh.hub import open_hub
 from neurosnap.fabric.zenoh.denied_log import telling_refusals
 with telling_refusals():

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from neurosnap import wire
-from neurosnap.fabric.security.hub_address import HubAddress
+from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.fit_agent import body_of

@@ -14,7 +14,7 @@ from neurosnap.agent.body import Body
 from neurosnap.agent.environment import Continuing
 from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import AgentKind
-from neurosnap.poc.learning.kinds import EmpiricalSnapshot
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.sensorium import Sensorium
 from tests.support.transition_tables import (
     Situation,

@@ -15,7 +15,7 @@ from neurosnap.apps.config.load import load
 from neurosnap.apps.config.prepare import prepare
 from neurosnap.sources.mqtt.payload import Payload, PayloadReader
 from neurosnap.sources.open import mqtt_options
-from neurosnap.sources.tables.open_readings import open_readings
+from neurosnap.sources.open_readings import open_readings
 from tests.support.programs import find, needs
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.environment import Continuing
-from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
+from neurosnap.poc.learning.discounted import DiscountedSnapshot
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
+from neurosnap.poc.learning.snapshot import Snapshot
 from tools.bench.report import Line, Sizes
 from world.toy_text import taxi
 

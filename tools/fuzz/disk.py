@@ -18,7 +18,7 @@ from neurosnap import wire
 from neurosnap.apps.cli import recording_info
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.errors import NeurosnapError, RecordingError
-from neurosnap.poc.learning.kinds import Snapshot
+from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording, part_path, part_paths
 from neurosnap.recording.replay.learning import snapshot_at

@@ -3,8 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
+from neurosnap.poc.learning.discounted import DiscountedSnapshot
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.learning.pairs import strict
+from neurosnap.poc.learning.snapshot import Snapshot
 from tools.paper.figure import TruthKind
 from tools.paper.table import Entry
 from tools.paper.walks import Walk, thresholded, walk

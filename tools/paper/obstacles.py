@@ -19,7 +19,7 @@ from neurosnap.agent.agent import Agent
 from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import EXPLORE, AgentKind
 from neurosnap.agent.senses import Senses
-from neurosnap.poc.learning.kinds import EmpiricalSnapshot
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.sensorium import complete
 from tools.paper.table import Entry
 from tools.paper.walks import World, world_of

@@ -16,7 +16,7 @@ import numpy as np
 from gymnasium.spaces import Discrete, MultiBinary
 from numpy.typing import NDArray
 
-from neurosnap.agent.growth.grower import ROOM
+from neurosnap.agent.grower import ROOM
 from neurosnap.sensorium import complete
 from neurosnap.sources.gymnasium_source import import_worlds
 

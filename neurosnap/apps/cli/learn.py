@@ -25,7 +25,7 @@ from neurosnap.apps.cli.shared import (
 if TYPE_CHECKING:
     from neurosnap.apps.export.learned import Findings
     from neurosnap.recording.read.recording import Recording
-    from neurosnap.sources.tables.readings import Readings
+    from neurosnap.sources.readings import Readings
 
 _MOST = 40
 """Rows that a terminal is shown; `--out` writes all."""

@@ -27,7 +27,7 @@ from neurosnap.sensorium import visible
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from neurosnap.agent.growth.changed import Changed
+    from neurosnap.agent.sensor_changes import Changed
     from neurosnap.health.alarm import Standing
     from neurosnap.protocol.run_options import RunOptions
     from neurosnap.runtime.request import Outcome
@@ -263,7 +263,7 @@ def changed_line(changed: "Changed") -> str:
     """Return what is said when a sensor is grown, or read no more.
 
     Examples:
-        >>> from neurosnap.agent.growth.changed import Changed
+        >>> from neurosnap.agent.sensor_changes import Changed
         >>> changed_line(Changed(tick=83, sensor=24, name="press&a&b", retires=False))
         'tick 83: grew press&a&b'
     """

@@ -182,7 +182,7 @@ def export(
     form: Format = "text",
 ) -> None:
     """Convert a recording to a table, or save what is intact of it."""
-    from neurosnap.apps.export.write import export as write
+    from neurosnap.apps.export.table import export as write
     from neurosnap.recording.read.recording import Recording
     from neurosnap.recording.write.copying import salvage
 

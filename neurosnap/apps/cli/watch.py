@@ -133,7 +133,7 @@ def _watch_swarm(
 
 def _report(told: "Fed", form: str) -> None:
     """Print an anomaly, news of health, or a change of the sensors."""
-    from neurosnap.agent.growth.changed import Changed
+    from neurosnap.agent.sensor_changes import Changed
     from neurosnap.health.alarm import News
     from neurosnap.protocol.anomaly_words import anomaly_line
 

@@ -33,7 +33,7 @@ from typing import Literal, TypeAlias
 
 import msgspec
 
-from neurosnap.agent.growth.changed import Changed
+from neurosnap.agent.sensor_changes import Changed
 from neurosnap.health.alarm import SensorHealth
 from neurosnap.recording.replay.births import RecordedBirth
 

@@ -21,7 +21,7 @@ from neurosnap.apps.viewer.time_series import TimeSeries
 from neurosnap.errors import MessageError, ShapeError
 from neurosnap.health.alarm import News
 from neurosnap.health.budget import NEVER
-from neurosnap.health.follower import Follower
+from neurosnap.health.monitor import Follower
 from neurosnap.protocol.anomaly_words import with_support
 from neurosnap.recording.read.observations import own_readings
 

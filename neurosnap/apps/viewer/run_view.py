@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.agent.growth.sensor_changes import changes_in
+from neurosnap.agent.sensor_changes import changes_in
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.learned import SnapshotCache, drawn, graph_id
 from neurosnap.apps.viewer.tick_messages import Ticks

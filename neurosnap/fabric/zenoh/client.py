@@ -22,9 +22,9 @@ import zenoh
 from neurosnap import wire
 from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.events import Failure
+from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.protocol import Handler, PresenceHandler
-from neurosnap.fabric.security.hub_address import HubAddress
-from neurosnap.fabric.security.roles import DESCRIPTION, FLUSHED
+from neurosnap.fabric.roles import DESCRIPTION, FLUSHED
 from neurosnap.fabric.zenoh.inbox import Inbox, Poll
 from neurosnap.fabric.zenoh.pieces import LARGEST, Assembly, pieces
 from neurosnap.fabric.zenoh.session import connecting

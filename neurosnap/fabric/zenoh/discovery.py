@@ -13,7 +13,7 @@ import zenoh
 
 from neurosnap import wire
 from neurosnap.fabric.events import wait_any
-from neurosnap.fabric.security.hub_address import HubAddress
+from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.zenoh.inbox import Inbox
 from neurosnap.fabric.zenoh.session import reach
 

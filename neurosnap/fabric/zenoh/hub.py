@@ -1,7 +1,7 @@
 """The hub: a router for a swarm's parts, which may be linked to other hubs.
 
 Without credentials it stays on this machine; with them every link is mutual TLS, and it
-passes on only what `neurosnap.fabric.security.roles` allows. Each hub holds its own
+passes on only what `neurosnap.fabric.roles` allows. Each hub holds its own
 parts to that, and takes a linked hub's word for the parts of that one.
 
 Zenoh looks for a linked hub that is not there by itself, and does not report it. And it
@@ -20,8 +20,8 @@ import zenoh
 
 from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.events import wait_any
-from neurosnap.fabric.security.hub_address import Credentials, check_endpoint, nearest
-from neurosnap.fabric.security.roles import access_list
+from neurosnap.fabric.hub_address import Credentials, check_endpoint, nearest
+from neurosnap.fabric.roles import access_list
 from neurosnap.fabric.zenoh.session import absence, configuration
 
 _SOURCE = re.compile(r" at /\S+\.rs:\d+")  # places in the engine's own code

@@ -16,7 +16,7 @@ import zenoh
 
 from neurosnap.errors import FabricError
 from neurosnap.fabric.events import wait_any
-from neurosnap.fabric.security.hub_address import HubAddress
+from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.zenoh.pieces import LARGEST
 
 # What is larger is dropped as it comes in: no part can fill another's memory.

@@ -11,9 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from neurosnap.poc.learning.archive import Arrays, rows_in, unpack_arrays
-from neurosnap.poc.learning.kinds import Snapshot
 from neurosnap.poc.learning.pairs import pairs_of
-from neurosnap.poc.learning.snapshot import OF_PAIRS
+from neurosnap.poc.learning.snapshot import OF_PAIRS, Snapshot
 
 
 class Stretch(NamedTuple):

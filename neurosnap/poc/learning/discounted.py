@@ -1,6 +1,13 @@
-"""Learning that forgets: the present weighs more than the past."""
+"""Learning that forgets: the present weighs more than the past.
 
-from typing import ClassVar, Self
+Where every reading is known a joint weight a pair is stored; where readings may be
+unknown, four weights a pair, of which those of an unknown reading are not touched.
+
+The compiled loops over a row are written for vector instructions, as those of
+`neurosnap.poc.learning.graph_kernels`.
+"""
+
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,14 +15,247 @@ from numpy.typing import NDArray
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.archive import Arrays, entry
 from neurosnap.poc.learning.automatic_threshold import AUTO
-from neurosnap.poc.learning.discounting_kernels import (
-    discount_squares,
-    learn_discounted,
-    truncate_newborn,
+from neurosnap.poc.learning.graph_kernels import (
+    Pairs,
+    Row,
+    code_of,
+    difference,
+    end_of,
+    place_of,
+    rewire,
+    row_of,
 )
 from neurosnap.poc.learning.pairs import Weights, excluded
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.sensorium import Sensorium
+from neurosnap.system.compiled import njit
+
+Floats = NDArray[np.float64]
+
+SLACK = 1e-12
+"""By how much a discounted weight must be smaller to count as smaller."""
+TINY = 1e-300
+"""Halving goes on below the least normal number, where arithmetic is a hundred times
+slower; what is as small as this is 0 to every comparison already."""
+
+
+class _Gains(NamedTuple):
+    """What an observation does to weights, by the other sensor of a pair: ``(N,)``."""
+
+    known: NDArray[np.uint8]
+    """Whether it is known."""
+    keep: Floats
+    """What is kept of the weights."""
+    on: Floats
+    """What is gained where it reads on."""
+    off: Floats
+    """Where it reads off."""
+    none: Floats
+    """Zeros."""
+
+
+@njit()
+def learn_discounted(
+    bits: NDArray[np.uint8],
+    joints: Floats,
+    marginals: Floats,
+    decay: float,
+    pairs: tuple[Any, ...],
+    tick: int,
+) -> bool:
+    """Weigh in one observation, derive, truncate ([GK] defn:discounted update).
+
+    ``n <- q n + (1 - q) x`` for marginals and joints; codes as `code_of` has them,
+    where ``<`` is smaller by more than `SLACK` and ``= 0`` at most `SLACK`; then every
+    square with an implication loses the weight against it ([GK] snapshot truncation).
+    Marginals keep.
+
+    Args:
+        bits: ``(N,)``, 0 or 1.
+        joints: ``(P,)``, updated.
+        marginals: ``(N,)``, updated.
+        decay: ``q`` in [0, 1).
+        pairs: A `Pairs`; updated.
+        tick: What changes are dated with.
+
+    Returns:
+        Whether any code changed. O(N²/2) time.
+    """
+    count, kept = bits.shape[0], Pairs(*pairs)
+    limit, codes, first = kept.threshold, kept.codes, kept.first
+    gain = np.empty(count, np.float64)
+    fresh = np.empty(count, np.uint8)
+    for j in range(count):
+        gain[j] = (1.0 - decay) * bits[j]
+        marginals[j] = decay * marginals[j] + gain[j]
+    changed = False
+    for i in range(first, end_of(first, codes.shape[0])):
+        start = place_of(i, first)
+        joint, now = joints[start : start + i], codes[start : start + i]
+        on = float(bits[i])
+        mine = marginals[i]
+        rest = 1.0 - mine
+        for j in range(i):
+            yours = marginals[j]
+            # The same products and sums as for the marginals: with x_i = x_i x_j, a
+            # joint that was equal to its marginal stays equal to it, bit for bit.
+            w11 = decay * joint[j] + on * gain[j]
+            w10 = mine - w11
+            w01 = yours - w11
+            w00 = rest - w01
+            code, up, down = code_of(w11, w10, w01, w00, limit, SLACK)
+            fresh[j] = code
+            # Taking all weight from w_ij* or w_i*j, whichever is smaller, is the
+            # largest joint that the marginals allow; from w_ij or w_i*j*, the least.
+            w11 = min(mine, yours) if up else w11
+            joint[j] = max(0.0, mine + yours - 1.0) if down else w11
+        if difference(fresh, now):
+            rewire(i, fresh, kept, tick)
+            changed = True
+    return changed
+
+
+@njit()
+def discount_squares(
+    bits: NDArray[np.uint8],
+    known: NDArray[np.uint8],
+    squares: Floats,
+    decay: float,
+    pairs: tuple[Any, ...],
+    tick: int,
+) -> bool:
+    """Weigh in what is known of one observation, derive, truncate.
+
+    ``w_ab <- q w_ab + (1 - q) [a and b both on]`` where both sensors are known; codes
+    and truncation as in `learn_discounted`, for these pairs alone: what is not touched
+    keeps its code as well, which rounding might turn.
+
+    Args:
+        bits: ``(N,)``, 0 or 1; any where unknown.
+        known: ``(N,)``, 0 or 1.
+        squares: ``(4, P)``, updated; each column adds up to 1.
+        decay: ``q`` in [0, 1).
+        pairs: A `Pairs`; updated.
+        tick: What changes are dated with.
+
+    Returns:
+        Whether any code changed. O(N k) time for ``k`` known sensors.
+    """
+    count, kept = bits.shape[0], Pairs(*pairs)
+    limit, codes, first = kept.threshold, kept.codes, kept.first
+    gains = _gains(bits, known, decay)
+    shift = np.empty(count, np.float64)
+    fresh = np.empty(count, np.uint8)
+    changed = False
+    for i in range(first, end_of(first, codes.shape[0])):
+        if not known[i]:
+            continue
+        start = place_of(i, first)
+        row, now = row_of(squares, start, start + i), codes[start : start + i]
+        _discount(bits[i], row, gains, limit, shift, now, fresh)
+        if difference(fresh, now):
+            rewire(i, fresh, kept, tick)
+            changed = True
+    return changed
+
+
+@njit()
+def truncate_newborn(squares: Floats, share: float, codes: NDArray[np.uint8]) -> None:
+    """Write what the weights of a newborn sensor say of its pairs, and truncate them.
+
+    Args:
+        squares: ``(4, N)``, of its pairs with all others; updated.
+        share: The threshold.
+        codes: ``(N,)``, overwritten.
+    """
+    count = codes.shape[0]
+    row, known = row_of(squares, 0, count), np.ones(count, np.uint8)
+    _truncate(row, known, share, np.empty(count, np.float64), codes, codes)
+
+
+@njit()
+def _gains(bits: NDArray[np.uint8], known: NDArray[np.uint8], decay: float) -> _Gains:
+    """Return what an observation does to weights."""
+    keep = np.where(known > 0, decay, 1.0)
+    on = (bits & known).astype(np.float64) * (1.0 - decay)
+    off = (known & ~bits).astype(np.float64) * (1.0 - decay)
+    return _Gains(known, keep, on, off, np.zeros(bits.shape[0], np.float64))
+
+
+@njit()
+def _discount(
+    bit: int,
+    row: Row,
+    gains: _Gains,
+    limit: float,
+    shift: Floats,
+    now: NDArray[np.uint8],
+    fresh: NDArray[np.uint8],
+) -> None:
+    """Weigh one observation into one row, whose sensor is known, and truncate it.
+
+    Args:
+        bit: The sensor's reading.
+        row: The weights, updated.
+        gains: What the observation does to them.
+        limit: The threshold.
+        shift: Overwritten.
+        now: ``(i,)``, the codes as they are.
+        fresh: Overwritten with the codes as they are to be.
+    """
+    _fade(row.both, gains.keep, gains.on if bit else gains.none)
+    _fade(row.only_i, gains.keep, gains.off if bit else gains.none)
+    _fade(row.only_j, gains.keep, gains.none if bit else gains.on)
+    _fade(row.neither, gains.keep, gains.none if bit else gains.off)
+    _truncate(row, gains.known, limit, shift, now, fresh)
+
+
+@njit()
+def _truncate(
+    row: Row,
+    known: NDArray[np.uint8],
+    limit: float,
+    shift: Floats,
+    now: NDArray[np.uint8],
+    fresh: NDArray[np.uint8],
+) -> None:
+    """Derive the codes of one row, and take away the weight against them.
+
+    Args:
+        row: The weights, updated.
+        known: ``(N,)``: the pairs of other sensors keep code and weights.
+        limit: As of `_discount`, and so are the others.
+        shift: Overwritten.
+        now: The codes as they are.
+        fresh: Overwritten.
+    """
+    both, only_i, only_j, neither = row.both, row.only_i, row.only_j, row.neither
+    for j in range(both.shape[0]):
+        w11, w10, w01, w00 = both[j], only_i[j], only_j[j], neither[j]
+        code, up, down = code_of(w11, w10, w01, w00, limit, SLACK)
+        fresh[j] = code if known[j] else now[j]
+        # The weight against an implication is added to both of its sort's others
+        # and taken from both of its own: of which itself becomes 0, exactly.
+        up, down = up & (known[j] > 0), down & (known[j] > 0)
+        shift[j] = min(w10, w01) if up else (-min(w11, w00) if down else 0.0)
+    for j in range(both.shape[0]):
+        both[j] += shift[j]
+        neither[j] += shift[j]
+    for j in range(both.shape[0]):
+        only_i[j] -= shift[j]
+        only_j[j] -= shift[j]
+
+
+@njit()
+def _fade(weights: Floats, keep: Floats, gain: Floats) -> None:
+    """Keep a share of each weight and add what is gained; the least become 0.
+
+    What is kept whole is not touched.
+    """
+    for j in range(weights.shape[0]):
+        weight = keep[j] * weights[j] + gain[j]
+        weights[j] = weight if (weight > TINY) | (keep[j] == 1.0) else 0.0
+
 
 _ROUNDING = 1e-9
 

@@ -18,8 +18,13 @@ from neurosnap.poc.learning.automatic_threshold import (
     share_of_changes,
 )
 from neurosnap.poc.learning.columns import Columns
-from neurosnap.poc.learning.counting_kernels import Lag, learn_lazily, settle_all
-from neurosnap.poc.learning.counting_unknown_kernels import count_newborn, count_squares
+from neurosnap.poc.learning.counting_kernels import (
+    Lag,
+    count_newborn,
+    count_squares,
+    learn_lazily,
+    settle_all,
+)
 from neurosnap.poc.learning.pair_counts import OnProgress
 from neurosnap.poc.learning.pairs import Weights
 from neurosnap.poc.learning.snapshot import Snapshot

@@ -5,10 +5,10 @@ last adopted. How observations are weighed is up to each kind.
 """
 
 import abc
-import inspect
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, ClassVar, NamedTuple, Self
+from importlib import import_module
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,6 +33,10 @@ from neurosnap.sensorium import Sensorium, as_known, complete, pack, unpack
 OF_PAIRS = ("joints", "squares", "codes", "since")
 """The arrays of a snapshot whose last axis is the pairs."""
 _BITS = 32
+_KINDS = {
+    "EmpiricalSnapshot": "neurosnap.poc.learning.empirical",
+    "DiscountedSnapshot": "neurosnap.poc.learning.discounted",
+}  # the modules of the kinds, which import this one
 _SCHEMA = 1
 _WHOLE = 16  # a row has changed much if more than one in so many of its pairs have
 
@@ -91,12 +95,7 @@ class Snapshot(abc.ABC):
         InvalidValueError: The threshold is out of range.
     """
 
-    _kinds: ClassVar[dict[str, type["Snapshot"]]] = {}  # by their names, as in files
     _weights: Weights
-
-    def __init_subclass__(cls) -> None:
-        super().__init_subclass__()
-        cls._kinds[cls.__name__] = cls
 
     def __init__(
         self,
@@ -577,10 +576,12 @@ class Snapshot(abc.ABC):
         """
         if entry(arrays, "schema", (), np.int64).item() != _SCHEMA:
             raise ValueError(f"schema: must be {_SCHEMA}")
-        kind = cls._kinds.get(str(entry(arrays, "kind", (), np.str_).item()))
-        if kind is None or not issubclass(kind, cls) or inspect.isabstract(kind):
-            raise ValueError(f"kind: must be {cls.__name__}")
-        return kind
+        name = str(entry(arrays, "kind", (), np.str_).item())
+        if name in _KINDS:
+            kind: type = getattr(import_module(_KINDS[name]), name)
+            if issubclass(kind, cls):
+                return kind
+        raise ValueError(f"kind: must be {cls.__name__}")
 
     def arrays(self) -> Arrays:
         """Return its whole state as arrays, by name."""

@@ -10,11 +10,11 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.health.alarm import News, news
 from neurosnap.health.budget import NEVER
-from neurosnap.health.follower import Follower
+from neurosnap.health.monitor import Follower
 from neurosnap.poc.learning.columns import GrowingColumns
 from neurosnap.recording.read.recording import Recording
 from neurosnap.sensorium import Sensorium, unpack_readings
-from neurosnap.sources.tables.readings import Readings, utc
+from neurosnap.sources.readings import Readings, utc
 
 _SECOND = 1e9
 

@@ -6,9 +6,8 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.agent.growth.changed import Changed
-from neurosnap.agent.growth.sensor_changes import body_after
 from neurosnap.agent.memory import body_in
+from neurosnap.agent.sensor_changes import Changed, body_after
 from neurosnap.errors import MessageError, RecordingError
 from neurosnap.recording.read.recording import Recording
 

@@ -7,10 +7,11 @@ from typing import Self
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.agent.growth.sensor_changes import apply_change, body_after
+from neurosnap.agent.growth import apply_change
 from neurosnap.agent.memory import body_in
+from neurosnap.agent.sensor_changes import body_after
 from neurosnap.errors import InvalidValueError, MessageError, RecordingError, ShapeError
-from neurosnap.poc.learning.kinds import Snapshot
+from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.protocol.key_frames import snapshot_of
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.keyframes import starts

@@ -15,7 +15,7 @@ import msgspec
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError
 from neurosnap.fabric.events import wait_any
-from neurosnap.fabric.security.hub_address import Credentials, HubAddress, nearest
+from neurosnap.fabric.hub_address import Credentials, HubAddress, nearest
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.hub import open_hub
 from neurosnap.recording.read.chunk_messages import Recorded

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.agent.growth.sensor_changes import body_after
+from neurosnap.agent.sensor_changes import body_after
 from neurosnap.errors import RecordingError
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.resume_point import ResumePoint

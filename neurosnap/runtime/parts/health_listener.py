@@ -15,7 +15,7 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import NeurosnapError
 from neurosnap.health.alarm import Standing
-from neurosnap.health.follower import Follower
+from neurosnap.health.monitor import Follower
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.recording.read.observations import (
     OwnReadings,

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Annotated, Protocol, TypeAlias, TypeVar
 import msgspec
 
 from neurosnap import wire
-from neurosnap.agent.growth.changed import Changed
+from neurosnap.agent.sensor_changes import Changed
 from neurosnap.errors import MessageError, NeurosnapError, PartDiedError
+from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.protocol import Fabric
-from neurosnap.fabric.security.hub_address import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.agent.growth.sensor_changes import body_after
+from neurosnap.agent.sensor_changes import body_after
 from neurosnap.errors import InvalidValueError, MessageError, ShapeError
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.health.alarm import Standing

@@ -1,4 +1,7 @@
-"""A worker process: connects a `Worker` to the network."""
+"""A worker process: connects a `Worker` to the network.
+
+Apart from `hub_and_cell`, since it needs numpy, which a cell's process must not load.
+"""
 
 import asyncio
 

@@ -30,8 +30,8 @@ import zenoh
 
 from neurosnap import wire
 from neurosnap.errors import FabricError, InvalidValueError, NeurosnapError, within
-from neurosnap.fabric.security.hub_address import HubAddress
-from neurosnap.fabric.security.roles import READING
+from neurosnap.fabric.hub_address import HubAddress
+from neurosnap.fabric.roles import READING
 from neurosnap.fabric.zenoh.discovery import id_of
 from neurosnap.fabric.zenoh.session import connecting
 from neurosnap.sources.live.json_reading import LIMIT, hand_in, read_on, too_long

@@ -12,11 +12,11 @@ from neurosnap.agent.body import Body
 from neurosnap.agent.policies import Walker, new_policy
 from neurosnap.agent.policy import AgentKind
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.poc.learning.kinds import EmpiricalSnapshot
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.sensorium import Sensorium
 from tests.support.strategies import as_set
-from world.line import PathWorld
-from world.target import Target
+from world.making import Target
+from world.settings import PathWorld
 
 BODY = Body.full(["a", "b"], ["x", "y"])
 

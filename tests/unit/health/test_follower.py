@@ -5,8 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.health.alarm import Alarm
-from neurosnap.health.follower import Follower
-from neurosnap.health.monitor import HealthMonitor
+from neurosnap.health.monitor import Follower, HealthMonitor
 from neurosnap.health.steps import STEP, Steps, steps_of
 
 START = 1_600_000_123.0

@@ -1,5 +1,7 @@
 """A detector finds observations that contradict the model, and names suspects."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,11 +9,15 @@ from hypothesis import strategies as st
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
+from neurosnap.poc.learning.discounted import DiscountedSnapshot
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.anomaly import MOST, AnomalyDetector
 from neurosnap.sensorium import complete
 from tests.support.strategies import runs
+
+if TYPE_CHECKING:
+    from neurosnap.poc.learning.snapshot import Snapshot
 
 CHAIN = PocGraph.from_implications(3, [(0, 2), (2, 4)])
 FREE = PocGraph.from_implications(3, [])

@@ -6,7 +6,7 @@ from msgspec.structs import replace
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.learning.kinds import EmpiricalSnapshot
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.sensorium import pack, unpack
 from tests.support.coordinator_runs import (

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from neurosnap.apps.library import load_snapshot, save_snapshot
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
-from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot, Snapshot
+from neurosnap.poc.learning.discounted import DiscountedSnapshot
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
+from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.sensorium import Sensorium
 
 KINDS = pytest.mark.parametrize("kind", [EmpiricalSnapshot, DiscountedSnapshot])

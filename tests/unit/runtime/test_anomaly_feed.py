@@ -7,8 +7,8 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.agent.growth.changed import Changed
 from neurosnap.agent.memory import AgentMemory
+from neurosnap.agent.sensor_changes import Changed
 from neurosnap.fabric.protocol import Handler
 from neurosnap.fabric.zenoh.discovery import FoundSwarm
 from neurosnap.protocol.anomaly_words import NamedAnomaly

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.fabric.security.hub_address import AUTHORITY
-from neurosnap.fabric.security.make_keys import make_keys
-from neurosnap.fabric.security.roles import Role
+from neurosnap.fabric.hub_address import AUTHORITY
+from neurosnap.fabric.keys import make_keys
+from neurosnap.fabric.roles import Role
 from neurosnap.runtime.network import Connections, Network
 
 WHERE = "tls/127.0.0.1:7447"

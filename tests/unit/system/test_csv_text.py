@@ -7,12 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from neurosnap.apps.export.columns import Column
-from neurosnap.apps.export.write import write_csv
+from neurosnap.apps.export.table import Column, write_csv
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import visible
+from neurosnap.sources.csv_file import as_text, as_written
 from neurosnap.sources.open import open_source
-from neurosnap.sources.tables.csv_file import as_text, as_written
 
 EVIL = "=cmd|'/c calc'!A1"
 TEXTS = st.text(st.sampled_from("'=+-@＝\t\r\nab"), max_size=6) | st.text()

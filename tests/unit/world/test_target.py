@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
-from world.line import CycleWorld, PathWorld, RandomFieldsWorld
+from world.making import Target, distances_to
 from world.places import PlacesWorld
-from world.plane import GridWorld
-from world.target import Target, distances_to
+from world.settings import CycleWorld, GridWorld, PathWorld, RandomFieldsWorld
 
 WORLDS = [
     lambda: PathWorld(places=9, wait=True),

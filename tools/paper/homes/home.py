@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.health.steps import Steps, steps_of
-from neurosnap.sources.tables.open_readings import open_readings
-from neurosnap.sources.tables.readings import Readings, seconds_of
+from neurosnap.sources.open_readings import open_readings
+from neurosnap.sources.readings import Readings, seconds_of
 
 Spans = NDArray[np.float64]
 """``(n, 2)``, when a sensor came on and went off, seconds since 1970, in order."""

@@ -15,7 +15,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.apps.export.write import Exported, export
+from neurosnap.apps.export.table import Exported, export
 from neurosnap.errors import InvalidValueError, MissingExtraError, RecordingError
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
@@ -104,7 +104,7 @@ def test_parquet_equals_csv_and_is_written_in_groups(
     log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     exported(log, tmp_path / "out.csv")
-    monkeypatch.setattr("neurosnap.apps.export.write._CELLS", 200)
+    monkeypatch.setattr("neurosnap.apps.export.table._CELLS", 200)
     exported(log, tmp_path / "out.parquet")
     assert pq.ParquetFile(tmp_path / "out.parquet").num_row_groups > 3
     got = pq.read_table(tmp_path / "out.parquet")

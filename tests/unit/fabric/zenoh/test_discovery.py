@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 import zenoh
 
-from neurosnap.fabric.security.hub_address import HubAddress
+from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.zenoh.discovery import Discovery, incarnation, is_of
 
 

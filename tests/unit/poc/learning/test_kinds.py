@@ -8,7 +8,8 @@ import pytest
 
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
-from neurosnap.poc.learning.kinds import DiscountedSnapshot, EmpiricalSnapshot
+from neurosnap.poc.learning.discounted import DiscountedSnapshot
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.learning.pairs import Evidence
 from neurosnap.sensorium import Sensorium
 

@@ -12,7 +12,7 @@ import math
 import numpy as np
 import pytest
 
-from neurosnap.poc.learning.kinds import DiscountedSnapshot
+from neurosnap.poc.learning.discounted import DiscountedSnapshot
 from tests.support.edges import learned_edges
 from tools.paper.fig2_discounted import to_learn
 

@@ -12,7 +12,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.health.alarm import Standing
-from neurosnap.health.follower import Follower
+from neurosnap.health.monitor import Follower
 from neurosnap.health.steps import STEP
 from neurosnap.runtime.parts import health_listener
 from neurosnap.runtime.parts.health_listener import HealthListener, Past

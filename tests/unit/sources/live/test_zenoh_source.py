@@ -6,7 +6,7 @@ import pytest
 import zenoh
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.fabric.security.hub_address import HubAddress
+from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.sources.live.json_reading import LIMIT
 from neurosnap.sources.live.latest_readings import LatestReadings
 from neurosnap.sources.live.live_source import WAITING, LiveSource

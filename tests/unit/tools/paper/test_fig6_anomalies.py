@@ -6,7 +6,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from neurosnap.poc.learning.kinds import EmpiricalSnapshot
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.protocol.anomaly import AnomalyDetector
 from neurosnap.sensorium import complete
 from tools.paper import fig6_anomalies

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from neurosnap.poc.learning.kinds import EmpiricalSnapshot
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from tools.paper import fig4_excitation, fig5_obstructions
 from tools.paper.figure import FigureOptions
 from tools.paper.obstacles import (

@@ -11,12 +11,12 @@ import numpy as np
 from neurosnap.errors import InvalidValueError, MissingExtraError
 from neurosnap.poc.learning.columns import GrowingColumns, unpacked
 from neurosnap.sensorium import Sensorium
+from neurosnap.sources import home_assistant_db
+from neurosnap.sources.csv_file import CsvFile, TableFile, TableRows
+from neurosnap.sources.events import read_event_log, roles
 from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.protocol import Observed
-from neurosnap.sources.tables import home_assistant_db
-from neurosnap.sources.tables.csv_file import CsvFile, TableFile, TableRows
-from neurosnap.sources.tables.events import read_event_log, roles
-from neurosnap.sources.tables.readings import Readings
+from neurosnap.sources.readings import Readings
 from neurosnap.system.distribution import must_have
 
 _PARQUET = b"PAR1"

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body, Context
-from neurosnap.agent.growth.grower import LONGEST, Grower
+from neurosnap.agent.grower import LONGEST, Grower
 from neurosnap.agent.senses import Senses
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.history import History

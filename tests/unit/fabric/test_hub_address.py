@@ -5,7 +5,7 @@ import re
 import pytest
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.fabric.security.hub_address import HubAddress, check_endpoint, nearest
+from neurosnap.fabric.hub_address import HubAddress, check_endpoint, nearest
 from neurosnap.fabric.zenoh.hub import open_hub
 
 HERE = [

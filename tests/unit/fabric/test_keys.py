@@ -15,12 +15,10 @@ from cryptography.hazmat.primitives.serialization import load_pem_private_key
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from neurosnap.errors import FabricError, InvalidValueError
-from neurosnap.fabric.security import load_keys
-from neurosnap.fabric.security import make_keys as making
-from neurosnap.fabric.security.hub_address import Credentials
-from neurosnap.fabric.security.load_keys import read_credentials
-from neurosnap.fabric.security.make_keys import make_keys
-from neurosnap.fabric.security.roles import ROLES
+from neurosnap.fabric import keys as making
+from neurosnap.fabric.hub_address import Credentials
+from neurosnap.fabric.keys import make_keys, read_credentials
+from neurosnap.fabric.roles import ROLES
 
 
 @pytest.fixture(scope="module")
@@ -43,8 +41,7 @@ def certificate(folder: Path, stem: str) -> x509.Certificate:
 
 def let_be(now: datetime, monkeypatch: pytest.MonkeyPatch) -> None:
     """Let it be a time, for who makes keys and who reads them."""
-    for module in (load_keys, making):
-        monkeypatch.setattr(module, "datetime", SimpleNamespace(now=lambda _: now))
+    monkeypatch.setattr(making, "datetime", SimpleNamespace(now=lambda _: now))
 
 
 def mode(path: Path) -> int:

@@ -14,7 +14,7 @@ from pathlib import Path
 import msgspec
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.fabric.security.roles import Role, role_of
+from neurosnap.fabric.roles import Role, role_of
 
 AUTHORITY = "ca"
 """The stem of the authority's files, which stand beside those of the roles."""

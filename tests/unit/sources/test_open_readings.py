@@ -14,11 +14,11 @@ from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.columns import Columns
 from neurosnap.sources.meaning import RULE, Wanted, parse_comparison
 from neurosnap.sources.open import open_source
-from neurosnap.sources.tables.open_readings import open_readings
-from neurosnap.sources.tables.readings import Readings, seconds_of
+from neurosnap.sources.open_readings import open_readings
+from neurosnap.sources.readings import Readings, seconds_of
 from tests.support.sources import README, everything, readings, written
 
-HOME = Path(__file__).parents[3] / "golden" / "home-assistant_v2.db"
+HOME = Path(__file__).parents[2] / "golden" / "home-assistant_v2.db"
 
 
 def shown(readings: Readings) -> dict[str, str]:

@@ -11,9 +11,9 @@ from pathlib import Path
 import msgspec
 
 from neurosnap.errors import InvalidValueError
+from neurosnap.sources.events import Events
 from neurosnap.sources.meaning import Wanted, plain_unit
-from neurosnap.sources.tables.events import Events
-from neurosnap.sources.tables.readings import Readings
+from neurosnap.sources.readings import Readings
 
 MAGIC = b"SQLite format 3\x00"
 _BINARY = "binary_sensor."

@@ -6,7 +6,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError
-from neurosnap.fabric.security.roles import (
+from neurosnap.fabric.roles import (
     DESCRIPTION,
     FLUSHED,
     READING,

@@ -15,9 +15,9 @@ import numpy as np
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.columns import GrowingColumns
 from neurosnap.sensorium import Sensorium
+from neurosnap.sources.csv_file import TableFile
 from neurosnap.sources.meaning import Reader, Wanted
-from neurosnap.sources.tables.csv_file import TableFile
-from neurosnap.sources.tables.readings import Readings, parse_time, utc
+from neurosnap.sources.readings import Readings, parse_time, utc
 
 _UNKNOWN = -1
 

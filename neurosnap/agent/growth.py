@@ -1,0 +1,250 @@
+"""Decides at each tick which sensor to grow or to retire, from past readings.
+
+A grown sensor retires once others make it needless: what it guarantees of the world's
+own sensors, a part of its context guarantees as well. Or each of these was guaranteed,
+whenever it was on, by some other sensor that was on, too: so several wide contexts take
+the place of a narrow one that came first. If they do not where the agent has not been
+yet, that is a surprise, and it is grown again.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap import wire
+from neurosnap.agent.actions import Actions, guaranteed
+from neurosnap.agent.body import Body, Context
+from neurosnap.agent.grower import Grower
+from neurosnap.errors import MessageError
+from neurosnap.poc.learning.archive import Arrays
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
+from neurosnap.poc.learning.history import History, Newborn, conjunction
+from neurosnap.poc.learning.search import Question, Search
+from neurosnap.poc.learning.snapshot import Snapshot
+from neurosnap.poc.order.graph import PocGraph
+from neurosnap.sensorium import selection
+from neurosnap.wire import Decision
+
+_EVERY = 8  # ticks from one look at whether a sensor is needed to the next
+
+
+class Growth:
+    """Notices what an action did not guarantee, and has a sensor ready for it.
+
+    Args:
+        body: What is sensed and done, with room for what is grown.
+        length: Ticks of the history.
+
+    Attributes:
+        history: The last readings of every sensor.
+        changes: What the decision of the tick under way says of growth, by field.
+
+    Raises:
+        InvalidValueError: As for `Grower`.
+    """
+
+    def __init__(self, body: Body, length: int = wire.HISTORY) -> None:
+        self._grower = Grower(body)
+        self.history = History(len(body.sensors), length)
+        self._own = len(body.own)
+        self._body = body
+        self.changes: dict[str, Any] = {}
+
+    def fit(self, body: Body) -> None:
+        """Go on with a body that has grown, or retired, a sensor."""
+        self._grower.fit(body)
+        self._body = body
+
+    @property
+    def hopeless(self) -> NDArray[np.bool_]:
+        """``(actions, 2n)``: which results seem to be left to chance."""
+        return self._grower.hopeless
+
+    def notice(
+        self,
+        action: int,
+        state: NDArray[np.bool_],
+        foretold: NDArray[np.bool_],
+        observation: NDArray[np.bool_],
+        known: NDArray[np.bool_] | None,
+        snapshot: Snapshot,
+    ) -> Search[None]:
+        """Record an observation, and prepare what the decision on it says.
+
+        One sensor is grown at most, or one retires.
+
+        Args:
+            action: That of the step that has ended; -1: none was.
+            state: ``(2N,)``, recorded before it.
+            foretold: ``(2n,)``, what the action guaranteed of the world's own sensors.
+            observation: ``(N,)``; it is learned by now.
+            known: ``(N,)``, which of it is known; if None, all.
+            snapshot: Weighs what is born.
+        """
+        self.history.record(observation, known)
+        self.changes = {}
+        due, tick = None, self.history.tick
+        if action >= 0:
+            before = self.hopeless[action]
+            came = selection(observation, known)[: 2 * self._own]
+            due = yield from self._grower.notice(action, state, foretold, came, tick)
+            if (given_up := self.hopeless[action] & ~before).any():
+                self.changes["chance"] = tuple(np.flatnonzero(given_up).tolist())
+        if due is None:
+            yield from self._retire(snapshot)
+        else:
+            yield from self._bear(due, snapshot)
+
+    def _bear(self, due: Context, snapshot: Snapshot) -> Search[None]:
+        """Find out what a sensor would have read, and what its weights would be."""
+        body, (action, literals) = self._body, due
+        sensor, now = body.first_grown + len(body.grown), body.members(due)
+        _, before = body.split(literals)
+        asked = dict.fromkeys(b for a in (*now, *before) for b in (a, a ^ 1))
+        read = (yield Question(readings=tuple(asked))).readings
+        on, off = conjunction(read, now, before, self.history.tick)
+        self.history.set_readings(sensor, on, off)
+        ticks = self.history.ticks
+        unread = [body.first_grown + place for place in body.retired]
+        newborn = yield from snapshot.newborn(sensor, ticks, on, off, unread)
+        self.changes |= {"born": sensor, "context": action, "literals": literals}
+        self.changes |= birth_fields(newborn, snapshot)
+
+    def _retire(self, snapshot: Snapshot) -> Search[None]:
+        """Look at one grown sensor every few ticks; prepare that it retires."""
+        body = self._body
+        turn, rest = divmod(self.history.tick, _EVERY)
+        if rest or not body.grown:
+            return
+        place = turn % len(body.grown)
+        if place in body.retired:
+            return
+        if (yield from is_needless(body, place, snapshot)):
+            self.changes["retires"] = body.first_grown + place
+
+    def arrays(self) -> Arrays:
+        """Return its whole state as arrays, by name."""
+        return self.history.arrays() | self._grower.arrays()
+
+    def restore(self, arrays: Arrays) -> None:
+        """Be as the arrays say.
+
+        Raises:
+            ValueError: They make no sense.
+        """
+        self.history = History.from_arrays(arrays)
+        self.history.check(len(self._body.sensors))
+        self._grower.restore(arrays)
+
+
+def is_needless(body: Body, place: int, snapshot: Snapshot) -> Search[bool]:
+    """Tell whether a grown sensor is to retire.
+
+    It costs some `PocGraph.up`, and rings of the history.
+
+    Args:
+        body: What is sensed.
+        place: Of the sensor, among those that were grown.
+        snapshot: Knows what is believed, and how often the sensor was on.
+    """
+    graph = snapshot.poc_graph()
+    alone = _guarantees_alone(body, place, graph)
+    if alone:
+        alone = yield from _not_covered(body, place, alone, graph, snapshot)
+    return not alone
+
+
+def _guarantees_alone(body: Body, place: int, graph: PocGraph) -> list[int]:
+    """Return what a grown sensor guarantees that no part of its context does."""
+    action, literals = body.grown[place]
+    first = 2 * body.first_grown
+    part = body.members(body.grown[place])
+    for other, (which, fewer) in enumerate(body.grown):
+        smaller = which == action and set(fewer) < set(literals)
+        if smaller and other not in body.retired:
+            part.append(first + 2 * other)
+    closures = graph.up([first + 2 * place]), graph.up(part)
+    whole, rest = guaranteed(closures)[:, : 2 * len(body.own)]
+    return np.flatnonzero(whole & ~rest).tolist()
+
+
+def _not_covered(
+    body: Body,
+    place: int,
+    results: list[int],
+    graph: PocGraph,
+    snapshot: Snapshot,
+) -> Search[list[int]]:
+    """Return which results others did not always guarantee when it was on.
+
+    Args:
+        body: What is sensed.
+        place: Of a grown sensor.
+        results: Literals that it guarantees.
+        graph: What is believed.
+        snapshot: Who believes, and has counted how often the sensor was on.
+    """
+    mine = 2 * (body.first_grown + place)
+    others = [a for a in Actions(body).literals_of(body.grown[place][0]) if a != mine]
+    by: dict[int, list[int]] = {}
+    for result in results:
+        # a -> r if and only if r* -> a*
+        less, more = graph.up([result ^ 1]), graph.up([result])
+        by[result] = [a for a in others if less[a ^ 1] and not more[a ^ 1]]
+    if not all(by.values()):
+        return results
+    asked = dict.fromkeys([mine, *(a for many in by.values() for a in many)])
+    read = (yield Question(readings=tuple(asked))).readings
+    was_on = read[mine]
+    remembered = int(np.bitwise_count(was_on).sum())
+    if not remembered:
+        return results
+    # Where it has not been for longer than the history is, others may be missing:
+    # the sensor would retire, be missed, and be grown again, time and again.
+    # (Shares of a discounted snapshot are at most 1: it forgets such times, too.)
+    result = results[0]
+    counted = snapshot.weight(mine, result) + snapshot.weight(mine, result ^ 1)
+    if counted > remembered:
+        return results
+    return [
+        result
+        for result, many in by.items()
+        if (was_on & ~np.bitwise_or.reduce([read[a] for a in many])).any()
+    ]
+
+
+def apply_change(body: Body, decision: Decision, snapshot: Snapshot) -> None:
+    """Let a snapshot go on as a decision says.
+
+    Args:
+        body: That follows from the decision.
+        decision: The decision.
+        snapshot: As it was when the decision was taken.
+
+    Raises:
+        MessageError: What is said of a newborn is not of the sensors before it.
+    """
+    if decision.born >= 0:
+        sensor = decision.born
+        kind = "<u4" if isinstance(snapshot, EmpiricalSnapshot) else "<f8"
+        try:
+            squares = np.frombuffer(decision.weights, kind).reshape(4, sensor)
+            codes = np.frombuffer(decision.codes, np.uint8)
+            newborn = Newborn(decision.history, squares, codes)
+            reads = body.reading(body.grown[-1], snapshot.state)
+            snapshot.grow(sensor, body.sensors[sensor], newborn, reads)
+        except ValueError as error:
+            raise MessageError(f"decision: born: {error}") from error
+    if decision.retires >= 0:
+        snapshot.silence(decision.retires)
+
+
+def birth_fields(newborn: Newborn, snapshot: Snapshot) -> dict[str, int | bytes]:
+    """Return what a decision says of a newborn, by field."""
+    kind = "<u4" if isinstance(snapshot, EmpiricalSnapshot) else "<f8"
+    return {
+        "history": newborn.ticks,
+        "weights": newborn.squares.astype(kind).tobytes(),
+        "codes": newborn.codes.tobytes(),
+    }

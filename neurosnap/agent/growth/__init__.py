@@ -1,1 +1,0 @@
-"""Growing sensors: which, when, and what they weigh at birth."""

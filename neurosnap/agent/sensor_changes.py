@@ -1,0 +1,64 @@
+"""What a decision says of sensors that are grown or retire.
+
+Cell processes import this module: it needs neither numpy nor numba.
+"""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from neurosnap.errors import InvalidValueError, MessageError
+from neurosnap.wire import Decision
+
+if TYPE_CHECKING:
+    from neurosnap.agent.body import Body
+
+
+class Changed(msgspec.Struct, frozen=True):
+    """A sensor that was grown, or is read no more, as people are told of it."""
+
+    tick: int
+    """The tick whose decision says so; it is so from the next observation on."""
+    sensor: int
+    """Its number."""
+    name: str
+    """Its formula."""
+    retires: bool = False
+    """Whether it is read no more; else it was grown."""
+
+
+def changes_in(decision: Decision, body: "Body") -> Iterator[Changed]:
+    """Yield what a decision says of sensors that come or go.
+
+    Args:
+        decision: The decision.
+        body: What is sensed after it.
+    """
+    for sensor, retires in ((decision.born, False), (decision.retires, True)):
+        if 0 <= sensor < body.size:
+            yield Changed(decision.tick, sensor, body.sensors[sensor], retires)
+
+
+def body_after(body: "Body", decision: Decision) -> "Body":
+    """Return the body that is read from the observation on that follows a decision.
+
+    Args:
+        body: That which is read up to the decision.
+        decision: Says what changes, if anything does.
+
+    Raises:
+        MessageError: It cannot be said of this body.
+    """
+    due = body.first_grown + len(body.grown)
+    if decision.born not in (-1, due):
+        rule = f"must be sensor {due}"
+        raise MessageError(f"decision: born: {rule}, got {decision.born}")
+    try:
+        if decision.born >= 0:
+            body = body.grow((decision.context, decision.literals))
+        if decision.retires >= 0:
+            body = body.retire(decision.retires - body.first_grown)
+    except InvalidValueError as error:
+        raise MessageError(f"decision: {error}") from error
+    return body

@@ -1,1 +1,0 @@
-"""Readings that are there as a whole: files of rows, logs, databases."""

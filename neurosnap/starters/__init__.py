@@ -1,1 +1,0 @@
-"""Starters of parts that are found by their entry points; nothing imports them."""
