@@ -59,6 +59,8 @@ export class Strip {
       return this._marks.done;
     });
     this._from = null; // where the pointer went down
+    this._at = NaN; // where it was last
+    this._title = shape("title");
     this._band = shape("rect", { class: "range", y: 0, height: HEIGHT });
     this._home.addEventListener("pointerdown", (event) => this._down(event));
     this._home.addEventListener("pointermove", (event) => this._move(event));
@@ -109,10 +111,10 @@ export class Strip {
     );
     const again = resumed.map((tick) => shape("path", { class: "resumed", d: RESUMED(this._across(tick + 1)) }));
     const raised = alarms.map(({ tick }) => shape("path", { class: "alarm", d: ALARM(this._across(tick + 0.5)) }));
-    this._title = shape("title");
     this._home.setAttribute("aria-label", `What happened: ${this._words()}`);
     this._home.replaceChildren(this._title, this._band, ...again, ...signs, ...raised);
     this._place();
+    this._tell(this._at);
     const some = alarms.length > 0 || this._marks.anomalies.some((count) => count > 0);
     for (const id of ["anomaly-back", "anomaly-on"]) find(id).hidden = !some;
   }
@@ -186,6 +188,7 @@ export class Strip {
   }
 
   _move({ offsetX: x }) {
+    this._at = x;
     this._tell(x);
     if (this._dragged(x) === null) return;
     const before = this._chosen;
