@@ -5,17 +5,28 @@ all of it. So they fill up while one looks at something else, and what is not th
 is said to be so. One reader hands each stretch of ticks to all of them.
 """
 
+import math
+from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
+from contextlib import suppress
 from typing import TypeVar
 
+import msgspec
 import numpy as np
 from msgspec.structs import replace
+from numpy.typing import NDArray
 
 from neurosnap.apps.viewer import api
-from neurosnap.apps.viewer.marks import HealthView, RunMarks
+from neurosnap.apps.viewer.api import HomeHealth, RaisedAlarm
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.tick_messages import NOT_RECORDED, Ticks, conditions
 from neurosnap.apps.viewer.time_series import Raster, TimeSeries
-from neurosnap.errors import RecordingError
+from neurosnap.errors import MessageError, RecordingError, ShapeError
+from neurosnap.health.alarm import News
+from neurosnap.health.budget import NEVER
+from neurosnap.health.monitor import Follower
+from neurosnap.protocol.anomaly_words import with_support
+from neurosnap.recording.read.observations import own_readings
 
 T = TypeVar("T", bound=api.ReadSoFar)
 
@@ -129,3 +140,144 @@ def _with(so_far: api.ReadSoFar, part: T) -> T:
     """Return an answer that says how far was read; one may be done before all was."""
     done = part.done or so_far.done
     return replace(part, read_to=so_far.read_to, done=done)
+
+
+class HealthView:
+    """The health of a run's sensors, as far as its readings were read.
+
+    Args:
+        run_view: The view that is read.
+    """
+
+    def __init__(self, run_view: RunView) -> None:
+        self._run_view = run_view
+        self._follower: Follower | None = None
+        self.raised: list[RaisedAlarm] = []
+        """The alarms there were, by tick."""
+        self._in_force: dict[str, int] = {}  # sensors: the places of their alarms there
+        options = run_view.options
+        if options.alarms != NEVER:
+            self._follower = Follower(options.body.own, options.alarms)
+        self.health = self._now()
+        """How the sensors are now."""
+
+    def read(self, ticks: Ticks, first: int, last: int) -> None:
+        """Take in the readings of the ticks that follow those read before.
+
+        To learn anew takes seconds, sometimes.
+        """
+        if self._follower is None:
+            return
+        body = self._run_view.options.body
+        for tick in range(first, last + 1):
+            observation = ticks.observations.get(tick)
+            if observation is None:
+                continue
+            with suppress(ShapeError):  # it is of other sensors
+                at, on, known, begins = own_readings(
+                    observation, ticks.sent[tick], body
+                )
+                for news in self._follower.observe(on, known, at, begins=begins):
+                    self._take(news, tick)
+        self.health = self._now()
+
+    def _take(self, news: News, tick: int) -> None:
+        """Take in what an observation told."""
+        place = self._in_force.pop(news.sensor, None)
+        if place is not None:
+            was = self.raised[place]
+            self.raised[place] = msgspec.structs.replace(was, until=tick)
+        if news.alarm is not None:
+            number = self._run_view.options.body.own.index(news.sensor)
+            self._in_force[news.sensor] = len(self.raised)
+            self.raised.append(RaisedAlarm(tick, number, news.alarm.line()))
+
+    def _now(self) -> HomeHealth:
+        if self._follower is None:
+            return HomeHealth(progress="", alarms=[], sensors=[], done=True)
+        standing = self._follower.standing
+        return HomeHealth(
+            progress=standing.progress.line(),
+            alarms=[alarm.line() for alarm in standing.alarms],
+            sensors=self._follower.monitor.sensors,
+        )
+
+
+class RunMarks:
+    """What happened in a run, as far as it was read.
+
+    Args:
+        run_view: The view that is read.
+        series: Says which sensors were grown, and which states are not recorded.
+        health: Says which alarms were raised.
+    """
+
+    def __init__(
+        self, run_view: RunView, series: TimeSeries, health: HealthView
+    ) -> None:
+        self._run_view = run_view
+        self._series = series
+        self._health = health
+        self._anomalies: list[int] = []  # ticks, ascending
+        self._begins: list[int] = []
+        self._times: dict[int, float] = {}  # tick -> seconds since 1970
+        self._reached: list[int] = []  # ticks that come to the target
+        self._is_there = False  # at the last tick that was read
+
+    def read(self, ticks: Ticks, first: int, last: int) -> None:
+        """Take in the messages of the ticks that follow those read before."""
+        for tick, observation in sorted(ticks.observations.items()):
+            self._times[tick] = ticks.sent[tick] / 1e9
+            if observation.begins:
+                self._begins.append(tick)
+        for tick, anomaly in sorted(ticks.anomalies.items()):
+            with suppress(MessageError):  # it is none
+                if with_support(anomaly, self._run_view.options.support):
+                    self._anomalies.append(tick)
+        for tick in range(first, last + 1):
+            was_there = self._is_there
+            self._is_there = self._run_view.scene.is_at_target(ticks.literals(tick))
+            if self._is_there and not was_there:
+                self._reached.append(tick)
+
+    def marks(self, first: int, last: int, bins: int) -> api.Marks:
+        """Return what happened from one tick to another, in as many stretches.
+
+        Args:
+            first: From 1 up.
+            last: Not before `first`; beyond the last tick: up to that.
+            bins: How many stretches, from 1 up; fewer where there are fewer ticks.
+        """
+        first = max(first, self._run_view.first)
+        last = min(last, self._run_view.last)
+        ticks = max(0, last - first + 1)
+        edges = np.linspace(first, first + ticks, min(bins, ticks) + 1)
+        inside = [one for one in self._health.raised if first <= one.tick <= last]
+        resumed = self._run_view.recording.resumed
+        born = [birth.tick for birth in self._series.births.listed]
+        return api.Marks(
+            first=first,
+            last=last,
+            anomalies=_counted(self._anomalies, edges),
+            begins=_counted(self._begins, edges),
+            times=[self._times.get(math.ceil(edge)) for edge in edges[:-1].tolist()],
+            resumed=[tick for tick in resumed if first <= tick <= last],
+            reached=_counted(self._reached, edges),
+            born=_counted(born, edges),
+            missing=_counted(self._series.missing(), edges),
+            alarms=inside[: api.MOST_ALARMS],
+        )
+
+    def beside(self, tick: int, way: int) -> api.Beside:
+        """Return the nearest anomaly or alarm before (-1) or after (1) a tick."""
+        alarms = (alarm.tick for alarm in self._health.raised)
+        told = sorted({*self._anomalies, *alarms})
+        place = bisect_right(told, tick) if way > 0 else bisect_left(told, tick) - 1
+        there = 0 <= place < len(told)
+        return api.Beside(told[place] if there else None)
+
+
+def _counted(ticks: Sequence[int], edges: NDArray[np.float64]) -> list[int]:
+    """Return how many ticks lie in each stretch; the edges are one more."""
+    counted: list[int] = np.diff(np.searchsorted(np.array(ticks), edges)).tolist()
+    return counted
