@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
 
+from .grid import GridWorld
+from .path_and_cycle import CycleWorld, PathWorld, RandomFieldsWorld
 from .places import PlacesWorld, frozen, is_whole
-from .settings import CycleWorld, GridWorld, PathWorld, RandomFieldsWorld
 
 Made: TypeAlias = gymnasium.Env[NDArray[np.int8], np.int64]
 """A world, or one with a target."""

@@ -102,7 +102,7 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
         if not self.tls:
             return None
         # Only here: parts are handed paths, and need no cryptography of their own.
-        from neurosnap.fabric.keys import read_credentials
+        from neurosnap.fabric.certificates import read_credentials
 
         return read_credentials(Path(self.tls), role)
 

@@ -11,7 +11,7 @@ import pytest_asyncio
 from msgspec.structs import replace
 from playwright.async_api import expect
 
-from neurosnap.fabric.keys import make_keys
+from neurosnap.fabric.certificates import make_keys
 from tests.support import browser_pages as pages
 from tests.support import preloaded
 from tests.support.home_runs import broken_home

@@ -19,7 +19,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, NeurosnapError
-from neurosnap.fabric.keys import make_keys
+from neurosnap.fabric.certificates import make_keys
 from neurosnap.sensorium import pack
 from neurosnap.sources.live.live_source import LiveSource
 from neurosnap.sources.mqtt.mqtt_source import mqtt_source

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from neurosnap import wire
-from neurosnap.fabric.keys import make_keys, read_credentials
+from neurosnap.fabric.certificates import make_keys, read_credentials
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.recording.format.completeness import Completeness
 from tests.support.command_line import happy, refused

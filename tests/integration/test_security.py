@@ -19,8 +19,8 @@ from cryptography.hazmat.primitives.serialization import Encoding, load_pem_priv
 
 from neurosnap import wire
 from neurosnap.errors import FabricError
+from neurosnap.fabric.certificates import make_keys, read_credentials
 from neurosnap.fabric.hub_address import Credentials, HubAddress
-from neurosnap.fabric.keys import make_keys, read_credentials
 from neurosnap.fabric.roles import Role
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.session import configuration

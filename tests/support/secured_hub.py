@@ -27,7 +27,7 @@ SWARM = "one"
 BE_HUB = """
 import sys
 from pathlib import Path
-from neurosnap.fabric.keys import read_credentials
+from neurosnap.fabric.certificates import read_credentials
 from neurosnap.fabric.zenoh.hub import open_hub
 from neurosnap.fabric.zenoh.denied_log import telling_refusals
 with telling_refusals():

@@ -243,7 +243,7 @@ def keys(
     form: Format = "text",
 ) -> None:
     """Make the keys and certificates of a swarm on several machines, for --tls."""
-    from neurosnap.fabric.keys import make_keys
+    from neurosnap.fabric.certificates import make_keys
 
     with errors():
         made = make_keys(folder, host or (), days=days)

@@ -21,7 +21,7 @@ from neurosnap.sources.mqtt.connection import MqttLink
 from neurosnap.sources.mqtt.options import MqttOptions, MqttSensor
 from neurosnap.sources.mqtt.outbox import Outgoing
 from neurosnap.sources.mqtt.payload import Payload, PayloadReader
-from neurosnap.sources.mqtt.published_topics import Topics
+from neurosnap.sources.mqtt.publisher import Topics
 
 
 def mqtt_source(

@@ -16,7 +16,7 @@ from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.sensorium import Sensorium
 from tests.support.strategies import as_set
 from world.making import Target
-from world.settings import PathWorld
+from world.path_and_cycle import PathWorld
 
 BODY = Body.full(["a", "b"], ["x", "y"])
 

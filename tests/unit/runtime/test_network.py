@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from neurosnap.errors import InvalidValueError
+from neurosnap.fabric.certificates import make_keys
 from neurosnap.fabric.hub_address import AUTHORITY
-from neurosnap.fabric.keys import make_keys
 from neurosnap.fabric.roles import Role
 from neurosnap.runtime.network import Connections, Network
 

@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
+from world.grid import GridWorld
 from world.making import Target, distances_to
+from world.path_and_cycle import CycleWorld, PathWorld, RandomFieldsWorld
 from world.places import PlacesWorld
-from world.settings import CycleWorld, GridWorld, PathWorld, RandomFieldsWorld
 
 WORLDS = [
     lambda: PathWorld(places=9, wait=True),

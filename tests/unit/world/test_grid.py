@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from world.settings import GridWorld
+from world.grid import GridWorld
 
 CHANGES = {"up": (0, 1), "down": (0, -1), "left": (-1, 0), "right": (1, 0)}
 

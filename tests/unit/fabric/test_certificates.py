@@ -15,9 +15,9 @@ from cryptography.hazmat.primitives.serialization import load_pem_private_key
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from neurosnap.errors import FabricError, InvalidValueError
-from neurosnap.fabric import keys as making
+from neurosnap.fabric import certificates as making
+from neurosnap.fabric.certificates import make_keys, read_credentials
 from neurosnap.fabric.hub_address import Credentials
-from neurosnap.fabric.keys import make_keys, read_credentials
 from neurosnap.fabric.roles import ROLES
 
 
