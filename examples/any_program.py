@@ -1,4 +1,4 @@
-"""Tell a swarm what your sensors read, or hear what it decides: nothing but Zenoh.
+"""Sends readings to a swarm, or receives its decisions, using only Zenoh.
 
 The swarm comes first. Write these three lines into any.toml:
 

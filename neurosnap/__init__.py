@@ -1,4 +1,4 @@
-"""A snapshot memory whose sensors are processes that compute by messages.
+"""A distributed snapshot memory: one process per sensor, exchanging messages.
 
 The names below are the public interface. They are loaded when first used: a cell
 process imports this package and must stay free of numpy and numba.

@@ -1,4 +1,4 @@
-"""The README and the pages in docs/ are true: blocks run, and what is named exists."""
+"""The README and docs/ are accurate: code blocks run, and named items exist."""
 
 import os
 import re

@@ -1,4 +1,4 @@
-"""Decides which grown sensor retires, because others make it needless.
+"""Decides which grown sensors retire because others make them redundant.
 
 What it guarantees of the world's own sensors, a part of its context guarantees as well.
 Or each of these was guaranteed, whenever it was on, by some other sensor that was on,

@@ -1,4 +1,4 @@
-"""What a decision says of sensors that are grown or retire.
+"""The part of a decision that reports grown and retired sensors.
 
 Cell processes import this module: it needs neither numpy nor numba.
 """

@@ -1,4 +1,4 @@
-"""The steps of a tick, as a generator of requests.
+"""One tick of an agent, as a generator that yields requests to its caller.
 
 `tick` is a generator. It yields what it needs done, and is sent the answer: in a swarm
 the coordinator does that by messages, in one process the agent does it at once, and a

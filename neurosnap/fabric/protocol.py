@@ -1,4 +1,4 @@
-"""The protocol that both fabrics keep, and its guarantees.
+"""The protocol that both fabrics implement, and its guarantees.
 
 - One sender's messages arrive at one receiver in the order it published them.
 - Nothing is promised between different senders.

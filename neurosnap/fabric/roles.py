@@ -1,4 +1,4 @@
-"""Permissions per role: which keys a part may publish and subscribe.
+"""Permissions per role: the keys a part may publish or subscribe to.
 
 Whatever the table does not allow is denied, to known names and to strangers. A name is
 the common name of a certificate, so the list means something under mutual TLS only. It

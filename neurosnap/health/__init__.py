@@ -1,4 +1,4 @@
-"""Health of sensors: which one is broken, told with evidence gathered over time.
+"""Sensor health: finds broken sensors from evidence gathered over time.
 
 Pure: readings in, alarms out; no clock, no file. What is expected of a sensor follows
 from what the other sensors do (`expectation`). Five kinds of evidence speak against it

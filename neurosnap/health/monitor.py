@@ -1,4 +1,4 @@
-"""Follows a home, and says which of its sensors is broken, and why.
+"""Monitors a home's sensors, and reports which are broken and why.
 
 Observations are grouped into steps of ten minutes, and each step is judged. What is
 said follows from the observations and their times alone: one that was live, and one

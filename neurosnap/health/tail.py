@@ -1,4 +1,4 @@
-"""How rarely evidence is as strong as this, or stronger, against a healthy sensor.
+"""Tail probabilities: how often a healthy sensor yields evidence this strong.
 
 Evidence rises from zero, reaches a peak and falls back: an excursion. The larger half
 of the peaks of the past is taken to be exponential above the median, with unknown mean.

@@ -1,4 +1,4 @@
-"""The database of Home Assistant's recorder: ``home-assistant_v2.db``.
+"""Reads the database of Home Assistant's recorder, ``home-assistant_v2.db``.
 
 It is opened for reading only, and may be in use meanwhile. Binary sensors are read by
 themselves; others if they are asked for.

@@ -1,4 +1,4 @@
-"""Readings of a whole file, and the moment of each."""
+"""All readings of a file, each with its timestamp."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The installed distribution: name, version, extras, and a namesake on PyPI.
+"""The installed distribution's name, version and extras; its PyPI namesake.
 
 The package `neurosnap` comes in a distribution of another name, since PyPI's
 ``neurosnap`` is a different project. That project has the same import name, so both

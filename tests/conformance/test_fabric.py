@@ -1,4 +1,4 @@
-"""What every fabric promises of messages and presence, over memory and over Zenoh."""
+"""Guarantees of every fabric on messages and presence: in memory and Zenoh."""
 
 import asyncio
 import os

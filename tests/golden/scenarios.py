@@ -1,4 +1,4 @@
-"""One small seeded run for each kind of run that there is."""
+"""One small seeded scenario for each kind of run."""
 
 import random
 from collections.abc import Callable, Sequence

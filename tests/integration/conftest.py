@@ -1,4 +1,4 @@
-"""Recordings and keys that several of the tests here only read."""
+"""Read-only recordings and keys shared by several integration tests."""
 
 import tempfile
 from collections.abc import AsyncIterator, Iterator

@@ -1,4 +1,4 @@
-"""Verbs that connect to a hub that is absent, late or refuses them."""
+"""Verbs that connect to a hub that is absent, starts late, or refuses them."""
 
 import asyncio
 import signal

@@ -1,4 +1,4 @@
-"""The default threshold is the same in Python and in a run, and beats another."""
+"""The default threshold is the same in Python and in runs, and performs better."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""A replay reproduces a recorded run, which goes on from where it ended or was cut."""
+"""Replay reproduces a recorded run; resume continues it from its end or cut."""
 
 import itertools
 import random

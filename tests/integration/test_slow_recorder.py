@@ -1,4 +1,4 @@
-"""A recorder that stands still holds the run up, and nothing is lost.
+"""A stalled recorder makes the run wait, and no data is lost.
 
 What is for it waits in its session and in the hub's queues; once these are full, the
 hub takes nothing more from anybody, and every part's next message blocks. Only when it

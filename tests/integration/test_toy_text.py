@@ -1,4 +1,4 @@
-"""Gymnasium's toy texts: what their sensors read, and what agents learn there."""
+"""Gymnasium's toy-text environments: sensor readings, and what agents learn."""
 
 from collections import Counter
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""``neurosnap view`` from the command line, also while a swarm runs."""
+"""``neurosnap view`` from the command line, with and without a running swarm."""
 
 import asyncio
 import shutil

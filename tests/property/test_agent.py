@@ -1,4 +1,4 @@
-"""Agents behave as a reference implementation, in random worlds."""
+"""Agents behave like a reference implementation in random worlds."""
 
 import pytest
 from hypothesis import given

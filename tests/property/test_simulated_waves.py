@@ -1,4 +1,4 @@
-"""Waves in simulation: random orders, whose messages come in any order, or twice.
+"""Waves over random partial orders, with messages reordered or duplicated.
 
 Each case is a function of its seed alone; a failure names the seed, and calling the
 case with it (`undisturbed(1234)`) repeats it message by message.

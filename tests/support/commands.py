@@ -1,4 +1,4 @@
-"""Verbs of `neurosnap` in processes of their own that start at once.
+"""Runs `neurosnap` verbs in separate, fast-starting processes.
 
 A process of Python needs a second of work to load a verb, and the fork server, the
 coordinator, the world and the recorder of a run need as much again, each time that they

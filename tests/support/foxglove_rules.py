@@ -1,4 +1,4 @@
-"""The JSON Schemas that Foxglove and Lichtblick take, written down from their sources.
+"""The JSON Schema rules of Foxglove and Lichtblick, taken from their source.
 
 The rules are those of ``packages/mcap-support/src/parseJsonSchema.ts``, of both
 programs together: the one looks at ``oneOf`` first and then needs no type, the other

@@ -1,4 +1,4 @@
-"""Lets a hub in memory deliver all that is under way."""
+"""Makes an in-memory hub deliver all messages in flight."""
 
 from neurosnap.fabric.in_memory import MemoryHub
 

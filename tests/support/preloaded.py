@@ -1,4 +1,4 @@
-"""What the fork server of the tests has loaded: all that any part of a swarm needs.
+"""The modules that the tests' fork server preloads for every swarm part.
 
 That of a real run holds what a cell needs, and the coordinator, the world and the
 recorder load the rest when they start: a second of work each, in hundreds of swarms.

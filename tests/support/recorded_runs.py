@@ -1,4 +1,4 @@
-"""Runs recorded in this process, and what a replay says of every tick of them."""
+"""Runs recorded in this process, and the result of replaying each tick."""
 
 import asyncio
 import random

@@ -1,4 +1,4 @@
-"""What is exactly true in an environment that has a transition table.
+"""Exact ground truth for environments that have a transition table.
 
 The environment goes on from episode to episode (`Continuing`). A *place* is what has to
 be known of it to know what may come next: its state, and whether the episode is over

@@ -1,4 +1,4 @@
-"""Messages received over a network, and a wait for them."""
+"""Collects messages from a network, and waits for expected ones."""
 
 import asyncio
 

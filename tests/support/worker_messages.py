@@ -1,4 +1,4 @@
-"""The second worker of three, over nine sensors, and what it is told.
+"""The second of three workers over nine sensors, and messages sent to it.
 
 Its cells are 3 to 5, its literals 6 to 11.
 """

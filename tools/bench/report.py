@@ -1,4 +1,4 @@
-"""Sizes of what the benchmarks measure, and the lines of their table."""
+"""Problem sizes of the benchmarks, and the rows of their result table."""
 
 import statistics
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""Measures whole runs: the cost of recording, of verifying, of each kind of cells."""
+"""Measures whole runs: the cost of recording, verifying and each kind of cell."""
 
 import asyncio
 import tempfile

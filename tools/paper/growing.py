@@ -1,4 +1,4 @@
-"""Compares growth and imagining with agents that lack one, and with table learners."""
+"""Compares agents with and without growth and imagining to tabular learners."""
 
 from collections.abc import Iterator
 from typing import Literal, TypeAlias, TypeVar

@@ -1,4 +1,4 @@
-"""Draws curves: one panel per setting, values on a logarithmic scale from 0."""
+"""Draws curves, one panel per setting, on a log scale extended to 0."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Learners with a table: they are told the number of the place, and sense nothing.
+"""Tabular learners: given the number of each place instead of sensors.
 
 References:
     Sutton & Barto, "Reinforcement Learning: An Introduction", 2nd edition 2018:

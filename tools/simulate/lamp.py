@@ -1,4 +1,4 @@
-"""A world of eight states in which two sensations together say what an action does."""
+"""An eight-state world: two sensors together determine an action's effect."""
 
 from typing import Any
 

@@ -69,7 +69,7 @@ def _main(
         ),
     ] = False,
 ) -> None:
-    """A snapshot memory whose sensors are processes that compute by messages."""
+    """A distributed snapshot memory: one process per sensor, exchanging messages."""
 
 
 Log = Annotated[Path, typer.Argument(metavar="LOG", help="A recording (.mcap).")]

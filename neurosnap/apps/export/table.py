@@ -1,4 +1,4 @@
-"""A run as a table, exported as CSV or Parquet whole or not at all.
+"""Exports a run as a CSV or Parquet table, written atomically.
 
 There is a row per tick, a column per sensor. What was not recorded, and a reading that
 was not known, is None. The state is one text: a letter a sensor, in their order, T

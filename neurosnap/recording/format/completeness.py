@@ -1,4 +1,4 @@
-"""Completeness of a recording: running numbers per sender, and gaps.
+"""Completeness of a recording: gaps in each sender's sequence numbers.
 
 Every sender numbers all it sends from 0. A number that never came is a lost message,
 one that came twice a message delivered twice, whatever order they came in: a repaired

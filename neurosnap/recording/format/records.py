@@ -1,4 +1,4 @@
-"""The records of an MCAP file: their structure, iteration, and errors with places.
+"""Parses and iterates over MCAP records; errors give their file position.
 
 The records in a chunk are walked in `neurosnap.recording.format.chunks`, compiled.
 """

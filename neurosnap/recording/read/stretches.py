@@ -1,4 +1,4 @@
-"""Stretches of a recording that can be derived without gaps.
+"""Finds the stretches of a recording that can be replayed without gaps.
 
 A recording that lacks nothing is one stretch. Where messages are missing, as
 after damage, a stretch ends; the next begins with the following key-frame, which holds

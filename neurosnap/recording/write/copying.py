@@ -1,4 +1,4 @@
-"""Copies a recording's start into a resumed run, or what is intact of a damaged one.
+"""Copies a recording's start into a resumed run, or the intact parts of any.
 
 A salvaged recording is whole as a file. Where the old one lacks messages it has a note
 between its chunks, so that a reader derives nothing across, and says what is missing.

@@ -1,4 +1,4 @@
-"""The hub process and the cell process, which a swarm's fork server has loaded."""
+"""The hub process and the cell process, preloaded by the fork server."""
 
 import asyncio
 import shutil

@@ -1,4 +1,4 @@
-"""Bodies and senses: which sensors there are or can be grown, and what each reads."""
+"""Bodies and senses: sensors that exist or can be grown, and their readings."""
 
 import re
 from typing import Any

@@ -1,4 +1,4 @@
-"""Planning by imagined waves: shortest ways, the unknown, and plans that are kept."""
+"""Planning by imagined waves: shortest paths, unknown states, reused plans."""
 
 import re
 from collections.abc import Iterable

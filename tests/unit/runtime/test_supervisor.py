@@ -1,4 +1,4 @@
-"""A supervisor ends all parts with itself and forwards their reports."""
+"""A supervisor forwards its parts' reports, and stops them when it ends."""
 
 import asyncio
 import os

@@ -1,4 +1,4 @@
-"""Exported names are never run as formulas and read back unchanged."""
+"""Exported names read back unchanged, and are never run as formulas."""
 
 import csv
 from pathlib import Path

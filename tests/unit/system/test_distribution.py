@@ -1,4 +1,4 @@
-"""The installed distribution: its name in every text, its version, its namesake."""
+"""The installed distribution: its name in all texts, version, PyPI namesake."""
 
 import re
 import shutil

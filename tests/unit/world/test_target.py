@@ -1,4 +1,4 @@
-"""A target: distances by brute force, and two sensors that tell their change."""
+"""Targets: distances match brute force, and two sensors report changes."""
 
 from collections import deque
 from typing import Any

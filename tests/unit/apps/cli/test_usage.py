@@ -1,4 +1,4 @@
-"""Every verb rejects wrong usage by name, before it writes anything."""
+"""Every verb rejects wrong usage, and names the mistake, before writing."""
 
 import shlex
 import shutil

@@ -1,4 +1,4 @@
-"""What a run has grown, as its decisions and key-frames say."""
+"""The sensors a run has grown, read from its decisions and key-frames."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""When a recording reaches the disk, and what happens where the disk fails."""
+"""When a recording reaches the disk, and what happens if the disk fails."""
 
 import asyncio
 import contextlib

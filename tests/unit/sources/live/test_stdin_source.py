@@ -1,4 +1,4 @@
-"""Reads lines from a pipe, also when they arrive in pieces."""
+"""Lines are read from a pipe correctly, even if they arrive in pieces."""
 
 import os
 import threading

@@ -1,4 +1,4 @@
-"""What waits to be published is bounded, ordered, and not sent too late."""
+"""The queue of unsent messages is bounded and ordered, and drops stale ones."""
 
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,4 +1,4 @@
-"""What a run publishes of itself, and how Home Assistant is told of it."""
+"""The MQTT topics of a run, and how it is announced to Home Assistant."""
 
 import json
 import re
