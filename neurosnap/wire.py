@@ -23,7 +23,7 @@ import msgspec
 
 from neurosnap.errors import MessageError
 
-SCHEMA = 8
+SCHEMA = 9
 ROOT = "neurosnap"
 LARGEST_KEYFRAME = 1 << 27
 """Bytes of a key-frame, at most; a recording holds none that is larger."""
@@ -34,6 +34,7 @@ HISTORY = 8192
 """Ticks of a sensor's readings that are kept: 2 kB a sensor."""
 _LARGEST = 2**31 - 1
 _PART = re.compile(r"[a-z0-9]{1,20}(/[a-z0-9]{1,20})?")
+Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 Natural = Annotated[int, msgspec.Meta(ge=0, le=_LARGEST)]
 Numbered = Annotated[int, msgspec.Meta(ge=1, le=_LARGEST)]
 Naturals = tuple[Natural, ...]
@@ -63,7 +64,44 @@ class _Message(msgspec.Struct, frozen=True, gc=False, tag=str.lower):
         return self._key.format(self)
 
 
-class Observation(_Message, frozen=True):
+class Received(msgspec.Struct, frozen=True, gc=False, omit_defaults=True):
+    """How many readings a live source has received up to a tick, by what they became.
+
+    A reading is one message or line, whatever it says of how many sensors. The fields
+    but the last two add up to all that was received.
+    """
+
+    shown: Count = 0
+    """Those that ticks were made of: the tick after them has them, or newer ones."""
+    late: Count = 0
+    """Those that were older than what their sensor had read already."""
+    refused: Count = 0
+    """Those that were no readings, or of no sensor here."""
+    dropped: Count = 0
+    """Whole readings that too many others waited before."""
+    missing: Count = 0
+    """Rows that the journal should hold and does not, since it was damaged."""
+    outages: Count = 0
+    """How often nothing could be listened to: how many came then is not known."""
+
+    @property
+    def total(self) -> int:
+        """Readings received."""
+        return self.shown + self.late + self.refused + self.dropped
+
+
+class Outage(msgspec.Struct, frozen=True, gc=False):
+    """A stretch of time in which a live source could not listen."""
+
+    since: float
+    """When it was last sure to listen, in seconds since the epoch."""
+    until: float
+    """When it listened again."""
+    why: str
+    """What kept it from listening."""
+
+
+class Observation(_Message, frozen=True, omit_defaults=True):
     """What every sensor read at one tick; each cell latches its own bit."""
 
     _sender: ClassVar[str] = "world"
@@ -81,6 +119,10 @@ class Observation(_Message, frozen=True):
     cut: bool = False
     """It begins a trajectory, and the one before had not come to its own end: after a
     limit on time, say."""
+    received: Received = Received()
+    """What a live source has received so far."""
+    outages: tuple[Outage, ...] = ()
+    """When it could not listen since the observation before."""
 
 
 class Wiring(_Message, frozen=True):
@@ -411,7 +453,7 @@ class KeyFrame(_Message, frozen=True):
     """The tick's decision, which follows; nothing here says how it was taken."""
     why: str = ""
     """The reason, as in the decision."""
-    pulses: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] = 0
+    pulses: Count = 0
     """Pulses that all waves took so far."""
     depth: Natural = 0
     """Hops of the deepest of them."""

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from neurosnap import wire
+
 if TYPE_CHECKING:
     from neurosnap.agent.body import Body
 
@@ -34,6 +36,8 @@ class ResumePoint(msgspec.Struct, frozen=True):
     """The contexts of the sensors that were grown before that tick's decision."""
     retired: tuple[int, ...] = ()
     """The places among them of those that are read no more."""
+    received: wire.Received | None = None
+    """What a live source had received up to that tick."""
 
     def body(self, first: "Body") -> "Body":
         """Return what was sensed up to that tick's decision.

@@ -136,4 +136,6 @@ class World:
             begins=seen.begins,
             known=b"" if known is None else pack(known),
             cut=seen.cut and self._tick > 1,
+            received=seen.received,
+            outages=seen.outages,
         )

@@ -5,11 +5,13 @@ in the recording, it is deleted; otherwise it stays, and a run that is resumed f
 recording gets what is in it.
 
 When any part of a swarm dies, all are ended and started again. Outside readings come
-once, so another process takes them in, the intake: it holds standard input or the
-connection to a broker, writes each row to the journal and gives it to the world that
-asks. No swarm's restart touches it. When it dies itself, the world notices, and both
-are started again; the journal says where they were. A world says first which tick it
-goes on from: the rows after that are read from the journal, and those that come follow.
+once, so another process takes them in, the intake: it holds standard input, the
+connection to a broker, or the hub that programs put readings to, writes each row to the
+journal and gives it to the world that asks. No swarm's restart touches it: a hub in the
+intake is one that outlives the swarms. When it dies itself, the world notices, and both
+are started again; the journal says where they were, and the next row since when nothing
+was listened to. A world says first which tick it goes on from: the rows after that are
+read from the journal, and those that come follow.
 """
 
 import asyncio
@@ -25,9 +27,13 @@ import msgspec
 
 from neurosnap.errors import InvalidValueError, NeurosnapError, PartDiedError
 from neurosnap.fabric.events import wait_any
+from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import first_path
+from neurosnap.runtime.launch import SERVICES, new_swarm_id
+from neurosnap.runtime.network import Connections
+from neurosnap.runtime.parts.hub_and_cell import routing
 from neurosnap.runtime.parts.job import PartConnection, PartContext
 from neurosnap.runtime.parts.world_process import WayIn, synced
 from neurosnap.runtime.request import Outcome, RunRequest
@@ -42,6 +48,7 @@ from neurosnap.sources.live.journal import (
     remove,
 )
 from neurosnap.sources.live.live_source import LiveSource
+from neurosnap.sources.live.statistics import Statistics
 from neurosnap.sources.open import ZENOH, is_live, lost_by, open_live
 
 INTAKE = "intake"
@@ -65,7 +72,13 @@ class IntakeJob(msgspec.Struct, frozen=True):
     folder: str
     """The journal."""
     address: str
-    """The path of the socket to listen on, alone in its folder."""
+    """The path of the socket to listen on, in a folder of the run's own."""
+    hub: HubAddress | None = None
+    """Where it is the hub, with the hub's credentials; None if it is none."""
+    sessions: int = 0
+    """How many may connect to that."""
+    deaf: str = ""
+    """Why an earlier intake of the run is gone; empty: there was none."""
 
     async def run(self, part: PartContext) -> None:
         """Take in readings until the end.
@@ -74,27 +87,51 @@ class IntakeJob(msgspec.Struct, frozen=True):
             NeurosnapError: The journal cannot be read or written.
         """
         options = self.options
-        journal = Journal(Path(self.folder), options.body.own)
+        journal = Journal(Path(self.folder), options.body.own, self.deaf)
         source = open_live(
-            options.source, options.arguments, journal=journal, most=options.ticks
+            options.source,
+            options.arguments,
+            part.connection,
+            journal=journal,
+            most=options.ticks,
         )
-        worlds = _WorldServer(source)
         socket = Path(self.address)
         try:
-            await asyncio.to_thread(socket.unlink, missing_ok=True)
+            # An earlier intake of the run may have left its own.
+            await asyncio.to_thread(_clear, socket.parent)
+            async with self._routing():
+                await self._listen(source, part)
+        finally:
+            # The folder is the run's own; a launcher that was killed cannot remove it.
+            await asyncio.to_thread(shutil.rmtree, socket.parent, ignore_errors=True)
+        part.reporter.done(source.statistics())
+
+    def _routing(self) -> contextlib.AbstractAsyncContextManager[None]:
+        """Be the hub, if it is one."""
+        if self.hub is None:
+            return contextlib.nullcontext()
+        return routing(self.hub, self.sessions)
+
+    async def _listen(self, source: LiveSource, part: PartContext) -> None:
+        """Take readings in, and answer worlds, until the end."""
+        worlds = _WorldServer(source)
+        try:
             server = await asyncio.start_unix_server(worlds.serve, self.address)
-            if source.resumed:
-                worlds.leave()
-            async with synced(source, options.sync):
+            # From now on: a program need not wait until there is a world.
+            worlds.leave()
+            async with synced(source, self.options.sync):
                 part.reporter.ready()
                 await part.stop.wait()
             server.close()
         finally:
             await asyncio.to_thread(source.close)
             await worlds.wait_closed()
-            # The folder is the run's own; a launcher that was killed cannot remove it.
-            await asyncio.to_thread(shutil.rmtree, socket.parent, ignore_errors=True)
-        part.reporter.done(lost_by(options.source, source.statistics()))
+
+
+def _clear(folder: Path) -> None:
+    """Delete the sockets in a folder."""
+    for path in folder.iterdir():
+        path.unlink()
 
 
 async def run_journaled(request: RunRequest, work: Work) -> Outcome:
@@ -122,9 +159,8 @@ async def run_journaled(request: RunRequest, work: Work) -> Outcome:
         raise InvalidValueError("journal", rule, str(folder))
     if request.past is not None:
         await asyncio.to_thread(_take_over, folder, options, request.past)
-    inside = options.source == ZENOH or options.cells == "inline"
     try:
-        if inside:
+        if options.cells == "inline" or "world" in request.site.elsewhere:
             way_in = WayIn(journal=str(folder))
             outcome = await work(replace(request, way_in=way_in))
         else:
@@ -141,17 +177,19 @@ def _take_over(folder: Path, options: RunOptions, past: ResumePoint) -> None:
     kept = journal_of(first_path(log, past.part))
     rows = [row for row in read_journal(kept).rows if row.number > past.tick]
     with contextlib.closing(Journal(folder, options.body.own)) as journal:
-        journal.restart(past.tick, rows)
+        journal.restart(past.tick, rows, past.received)
 
 
 def _delete_if_recorded(folder: Path, outcome: Outcome) -> Outcome:
     """Delete a journal, if all that is in it is recorded."""
-    rows = read_journal(folder).rows
-    waiting = [row for row in rows if row.number > outcome.totals.ticks]
-    if outcome.complete and not waiting:
+    kept, last = read_journal(folder), outcome.totals.ticks
+    if outcome.intake is None:  # what counted it has died
+        outcome = msgspec.structs.replace(outcome, intake=Statistics(kept.received))
+    if outcome.complete and not any(row.number > last for row in kept.rows):
         remove(folder)
         return outcome
-    return msgspec.structs.replace(outcome, journal=str(folder), waiting=len(waiting))
+    waiting = kept.shown_after(last)
+    return msgspec.structs.replace(outcome, journal=str(folder), waiting=waiting)
 
 
 def _warn_of(folder: Path) -> None:
@@ -167,43 +205,73 @@ def _warn_of(folder: Path) -> None:
 
 async def _with_intake(request: RunRequest, folder: Path, work: Work) -> Outcome:
     """Run `work` with a process that takes readings in."""
-    with tempfile.TemporaryDirectory(prefix="neurosnap-") as socket:
-        address = f"{socket}/{INTAKE}"
+    options = request.options
+    with tempfile.TemporaryDirectory(prefix="neurosnap-") as own:
+        job = IntakeJob(options, str(folder), f"{own}/{INTAKE}")
+        connection = PartConnection(INTAKE, "")
+        if options.source == ZENOH:
+            request, job, connection = _with_hub(request, job, own)
         ready, ending = asyncio.Event(), asyncio.Event()
         keeping = asyncio.create_task(
-            _keep_up(request.options, folder, address, ready, ending),
-            name="kept/intake",
+            _keep_up(job, connection, ready, ending), name="kept/intake"
         )
         waiting = asyncio.create_task(ready.wait(), name="kept/ready")
         try:
             await asyncio.wait((waiting, keeping), return_when=asyncio.FIRST_COMPLETED)
             if keeping.done():
                 keeping.result()  # why it cannot be
-            way_in = WayIn(journal=str(folder), address=address)
+            way_in = WayIn(journal=str(folder), address=job.address)
             outcome = await work(replace(request, way_in=way_in))
         finally:
             waiting.cancel()
             ending.set()
             await asyncio.wait((keeping,))
-    return msgspec.structs.replace(outcome, lost=outcome.lost + keeping.result())
+    counted = keeping.result()
+    lost = lost_by(options.source, counted)
+    return msgspec.structs.replace(outcome, intake=counted, lost=lost)
+
+
+def _with_hub(
+    request: RunRequest, job: IntakeJob, folder: str
+) -> tuple[RunRequest, IntakeJob, PartConnection]:
+    """Let the intake be the hub that programs put readings to, unless another is.
+
+    Returns:
+        The request, whose swarms connect to that hub; the intake's job; and how its
+        source connects.
+    """
+    site, options = request.site, request.options
+    site = replace(site, swarm=site.swarm or new_swarm_id())
+    network = site.network
+    if not network.connect:
+        network.check()
+        own = f"unixsock-stream/{folder}/hub"
+        hub = HubAddress(
+            network.endpoint("hub", own), network.credentials("hub"), network.insecure
+        )
+        sessions = (options.sharing or len(options.sensors)) + SERVICES
+        job = msgspec.structs.replace(job, hub=hub, sessions=sessions)
+        near = network.endpoint("world", own)
+        network = msgspec.structs.replace(network, listen="", connect=near)
+    site = replace(site, network=network)
+    there = Connections(network).to("world", site.swarm).address
+    connection = PartConnection(INTAKE, site.swarm, there)
+    return replace(request, site=site), job, connection
 
 
 async def _keep_up(
-    options: RunOptions,
-    folder: Path,
-    address: str,
+    job: IntakeJob,
+    connection: PartConnection,
     ready: asyncio.Event,
     ending: asyncio.Event,
-) -> int:
+) -> Statistics | None:
     """Start the intake, and start it again when it dies, until `ending`.
 
     How often is for the run to bound: a world that asks dies with it.
 
     Returns:
-        How much was no reading, or had no tick although it should have.
+        What it counted; None if it died in the end.
     """
-    job = IntakeJob(options, str(folder), address)
-    connection = PartConnection(INTAKE, "")
     while True:
         try:
             async with Supervisor() as supervisor:
@@ -213,12 +281,13 @@ async def _keep_up(
                 await supervisor.wait(ending)
                 await supervisor.end([INTAKE], _GRACE)
                 if child.result is None:
-                    return 0
-                return msgspec.json.decode(child.result, type=int)
+                    return None
+                return msgspec.json.decode(child.result, type=Statistics)
         except PartDiedError as error:
             _logger.warning("%s (it is started again)", error)
             if ending.is_set():
-                return 0
+                return None
+            job = msgspec.structs.replace(job, deaf=str(error))
         await wait_any(ending, seconds=_AGAIN)
 
 

@@ -44,8 +44,11 @@ from neurosnap.runtime.registry import noted
 from neurosnap.runtime.request import SILENT, Outcome, RunRequest, Site, Watcher
 from neurosnap.runtime.starter import Starter
 from neurosnap.runtime.supervisor import RunningPart, Supervisor
+from neurosnap.sources.live.statistics import Statistics
+from neurosnap.sources.open import lost_by
 
-_SERVICES = 5  # hub, recorder, coordinator, world, status publisher
+SERVICES = 5
+"""Hub, recorder, coordinator, world, status publisher."""
 _GRACE = 10.0  # seconds a part may take to end
 _LAST_WRITE = 2.0  # seconds a recorder may take to end without the hub
 # Additional seconds while a part still starts: it may compile, and cannot react then.
@@ -104,8 +107,8 @@ class Ending:
     """The recording's balance; None if nothing was recorded."""
     stopped: bool
     """It was asked to stop before it was done."""
-    lost: int = 0
-    """Outside readings that the world lost."""
+    statistics: Statistics | None = None
+    """What the world counted of a live source; None if it took nothing in."""
     health: Standing | None = None
     """Final health of the sensors of the home; None if they were not monitored."""
 
@@ -212,13 +215,13 @@ class _Launch:
         completeness = None
         if recorder is not None:
             completeness = msgspec.json.decode(_result(recorder), type=Completeness)
-        lost = 0
+        counted = None
         if world is not None and world.result is not None:
-            lost = msgspec.json.decode(world.result, type=int)
-        return Ending(_result(coordinator), completeness, stopped, lost)
+            counted = msgspec.json.decode(world.result, type=Statistics | None)
+        return Ending(_result(coordinator), completeness, stopped, counted)
 
     async def _start_hub(self, stop: asyncio.Event) -> None:
-        sessions = len(self._jobs.hosts) + _SERVICES
+        sessions = len(self._jobs.hosts) + SERVICES
         hub = await self._supervisor.start(
             HubJob(sessions, self._folder),
             self._connection("hub"),
@@ -330,7 +333,8 @@ async def run_incarnation(
         completeness=ending.completeness,
         seconds=result.seconds,
         stopped=ending.stopped,
-        lost=ending.lost,
+        intake=ending.statistics,
+        lost=lost_by(options.source, ending.statistics),
         health=ending.health,
     )
 

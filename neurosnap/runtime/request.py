@@ -21,6 +21,7 @@ from neurosnap.runtime.child_processes import ChildProcesses
 from neurosnap.runtime.network import PRIVATE, Network
 from neurosnap.runtime.parts.world_process import WayIn
 from neurosnap.runtime.starter import Starter
+from neurosnap.sources.live.statistics import Statistics
 from neurosnap.system.distribution import must_have
 
 
@@ -254,12 +255,15 @@ class Outcome(msgspec.Struct, kw_only=True):
     kept: tuple[str, ...] = ()
     """Files that it could not go on from, beside the recording or of it, which may hold
     ticks that cannot be read."""
+    intake: Statistics | None = None
+    """What came in of a live source, over all restarts; None for another source."""
     lost: int = 0
-    """Outside input that was no reading, or had no tick although it should have."""
+    """How many readings of it had no tick although they should have; a stretch in which
+    it could not listen counts as one."""
     journal: str = ""
     """Where readings are that the recording lacks; empty if it has all."""
     waiting: int = 0
-    """How many of these had no tick."""
+    """How many of the readings are in none of the ticks."""
     health: Standing | None = None
     """Final health of the sensors of the home; None if they were not monitored."""
 
@@ -268,6 +272,16 @@ class Outcome(msgspec.Struct, kw_only=True):
         """Everything that was recorded of it is in the recording."""
         balance = self.completeness
         return balance is not None and balance.whole and not self.kept
+
+    @property
+    def received(self) -> dict[str, int]:
+        """Readings that came in, by what they became; nothing else came in."""
+        if self.intake is None:
+            return {}
+        counts = msgspec.structs.asdict(self.intake.received)
+        del counts["outages"], counts["missing"]
+        counts["shown"] -= self.waiting
+        return {**counts, "kept": self.waiting, "after": self.intake.after}
 
 
 def check_swarm(swarm: str) -> None:

@@ -210,14 +210,17 @@ def mqtt_options(arguments: Mapping[str, Argument]) -> MqttOptions:
         raise InvalidValueError("arguments", rule, str(error)) from error
 
 
-def lost_by(name: str, said: Statistics) -> int:
-    """Return how much of what a live source was given is lost: it had no tick.
+def lost_by(name: str, counted: Statistics | None) -> int:
+    """Return how many readings of a live source are lost; an outage counts as one.
 
     What standard input says is meant for the run, so a line that is no reading is lost.
     On a broker and on a hub others may say what they like.
     """
-    refused = said.refused if name == STDIN else 0
-    return said.dropped + said.missing + refused
+    if counted is None:
+        return 0
+    received = counted.received
+    refused = received.refused if name == STDIN else 0
+    return received.dropped + received.missing + received.outages + refused
 
 
 def _converted(arguments: Mapping[str, Argument]) -> LiveArguments:

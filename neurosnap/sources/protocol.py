@@ -6,6 +6,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap import wire
+
 Argument: TypeAlias = bool | int | float | str
 """What may be given to a source by name."""
 
@@ -27,6 +29,10 @@ class Observed(msgspec.Struct, frozen=True, eq=False):
     """It begins one, and the trajectory before, if there was one, had not come to its
     own end: a limit on time cut it off, or the source was not listened to for a
     while."""
+    received: wire.Received = wire.Received()
+    """What a live source has received so far, this tick included."""
+    outages: tuple[wire.Outage, ...] = ()
+    """When it could not listen since the last tick."""
 
 
 class Source(Protocol):

@@ -209,17 +209,41 @@ def outcome_lines(
     yield from _losses(outcome)
 
 
+_FATES = {
+    "shown": "in ticks",
+    "kept": "kept for a resumed run",
+    "after": "after the last tick",
+    "late": "late",
+    "refused": "refused",
+    "dropped": "dropped, since too many waited",
+}
+
+
+def received_line(counts: Mapping[str, int]) -> str:
+    """Say how many readings were received, and what became of them.
+
+    Examples:
+        >>> received_line({"shown": 706, "dropped": 0, "kept": 447})
+        'readings: 1,153 received = 706 in ticks + 447 kept for a resumed run'
+    """
+    found = {say: counts.get(kind, 0) for kind, say in _FATES.items()}
+    parts = " + ".join(f"{count:,} {say}" for say, count in found.items() if count)
+    return f"readings: {sum(found.values()):,} received = {parts or '0'}"
+
+
 def _losses(outcome: "Outcome") -> Iterator[str]:
     """Say what had no tick, what the recording lacks, and what may be unreadable."""
-    if outcome.lost:
-        yield (
-            f"{outcome.lost} lines or messages came in and had no tick, or were no"
-            " readings"
-        )
+    if outcome.intake is not None:
+        yield received_line(outcome.received)
+        received = outcome.intake.received
+        if received.outages:
+            yield f"could not listen {received.outages} times: `neurosnap info` says when"
+        if received.missing:
+            yield f"{received.missing} readings are missing from a damaged journal"
     if outcome.waiting:
         yield (
-            f"{outcome.waiting} readings came in and had no tick; they are kept in"
-            f" {outcome.journal} and are taken in when the run is resumed"
+            f"{outcome.waiting} readings are kept in {outcome.journal} and are taken in"
+            " when the run is resumed"
         )
     elif outcome.journal:
         yield f"the readings that the recording may lack are kept in {outcome.journal}"

@@ -15,13 +15,20 @@ import numpy as np
 from rich.filesize import decimal
 
 from neurosnap import wire
-from neurosnap.apps.cli.output import fields, in_ranges, printable, table
+from neurosnap.apps.cli.output import (
+    fields,
+    in_ranges,
+    printable,
+    received_line,
+    table,
+)
 from neurosnap.errors import RecordingError
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import Cut, damaged_in
 from neurosnap.recording.read.recording import Recording, first_path, part_paths
 from neurosnap.recording.replay.births import RecordedBirth, births_of
+from neurosnap.sources.open import is_live
 
 _SECOND = 10**9
 
@@ -62,6 +69,10 @@ class Info(msgspec.Struct, frozen=True):
     """The sensors that were grown."""
     room: int = 0
     """How many more may be."""
+    received: wire.Received = wire.Received()
+    """What a live source had received up to the last tick."""
+    outages: tuple[wire.Outage, ...] = ()
+    """When it could not listen."""
 
 
 def describe(recording: Recording) -> Info:
@@ -81,6 +92,7 @@ def describe(recording: Recording) -> Info:
     run = _options(recording)
     births = None if run is None else births_of(recording)
     damage = recording.damage
+    received, outages = _intake(recording, run)
     balance = ("completeness", "expected")
     totals = recording.totals
     return Info(
@@ -102,6 +114,8 @@ def describe(recording: Recording) -> Info:
         missing_ticks=tuple(_missing_ticks(recording)) if damage else (),
         births=births.listed if births else (),
         room=births.room if births else 0,
+        received=received,
+        outages=outages,
     )
 
 
@@ -111,6 +125,17 @@ def _options(recording: Recording) -> RunOptions | None:
         return recording.options
     except RecordingError:
         return None
+
+
+def _intake(
+    recording: Recording, run: RunOptions | None
+) -> tuple[wire.Received, tuple[wire.Outage, ...]]:
+    """Return what a live source had received in the end, and when it did not listen."""
+    received, outages = wire.Received(), list[wire.Outage]()
+    if run is not None and is_live(run.source):
+        for seen in recording.all("observation", wire.Observation):
+            received, outages = seen.received, [*outages, *seen.outages]
+    return received, tuple(outages)
 
 
 def _run(info: Info) -> dict[str, str]:
@@ -222,6 +247,13 @@ def _balance(info: Info) -> Iterator[str]:
     yield from fields(missing, "  ")
     yield f"duplicates: {info.completeness.duplicates} left out"
     yield f"foreign: {info.completeness.foreign} left out"
+    if info.received.total:
+        yield received_line(msgspec.structs.asdict(info.received))
+    for outage in info.outages:
+        since, until = (
+            _moment(int(at * _SECOND)) for at in (outage.since, outage.until)
+        )
+        yield f"did not listen: {since} to {until}: {printable(outage.why)}"
 
 
 def _moment(nanoseconds: int) -> str:

@@ -9,6 +9,7 @@ What has to be derived again begins at a key-frame behind which every part was h
 as a rule it takes the same time however long the run was.
 """
 
+import itertools
 from collections.abc import Iterator
 from contextlib import suppress
 from itertools import islice
@@ -132,6 +133,7 @@ def _resume_point_in(
         begins=recording.begins,
         grown=body.grown,
         retired=body.retired,
+        received=_received(recording, tick),
     )
 
 
@@ -311,11 +313,25 @@ def _taken(recording: Recording, tick: int) -> tuple[tuple[int, ...], Body]:
 
 def _decisions(recording: Recording) -> Iterator[wire.Decision]:
     """Yield the decisions in a file, and in those before it."""
+    for each in (*map(Recording.open, _before(recording)), recording):
+        yield from each.all("decision", wire.Decision)
+
+
+def _received(recording: Recording, tick: int) -> wire.Received | None:
+    """Return what a live source had received up to a tick; None if that is not said."""
+    before = map(Recording.open, reversed(_before(recording)))
+    for each in itertools.chain([recording], before):
+        for seen in each.all("observation", wire.Observation):
+            if seen.tick == tick or seen.received == wire.Received():
+                return seen.received
+    return None
+
+
+def _before(recording: Recording) -> list[Path]:
+    """Return the files of the run before one."""
     number = recording.part or 0
     paths = part_paths(first_path(recording.path, number))
-    before = [path for part, path in paths.items() if part < number]
-    for each in (*map(Recording.open, before), recording):
-        yield from each.all("decision", wire.Decision)
+    return [path for part, path in paths.items() if part < number]
 
 
 def _counts(

@@ -2,10 +2,13 @@
 
 import asyncio
 import shutil
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 
 import msgspec
 
 from neurosnap import wire
+from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.fabric.zenoh.denied_log import telling_refusals
 from neurosnap.fabric.zenoh.hub import open_hub
@@ -52,18 +55,31 @@ class HubJob(msgspec.Struct, frozen=True):
 
     async def run(self, part: PartContext) -> None:
         """Route until the end."""
-        own = part.connection.address
-        with telling_refusals():
-            session = await asyncio.to_thread(
-                open_hub,
-                [own.endpoint],
-                self.sessions,
-                credentials=own.credentials,
-                insecure=own.insecure,
-            )
-            try:
+        try:
+            async with routing(part.connection.address, self.sessions):
                 part.reporter.ready()
                 await part.stop.wait()
-            finally:
-                await asyncio.to_thread(session.close)
-                shutil.rmtree(self.folder, ignore_errors=True)
+        finally:
+            shutil.rmtree(self.folder, ignore_errors=True)
+
+
+@asynccontextmanager
+async def routing(own: HubAddress, sessions: int) -> AsyncIterator[None]:
+    """Be the hub while the context is entered.
+
+    Args:
+        own: Where it listens, with the hub's credentials.
+        sessions: How many may connect.
+    """
+    with telling_refusals():
+        session = await asyncio.to_thread(
+            open_hub,
+            [own.endpoint],
+            sessions,
+            credentials=own.credentials,
+            insecure=own.insecure,
+        )
+        try:
+            yield
+        finally:
+            await asyncio.to_thread(session.close)

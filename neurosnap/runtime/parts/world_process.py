@@ -22,7 +22,7 @@ from neurosnap.sources.live.latest_readings import Bits
 from neurosnap.sources.live.live_source import LiveSource
 from neurosnap.sources.live.remote_source import RemoteSource
 from neurosnap.sources.live.zenoh_source import Hub
-from neurosnap.sources.open import lost_by, open_live, open_source
+from neurosnap.sources.open import open_live, open_source
 from neurosnap.sources.protocol import Source
 
 
@@ -143,10 +143,9 @@ class WorldJob(msgspec.Struct, frozen=True):
                 await take_part(fabric, work)
         finally:
             source.close()
-        lost = 0
-        if isinstance(source, LiveSource):
-            lost = lost_by(options.source, source.statistics())
-        part.reporter.done(lost)
+        part.reporter.done(
+            source.statistics() if isinstance(source, LiveSource) else None
+        )
 
 
 def _opened(options: RunOptions, way_in: WayIn | None, hub: Hub) -> Source:

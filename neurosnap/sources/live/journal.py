@@ -38,6 +38,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap import wire
 from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.sensorium import pack, unpack
 from neurosnap.sources.protocol import Observed
@@ -62,6 +63,8 @@ class Begin(msgspec.Struct, frozen=True, array_like=True, tag="begin"):
     """The number of its first row."""
     acted: int
     """The last tick of which the action was carried out, or begun to be; -1: none."""
+    received: wire.Received = wire.Received()
+    """What had been received before it."""
 
 
 class JournalRow(msgspec.Struct, frozen=True, array_like=True, tag="row"):
@@ -75,18 +78,26 @@ class JournalRow(msgspec.Struct, frozen=True, array_like=True, tag="row"):
     """Which of the readings are known, packed; empty if all are."""
     begins: bool = False
     """It follows no action: readings before it were missed."""
+    received: wire.Received = wire.Received()
+    """What has been received up to it."""
+    outages: tuple[wire.Outage, ...] = ()
+    """When nothing was listened to since the row before."""
 
     @classmethod
     def of(cls, seen: Observed, number: int = 0) -> Self:
         """Return the row of an observation."""
         known = pack_known(seen.known)
-        return cls(number, pack(seen.bits), known, seen.begins)
+        return cls(
+            number, pack(seen.bits), known, seen.begins, seen.received, seen.outages
+        )
 
     def observed(self, sensors: int) -> Observed:
         """Return the observation; what is live has no ends, so it was cut off."""
         known = unpack(self.known, sensors) if self.known else None
         bits = unpack(self.bits, sensors)
-        return Observed(bits, known, self.begins, self.begins)
+        return Observed(
+            bits, known, self.begins, self.begins, self.received, self.outages
+        )
 
 
 def pack_known(known: NDArray[np.bool_] | None) -> bytes:
@@ -113,6 +124,21 @@ class Content(msgspec.Struct, frozen=True):
     rows: tuple[JournalRow, ...]
     """In order; numbers are missing where a file was damaged."""
     acted: int
+    began: wire.Received
+    """What was received before its first row."""
+
+    @property
+    def received(self) -> wire.Received:
+        """What was received up to its last row."""
+        return self._received(self.rows)
+
+    def shown_after(self, tick: int) -> int:
+        """Return how many readings the rows after a tick are made of."""
+        before = self._received([row for row in self.rows if row.number <= tick])
+        return self.received.shown - before.shown
+
+    def _received(self, rows: Sequence[JournalRow]) -> wire.Received:
+        return rows[-1].received if rows else self.began
 
 
 def journal_of(log: Path) -> Path:
@@ -128,7 +154,7 @@ def read_journal(folder: Path) -> Content:
     """
     sensors: tuple[str, ...] = ()
     rows: list[JournalRow] = []
-    acted = -1
+    acted, began = -1, wire.Received()
     for path in _files(folder):
         for record in _read(path):
             match record:
@@ -137,11 +163,12 @@ def read_journal(folder: Path) -> Content:
                     # Who begun it had no use for what was there from this row on.
                     while rows and rows[-1].number >= record.first:
                         del rows[-1]
+                    began = began if rows else record.received
                 case JournalRow():
                     rows.append(record)
                 case Acted():
                     acted = max(acted, record.tick)
-    return Content(sensors, tuple(rows), acted)
+    return Content(sensors, tuple(rows), acted, began)
 
 
 def framed(record: bytes) -> bytes:
@@ -221,13 +248,14 @@ class Journal:
     Args:
         folder: Where it is, or is to be. Only the owner may read it.
         sensors: The sensors' names.
+        deaf: Why the process that wrote it before is gone, in the midst of a run.
 
     Raises:
         InvalidValueError: What is there is of other sensors.
         NeurosnapError: It cannot be read or written.
     """
 
-    def __init__(self, folder: Path, sensors: Sequence[str]) -> None:
+    def __init__(self, folder: Path, sensors: Sequence[str], deaf: str = "") -> None:
         self.folder = folder
         self._sensors = tuple(sensors)
         try:
@@ -235,12 +263,16 @@ class Journal:
         except OSError as error:
             raise _failed("writable", error, folder) from error
         there = read_journal(folder)
+        self.deaf = (_touched(folder), deaf) if deaf and there.sensors else None
+        """Since when nothing was listened to, in seconds since the epoch, and why."""
         if there.sensors and there.sensors != self._sensors:
             rule = f"must be of the sensors {', '.join(there.sensors)}"
             raise InvalidValueError("journal", rule, str(folder))
         self.last = there.rows[-1].number if there.rows else 0
         """The number of the last row."""
         self.acted = there.acted
+        self.received = there.received
+        """What was received up to its last row."""
         self._descriptor = -1
         self._changing = threading.Lock()  # of the file, while another thread syncs it
         self._size = self._rows = 0
@@ -258,6 +290,7 @@ class Journal:
         row = msgspec.structs.replace(row, number=self.last + 1)
         self._append(row)
         self.last += 1
+        self.received = row.received
         self._rows += 1
         return row
 
@@ -291,35 +324,50 @@ class Journal:
         Raises:
             NeurosnapError: It cannot be read or written.
         """
-        there = read_journal(self.folder).rows
-        before = next((row for row in there if row.number == tick), None)
-        rows = [row for row in there if row.number > tick]
+        there = read_journal(self.folder)
+        before = next((row for row in there.rows if row.number == tick), None)
+        rows = [row for row in there.rows if row.number > tick]
         numbers = range(tick + 1, tick + 1 + len(rows))
         if self.last >= tick and [row.number for row in rows] == [*numbers]:
             return before, rows, 0
         missing = rows[-1].number - tick - len(rows) if rows else 0
-        return before, self.restart(tick, rows), missing
+        received = there.began if before is None else before.received
+        return before, self.restart(tick, rows, received), missing
 
-    def restart(self, tick: int, rows: Sequence[JournalRow]) -> list[JournalRow]:
+    def restart(
+        self,
+        tick: int,
+        rows: Sequence[JournalRow],
+        received: wire.Received | None = None,
+    ) -> list[JournalRow]:
         """Let `rows` follow on a tick, and nothing else; return them as numbered then.
+
+        Args:
+            tick: The tick.
+            rows: What follows.
+            received: What was received up to that tick; None if that is known here.
 
         Raises:
             NeurosnapError: The disk does not take it.
         """
         self.last = tick
+        self.received = received or self.received
         self._begin()
         kept = [self.write(row) for row in rows]
         self.sync()
         return kept
 
     def sync(self) -> None:
-        """Let what was written survive a power cut; from any thread.
+        """Let what was written survive a power cut, and note the time; from any thread.
 
         Raises:
             NeurosnapError: The disk does not take it.
         """
         with self._changing:
-            if not self._dirty or self._descriptor < 0:
+            if self._descriptor < 0:
+                return
+            os.utime(self._descriptor)
+            if not self._dirty:
                 return
             self._dirty = False
             descriptor = os.dup(self._descriptor)  # another file may begin meanwhile
@@ -353,7 +401,8 @@ class Journal:
         self.close()
         self._descriptor = descriptor
         self._size = self._rows = 0
-        self._append(Begin(self._sensors, self.last + 1, self.acted))
+        begin = Begin(self._sensors, self.last + 1, self.acted, self.received)
+        self._append(begin)
 
     def _append(self, record: Record) -> None:
         """Write a record, or nothing of it."""
@@ -380,6 +429,11 @@ def _files(folder: Path) -> list[Path]:
         )
     except OSError as error:
         raise _failed("readable", error, folder) from error
+
+
+def _touched(folder: Path) -> float:
+    times = [path.stat().st_mtime for path in _files(folder)]
+    return max(times, default=0.0)
 
 
 def _read(path: Path) -> Iterator[Record]:

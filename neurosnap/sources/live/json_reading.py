@@ -22,7 +22,7 @@ from typing import TypeAlias, TypeVar
 import msgspec
 
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.sources.live.live_source import LiveSource
+from neurosnap.sources.live.live_source import LiveSource, unknown
 from neurosnap.sources.meaning import Reader
 
 LIMIT = 1 << 20
@@ -141,5 +141,5 @@ def hand_in(source: LiveSource, payload: bytes, *, spare: bool) -> None:
         return
     readings = said.in_order(source.sensors)
     named = said.bits if isinstance(said.bits, dict) else {}
-    source.receive(dict.fromkeys(named.keys() - set(source.sensors)))
-    source.receive_whole(readings, said.at, spare=spare)
+    wrong = [unknown(name) for name in named if name not in source.sensors]
+    source.receive_whole(readings, said.at, spare=spare, wrong=wrong)

@@ -3,7 +3,7 @@
 Two threads meet here. A feeder's thread hands readings in; the world's thread waits in
 `first` or `step` until a tick is due. Both hold one lock for a few microseconds, and
 the data between them is bounded: a single reading replaces its sensor's previous one,
-and at most `WAITING` whole readings are queued, plus those a feeder had read by then.
+and at most `WAITING` rows are queued, or `ROOM` plus those a feeder had read by then.
 
 Whole readings come first: each is a tick of its own, in the order they came, and the
 schedule is not asked. Only when none waits does the schedule decide when the latest
@@ -15,6 +15,10 @@ tick. After a restart the same rows are given again (`resume_after`). While no t
 waited for (`keep_changes`), the clock does not turn the latest readings into rows, but
 each change of them becomes one, within the limits of the schedule and of `WAITING`: so
 a restart hides no more changes than a busy swarm does.
+
+Every reading is counted once, by what becomes of it (`wire.Received`): it is shown by
+the row that follows, or it is late, refused or dropped. A row says what was received up
+to it, so the counts survive with it.
 """
 
 import logging
@@ -22,19 +26,23 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol
+from typing import Literal, Protocol
 
+import msgspec
 import numpy as np
 
+from neurosnap import wire
 from neurosnap.errors import NeurosnapError, ShapeError
 from neurosnap.sources.live.journal import Journal, JournalRow
 from neurosnap.sources.live.latest_readings import TOLERANCE, Bits, LatestReadings
-from neurosnap.sources.live.statistics import Refusals, Statistics
+from neurosnap.sources.live.statistics import Fate, Refusals, Statistics
 from neurosnap.sources.live.tick_schedule import TickSchedule
 from neurosnap.sources.protocol import Observed
 
-WAITING = 1024
-"""Whole readings that may wait for their tick."""
+WAITING = 1 << 16
+"""Readings that may wait for their tick: half a minute of 2,000 a second."""
+ROOM = 1024
+"""Readings that wait when a feeder that can hold its writer back does so."""
 
 _logger = logging.getLogger(__name__)
 
@@ -108,7 +116,7 @@ class LiveSource:
         self._most = most
         self._rows = 0 if journal is None else journal.last  # rows there are, in all
         self._fresh = True  # readings before the next row were missed
-        self._waiting: deque[Observed] = deque()
+        self._waiting: deque[JournalRow] = deque()  # an eighth of what they unpack to
         self._shown: Observed | None = None  # the last row, be it given or waiting
         self._turn = 0  # a waiting call ends when this has changed; see `wake_reader`
         self._away = False
@@ -119,7 +127,13 @@ class LiveSource:
         self._started = self._ended = self._closed = False
         self._error: BaseException | None = None
         self._refusals = Refusals(self._clock)
-        self._dropped = self._missing = 0
+        self._received = wire.Received() if journal is None else journal.received
+        self._pending = 0  # readings that the next row shows
+        self._after = 0  # readings for which there is no row any more
+        self._outages: tuple[wire.Outage, ...] = ()  # since the last row
+        self._deaf = None if journal is None else journal.deaf  # since when, and why
+        self._listening = False
+        self._heard = False  # a feeder that says when it listens has done so
 
     def first(self) -> Observed | None:
         """Start the feeder, unless it is on its way, and wait for the first tick.
@@ -174,12 +188,12 @@ class LiveSource:
                 return None
             before, rows, missing = self.journal.rows_after(tick)
             if missing:
-                self._missing += missing
+                self._count("missing", missing)
                 _logger.warning("journal: readings missing from it: %d", missing)
             count = len(self.sensors)
             shown = None if before is None else before.observed(count)
-            self._waiting = deque(row.observed(count) for row in rows)
-            self._shown = self._waiting[-1] if rows else shown
+            self._waiting = deque(rows)
+            self._shown = rows[-1].observed(count) if rows else shown
             self._rows = self.journal.last
             self.given = tick
             self.resumed |= tick > 0
@@ -218,15 +232,23 @@ class LiveSource:
         seen = self._latest.observation(now)
         patience = self._patience(seen, now)
         self._sensitive = True
-        if not self._is_change(seen) or self.is_full or len(self._waiting) >= WAITING:
+        if not self._is_change(seen) or self.is_full:
+            return None
+        if len(self._waiting) >= WAITING:
+            rule = f"must wait for fewer than {WAITING} others, joined with the next"
+            self._refusals.refuse(f"change: {rule}")
             return None
         if patience == 0:
-            try:
-                self._waiting.append(self._row(*seen))
-            except NeurosnapError as error:
-                self._error = error
+            self._write_row(*seen)
             self._schedule.given(now)
         return patience
+
+    def _write_row(self, bits: Bits, known: Bits) -> None:
+        """Let a row wait; what the journal fails of, the next caller gets."""
+        try:
+            self._waiting.append(JournalRow.of(self._row(bits, known)))
+        except NeurosnapError as error:
+            self._error = error
 
     def close(self) -> None:
         """Wake a waiting caller and stop the feeder; from any thread, also twice.
@@ -252,9 +274,12 @@ class LiveSource:
         return self._most is not None and self._rows >= self._most
 
     def receive(
-        self, readings: Mapping[str, bool | None], at: float | None = None
+        self,
+        readings: Mapping[str, bool | None],
+        at: float | None = None,
+        wrong: Sequence[str] = (),
     ) -> None:
-        """Receive readings that belong together: no tick shows half of them.
+        """Receive one reading of some sensors: no tick shows half of it.
 
         From any thread, and without waiting.
 
@@ -264,22 +289,46 @@ class LiveSource:
         Args:
             readings: By name; None if a sensor does not know.
             at: When, in seconds since the epoch; if None, now.
+            wrong: What of it was no reading, as for `refuse`.
         """
         with self._condition:
+            if self.is_full or self._closed:
+                self._after += 1
+                return
             now = self._clock()
-            as_of = self._as_of(at, now)
-            for sensor, on in readings.items():
-                number = self._number.get(sensor)
-                if number is None:
-                    self._refusals.refuse(
-                        f"sensor: must be one the run began with, got {sensor[:100]!r}"
-                        " (name it among the sensors and start again)"
-                    )
-                elif self._latest.update(number, on, as_of, now):
-                    self._changed()
+            self._count(self._update(readings, self._as_of(at, now), now, wrong))
             if self._away:
                 # Here, not in the waiting thread: readings may come before it wakes.
                 self._keep_change(now)
+
+    def _update(
+        self,
+        readings: Mapping[str, bool | None],
+        as_of: float,
+        now: float,
+        wrong: Sequence[str],
+    ) -> Fate:
+        """Update what was read last; return what becomes of the reading."""
+        fate: Fate = "refused" if wrong else "late"
+        for text in wrong:
+            self._refusals.refuse(text)
+        for sensor, on in readings.items():
+            number = self._number.get(sensor)
+            if number is None:
+                self._refusals.refuse(unknown(sensor))
+                fate = "refused" if fate == "late" else fate
+            elif self._latest.update(number, on, as_of, now):
+                fate = "shown"
+                self._changed()
+        return fate
+
+    def _count(self, fate: Fate | Literal["missing", "outages"], more: int = 1) -> None:
+        """Count what came in; what is to be shown is counted with its row."""
+        if fate == "shown":
+            self._pending += more
+            return
+        counted = getattr(self._received, fate) + more
+        self._received = msgspec.structs.replace(self._received, **{fate: counted})
 
     def _changed(self) -> None:
         """Wake the waiting thread, once per batch of changes."""
@@ -293,6 +342,7 @@ class LiveSource:
         at: float | None = None,
         *,
         spare: bool = False,
+        wrong: Sequence[str] = (),
     ) -> None:
         """Receive a whole reading, which gets a separate tick; from any thread.
 
@@ -304,6 +354,7 @@ class LiveSource:
             at: When they were read, as for `receive`. Staleness and lateness do not
                 matter for its own tick, only for what is left as the latest.
             spare: It is not dropped: the feeder waits for room before it reads more.
+            wrong: What of it was no reading, as for `refuse`.
 
         Raises:
             ShapeError: There is not one a sensor.
@@ -315,16 +366,20 @@ class LiveSource:
         known = np.array([reading is not None for reading in readings])
         with self._condition:
             if self.is_full or self._closed:
+                self._after += 1
                 return
             now = self._clock()
             self._latest.update_all(on, known, self._as_of(at, now), now)
-            if known.any() and (spare or len(self._waiting) < WAITING):
-                try:
-                    self._waiting.append(self._row(on, known))
-                except NeurosnapError as error:
-                    self._error = error
-            elif known.any():
-                self._dropped += 1
+            for text in wrong:
+                self._refusals.refuse(text)
+            if known.any() and not spare and len(self._waiting) >= WAITING:
+                self._count("dropped")
+                rule = f"must wait for fewer than {WAITING} others, dropped"
+                self._refusals.refuse(f"reading: {rule}")
+            else:
+                self._count("refused" if wrong and not known.any() else "shown")
+                if known.any():
+                    self._write_row(on, known)
             self._condition.notify_all()
 
     def wait_for_room(self) -> bool:
@@ -334,18 +389,19 @@ class LiveSource:
             There is room; otherwise no reading is wanted any more.
         """
         with self._condition:
-            while len(self._waiting) >= WAITING and not self._closed:
+            while len(self._waiting) >= ROOM and not self._closed:
                 self._condition.wait()
             return not self._closed and not self.is_full
 
     def refuse(self, text: str) -> None:
-        """Count what is no reading, and say so; a line a second at most.
+        """Count a message that is no reading, and log it, a line a second at most.
 
         Args:
             text: What it was, as ``name: rule, got value``.
         """
         with self._condition:
             self._refusals.refuse(text)
+            self._count("refused")
 
     def listens(self, on: bool) -> None:
         """Note whether the feeder listens from now on; from any thread.
@@ -356,9 +412,22 @@ class LiveSource:
         with self._condition:
             if on:
                 self._latest.start_listening(self._clock())
+                self._end_outage()
+                self._heard = True
             else:
+                self._listening = False
                 self._latest.stop_listening()
+                if self._heard and self._deaf is None and not self._closed:
+                    self._deaf = (self._wall(), "not connected")
             self._condition.notify_all()
+
+    def _end_outage(self) -> None:
+        """Note that it listens again, if it did not."""
+        if self._deaf is not None:
+            since, why = self._deaf
+            self._outages += (wire.Outage(since, self._wall(), why),)
+            self._deaf = None
+            self._count("outages")
 
     def end(self) -> None:
         """Let the source be over once all that came was shown."""
@@ -379,12 +448,13 @@ class LiveSource:
         """Return what came in so far; from any thread."""
         with self._condition:
             return Statistics(
-                late=self._latest.late,
+                msgspec.structs.replace(
+                    self._received,
+                    outages=self._received.outages + (self._deaf is not None),
+                ),
+                after=self._pending + self._after,
                 ahead=self._latest.ahead,
-                refused=self._refusals.count,
-                dropped=self._dropped,
                 skipped=self._schedule.skipped,
-                missing=self._missing,
             )
 
     def _tick(self) -> Observed | None:
@@ -423,10 +493,13 @@ class LiveSource:
         """Return the next row, once it is written down."""
         sure, begins = None if known.all() else known, self._fresh
         # What is live has no ends: what begins cut off what was before.
-        row = Observed(bits, sure, begins, begins)
+        shown = self._received.shown + self._pending
+        received = msgspec.structs.replace(self._received, shown=shown)
+        row = Observed(bits, sure, begins, begins, received, self._outages)
         if self.journal is not None:
             self.journal.write(JournalRow.of(row))
         self._shown, self._fresh = row, False
+        self._received, self._pending, self._outages = received, 0, ()
         self._rows += 1
         return row
 
@@ -435,17 +508,21 @@ class LiveSource:
             now = self._clock()
             self._latest.start_listening(now)
             self._schedule.begin(now)
+            self._listening = True
         with self._feeding:
             self._started = True
             if self._feeder is not None and not self._closed:
                 self._feeder.start(self)
+        with self._condition:
+            if self._listening:
+                self._end_outage()
 
     def _next(self) -> Observed | None:
         """Wait for what is to be shown next; None if nothing is any more."""
         turn = self._turn
         while not self._closed and turn == self._turn:
             if self._waiting:
-                return self._waiting.popleft()
+                return self._waiting.popleft().observed(len(self.sensors))
             if self._error is not None:
                 raise self._error
             now = self._clock()
@@ -481,6 +558,14 @@ class LiveSource:
         if at is None:
             return now
         return self._stamps.on_our_clock(at, now, self._wall())
+
+
+def unknown(sensor: str) -> str:
+    """Return what to say of a sensor that the run does not have."""
+    return (
+        f"sensor: must be one the run began with, got {sensor[:100]!r}"
+        " (name it among the sensors and start again)"
+    )
 
 
 class ClockMapping:

@@ -1,42 +1,46 @@
-"""Counts of a live source: received, used, rejected, lost.
+"""Counts of a live source: received, shown, rejected, lost.
 
-Rejected input is counted, and named in the log without flooding it.
+What is rejected or lost is named in the log without flooding it.
 """
 
 import logging
 from collections.abc import Callable
+from typing import Literal, TypeAlias
 
 import msgspec
 
+from neurosnap import wire
+
 
 class Statistics(msgspec.Struct, frozen=True):
-    """The counts of one source, since it was made."""
+    """The counts of one run's source, over all restarts."""
 
-    late: int
-    """Readings dropped because a younger one was there."""
-    ahead: int
+    received: wire.Received
+    """What was received, by what it became."""
+    after: int = 0
+    """Readings since the last row: they changed nothing, or the run had its ticks."""
+    ahead: int = 0
     """Readings stamped by a clock that is ahead."""
-    refused: int
-    """What was no reading, or of no sensor here."""
-    dropped: int
-    """Whole readings that lost their tick because too many waited."""
-    skipped: int
+    skipped: int = 0
     """Ticks that were due and not given; see `Clocked`."""
-    missing: int = 0
-    """Readings that the journal should hold and does not, since it was damaged."""
 
     @property
     def losses(self) -> str:
         """What got lost or came at a wrong time, in words; empty: nothing did."""
+        received = self.received
         counts = {
-            "whole readings dropped": self.dropped,
-            "readings missing from the journal": self.missing,
-            "late readings dropped": self.late,
+            "whole readings dropped": received.dropped,
+            "readings missing from the journal": received.missing,
+            "late readings dropped": received.late,
             "readings from a clock that is ahead": self.ahead,
             "ticks skipped": self.skipped,
+            "times without listening": received.outages,
         }
         return ", ".join(f"{count} {what}" for what, count in counts.items() if count)
 
+
+Fate: TypeAlias = Literal["shown", "late", "refused", "dropped"]
+"""What becomes of a reading, as `wire.Received` counts it."""
 
 EVERY = 1.0
 """Seconds between two lines about bad input."""
@@ -45,25 +49,23 @@ _logger = logging.getLogger(__name__)
 
 
 class Refusals:
-    """Counts what is refused; logs a line a second at most. To be used under a lock.
+    """Logs what is refused or lost, a line a second at most. To be used under a lock.
 
     Args:
         clock: Seconds that never go back.
     """
 
     def __init__(self, clock: Callable[[], float]) -> None:
-        self.count = 0
         self._clock = clock
         self._next = float("-inf")
         self._untold = 0
 
     def refuse(self, text: str) -> None:
-        """Count one, and log it unless the last line is too recent.
+        """Log one, unless the last line is too recent.
 
         Args:
             text: What it was, as ``name: rule, got value``.
         """
-        self.count += 1
         now = self._clock()
         if now < self._next:
             self._untold += 1

@@ -12,8 +12,9 @@ Below ``neurosnap/<swarm>/``, the id that the run began with, without any attach
 While the swarm is busy up to `WAITING` whole readings wait; then what comes is dropped
 and counted. Nothing here can hold a program back: a callback that blocks would stop
 every message of the process. Who needs a tick for each reading without exception waits
-for the ``state`` of one before putting the next. What is put before the world listens
-is lost; a declared publisher's matching status says when it does.
+for the ``state`` of one before putting the next. What is put before the run listens is
+lost; a declared publisher's matching status says when it does. From then on it listens
+whatever becomes of its swarm, since the hub is in the intake, or is another's.
 
 What goes back is what parts send each other anyway, as JSON: ``state`` (the state the
 swarm believes in, ``literals`` packed and in base64), ``decision`` (the action) and
@@ -70,6 +71,7 @@ class ZenohFeeder:
             rule = "must be a swarm's with a hub, cells in processes"
             source.fail(NeurosnapError(f"source: {rule}, got 'zenoh:'"))
             return
+        source.listens(False)
         self._thread = threading.Thread(
             target=self._listen,
             args=(source, self._hub),
@@ -104,6 +106,7 @@ class ZenohFeeder:
                     zenoh.handlers.Callback(on_sample, indirect=False),
                 )
                 self._open.callback(listener.undeclare)
+            source.listens(True)
         except zenoh.ZError as error:
             rule = f"must reach the hub at {hub.address.endpoint}, got {error}"
             source.fail(FabricError(f"readings: {rule}"))

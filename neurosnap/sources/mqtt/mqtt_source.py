@@ -144,14 +144,15 @@ class MqttFeeder:
             return
         payload = Payload(topic, data)
         readings: dict[str, bool | None] = {}
+        wrong: list[str] = []
         for sensor, reader in self._readers.get(topic, ()):
             if retained and sensor.seen_within is not None:
                 continue  # it may have been kept for days
             try:
                 readings[sensor.name] = reader.read(payload)
             except InvalidValueError as error:
-                self._source.refuse(f"{sensor.name}: {error}")
-        self._source.receive(readings)
+                wrong.append(f"{sensor.name}: {error}")
+        self._source.receive(readings, wrong=wrong)
 
     def _connected(self, on: bool) -> None:
         if self._source is not None:

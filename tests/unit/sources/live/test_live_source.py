@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from neurosnap.errors import FabricError
 from neurosnap.sources.live.latest_readings import TOLERANCE, LatestReadings
-from neurosnap.sources.live.live_source import WAITING, ClockMapping, LiveSource
+from neurosnap.sources.live.live_source import ROOM, ClockMapping, LiveSource
 from neurosnap.sources.live.tick_schedule import Clocked, OnChange, TickSchedule
 from neurosnap.sources.protocol import Observed
 from tests.support.fake_time import FakeTime, Told, timed
@@ -159,7 +159,8 @@ def test_a_whole_reading_that_is_late_has_its_tick_and_replaces_nothing() -> Non
     assert source.step(-1) is not None
     assert source.step(-1) is not None
     source.receive({"motion": False})
-    assert source.statistics().late == 2
+    counted = source.statistics()
+    assert (counted.received.late, counted.received.shown, counted.after) == (0, 5, 1)
 
 
 def test_what_was_lost_is_told_of_once_and_only_if_there_is_any(
@@ -167,20 +168,22 @@ def test_what_was_lost_is_told_of_once_and_only_if_there_is_any(
 ) -> None:
     time = FakeTime()
     source = source_of(time, Clocked(1.0))
-    for number in range(WAITING + 7):
-        source.receive_whole([number < WAITING, True])
+    for number in range(ROOM + 7):
+        source.receive_whole([number < ROOM, True])
     source.receive({"door": True}, at=EPOCH - 5.0)
     source.receive({"door": True}, at=EPOCH + 5.0)
-    seen = [source.first(), *(source.step(-1) for _ in range(WAITING - 1))]
+    seen = [source.first(), *(source.step(-1) for _ in range(ROOM - 1))]
     assert all(each is not None and each.bits[0] for each in seen)
     time.pass_until(3.5)
     assert source.step(-1) is not None
     source.close()
     source.close()
     assert caplog.messages == [
+        f"reading: must wait for fewer than {ROOM} others, dropped",
+        "6 more were refused and are not shown",
         "source: lost or out of time: 7 whole readings dropped,"
         " 1 late readings dropped, 1 readings from a clock that is ahead,"
-        " 2 ticks skipped"
+        " 2 ticks skipped",
     ]
     caplog.clear()
     source_of(FakeTime(), OnChange()).close()
@@ -243,7 +246,7 @@ def test_stamps_are_times_since_the_epoch() -> None:
     seen = source.first()
     assert seen is not None
     assert readings(seen) == [True, None]
-    assert source.statistics().late == 1
+    assert source.statistics().received.late == 1
     assert source.step(-1) is None  # at 505 nothing is known any more
     assert time.now == 600.0
 
@@ -257,8 +260,10 @@ def test_a_sensor_that_appears_under_way_is_refused(
         "sensor: must be one the run began with, got 'lamp'"
         " (name it among the sensors and start again)"
     ]
-    assert source.statistics().refused == 1
     assert source.first() is not None  # of the door
+    source.receive({"lamp": True})
+    received = source.statistics().received
+    assert (received.shown, received.refused) == (1, 1)
 
 
 def test_a_flood_of_bad_input_is_a_line_a_second(
@@ -275,7 +280,7 @@ def test_a_flood_of_bad_input_is_a_line_a_second(
     assert said.count("line 1: must be JSON, got 'x'") <= 5
     untold = [int(line.split()[0]) for line in said if "more were refused" in line]
     assert sum(untold) + len(said) - len(untold) == 50
-    assert source.statistics().refused == 50
+    assert source.statistics().received.refused == 50
 
 
 # Threads ------------------------------------------------------------------------------
@@ -297,7 +302,7 @@ def test_who_waits_is_let_go(call: str, end: str) -> None:
             found.append(str(error))
 
     if call == "room":
-        for _ in range(WAITING):
+        for _ in range(ROOM):
             source.receive_whole([True, True])
     target = wait if call == "first" else lambda: found.append(source.wait_for_room())
     waiting = threading.Thread(target=target)

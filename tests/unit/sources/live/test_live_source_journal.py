@@ -4,15 +4,19 @@ import errno
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from neurosnap.errors import NeurosnapError
 from neurosnap.sources.live.journal import Journal, read_journal
 from neurosnap.sources.live.latest_readings import LatestReadings
-from neurosnap.sources.live.live_source import WAITING, LiveSource
+from neurosnap.sources.live.live_source import ROOM, LiveSource
 from neurosnap.sources.live.tick_schedule import Clocked, OnChange, TickSchedule
+from neurosnap.wire import Outage
 from tests.support.fake_time import FakeTime, timed
 
 NAMES = ["door", "motion"]
@@ -101,6 +105,98 @@ def test_so_it_is_for_another_source_on_the_same_journal(kept: Kept) -> None:
     assert [row.begins for row in rows] == [False, False, True]
 
 
+EVENTS = st.lists(
+    st.one_of(
+        st.tuples(
+            st.just("whole"),
+            st.lists(st.sampled_from([True, False, None]), min_size=2, max_size=2),
+        ),
+        st.tuples(
+            st.just("single"),
+            st.dictionaries(st.sampled_from([*NAMES, "lamp"]), st.booleans()),
+        ),
+        st.tuples(
+            st.just("old"),
+            st.dictionaries(st.sampled_from(NAMES), st.booleans(), min_size=1),
+        ),
+        st.tuples(st.just("refuse"), st.none()),
+        st.tuples(st.just("tick"), st.none()),
+        st.tuples(st.just("goes on"), st.none()),
+    ),
+    max_size=40,
+)
+
+
+@given(events=EVENTS)
+def test_all_that_is_received_becomes_one_thing(
+    tmp_path_factory: pytest.TempPathFactory, events: list[tuple[str, Any]]
+) -> None:
+    kept = Kept(tmp_path_factory.mktemp("kept") / "run.mcap.journal")
+    source, handed_in, last = kept.source(), 0, 0
+    for kind, what in events:
+        match kind:
+            case "whole":
+                source.receive_whole(what)
+            case "single":
+                source.receive(what)
+            case "old":
+                source.receive(what, at=-1.0)
+            case "refuse":
+                source.refuse("line: must be a reading, got nothing")
+            case "tick" if source._waiting:
+                row = source.step(0) if source.given else source.first()
+                assert row is not None
+                last = row.received.total
+            case "goes on":  # a process that ends in order has shown all it had
+                handed_in -= source.statistics().after
+                source = kept.source()
+                handed_in = source.statistics().received.total
+        handed_in += kind in ("whole", "single", "old", "refuse")
+        counted = source.statistics()
+        assert counted.received.total + counted.after == handed_in
+        assert read_journal(kept.folder).received.total >= last
+    kept.close()
+
+
+def test_the_next_row_says_when_nothing_was_listened_to(kept: Kept) -> None:
+    time = FakeTime(100.0)
+    source = kept.source(time=time)
+    for moment, on in (
+        (1.0, False),
+        (2.0, True),
+        (5.0, False),
+        (5.5, False),
+        (9.0, True),
+    ):
+        time.pass_until(100.0 + moment)
+        source.listens(on)
+    give(source, 1, 2)
+    outages = [row.outages for row in read_journal(kept.folder).rows]
+    assert outages == [(Outage(105.0, 109.0, "not connected"),), ()]
+    assert source.statistics().received.outages == 1
+    source.listens(False)
+    assert source.statistics().received.outages == 2  # it has not ended
+
+
+def test_a_process_that_follows_a_dead_one_says_since_when(kept: Kept) -> None:
+    source = kept.source()
+    give(source, 1)
+    os.utime(next(iter(kept.folder.iterdir())), (50.0, 50.0))
+    after = LiveSource(
+        LatestReadings(NAMES),
+        OnChange(),
+        journal=Journal(kept.folder, NAMES, "intake: killed"),
+    )
+    timed(after, FakeTime(70.0))
+    after.resume_after(1)
+    assert after.statistics().received.outages == 1
+    after._start()
+    give(after, 2)
+    *_, row = read_journal(kept.folder).rows
+    assert row.outages == (Outage(50.0, 70.0, "intake: killed"),)
+    assert (row.received.shown, row.received.outages) == (2, 1)
+
+
 def test_what_was_known_at_the_tick_is_told(kept: Kept) -> None:
     source = kept.source()
     source.resume_after(0)
@@ -113,7 +209,7 @@ def test_what_was_known_at_the_tick_is_told(kept: Kept) -> None:
     assert source.resume_after(2) is None
 
 
-FLOOD = [(number + 1.0, number % 2 == 1) for number in range(2 * WAITING)]
+FLOOD = [(number + 1.0, number % 2 == 1) for number in range(2 * ROOM)]
 
 
 @pytest.mark.parametrize(
@@ -122,7 +218,7 @@ FLOOD = [(number + 1.0, number % 2 == 1) for number in range(2 * WAITING)]
         # Each change, within the limits of the schedule.
         (OnChange(), [(1.0, False), (2.0, True), (2.0, True), (2.0, False)], [2, 3, 2]),
         (Clocked(0.1), [(50.0, False)], [2]),  # ticks do not pile up
-        (OnChange(), FLOOD, [2, 3] * (WAITING // 2)),  # nor do changes without end
+        (OnChange(), FLOOD, [2, 3] * (ROOM // 2)),  # nor do changes without end
     ],
 )
 def test_changes_that_nobody_asks_for_are_kept(
@@ -138,7 +234,7 @@ def test_changes_that_nobody_asks_for_are_kept(
     assert taken(source, 1) == bits(3)
     for moment, on in puts:
         time.at(moment, lambda on=on: source.receive({"door": on}))  # type: ignore[misc]
-    time.at(3.0 * WAITING, source.wake_reader)
+    time.at(3.0 * ROOM, source.wake_reader)
     source.keep_changes()
     assert kept.rows() == 1 + len(kept_)
     source.resume_after(1)
@@ -187,4 +283,4 @@ def test_a_full_disk_fails_the_run_once_what_was_written_is_used(
     assert taken(source, 1) == bits(1)
     with pytest.raises(NeurosnapError, match=r"^journal: .* No space left on device"):
         source.step(0)
-    assert np.all(source.statistics().dropped == 0)
+    assert np.all(source.statistics().received.dropped == 0)

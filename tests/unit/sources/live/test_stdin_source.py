@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.sources.live import stdin_source
 from neurosnap.sources.live.latest_readings import LatestReadings
-from neurosnap.sources.live.live_source import WAITING, LiveSource
+from neurosnap.sources.live.live_source import ROOM, LiveSource
 from neurosnap.sources.live.stdin_source import Lines, StdinFeeder, first_line, names_in
 from neurosnap.sources.live.tick_schedule import OnChange
 from tests.support.fake_time import Told
@@ -77,7 +77,7 @@ def test_every_whole_reading_is_a_tick(pipe: Pipe, source: LiveSource) -> None:
     pipe.write(b'{"bits": {"motion": "ON"}}\n{"bits": [0, 0]}')  # no line feed
     pipe.end()
     assert rest_of(source) == [[True, False], [True, False], [None, True], [False] * 2]
-    assert source.statistics().refused == 0
+    assert source.statistics().received.refused == 0
 
 
 def test_bad_lines_are_told_of_with_their_number_and_the_run_goes_on(
@@ -88,13 +88,13 @@ def test_bad_lines_are_told_of_with_their_number_and_the_run_goes_on(
     pipe.write(b'{"bits": {"lamp": 1, "door": 0}}\n')
     pipe.end()
     assert rest_of(source) == [[True, False], [False, None]]
-    assert source.statistics().refused == 4
+    assert source.statistics().received.refused == 3  # the last names one, too
     first = caplog.records[0].getMessage()
     assert first.startswith("standard input:2: reading: must be a reading in JSON (")
 
 
 def test_the_pipe_holds_back_who_writes_and_nothing_is_lost(pipe: Pipe) -> None:
-    count = 5 * WAITING
+    count = 5 * ROOM
     line = b'{"bits": [%d, %d]}\n'
 
     def write() -> None:
@@ -113,7 +113,7 @@ def test_the_pipe_holds_back_who_writes_and_nothing_is_lost(pipe: Pipe) -> None:
     writing.join()
     source.close()
     assert ticks == [[number % 2 == 1, number % 3 == 0] for number in range(1, count)]
-    assert source.statistics().dropped == 0
+    assert source.statistics().received.dropped == 0
 
 
 @pytest.mark.parametrize("begun", [False, True], ids=["begins", "goes on"])
@@ -143,7 +143,7 @@ def test_closing_ends_a_reader_that_waits_for_input(
     source.close()  # would never return if it waited for the pipe
     assert len(list(Path("/proc/self/fd").iterdir())) == before
     assert source.step(-1) is None
-    assert source.statistics().refused == 0
+    assert source.statistics().received.refused == 0
 
 
 def test_what_cannot_be_read_is_an_error(

@@ -9,7 +9,7 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.sources.live.json_reading import LIMIT
 from neurosnap.sources.live.latest_readings import LatestReadings
-from neurosnap.sources.live.live_source import WAITING, LiveSource
+from neurosnap.sources.live.live_source import ROOM, LiveSource
 from neurosnap.sources.live.tick_schedule import Clocked
 from neurosnap.sources.live.zenoh_source import ZenohFeeder, hand_over
 from tests.support.sources import readings
@@ -49,7 +49,7 @@ def after(*messages: tuple[str, bytes]) -> tuple[list[bool | None], LiveSource]:
 def test_a_value_under_a_sensors_key(payload: bytes, on: bool | None) -> None:
     shown, source = after(("reading/kitchen/motion", payload))
     assert shown == [False, on]
-    assert source.statistics().refused == 0
+    assert source.statistics().received.refused == 0
 
 
 def test_objects_under_the_key_of_all() -> None:
@@ -86,15 +86,15 @@ def test_what_is_no_reading_is_refused_and_changes_nothing(
 ) -> None:
     shown, source = after((key, payload))
     assert shown == [False, None]
-    assert source.statistics().refused == 1
+    assert source.statistics().received.refused == 1
     assert caplog.messages[0].startswith(text)
     assert len(caplog.messages[0]) < 400
 
 
 def test_nobody_is_held_back_and_what_is_too_much_goes() -> None:
     whole = ("reading", b'{"bits": [1, 1]}')
-    _, source = after(*[whole] * (WAITING + 5))
-    assert source.statistics().dropped == 5
+    _, source = after(*[whole] * (ROOM + 5))
+    assert source.statistics().received.dropped == 5
 
 
 def test_whatever_keeps_it_from_listening_the_source_fails_of(
