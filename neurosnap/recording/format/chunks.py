@@ -28,6 +28,7 @@ from neurosnap.recording.format.records import (
     HEAD,
     LIMIT,
     MALFORMED,
+    Budget,
     Chunk,
     damaged,
     damaged_in,
@@ -136,13 +137,8 @@ def index_chunk(path: Path, file: BinaryIO, chunk: Chunk) -> ChunkIndex:
     if is_message.all():  # as in every chunk of ours but the first
         _, channels, starts, stops = found.T
         return ChunkIndex(data, channels, starts, stops, {})
-    is_channel = opcodes == _CHANNEL
-    strange = opcodes[~(is_message | is_channel | (opcodes == _SCHEMA))]
-    if strange.size:
-        rule = "record must be a message or its channel"
-        raise damaged_in(path, chunk, rule, strange[0])
     registered: dict[int, Channel] = {}
-    for row in np.flatnonzero(is_channel).tolist():
+    for row in np.flatnonzero(~is_message).tolist():
         try:
             channel = parse(Channel.read, data[found[row, 2] : found[row, 3]])
         except ValueError as error:
@@ -161,7 +157,9 @@ def _malformed(data: bytes, at: int) -> tuple[str, int]:
     left = len(data) - at
     if left < HEAD.size:
         return "record must have a whole head", left
-    _, length = HEAD.unpack_from(data, at)
+    opcode, length = HEAD.unpack_from(data, at)
+    if opcode not in (_MESSAGE, _CHANNEL, _SCHEMA):
+        return "record must be a message or its channel", opcode
     if HEAD.size + length > left:
         return f"record must end by {len(data)}", at + HEAD.size + length
     return "message must have a whole head", length
@@ -171,9 +169,11 @@ def _malformed(data: bytes, at: int) -> tuple[str, int]:
 def _walk(data: NDArray[np.uint8], found: NDArray[np.int64]) -> int:
     """Note opcode, channel, start and stop of each record, as far as there is room.
 
+    Schemas are passed over.
+
     Returns:
-        How many records there are; where one ends where it cannot, the place where it
-        starts, taken from -1.
+        How many records there are; where one is of no kind of ours, or ends where it
+        cannot, the place where it starts, taken from -1.
     """
     at, count, size = np.int64(0), 0, data.size
     while at < size:
@@ -185,19 +185,22 @@ def _walk(data: NDArray[np.uint8], found: NDArray[np.int64]) -> int:
         opcode = data[at]
         message = opcode == _MESSAGE
         if (
-            start > size
+            not (message or opcode == _CHANNEL or opcode == _SCHEMA)
+            or start > size
             or length > np.uint64(size - start)
             or (message and length < np.uint64(_BEFORE))
         ):
             return -1 - int(at)
         stop = start + np.int64(length)
+        at = stop
+        if opcode == _SCHEMA:
+            continue
         if count < found.shape[0]:
             found[count, 0] = opcode
             found[count, 1] = data[start] | data[start + 1] << 8 if message else 0
             found[count, 2] = start + _BEFORE if message else start
             found[count, 3] = stop
         count += 1
-        at = stop
     return count
 
 
@@ -210,11 +213,14 @@ def find_record(
     start: int,
     end: int,
     only: Collection[int] = (Opcode.CHUNK, Opcode.METADATA),
+    *,
+    budget: Budget,
 ) -> int | None:
     """Return where the first sure record starts in a range; None if there is none.
 
     Time: one pass over the range. What looks like a chunk and is none costs its own
-    length; a file that is made of such is given up on after four times its size.
+    length; a file that is made of such is given up on after four times its size, or
+    once its budget is spent.
 
     Args:
         path: The recording.
@@ -222,6 +228,7 @@ def find_record(
         start: The first byte a record may start at.
         end: The byte behind the last one it may have.
         only: The kinds of record to look for.
+        budget: The file's; pays for what is unpacked and is none.
     """
     patience = LIMIT + 4 * max(0, end - start)
     while start < end:
@@ -231,7 +238,7 @@ def find_record(
             at = start + match.start()
             if window[match.start()] not in only:
                 continue
-            if is_sure(path, file, at, end):
+            if is_sure(path, file, at, end, budget):
                 return at
             patience -= _claimed(window, match.start())
             if patience < 0:
@@ -242,7 +249,7 @@ def find_record(
     return None
 
 
-def is_sure(path: Path, file: BinaryIO, at: int, end: int) -> bool:
+def is_sure(path: Path, file: BinaryIO, at: int, end: int, budget: Budget) -> bool:
     """Tell whether a sure record starts at a place, and ends by `end`."""
     with suppress(RecordingError, *MALFORMED):
         for opcode, body, after in heads(file, at, end):
@@ -251,7 +258,10 @@ def is_sure(path: Path, file: BinaryIO, at: int, end: int) -> bool:
                 read_facts(file.read(length))
                 return True
             start = file.read(min(length, HEAD_OF_CHUNK))
-            unpack(path, file, chunk_at(0, at, length, start))
+            chunk = chunk_at(0, at, length, start)
+            budget.take(chunk)
+            unpack(path, file, chunk)
+            budget.spent -= chunk.unpacked  # it is taken once it is filed
             return True
     return False
 

@@ -102,9 +102,10 @@ def _read_start(path: Path, file: BinaryIO, layout: Layout) -> int:
         check_start(path, file.read(len(MAGIC)), _first_record(file, layout.size))
         return file.tell()
     except RecordingError:  # ours all the same, if something in it is
-        if find_record(path, file, 0, layout.size, only=_FACTS) is None:
+        size, budget = layout.size, layout.budget
+        if find_record(path, file, 0, size, _FACTS, budget=budget) is None:
             raise
-    found = find_record(path, file, 0, layout.size) or 0
+    found = find_record(path, file, 0, size, budget=budget) or 0
     why = "the file must start with the header of a recording, got something else"
     layout.damage.append(Damage(0, found, why, "unknown"))
     return found
@@ -134,7 +135,7 @@ def _walk_on(path: Path, file: BinaryIO, layout: Layout) -> None:
 def _leap(path: Path, file: BinaryIO, layout: Layout, why: str) -> bool:
     """Go on behind what is no record; return whether no other record is there."""
     at = layout.walked
-    found = find_record(path, file, at + 1, layout.size)
+    found = find_record(path, file, at + 1, layout.size, budget=layout.budget)
     end = _noted_end(file, at, layout.size) if found is None else None
     goes_on = found if end is None else end
     if goes_on is None:
@@ -192,9 +193,7 @@ def _file_record(
             _file_index(layout, length, file.read(min(length, _INDEX_HEAD.size)))
         case Opcode.CHUNK:
             start = file.read(min(length, HEAD_OF_CHUNK))
-            chunk = chunk_at(len(layout.chunks) + 1, at, length, start)
-            layout.first = layout.first or chunk
-            layout.chunks.append(chunk)
+            _file_chunk(layout, chunk_at(len(layout.chunks) + 1, at, length, start))
         case Opcode.METADATA:
             name, facts = read_facts(file.read(length))
             if name == GAP:
@@ -206,10 +205,25 @@ def _file_record(
             raise ValueError(f"kind {opcode} of {length} bytes")
 
 
+def _file_chunk(layout: Layout, chunk: Chunk) -> None:
+    """File a chunk, unless it claims more than the file has bytes for."""
+    try:
+        layout.budget.take(chunk)
+    except ValueError as error:
+        place = chunk.start_offset, chunk.stop_offset
+        layout.damage.append(Damage(*place, str(error), "chunk"))
+    else:
+        layout.first = layout.first or chunk
+        layout.chunks.append(chunk)
+
+
 def _file_index(layout: Layout, length: int, body: bytes) -> None:
     channel, size = _INDEX_HEAD.unpack(body)
     if size != length - _INDEX_HEAD.size or size % _INDEX_ENTRY:
         raise ValueError(f"a message index of {length} bytes that notes {size}")
+    last = layout.chunks[-1].offset if layout.chunks else 0
+    if layout.damage and layout.damage[-1].start > last:
+        return  # of a chunk that was not filed
     counts = layout.chunks[-1].counts
     counts[channel] = counts.get(channel, 0) + size // _INDEX_ENTRY
 

@@ -29,9 +29,11 @@ from neurosnap.recording.format.records import (
     GAP,
     LIMIT,
     PROFILE,
+    RATIO,
     RUN,
     SHARE,
     TOTALS,
+    room,
     sealed_facts,
 )
 from neurosnap.system.distribution import version
@@ -43,6 +45,9 @@ _LARGEST_PAYLOAD = LIMIT // 2
 """A chunk is closed once it is full, so it holds at most one payload beyond its size;
 both together stay well below what the reader takes."""
 _APART = 1 << 13  # bytes; no block of a disk has the start and what is behind it
+_PADDING = 1 << 16
+"""Bytes of a file that are enough for many messages more, and for all channels."""
+_BEFORE = 31  # bytes of a chunk before each payload
 _SEQUENCES = 1 << 32
 _TIMES = 1 << 64
 
@@ -74,6 +79,8 @@ class Writer:
         self.sequences = RunningNumbers()
         self.foreign = 0
         self._gaps = 0  # that were noted
+        self._unpacked = _PADDING  # bytes of all chunks, the channels among them
+        self._room = room(0)  # bytes that they may have, at least
         self._started = False
         self._again: dict[str, str] = {}  # of the run, still to be written once more
         self._stream = os.fdopen(_create(self.path), "wb")
@@ -174,11 +181,24 @@ class Writer:
             raise InvalidValueError("log_time", "must be in [0, 2^64)", log_time)
         if self.sequences.receive(message.sender, sequence):
             channel = self._channels[wire.topic(key)]
+            self._unpacked += _BEFORE + len(payload)
             try:
+                if self._unpacked > self._room:
+                    self._make_room()
                 self._mcap.add_message(channel, log_time, payload, sent, sequence)
             except OSError as error:
                 raise self._failed(error) from error
         return message
+
+    def _make_room(self) -> None:
+        """Make the file as long as readers demand of one that unpacks to so much.
+
+        Few recordings need it: those of thousands of sensors that hardly change.
+        """
+        if (lacking := self._unpacked - room(self.size)) > 0:
+            padding = bytes(_PADDING + lacking // RATIO)
+            self._mcap.add_attachment(0, 0, "neurosnap.padding", "", padding)
+        self._room = room(self.size)
 
     def read(self, delivery: wire.Delivery) -> wire.Message | None:
         """Return what was delivered; None if it is foreign, and counted as that."""
