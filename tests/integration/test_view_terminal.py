@@ -1,10 +1,14 @@
 """``neurosnap view`` from the command line, with and without a running swarm."""
 
 import asyncio
+import os
 import shutil
+import signal
 import socket
+import threading
 from functools import partial
 from pathlib import Path
+from typing import NoReturn
 
 import msgspec
 import pytest
@@ -142,3 +146,23 @@ async def test_a_page_that_cannot_be_served_ends_the_run(
             port = taken.getsockname()[1]
             monkeypatch.setattr(page, "look", partial(look, port=port))
             await viewed(path_log, asyncio.Event(), work, lambda _: None)
+
+
+def test_ctrl_c_ends_it_while_a_recording_is_being_read(
+    path_log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left, free = [], threading.Event()
+
+    def read(*_: object) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        free.wait(5.0)  # as long as the test takes where this is waited for
+
+    def leave(code: int) -> NoReturn:
+        left.append((code, free.is_set()))
+        free.set()
+        raise SystemExit(code)
+
+    monkeypatch.setattr("neurosnap.apps.viewer.session.ViewSession", read)
+    monkeypatch.setattr("neurosnap.apps.cli.watch.os._exit", leave)
+    CliRunner().invoke(app, ["view", "--no-browser", str(path_log)])
+    assert left == [(0, False)]

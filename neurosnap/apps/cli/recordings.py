@@ -192,7 +192,9 @@ def export(
             if force:
                 rule = "must come without --force"
                 raise InvalidValueError("out", rule, str(path))
-            _report_salvaged(salvage(log, path), form)
+            with unwinding():
+                saved = salvage(log, path)
+            _report_salvaged(saved, form)
             return
         recording = Recording.open(log)
         with unwinding():

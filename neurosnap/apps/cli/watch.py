@@ -1,5 +1,8 @@
 """``neurosnap watch``, ``view``, ``ps`` and ``stop``: observe and stop swarms."""
 
+import asyncio
+import os
+import sys
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -28,6 +31,7 @@ from neurosnap.apps.cli.shared import (
     run_async,
 )
 from neurosnap.errors import InvalidValueError
+from neurosnap.fabric.events import first_of
 from neurosnap.runtime.network import Network
 from neurosnap.sensorium import visible
 
@@ -180,9 +184,17 @@ def view(
     with errors():
         logs = _logs(what or [])
         as_json = form == "json"
-        run_async(
-            lambda stop: look(logs, stop, port=port, browser=browser, as_json=as_json)
-        )
+
+        async def work(stop: asyncio.Event) -> None:
+            shown = look(
+                logs, asyncio.Event(), port=port, browser=browser, as_json=as_json
+            )
+            await first_of(shown, stop.wait())
+            sys.stdout.flush()
+            # Nothing is left to tidy up, and a thread may read for long.
+            os._exit(0)
+
+        run_async(work)
 
 
 def _logs(given: list[str]) -> list[Path]:

@@ -185,7 +185,7 @@ def _walk(data: NDArray[np.uint8], found: NDArray[np.int64]) -> int:
         opcode = data[at]
         message = opcode == _MESSAGE
         if (
-            not (message or opcode == _CHANNEL or opcode == _SCHEMA)
+            not (message or opcode in (_CHANNEL, _SCHEMA))
             or start > size
             or length > np.uint64(size - start)
             or (message and length < np.uint64(_BEFORE))
