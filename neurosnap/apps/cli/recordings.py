@@ -193,8 +193,7 @@ def export(
                 rule = "must come without --force"
                 raise InvalidValueError("out", rule, str(path))
             with unwinding():
-                saved = salvage(log, path)
-            _report_salvaged(saved, form)
+                _report_salvaged(salvage(log, path), form)
             return
         recording = Recording.open(log)
         with unwinding():

@@ -28,8 +28,8 @@ from neurosnap.recording.format.records import (
     HEAD,
     LIMIT,
     MALFORMED,
-    Budget,
     Chunk,
+    Layout,
     damaged,
     damaged_in,
     heads,
@@ -61,21 +61,14 @@ _NEEDED = 64  # bytes from the start of a candidate that the pattern may look at
 
 
 def unpack(path: Path, file: BinaryIO, chunk: Chunk) -> bytes:
-    """Return the records of a chunk, verified by the checksum in its own head.
+    """Return the records of a chunk, verified by its checksum.
 
     Raises:
         RecordingError: They are not what was written, or there is no such chunk.
     """
     place = f"chunk {chunk.number}"
-    file.seek(chunk.start_offset)
-    head, packed = file.read(chunk.head), file.read(chunk.packed)
-    if len(head) < chunk.head or head[0] != Opcode.CHUNK:
-        rule = f"{place} must start at byte {chunk.start_offset}"
-        raise damaged(path, chunk.offset, rule, "another record")
-    _, _, unpacked, noted, _ = CHUNK_HEAD.unpack_from(head, HEAD.size)
-    if unpacked != chunk.unpacked:
-        rule = f"{place} must unpack to {chunk.unpacked} bytes"
-        raise damaged(path, chunk.offset, rule, unpacked)
+    file.seek(chunk.offset)
+    packed = file.read(chunk.packed)
     match chunk.compression:
         case "":
             data = packed
@@ -89,8 +82,8 @@ def unpack(path: Path, file: BinaryIO, chunk: Chunk) -> bytes:
             rule = f"{place} must be packed with zstd or not at all"
             raise damaged(path, chunk.offset, rule, repr(other))
     # Not even a checksum of 0, which says that none was computed, is let through.
-    if (checksum := zlib.crc32(data)) != noted or len(data) != chunk.unpacked:
-        rule = f"{place} must have checksum {noted:#010x}"
+    if (checksum := zlib.crc32(data)) != chunk.checksum or len(data) != chunk.unpacked:
+        rule = f"{place} must have checksum {chunk.checksum:#010x}"
         raise damaged(path, chunk.offset, rule, f"{checksum:#010x}")
     return data
 
@@ -134,17 +127,13 @@ def index_chunk(path: Path, file: BinaryIO, chunk: Chunk) -> ChunkIndex:
     _walk(octets, found)
     opcodes = found[:, 0]
     is_message = opcodes == _MESSAGE
-    if is_message.all():  # as in every chunk of ours but the first
-        _, channels, starts, stops = found.T
-        return ChunkIndex(data, channels, starts, stops, {})
     registered: dict[int, Channel] = {}
     for row in np.flatnonzero(~is_message).tolist():
         try:
             channel = parse(Channel.read, data[found[row, 2] : found[row, 3]])
         except ValueError as error:
-            raise damaged_in(path, chunk, "channel must be well-formed", error) from (
-                error
-            )
+            rule = "channel must be well-formed"
+            raise damaged_in(path, chunk, rule, error) from error
         known = registered.setdefault(channel.id, channel)
         if known.topic != channel.topic:
             raise damaged_in(path, chunk, "channel must keep its topic", channel.topic)
@@ -169,11 +158,9 @@ def _malformed(data: bytes, at: int) -> tuple[str, int]:
 def _walk(data: NDArray[np.uint8], found: NDArray[np.int64]) -> int:
     """Note opcode, channel, start and stop of each record, as far as there is room.
 
-    Schemas are passed over.
-
     Returns:
-        How many records there are; where one is of no kind of ours, or ends where it
-        cannot, the place where it starts, taken from -1.
+        How many there are, schemas left out; where one is not of ours, or ends where
+        it cannot, the place where it starts, taken from -1.
     """
     at, count, size = np.int64(0), 0, data.size
     while at < size:
@@ -210,59 +197,48 @@ def _walk(data: NDArray[np.uint8], found: NDArray[np.int64]) -> int:
 def find_record(
     path: Path,
     file: BinaryIO,
+    layout: Layout,
     start: int,
-    end: int,
     only: Collection[int] = (Opcode.CHUNK, Opcode.METADATA),
-    *,
-    budget: Budget,
 ) -> int | None:
-    """Return where the first sure record starts in a range; None if there is none.
+    """Return where the next sure record starts in a file; None if there is none.
 
-    Time: one pass over the range. What looks like a chunk and is none costs its own
-    length; a file that is made of such is given up on after four times its size, or
-    once its budget is spent.
-
-    Args:
-        path: The recording.
-        file: The same, open.
-        start: The first byte a record may start at.
-        end: The byte behind the last one it may have.
-        only: The kinds of record to look for.
-        budget: The file's; pays for what is unpacked and is none.
+    Time: one pass over what is behind `start`. What looks like a record is unpacked
+    only as long as there is room for that.
     """
-    patience = LIMIT + 4 * max(0, end - start)
-    while start < end:
+    while start < layout.size:
         file.seek(start)
-        window = file.read(min(_WINDOW, end - start))
+        window = file.read(min(_WINDOW, layout.size - start))
         for match in _CANDIDATE.finditer(window):
             at = start + match.start()
             if window[match.start()] not in only:
                 continue
-            if is_sure(path, file, at, end, budget):
+            if _is_sure(path, file, layout, at):
                 return at
-            patience -= _claimed(window, match.start())
-            if patience < 0:
-                return None
         if len(window) < _WINDOW:
             return None
         start += len(window) - _NEEDED
     return None
 
 
-def is_sure(path: Path, file: BinaryIO, at: int, end: int, budget: Budget) -> bool:
-    """Tell whether a sure record starts at a place, and ends by `end`."""
-    with suppress(RecordingError, *MALFORMED):
-        for opcode, body, after in heads(file, at, end):
-            length = after - body
-            if opcode == Opcode.METADATA:
-                read_facts(file.read(length))
-                return True
+def _is_sure(path: Path, file: BinaryIO, layout: Layout, at: int) -> bool:
+    """Tell whether a sure record starts at a place of a file."""
+    before = layout.unpacked
+    with suppress(RecordingError, StopIteration, *MALFORMED):
+        opcode, body, after = next(heads(file, at, layout.size))
+        length = after - body
+        if layout.claim(length, after):
+            return False
+        if opcode == Opcode.METADATA:
+            read_facts(file.read(length))
+        else:
             start = file.read(min(length, HEAD_OF_CHUNK))
             chunk = chunk_at(0, at, length, start)
-            budget.take(chunk)
+            if layout.claim(chunk.unpacked, after):
+                return False
             unpack(path, file, chunk)
-            budget.spent -= chunk.unpacked  # it is taken once it is filed
-            return True
+        layout.unpacked = before  # it counts once it is filed
+        return True
     return False
 
 
@@ -279,7 +255,7 @@ def chunk_at(number: int, at: int, length: int, body: bytes) -> Chunk:
         ValueError: No chunk starts so.
         struct.error: Likewise: it is too short.
     """
-    start, end, unpacked, _, name = CHUNK_HEAD.unpack_from(body)
+    start, end, unpacked, checksum, name = CHUNK_HEAD.unpack_from(body)
     if name > _LONGEST:
         raise ValueError(f"a compression with a name of {name} bytes")
     compression = body[CHUNK_HEAD.size : CHUNK_HEAD.size + name].decode()
@@ -290,10 +266,5 @@ def chunk_at(number: int, at: int, length: int, body: bytes) -> Chunk:
     if unpacked > LIMIT:
         raise ValueError(f"a chunk that unpacks to {unpacked} bytes")
     offset = at + HEAD.size + before
-    return Chunk(number, offset, noted, unpacked, compression, start, end, {})
-
-
-def _claimed(window: bytes, at: int) -> int:
-    """Return how many bytes it took to find that a candidate is none, about."""
-    _, length = HEAD.unpack_from(window.ljust(at + HEAD.size), at)
-    return int(min(length, LIMIT))
+    packed = noted, unpacked, checksum, compression
+    return Chunk(number, at, offset, *packed, start, end, {})

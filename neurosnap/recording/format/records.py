@@ -37,9 +37,9 @@ stranger's file may claim any size. The writer stays below it."""
 FLOOR = 64 * 2**20
 """Bytes that the chunks of a file may unpack to in all, however small it is."""
 RATIO = 512
-"""Bytes more that they may unpack to for each byte of the file before their end. The
-recordings in `tests/golden` reach 12, those of `tools/bench` 74 with 1,000 sensors and
-258 with 7,000; a writer that would pass it makes the file longer."""
+"""Bytes more for each byte of the file up to their end. Recordings in `tests/golden`
+reach 12, those of `tools/bench` 74 with 1,000 sensors and 258 with 7,000; a writer pads
+a file that would pass it."""
 
 # The format's own layout, little-endian without padding, as far as it is read here and
 # not by `mcap.records`: https://mcap.dev/spec.
@@ -65,12 +65,16 @@ class Chunk(msgspec.Struct, frozen=True):
 
     number: int
     """Counts from 1."""
+    start_offset: int
+    """Where the record starts."""
     offset: int
     """Where the packed messages start."""
     packed: int
     """Bytes in the file."""
     unpacked: int
     """Bytes once unpacked."""
+    checksum: int
+    """Of these."""
     compression: str
     """`zstd`, or empty where nothing is packed."""
     start: int
@@ -81,37 +85,9 @@ class Chunk(msgspec.Struct, frozen=True):
     """Messages a channel, from the indexes behind the chunk."""
 
     @property
-    def head(self) -> int:
-        """Bytes of the record before the packed messages."""
-        return HEAD.size + CHUNK_HEAD.size + len(self.compression.encode()) + 8
-
-    @property
-    def start_offset(self) -> int:
-        """Where the record starts."""
-        return self.offset - self.head
-
-    @property
     def stop_offset(self) -> int:
         """Where the record ends."""
         return self.offset + self.packed
-
-
-class Budget(msgspec.Struct):
-    """How many bytes the chunks of a file were unpacked to, or will be."""
-
-    spent: int = 0
-
-    def take(self, chunk: Chunk) -> None:
-        """Count a chunk.
-
-        Raises:
-            ValueError: It claims more than is left up to its end.
-        """
-        left = room(chunk.stop_offset) - self.spent
-        if chunk.unpacked > left:
-            rule = f"a chunk here must unpack to at most {left} bytes"
-            raise ValueError(f"{rule}, got {chunk.unpacked}")
-        self.spent += chunk.unpacked
 
 
 def room(size: int) -> int:
@@ -161,8 +137,8 @@ class Layout(msgspec.Struct):
     cut: Cut | None = None
     damage: list[Damage] = []
     """What cannot be read, ascending; whatever is behind a cut is not in here."""
-    budget: Budget = msgspec.field(default_factory=Budget)
-    """What `chunks` unpack to, and what was unpacked in vain to find them."""
+    unpacked: int = 0
+    """Bytes that `chunks` unpack to, and those unpacked in vain to find one."""
     gaps: list[Gap] = []
     """Where messages are missing that no damage of this file explains."""
     data_end: int | None = None
@@ -173,6 +149,13 @@ class Layout(msgspec.Struct):
     """The checksum of the whole data section was there and right."""
     walked: int = 0
     """Where the first record starts that was not seen, in a file without its end."""
+
+    def claim(self, size: int, stop: int) -> str:
+        """Count what a chunk that ends at `stop` unpacks to; return why it must not."""
+        if size > (left := room(stop) - self.unpacked):
+            return f"a chunk here must unpack to at most {left} bytes, got {size}"
+        self.unpacked += size
+        return ""
 
     @property
     def sealed(self) -> bool:

@@ -102,10 +102,9 @@ def _read_start(path: Path, file: BinaryIO, layout: Layout) -> int:
         check_start(path, file.read(len(MAGIC)), _first_record(file, layout.size))
         return file.tell()
     except RecordingError:  # ours all the same, if something in it is
-        size, budget = layout.size, layout.budget
-        if find_record(path, file, 0, size, _FACTS, budget=budget) is None:
+        if find_record(path, file, layout, 0, only=_FACTS) is None:
             raise
-    found = find_record(path, file, 0, size, budget=budget) or 0
+    found = find_record(path, file, layout, 0) or 0
     why = "the file must start with the header of a recording, got something else"
     layout.damage.append(Damage(0, found, why, "unknown"))
     return found
@@ -135,7 +134,7 @@ def _walk_on(path: Path, file: BinaryIO, layout: Layout) -> None:
 def _leap(path: Path, file: BinaryIO, layout: Layout, why: str) -> bool:
     """Go on behind what is no record; return whether no other record is there."""
     at = layout.walked
-    found = find_record(path, file, at + 1, layout.size, budget=layout.budget)
+    found = find_record(path, file, layout, at + 1)
     end = _noted_end(file, at, layout.size) if found is None else None
     goes_on = found if end is None else end
     if goes_on is None:
@@ -193,7 +192,12 @@ def _file_record(
             _file_index(layout, length, file.read(min(length, _INDEX_HEAD.size)))
         case Opcode.CHUNK:
             start = file.read(min(length, HEAD_OF_CHUNK))
-            _file_chunk(layout, chunk_at(len(layout.chunks) + 1, at, length, start))
+            chunk = chunk_at(len(layout.chunks) + 1, at, length, start)
+            if why := layout.claim(chunk.unpacked, chunk.stop_offset):
+                layout.damage.append(Damage(at, chunk.stop_offset, why, "chunk"))
+                return
+            layout.first = layout.first or chunk
+            layout.chunks.append(chunk)
         case Opcode.METADATA:
             name, facts = read_facts(file.read(length))
             if name == GAP:
@@ -203,18 +207,6 @@ def _file_record(
             pass  # none is ours
         case _:
             raise ValueError(f"kind {opcode} of {length} bytes")
-
-
-def _file_chunk(layout: Layout, chunk: Chunk) -> None:
-    """File a chunk, unless it claims more than the file has bytes for."""
-    try:
-        layout.budget.take(chunk)
-    except ValueError as error:
-        place = chunk.start_offset, chunk.stop_offset
-        layout.damage.append(Damage(*place, str(error), "chunk"))
-    else:
-        layout.first = layout.first or chunk
-        layout.chunks.append(chunk)
 
 
 def _file_index(layout: Layout, length: int, body: bytes) -> None:

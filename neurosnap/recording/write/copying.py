@@ -98,6 +98,7 @@ def salvage(log: Path, out: Path) -> Salvaged:
             kept = {k: v for k, v in totals.items() if k not in _BALANCE}
             completeness = writer.finish(kept, noted.expected)
         except BaseException:
+            writer.abandon()  # which would bring back what was deleted before
             out.unlink(missing_ok=True)
             raise
     return Salvaged(str(out), completeness, recording.lost)

@@ -45,8 +45,7 @@ _LARGEST_PAYLOAD = LIMIT // 2
 """A chunk is closed once it is full, so it holds at most one payload beyond its size;
 both together stay well below what the reader takes."""
 _APART = 1 << 13  # bytes; no block of a disk has the start and what is behind it
-_PADDING = 1 << 16
-"""Bytes of a file that are enough for many messages more, and for all channels."""
+_PADDING = 1 << 16  # bytes; more than all channels take
 _BEFORE = 31  # bytes of a chunk before each payload
 _SEQUENCES = 1 << 32
 _TIMES = 1 << 64
@@ -191,10 +190,7 @@ class Writer:
         return message
 
     def _make_room(self) -> None:
-        """Make the file as long as readers demand of one that unpacks to so much.
-
-        Few recordings need it: those of thousands of sensors that hardly change.
-        """
+        """Make the file as long as it must be for what it unpacks to."""
         if (lacking := self._unpacked - room(self.size)) > 0:
             padding = bytes(_PADDING + lacking // RATIO)
             self._mcap.add_attachment(0, 0, "neurosnap.padding", "", padding)

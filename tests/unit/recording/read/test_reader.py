@@ -101,7 +101,7 @@ def test_a_file_that_changes_meanwhile_is_an_error(log: Path) -> None:
     record(log, delivered(EACH.values()))
     recording = Recording.open(log)
     log.write_bytes(log.read_bytes()[:100])
-    with pytest.raises(RecordingError, match="chunk 1 must start at"):
+    with pytest.raises(RecordingError, match="chunk 1 must unpack to"):
         next(recording.messages())
     log.unlink()
     with pytest.raises(RecordingError, match=r"^log: must exist, got"):
