@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.apps.config.load import described
+from neurosnap.apps.config.load import described, named_source
 from neurosnap.apps.config.prepare import prepare
 from neurosnap.apps.export.table import Cell, Table
 from neurosnap.apps.new_files import free_path, new_path
@@ -157,15 +157,23 @@ class Recording:
         return snapshot.poc_graph().to_networkx(snapshot.sensorium)
 
     def resume(
-        self, out: Path | str | None = None, ticks: int | None = None
+        self,
+        out: Path | str | None = None,
+        ticks: int | None = None,
+        source: Path | str = "",
+        *,
+        trust_source: bool = False,
     ) -> "Recording":
         """Go on with the run after its last whole tick, in a new recording.
 
         Args:
             out: Where to record; None for a new file in ``logs``.
             ticks: How many ticks there are to be in all; None for 300 more.
+            source: As for `run`; a world of ours and standard input need none.
+            trust_source: Open what the recording names, whatever it is.
         """
-        request = resumed(self.path, ticks)
+        trusted = named_source(str(source)) if source else trust_source
+        request = resumed(self.path, ticks, trusted)
         given = None if out is None else free_path(Path(out))
         log = given or new_path(request.options.source)
         return _carry_out(replace(request, log=log))

@@ -9,18 +9,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
 
-import msgspec
-
 from neurosnap.errors import InvalidValueError
-from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.parts.coordinator_process import RunDescription
 from neurosnap.runtime.parts.hub_and_cell import CellJob
 from neurosnap.runtime.parts.job import Job
 from neurosnap.runtime.parts.recorder_process import RecorderJob
 from neurosnap.runtime.parts.worker_process import WorkerJob
 from neurosnap.runtime.parts.world_process import WorldJob
-from neurosnap.sources.camera import try_camera
-from neurosnap.sources.open import open_source
+from neurosnap.runtime.recorded_source import Trust, reopened
 
 _RANGE = re.compile(r"(\d{1,6})(?:-(\d{1,6}))?", re.ASCII)
 """A number or a range. No swarm has a million cells, and a list of them takes room."""
@@ -103,33 +99,12 @@ def cells(numbers: Sequence[int]) -> ChooseParts:
     return choose
 
 
-def world(source: str) -> ChooseParts:
-    """Return what chooses a world.
-
-    Args:
-        source: What to open on this host. Only its arguments and its seed are taken
-            from the coordinator: to open what it names would be to let it choose a
-            module to import, or a file to read.
-    """
+def world(named: Trust) -> ChooseParts:
+    """Return what chooses a world: what to open on this host, and with what."""
 
     def choose(_: str, description: RunDescription) -> list[RemotePart]:
-        options = description.options
-        if Path(source).name != Path(options.source).name:
-            rule = f"must be what the coordinator runs, {options.source}"
-            raise InvalidValueError("source", rule, source)
-        renders = options.frames > 0
-        seed, arguments = options.seed, options.arguments
-        opened = open_source(source, seed, arguments, None, renders)
-        try:
-            try_camera(opened, options.frames)
-        finally:
-            opened.close()
-        plain = msgspec.structs.replace(options.body, room=0, grown=())
-        if body_of(opened, options.agent) != plain:
-            rule = "must have the sensors and actions that the coordinator knows of"
-            raise InvalidValueError("source", rule, source)
-        own = msgspec.structs.replace(options, source=source)
-        return [RemotePart("world", WorldJob(own, description.past))]
+        options, _length = reopened(description.options, named)
+        return [RemotePart("world", WorldJob(options, description.past))]
 
     return choose
 

@@ -27,6 +27,7 @@ from neurosnap.recording.format.records import CHUNK_HEAD, HEAD, MAGIC
 from neurosnap.recording.read.recording import Recording, part_path, part_paths
 from neurosnap.recording.read.ticks import ticks
 from neurosnap.recording.replay.resume import find_resume_point, whole_ticks
+from neurosnap.runtime.recorded_source import recordable
 from neurosnap.system.durable import sync_file, sync_folder
 
 _Tick: TypeAlias = tuple[int, bytes, bytes, bool]
@@ -84,7 +85,7 @@ class RestartFiles:
                 recorded, found = find_resume_point(path, options.ticks - 1)
             except RecordingError:
                 continue
-            if recorded != options:
+            if recorded != recordable(options):
                 continue  # a cut file has no checksum for what it says of its run
             before = [each for number, each in paths.items() if number < found.part]
             self.unread = [each for each in before if not _is_sound(each)]

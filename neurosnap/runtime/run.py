@@ -36,6 +36,7 @@ from neurosnap.recording.read.recording import part_paths
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.runtime.journaled_run import run_journaled
 from neurosnap.runtime.launch import new_swarm_id, run_incarnation
+from neurosnap.runtime.recorded_source import Trust, reopened
 from neurosnap.runtime.request import (
     SILENT,
     Outcome,
@@ -45,7 +46,7 @@ from neurosnap.runtime.request import (
     Watcher,
 )
 from neurosnap.runtime.restart_files import RestartFiles
-from neurosnap.sources.open import is_live, open_source
+from neurosnap.sources.open import is_live
 
 MORE = 300
 """Ticks that a resumed run adds unless asked otherwise."""
@@ -83,7 +84,7 @@ async def run(
     return await run_journaled(request, work)
 
 
-def resumed(log: Path, ticks: int | None = None) -> RunRequest:
+def resumed(log: Path, ticks: int | None = None, trusts: Trust = False) -> RunRequest:
     """Return the request that goes on with a recorded run after its last whole tick.
 
     It does not say where to record.
@@ -92,17 +93,17 @@ def resumed(log: Path, ticks: int | None = None) -> RunRequest:
         log: The recording; it stays as it is.
         ticks: How many ticks there are to be in all; if None, 300 more than there are,
             or as many as the source has.
+        trusts: As in `reopened`.
 
     Raises:
-        InvalidValueError: There are so many ticks already, or the source has no more.
+        InvalidValueError: There are so many ticks, or no more; or as from `reopened`.
         NeurosnapError: There is nothing to go on from.
     """
     options, past = find_resume_point(log)
-    source = open_source(options.source, options.seed, options.arguments)
-    source.close()
+    options, length = reopened(options, trusts)
     most = past.tick + MORE if ticks is None else ticks
-    if source.length is not None:
-        most = min(most, source.length)
+    if length is not None:
+        most = min(most, length)
     if most <= past.tick:
         rule = f"must be more than the {past.tick} there are, and the source have them"
         raise InvalidValueError("ticks", rule, most)

@@ -65,7 +65,7 @@ def open_source(
     opened: Source
     if is_live(name):
         opened = open_live(name, arguments, hub)
-    elif name.lower().endswith(".csv") or _is_file(name):
+    elif is_file(name):
         from neurosnap.sources.open_readings import FileSource
 
         if arguments:
@@ -86,9 +86,10 @@ def open_source(
     return opened
 
 
-def _is_file(name: str) -> bool:
+def is_file(name: str) -> bool:
+    """Tell whether `name` is that of a source that is read from a file."""
     try:
-        return Path(name).is_file()
+        return name.lower().endswith(".csv") or Path(name).is_file()
     except OSError:  # too long for a path, for one
         return False
 

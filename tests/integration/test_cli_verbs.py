@@ -90,11 +90,13 @@ def test_a_run_goes_on(log: Path, tmp_path: Path, whole: bool) -> None:
 def test_a_run_that_cannot_go_on_says_why(log: Path, tmp_path: Path, csv: Path) -> None:
     first, out, again = (tmp_path / name for name in ("log", "out", "again"))
     happy("run", csv, "--cells", "inline", "--ticks", 10, "--out", first)
-    assert happy("resume", first, "--out", out)["ticks"] == 40  # all that the file has
-    text = refused("resume", out, "--out", again)
+    assert f"would read the file '{csv}'" in refused("resume", first, "--out", out)
+    every = happy("resume", first, csv, "--out", out)
+    assert every["ticks"] == 40  # all that the file has
+    text = refused("resume", out, "--trust-source", "--out", again)
     assert "ticks: must be more than the 40 there are" in text
     csv.unlink()
-    assert "No such file" in refused("resume", first, "--out", again)
+    assert "No such file" in refused("resume", first, csv, "--out", again)
     lie = changed(log, tmp_path / "lie")
     said = f"{lie}: must be a true run: tick 9: /decision"
     assert said in failed("resume", lie, "--out", again)
@@ -117,7 +119,7 @@ def test_a_run_in_several_files(tmp_path: Path) -> None:
     assert (found["start"], found["ticks"], found["same"]) == (1000, 400, True)
     assert happy("info", log)["files"] == [path.name for path in files.values()]
 
-    happy("resume", log, "--ticks", 1450, "--out", new)
+    happy("resume", log, rows, "--ticks", 1450, "--out", new)
     # How much goes into a file depends on when it is flushed: there may be another.
     assert min(part_paths(new)) == len(files) - 1
     found = happy("verify", new)
@@ -172,7 +174,8 @@ def facts_of(folder: Path, *arguments: object) -> dict[str, Any]:
 def test_a_run_of_processes_goes_on(tmp_path: Path, csv: Path, cells: str) -> None:
     one, other = tmp_path / "one.mcap", tmp_path / "other.mcap"
     run = ("run", csv, "--cells", cells, "--ticks", 25)
-    for arguments, log, ticks in ((run, one, 25), (("resume", one), other, 40)):
+    resume = ("resume", one, csv)
+    for arguments, log, ticks in ((run, one, 25), (resume, other, 40)):
         facts = facts_of(tmp_path, *arguments, "--out", log)
         assert facts["log"] == str(log)
         assert (facts["ticks"], facts["cells"], facts["complete"]) == (ticks, 3, True)

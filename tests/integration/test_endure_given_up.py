@@ -114,7 +114,8 @@ def test_a_world_elsewhere_that_hangs_is_named(
     where, stop = f"tcp/127.0.0.1:{free_port()}", asyncio.Event()
 
     async def elsewhere() -> None:
-        world, network = remote_parts.world(hanging.source), Network(connect=where)
+        world = remote_parts.world((hanging.source, {}))
+        network = Network(connect=where)
         with contextlib.suppress(SwarmError):  # it will not end when it is asked to
             await serve(world, network, "demo", stop)
 

@@ -159,7 +159,7 @@ async def test_a_house_is_learned_and_looked_after(tmp_path: Path, cells: str) -
     assert "door: house/room: must be JSON, got 'no reading at all'" in run.said
     assert SECRET not in run.said
     raw = "".join(Recording.open(run.log).metadata.values())
-    assert "HOUSE_PASSWORD" in raw
+    assert "HOUSE_PASSWORD" not in raw
     assert SECRET not in raw
 
 

@@ -236,7 +236,7 @@ WRONG = {
     "another world": (
         ("serve", "world", SWARM, "neurosnap/Cycle-v0"),
         2,
-        "source: must be what the coordinator runs, neurosnap/Path-v0, got",
+        "source: must be 'neurosnap/Path-v0' here, got 'neurosnap/Cycle-v0'",
     ),
     "a recorder": (("serve", "recorder", SWARM), 2, "got 'recorder'"),
     "the same cell": (

@@ -57,12 +57,6 @@ _PANELS = {
 _OPTION = re.compile(r"`([a-z_]+)`")
 """Another option in a help text, by the name of its field."""
 
-Source = Annotated[
-    str,
-    typer.Argument(
-        metavar="SOURCE", help="The id of a world (neurosnap/Path-v0), or a CSV file."
-    ),
-]
 Described = Annotated[
     str,
     typer.Argument(

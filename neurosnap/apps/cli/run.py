@@ -12,6 +12,7 @@ from neurosnap.apps.cli.options import (
     NETWORK,
     Described,
     Given,
+    option,
     request_of,
     with_run_options,
 )
@@ -87,6 +88,15 @@ def run(
 @app.command(rich_help_panel=LEARN)
 def resume(
     log: Log,
+    source: Described = "",
+    trust_source: Annotated[
+        bool,
+        typer.Option(
+            "--trust-source",
+            metavar=FLAG,
+            help="Open what the recording names, whatever it is.",
+        ),
+    ] = False,
     ticks: Annotated[
         int | None,
         typer.Option(
@@ -94,23 +104,19 @@ def resume(
             show_default="300 more than it has",
         ),
     ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="FILE.mcap",
-            help="Where to record; must not exist yet.",
-            show_default="logs/SOURCE-DATE.mcap",
-        ),
-    ] = None,
+    out: Path | None = option("out"),
     form: Format = "text",
 ) -> None:
-    """Continue a run after its last whole tick, in a new recording."""
+    """Continue a run after its last whole tick, in a new recording.
+
+    It opens worlds of neurosnap and standard input by itself. Any other SOURCE must be
+    named again, since a recording may be a stranger's.
+    """
+    from neurosnap.apps.config.load import named_source
     from neurosnap.runtime.run import resumed
 
     with errors():
-        request = resumed(log, ticks)
+        request = resumed(log, ticks, named_source(source) if source else trust_source)
         options, after = request.options, request.after
         request = replace(request, log=new_log(options.source, out))
         outcome = _carry_out(request, form)

@@ -18,7 +18,6 @@ from neurosnap.apps.cli.options import (
     RECORDING,
     Described,
     Given,
-    Source,
     option,
     request_of,
     with_parameters,
@@ -173,16 +172,19 @@ async def _hub(
 @serve.command()
 @_with_place
 def world(
-    context: typer.Context, swarm: Swarm, source: Source, form: Format = "text"
+    context: typer.Context, swarm: Swarm, source: Described, form: Format = "text"
 ) -> None:
     """Provide the observations of a swarm, from a world or a file.
 
-    SOURCE must be the coordinator's; the arguments and the seed come from there.
+    SOURCE must be the coordinator's. The seed comes from there, and the arguments of a
+    world of neurosnap; name others in a TOML file.
     """
+    from neurosnap.apps.config.load import named_source
     from neurosnap.runtime import remote_parts
 
     with errors():
-        served = _serve(context, "world", swarm, remote_parts.world(source))
+        choose = remote_parts.world(named_source(source))
+        served = _serve(context, "world", swarm, choose)
         print_facts(form, {"swarm": swarm, "source": source, "served": _names(served)})
 
 

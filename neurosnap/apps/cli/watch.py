@@ -2,7 +2,6 @@
 
 import asyncio
 import os
-import sys
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -183,16 +182,11 @@ def view(
     """Show recordings, or swarms while they run, in the browser."""
     with errors():
         logs = _logs(what or [])
-        as_json = form == "json"
 
         async def work(stop: asyncio.Event) -> None:
-            shown = look(
-                logs, asyncio.Event(), port=port, browser=browser, as_json=as_json
-            )
+            shown = look(logs, stop, port=port, browser=browser, as_json=form == "json")
             await first_of(shown, stop.wait())
-            sys.stdout.flush()
-            # Nothing is left to tidy up, and a thread may read for long.
-            os._exit(0)
+            os._exit(0)  # nothing is left to tidy up, and a thread may read for long
 
         run_async(work)
 

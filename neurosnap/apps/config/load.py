@@ -18,6 +18,7 @@ from neurosnap.apps.config.problems import (
     dotted,
     said_of,
 )
+from neurosnap.apps.config.sources import Opening
 from neurosnap.apps.config.tables import Config
 from neurosnap.apps.config.validate import Problem, problems
 from neurosnap.errors import InvalidValueError
@@ -134,6 +135,14 @@ def described(
             rule = "must go with a recording, and nothing is recorded"
             raise InvalidValueError(names.get(key, key), rule, str(given[key]))
     return loaded
+
+
+def named_source(source: str) -> Opening:
+    """Return what opens a source: a world, readings, or what a TOML file describes."""
+    loaded = described(source, {}, {})
+    if loaded.found:
+        raise loaded.origin.error(loaded.found)
+    return loaded.config.source.opening(loaded.origin.folder)
 
 
 def load(

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.apps.viewer.api import Stage
-from neurosnap.errors import InvalidValueError, MissingExtraError
+from neurosnap.errors import MissingExtraError
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.gymnasium_source import import_worlds
@@ -102,10 +102,8 @@ def _make(options: RunOptions) -> gymnasium.Env[Any, Any] | None:
     given.pop("render_mode", None)  # nothing is to be drawn: no window opens
     try:
         env = gymnasium.make(options.source, disable_env_checker=True, **given)
-    except (InvalidValueError, gymnasium.error.Error, TypeError, KeyError):
-        return None  # another version's, or made up
-    except MissingExtraError:
-        return None  # the run was elsewhere
+    except (MissingExtraError, ValueError, gymnasium.error.Error, TypeError, KeyError):
+        return None  # another machine's or version's, or made up
     env.reset(seed=options.seed)  # some draw their fields, or the target, only then
     if not env.has_wrapper_attr("fields"):
         env.close()

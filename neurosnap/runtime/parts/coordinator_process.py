@@ -18,6 +18,7 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.replay.resume import restore
 from neurosnap.runtime.parts.coordinator_loop import Deadlines, run_coordinator
 from neurosnap.runtime.parts.job import PartContext, take_part
+from neurosnap.runtime.recorded_source import recordable
 from neurosnap.sources.open import is_live
 
 _SHOWN = 8  # names in an error
@@ -57,10 +58,11 @@ class RunDescription(msgspec.Struct, frozen=True, kw_only=True):
 
     def to_bytes(self) -> bytes:
         """Return it as JSON. Where the past is recorded is of no use elsewhere."""
-        past = self.past
+        past, options = self.past, recordable(self.options)
         if past is not None:
             past = msgspec.structs.replace(past, log="")
-        return msgspec.json.encode(msgspec.structs.replace(self, past=past))
+        said = msgspec.structs.replace(self, options=options, past=past)
+        return msgspec.json.encode(said)
 
 
 def read_description(content: bytes) -> RunDescription:

@@ -24,6 +24,7 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.write.rotation import Split, SplitWriter
 from neurosnap.runtime.parts.job import PartContext
+from neurosnap.runtime.recorded_source import recordable
 from neurosnap.sources.live.journal import cut, journal_of
 from neurosnap.system.distribution import version
 
@@ -77,6 +78,7 @@ def split_of(options: RunOptions) -> Split | None:
 
 def describe(options: RunOptions) -> dict[str, str]:
     """Return the facts of a run, as text: each option, all of them, the versions."""
+    options = recordable(options)
     facts = {
         name: value if isinstance(value, str) else msgspec.json.encode(value).decode()
         for name, value in msgspec.structs.asdict(options).items()

@@ -71,6 +71,7 @@ def test_where_two_places_read_the_same_neither_is_said() -> None:
     ("name", "arguments", "sensors"),
     [
         ("neurosnap/Path-v0", {"none such": 1}, "Path"),
+        ("neurosnap/Path-v0", {"max_episode_steps": 0}, "Path"),
         ("neurosnap/Path-v0", {}, "Cycle"),  # as another version has them
         ("neurosnap/FrozenLake-v0", {}, "Path"),
         ("neurosnap/Nowhere-v0", {}, "Path"),

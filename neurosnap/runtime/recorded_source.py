@@ -1,0 +1,96 @@
+"""The source of a run: what of it is recorded, and how it is opened again.
+
+What a recording or a coordinator says is data. It decides nothing that this machine
+connects to, reads or imports, but for worlds of ours and standard input.
+"""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TypeAlias
+
+import msgspec
+from msgspec.structs import replace
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.runtime.fit_agent import body_of
+from neurosnap.sources.camera import try_camera
+from neurosnap.sources.open import (
+    MQTT,
+    STDIN,
+    is_file,
+    is_live,
+    mqtt_options,
+    open_source,
+)
+from neurosnap.sources.protocol import Argument
+
+Trust: TypeAlias = tuple[str, Mapping[str, Argument]] | bool
+"""A source as the user names it, with its arguments; or whether any may be opened."""
+_OURS = re.compile(r"neurosnap/\w+-v\d+")
+
+
+def recordable(options: RunOptions) -> RunOptions:
+    """Return options as others may see them: without the places of secrets."""
+    if options.source != MQTT:
+        return options
+    given = mqtt_options(options.arguments)
+    broker = replace(given.broker, password_file=None, password_env=None)
+    said = msgspec.json.encode(replace(given, broker=broker)).decode()
+    return replace(options, arguments={"options": said})
+
+
+def reopened(options: RunOptions, trusts: Trust) -> tuple[RunOptions, int | None]:
+    """Return the options of a run with the source to open, and its length.
+
+    Args:
+        options: From a recording, or from a coordinator.
+        trusts: What may be opened; a harmless source always, also with the arguments
+            in `options`.
+
+    Raises:
+        InvalidValueError: A word from the user is needed; or what the user names is
+            not the run's, or cannot be opened.
+    """
+    source, arguments = options.source, options.arguments
+    if not (trusts or _is_harmless(source)):
+        rule = "must be named again (a world, a file, or the TOML file of the run), or"
+        what = f"come with --trust-source, as the recording would {_effect(options)}"
+        raise InvalidValueError("source", f"{rule} {what}", source)
+    if isinstance(trusts, tuple):
+        source, given = trusts
+        if given or not _is_harmless(source):
+            arguments = dict(given)
+    if Path(source).name != Path(options.source).name:
+        raise InvalidValueError("source", f"must be {options.source!r} here", source)
+    if not is_live(source) and arguments != options.arguments:
+        rule = f"must be named here, too, as {options.arguments!r:.500}"
+        raise InvalidValueError("arguments", rule, arguments)
+    opened = open_source(source, options.seed, arguments, None, options.frames > 0)
+    try:
+        try_camera(opened, options.frames)
+    finally:
+        opened.close()
+    plain = replace(options.body, room=0, grown=())
+    if body_of(opened, options.agent) != plain:
+        rule = "must have the sensors and actions of the run"
+        raise InvalidValueError("source", rule, source)
+    return replace(options, source=source, arguments=arguments), opened.length
+
+
+def _is_harmless(source: str) -> bool:
+    return source == STDIN or bool(_OURS.fullmatch(source) and not is_file(source))
+
+
+def _effect(options: RunOptions) -> str:
+    """Return what it does to open a source, for people."""
+    name, arguments = options.source, options.arguments
+    if name == MQTT:
+        broker = mqtt_options(arguments).broker
+        more = f"username {broker.username!r}, ca_file {broker.ca_file!r}"
+        return f"connect to the broker {broker.address!r} ({more})"
+    if is_live(name):
+        return "take readings from Zenoh"
+    what = "read the file" if is_file(name) else "import and run the world"
+    return f"{what} {name!r} with {arguments!r:.500}"
