@@ -7,17 +7,13 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import Any
 
 import psutil
 import pytest
-import zenoh
 
 from neurosnap import wire
 from neurosnap.apps.cli.recording_info import describe, render
 from neurosnap.errors import RecordingError
-from neurosnap.fabric.hub_address import HubAddress
-from neurosnap.fabric.zenoh.session import connecting
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime import launch
@@ -31,6 +27,7 @@ from tests.support.exhaustive import rows
 from tests.support.mosquitto import Mosquitto, needs_mosquitto, peer, started
 from tests.support.patience import PATIENCE
 from tests.support.ports import free_port
+from tests.support.senders import by_zenoh
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh, pytest.mark.timeout(600)]
 
@@ -49,11 +46,12 @@ class Fed:
     def feed(self, count: int) -> None:
         for _ in range(count):
             self._number += 1
-            bits = [self._number >> place & 1 for place in range(BITS)]
-            self._write(json.dumps({"bits": bits}))
+            self._write(
+                {f"bit{place}": self._number >> place & 1 for place in range(BITS)}
+            )
 
-    def _write(self, line: str) -> None:
-        self.process.stdin.write(line + "\n")
+    def _write(self, bits: dict[str, int]) -> None:
+        self.process.stdin.write(json.dumps({"bits": bits}) + "\n")
         self.process.stdin.flush()
 
     def feed_until(self, condition: Callable[[], bool]) -> None:
@@ -102,20 +100,12 @@ class Put(Fed):
 
     def __init__(self, log: Path, process: Command, endpoint: str) -> None:
         super().__init__(log, process)
-        self._session = zenoh.open(connecting(HubAddress(endpoint), PATIENCE))
-        # A stock publisher drops what it cannot send at once, unless it is told not to.
-        self._publisher = self._session.declare_publisher(
-            "neurosnap/home/reading",
-            congestion_control=zenoh.CongestionControl.BLOCK,
-        )
-        matching: Any = self._publisher
-        until(lambda: matching.matching_status.matching)
+        self._send = by_zenoh(endpoint, "home")
 
-    def _write(self, line: str) -> None:
-        self._publisher.put(line)
+    def _write(self, bits: dict[str, int]) -> None:
+        self._send(bits)
 
     def end(self) -> tuple[int, str]:
-        self._session.close()
         self.process.send_signal(signal.SIGINT)
         return super().end()
 

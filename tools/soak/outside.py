@@ -1,21 +1,24 @@
-"""A run that is fed numbered lines by a pipe, while parts of it are killed.
+"""A run that is fed numbered readings from outside, while parts of it are killed.
 
 The run is a process of its own, as its user starts it. It tells how far it is as it
-tells a service manager, and of its restarts on stderr. What comes by the pipe comes
-once: whoever is killed, each line must be a tick once, and they must be in order.
+tells a service manager, and of its restarts on stderr. What comes by a pipe or over
+Zenoh comes once: each reading must be a tick once, and they must be in order. A broker
+has the latest: of what it sends the run must say what became of each.
 """
 
 import asyncio
 import json
 import os
 import re
+import signal
 import socket
 import sys
 import time
-from asyncio.subprocess import DEVNULL, PIPE
-from collections.abc import Iterable, Iterator, Sequence
+from asyncio.subprocess import PIPE, Process
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 import psutil
@@ -23,11 +26,15 @@ import psutil
 from neurosnap import wire
 from neurosnap.recording.read.recording import Recording
 from neurosnap.sensorium import unpack
+from tests.support.mosquitto import started
+from tests.support.ports import free_port
+from tests.support.senders import Send, by_broker, by_pipe, by_zenoh
 from tools.soak.killer import Killer
 
 BITS = 12
 """Sensors: the lower bits of a line's number."""
 _SIZE = 1 << BITS
+_STILL = 3.0  # seconds in which nothing is written once nothing comes
 _WATCHDOG = 100_000  # microseconds; progress is told twice as often
 _RESTART = re.compile(r"going on from tick (\d+): .*?(?:; (\d+) ticks are done again)?")
 
@@ -42,39 +49,40 @@ class Lines(msgspec.Struct, kw_only=True):
 
 
 async def feed(
-    killer: Killer, log: Path, rate: float, flags: Sequence[str] = ()
-) -> tuple[int, int]:
+    killer: Killer, log: Path, rate: float, flags: Sequence[str] = (), by: str = "-"
+) -> tuple[int, int, dict[str, int]]:
     """Make the run; its input ends once enough is killed and it has gone on.
 
     Args:
         killer: Kills parts of it.
         log: Where it is recorded.
-        rate: Lines a second, if the pipe takes so many.
+        rate: Readings a second, if the run takes so many.
         flags: More of the run.
+        by: How it is fed: ``-``, ``zenoh:`` or ``mqtt:``.
 
     Returns:
-        How many lines it was fed, and its exit code. What it says on stderr, but for
-        restarts, is passed on.
+        How many readings it was fed, its exit code, and what it counted. What it says
+        on stderr, but for restarts, is passed on.
     """
-    sensors = ",".join(f"bit{place}" for place in range(BITS))
-    given = ("--set", f"sensors={sensors}", "--out", str(log), *flags)
-    with _service_manager() as (manager, address):
+    with _service_manager() as (manager, address), _outside(by, log.parent) as outside:
         process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "neurosnap", "run", "-", *given),
+            *(sys.executable, "-m", "neurosnap", "run", *outside.source),
+            *("--out", str(log), "--format", "json", *flags),
             stdin=PIPE,
-            stdout=DEVNULL,
+            stdout=PIPE,
             stderr=PIPE,
             env=os.environ
             | {"NOTIFY_SOCKET": address, "WATCHDOG_USEC": str(_WATCHDOG)},
         )
-        if process.stdin is None or process.stderr is None:
+        if not (process.stdin and process.stdout and process.stderr):
             raise ValueError("process: must have pipes, got none")
         loop = asyncio.get_running_loop()
         loop.add_reader(manager, _follow, manager, killer)
         try:
             async with asyncio.TaskGroup() as group:
                 hunting = group.create_task(killer.hunt(psutil.Process(process.pid)))
-                feeding = group.create_task(_feed(process.stdin, rate, hunting))
+                telling = group.create_task(process.stdout.read())
+                feeding = group.create_task(_feed(process, outside, rate, hunting, log))
                 async for raw in process.stderr:
                     line = raw.decode().rstrip()
                     if restart := _RESTART.fullmatch(line):
@@ -88,28 +96,78 @@ async def feed(
             with suppress(ProcessLookupError):
                 process.kill()  # it has ended, if all went well
             code = await process.wait()
-    return feeding.result(), code
+    facts = json.loads(telling.result().splitlines()[-1]) if code in (0, 3) else {}
+    return feeding.result(), code, facts.get("readings", {})
+
+
+class _Outside(NamedTuple):
+    """Where readings come from: how the run is told of it, and how they are sent."""
+
+    source: tuple[str, ...]
+    connect: Callable[[Process], Send]
+    """Called once the run has begun; returns what sends a reading."""
 
 
 async def _feed(
-    pipe: asyncio.StreamWriter, rate: float, hunting: "asyncio.Task[None]"
+    process: Process,
+    outside: _Outside,
+    rate: float,
+    hunting: "asyncio.Task[None]",
+    log: Path,
 ) -> int:
-    """Write lines until the hunt is over, and return how many.
-
-    Each is one write, as by whoever flushes each line: a pipe takes all of it or none.
-    """
-    pipe.transport.set_write_buffer_limits(0)
+    """Send readings until the hunt is over, and return how many."""
+    send = await asyncio.to_thread(outside.connect, process)
     began, number = time.monotonic(), 0
     with suppress(ConnectionError):
         while not hunting.done():
             number += 1
-            bits = [number >> place & 1 for place in range(BITS)]
-            pipe.write(json.dumps({"bits": bits}).encode() + b"\n")
-            await pipe.drain()
+            bits = {f"bit{place}": number >> place & 1 for place in range(BITS)}
+            send(bits)
+            if process.stdin is not None:
+                await process.stdin.drain()
             await asyncio.sleep(began + number / rate - time.monotonic())
-        pipe.close()
-        await pipe.wait_closed()
+    if outside.source[0] != "-":
+        await _all_taken_in(log)
+        with suppress(ProcessLookupError):
+            process.send_signal(signal.SIGINT)
+    if process.stdin is not None:
+        process.stdin.close()
     return number
+
+
+async def _all_taken_in(log: Path) -> None:
+    """Wait until nothing more is written: what was sent is under way no longer."""
+    size = -1
+    files = log.parent.rglob
+    while size != (size := sum(path.stat().st_size for path in files("*"))):  # noqa: ASYNC110
+        await asyncio.sleep(_STILL)
+
+
+@contextmanager
+def _outside(by: str, folder: Path) -> Iterator[_Outside]:
+    names = [f"bit{place}" for place in range(BITS)]
+    sensors = ("--set", f"sensors={','.join(names)}")
+    if by == "-":
+        yield _Outside(("-", *sensors), by_pipe)
+    elif by == "zenoh:":
+        at = f"tcp/127.0.0.1:{free_port()}"
+        listen = ("--listen", at, "--swarm", "soak")
+        yield _Outside((by, *sensors, *listen), lambda _: by_zenoh(at, "soak"))
+    else:
+        # It would drop what more than 1,000 others wait before.
+        lines = ("allow_anonymous true", "max_queued_messages 0")
+        with started(folder, *lines) as broker:
+            one = '{{name="{0}", topic="soak", field="{0}", on=["1"], off=["0"]}}'
+            file = folder / "soak.toml"
+            file.write_text(
+                f'[source]\nkind="mqtt"\nbroker={{port={broker.port}}}\n'
+                f"sensors=[{','.join(map(one.format, names))}]\n"
+                'publish={prefix="said"}\n'
+            )
+            yield _Outside(
+                (str(file),),
+                lambda _: by_broker(broker.port, "soak", "said/world/status"),
+            )
 
 
 def lines_in(log: Path, lines: int) -> Lines:

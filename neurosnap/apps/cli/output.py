@@ -128,12 +128,13 @@ def outcome_facts(
     """Return a run's outcome as one JSON object."""
     facts = msgspec.structs.asdict(outcome)
     totals, standing = facts.pop("totals"), facts.pop("health")
-    del facts["completeness"]
+    del facts["completeness"], facts["intake"]
     return {
         "log": None if log is None else str(log),
         "cells": len(options.sensors),
         **msgspec.structs.asdict(totals),
         **facts,
+        "readings": outcome.received,
         "complete": outcome.complete,
         "health": None if standing is None else health_facts(standing),
     }
