@@ -23,6 +23,7 @@ from neurosnap.health.alarm import Newsreader
 from neurosnap.protocol.anomaly_words import few
 from neurosnap.runtime.request import Restart, Watcher
 from neurosnap.sensorium import visible
+from neurosnap.sources.live.statistics import received_line
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -208,28 +209,6 @@ def outcome_lines(
     if log is not None:
         yield f"recording: {log}"
     yield from _losses(outcome)
-
-
-_FATES = {
-    "shown": "in ticks",
-    "kept": "kept for a resumed run",
-    "after": "after the last tick",
-    "late": "late",
-    "refused": "refused",
-    "dropped": "dropped, since too many waited",
-}
-
-
-def received_line(counts: Mapping[str, int]) -> str:
-    """Say how many readings were received, and what became of them.
-
-    Examples:
-        >>> received_line({"shown": 706, "dropped": 0, "kept": 447})
-        'readings: 1,153 received = 706 in ticks + 447 kept for a resumed run'
-    """
-    found = {say: counts.get(kind, 0) for kind, say in _FATES.items()}
-    parts = " + ".join(f"{count:,} {say}" for say, count in found.items() if count)
-    return f"readings: {sum(found.values()):,} received = {parts or '0'}"
 
 
 def _losses(outcome: "Outcome") -> Iterator[str]:

@@ -19,7 +19,6 @@ from neurosnap.apps.cli.output import (
     fields,
     in_ranges,
     printable,
-    received_line,
     table,
 )
 from neurosnap.errors import RecordingError
@@ -28,6 +27,7 @@ from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import Cut, damaged_in
 from neurosnap.recording.read.recording import Recording, first_path, part_paths
 from neurosnap.recording.replay.births import RecordedBirth, births_of
+from neurosnap.sources.live.statistics import outage_line, received_line
 from neurosnap.sources.open import is_live
 
 _SECOND = 10**9
@@ -249,11 +249,7 @@ def _balance(info: Info) -> Iterator[str]:
     yield f"foreign: {info.completeness.foreign} left out"
     if info.received.total:
         yield received_line(msgspec.structs.asdict(info.received))
-    for outage in info.outages:
-        since, until = (
-            _moment(int(at * _SECOND)) for at in (outage.since, outage.until)
-        )
-        yield f"did not listen: {since} to {until}: {printable(outage.why)}"
+    yield from map(outage_line, info.outages)
 
 
 def _moment(nanoseconds: int) -> str:

@@ -201,6 +201,8 @@ class Frame(msgspec.Struct, frozen=True, kw_only=True):
     why: str
     begins: bool
     """The tick begins a trajectory."""
+    intake: list[str]
+    """What a live source had received, and when it did not listen, in words."""
     incoherent: bool
     depth: int
     longest: int

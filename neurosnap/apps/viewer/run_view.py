@@ -32,6 +32,7 @@ from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.tick_index import TickIndex
 from neurosnap.recording.replay.learning import Learning
 from neurosnap.sensorium import unpack
+from neurosnap.sources.live.statistics import outage_line, received_line
 from neurosnap.sources.open import STDIN
 
 _BACK = 8
@@ -275,6 +276,7 @@ class RunView:
             choice=choice,
             why="" if decision is None else decision.why,
             begins=observation is not None and observation.begins,
+            intake=[] if observation is None else _intake(observation),
             incoherent=state.incoherent,
             depth=state.depth,
             longest=state.longest,
@@ -326,6 +328,16 @@ class RunView:
         except ShapeError as error:
             place = f"{self.path}: tick {state.tick}"
             raise RecordingError(f"{place}: /state: {error}") from error
+
+
+def _intake(observation: wire.Observation) -> list[str]:
+    """Say what a live source had received by then, and when it did not listen."""
+    received, outages = observation.received, map(outage_line, observation.outages)
+    return (
+        [received_line(msgspec.structs.asdict(received)), *outages]
+        if received.total
+        else []
+    )
 
 
 def _bits(literals: NDArray[np.bool_]) -> list[api.Bit]:

@@ -412,8 +412,8 @@ class LiveSource:
         with self._condition:
             if on:
                 self._latest.start_listening(self._clock())
+                self._listening = self._heard = True
                 self._end_outage()
-                self._heard = True
             else:
                 self._listening = False
                 self._latest.stop_listening()
@@ -422,8 +422,8 @@ class LiveSource:
             self._condition.notify_all()
 
     def _end_outage(self) -> None:
-        """Note that it listens again, if it did not."""
-        if self._deaf is not None:
+        """Note that it listens again, if it did not and does."""
+        if self._deaf is not None and self._listening:
             since, why = self._deaf
             self._outages += (wire.Outage(since, self._wall(), why),)
             self._deaf = None
@@ -491,6 +491,7 @@ class LiveSource:
 
     def _row(self, bits: Bits, known: Bits) -> Observed:
         """Return the next row, once it is written down."""
+        self._end_outage()  # a feeder may bring a row before it is known to have begun
         sure, begins = None if known.all() else known, self._fresh
         # What is live has no ends: what begins cut off what was before.
         shown = self._received.shown + self._pending
@@ -514,8 +515,7 @@ class LiveSource:
             if self._feeder is not None and not self._closed:
                 self._feeder.start(self)
         with self._condition:
-            if self._listening:
-                self._end_outage()
+            self._end_outage()
 
     def _next(self) -> Observed | None:
         """Wait for what is to be shown next; None if nothing is any more."""

@@ -4,12 +4,14 @@ What is rejected or lost is named in the log without flooding it.
 """
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
 from typing import Literal, TypeAlias
 
 import msgspec
 
 from neurosnap import wire
+from neurosnap.sensorium import visible
 
 
 class Statistics(msgspec.Struct, frozen=True):
@@ -37,6 +39,37 @@ class Statistics(msgspec.Struct, frozen=True):
             "times without listening": received.outages,
         }
         return ", ".join(f"{count} {what}" for what, count in counts.items() if count)
+
+
+_FATES = {
+    "shown": "in ticks",
+    "kept": "kept for a resumed run",
+    "after": "after the last tick",
+    "late": "late",
+    "refused": "refused",
+    "dropped": "dropped, since too many waited",
+}
+
+
+def received_line(counts: Mapping[str, int]) -> str:
+    """Say how many readings were received, and what became of them.
+
+    Examples:
+        >>> received_line({"shown": 706, "dropped": 0, "kept": 447})
+        'readings: 1,153 received = 706 in ticks + 447 kept for a resumed run'
+    """
+    found = {say: counts.get(kind, 0) for kind, say in _FATES.items()}
+    parts = " + ".join(f"{count:,} {say}" for say, count in found.items() if count)
+    return f"readings: {sum(found.values()):,} received = {parts or '0'}"
+
+
+def outage_line(outage: wire.Outage) -> str:
+    """Say when nothing was listened to, and why."""
+    since, until = (
+        datetime.fromtimestamp(at, UTC).isoformat(" ", "milliseconds")
+        for at in (outage.since, outage.until)
+    )
+    return f"did not listen from {since} to {until}: {visible(outage.why)}"
 
 
 Fate: TypeAlias = Literal["shown", "late", "refused", "dropped"]

@@ -35,6 +35,8 @@ export class FactsView {
    */
   show(frame, before) {
     find("now-begins").hidden = !frame.begins;
+    find("now-intake").hidden = frame.intake.length === 0;
+    find("now-intake").textContent = frame.intake.join("; ");
     const set = (fact, text) => this._values.has(fact) && write(this._values.get(fact), text);
     set("did", this._did(frame, before));
     this._plan(frame.plan);
