@@ -65,7 +65,9 @@ RIGHTS: dict[Role, Rights] = {
         reads=("state", "decision", f"{READING}/**"),
         announces=True,
     ),
-    "recorder": Rights(publishes=("fault",), reads=_ALL, announces=True, watches=True),
+    "recorder": Rights(
+        publishes=("fault", "leave"), reads=_ALL, announces=True, watches=True
+    ),
     "cell": Rights(
         publishes=("pulse", "cellreport", "recalled", "fault", "leave"),
         reads=wire.cell_keys("*"),
@@ -155,7 +157,7 @@ def _rules(role: Role) -> Iterator[dict[str, object]]:
         }
         return
     publishes = tuple(wire.said_by(who, topic) for topic in rights.publishes)
-    alive = (f"alive/{who}",) if rights.announces else ()
+    alive = (f"alive/{who}/*",) if rights.announces else ()
     everybody = ("alive/**",) if rights.watches else ()
     answers = (DESCRIPTION,) if rights.briefs else ()
     asks = (DESCRIPTION,) if rights.asks else ()

@@ -7,7 +7,7 @@ any order, and a swarm that goes on after a death finds its services waiting.
 
 import asyncio
 import contextlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 import msgspec
 
@@ -131,7 +131,8 @@ async def _take_part(
             (part, connections.to(part.who, seen.name, description.first(part.who)))
             for part in parts
         ]
-        results = await _run(given, stop, seen.gone)
+        ending.own = {f"{one.who}/{one.instance}" for _, one in given}
+        results = await _run(given, stop, seen.gone, ending)
         trouble = "" if stop.is_set() else await ending.trouble()
     return Served(seen.name, trouble, results)
 
@@ -140,20 +141,23 @@ async def _run(
     given: Sequence[tuple[RemotePart, PartConnection]],
     stop: asyncio.Event,
     gone: asyncio.Event,
+    ending: "_Ending",
 ) -> dict[str, bytes]:
-    """Run the parts until `gone`; return their results."""
+    """Run the parts until `gone`, or one is refused; return their results."""
     grace = _GRACE + 0.02 * len(given)
     names = [part.who for part, _ in given]
     async with Supervisor() as supervisor:
         await supervisor.make_room(names, stop)
         started = await _start(supervisor, given)
-        await wait_any(supervisor.failed, stop, gone)
+        await wait_any(supervisor.failed, stop, gone, ending.refused)
+        if ending.refused.is_set():
+            supervisor.blame(SwarmError(ending.complaint))
         for (part, _), running in zip(given, started, strict=False):
             if part.lingers and gone.is_set():
                 ends = supervisor.failed, stop, running.ended
                 await wait_any(*ends, seconds=grace)
-        if isinstance(supervisor.error, PartDiedError):
-            # A part that left in order now would be blamed for the death.
+        if ending.refused.is_set() or isinstance(supervisor.error, PartDiedError):
+            # Who left in order now would be blamed, or leave in another's name.
             await supervisor.kill(names)
         late = await supervisor.end(names, grace)
         if supervisor.error is not None:
@@ -185,7 +189,9 @@ class _Ending:
 
     def __init__(self) -> None:
         self._left = asyncio.Event()
-        self._complaint = ""
+        self.own: Collection[str] = ()  # parts of this service, each as an instance
+        self.refused = asyncio.Event()
+        self.complaint = ""
         self._complained = -1  # the number of its last fault
 
     def handle(self, deliveries: list[wire.Delivery]) -> None:
@@ -198,12 +204,14 @@ class _Ending:
 
     def _receive(self, message: wire.Message, sequence: int) -> None:
         if isinstance(message, wire.Fault):
-            self._complaint, self._complained = message.what, sequence
+            self.complaint, self._complained = message.what, sequence
+            if message.what.partition(":")[0] in self.own:
+                self.refused.set()
         elif isinstance(message, wire.Leave):
             # Who fails says why and leaves in one go; any other fault is a message
             # that it dropped.
             if self._complained != sequence - 1:
-                self._complaint = ""
+                self.complaint = ""
             self._left.set()
 
     async def trouble(self) -> str:
@@ -215,4 +223,4 @@ class _Ending:
         await wait_any(self._left, seconds=_LAST_WORD)
         if not self._left.is_set():
             return "its coordinator vanished without a word"
-        return self._complaint
+        return self.complaint

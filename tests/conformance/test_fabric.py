@@ -12,8 +12,17 @@ from neurosnap import wire
 from neurosnap.errors import FabricError
 from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
-from tests.support.fabrics import Heard, Hub, Network, Seen, ZenohNetwork, listening
+from tests.support.fabrics import (
+    Heard,
+    Hub,
+    Network,
+    Seen,
+    ZenohNetwork,
+    hub_in_process,
+    listening,
+)
 from tests.support.patience import PATIENCE
+from tests.support.ports import free_port
 
 LARGE = wire.KeyFrame(1, os.urandom(150_000))  # 200 kB of JSON
 SMALL = wire.KeyFrame(1, b"")
@@ -265,6 +274,27 @@ async def test_a_late_watcher_is_told_who_is_there(network: Network) -> None:
         await watcher.watch(late)
         await late.wait(("world", True), ("cell/1", True))
         assert Counter(late.changes) == {("world", True): 1, ("cell/1", True): 1}
+
+
+@pytest.mark.zenoh
+async def test_a_second_part_of_a_name_is_told_from_the_first() -> None:
+    seen = Seen()
+    where = f"tcp/127.0.0.1:{free_port()}"
+    with hub_in_process(where):
+        hub = HubAddress(where)
+        async with (
+            ZenohFabric("watcher", "demo", hub) as watcher,
+            ZenohFabric("world", "demo", hub, instance="a") as first,
+        ):
+            await watcher.watch(seen)
+            await first.announce()
+            await seen.wait(("world", True))
+            async with ZenohFabric("world", "demo", hub, instance="b") as second:
+                await second.announce()
+                await seen.wait(("world/b", True))
+                assert await watcher.present() == {"world"}
+            await seen.wait(("world/b", False))
+            assert ("world", False) not in seen.changes
 
 
 async def test_a_part_that_returns_is_seen_again(network: Network) -> None:

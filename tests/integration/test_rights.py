@@ -137,7 +137,7 @@ async def test_a_cell_gains_nothing_as_a_peer_or_a_router(
             await ears.watch(seen)
             session = await asyncio.to_thread(hub.session, mode)
             token = session.liveliness().declare_token(
-                f"neurosnap/{SWARM}/alive/coordinator"
+                f"neurosnap/{SWARM}/alive/coordinator/0"
             )
             session.put(f"neurosnap/{SWARM}/{WIRING.key}", wire.encode(WIRING))
             await asyncio.to_thread(token.undeclare)

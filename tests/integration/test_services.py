@@ -1,5 +1,6 @@
 """A swarm whose parts are separate services that know only its id."""
 
+import re
 import shutil
 import signal
 from collections.abc import Iterator
@@ -119,6 +120,30 @@ def test_a_run_leaves_a_worker_to_another_host(endpoint: str, tmp_path: Path) ->
         ended(rest)
     verdict = verify(log)
     assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, 20)
+
+
+def test_of_two_services_that_wait_with_the_same_worker_one_is_refused(
+    endpoint: str, tmp_path: Path
+) -> None:
+    log = tmp_path / "log.mcap"
+    at = ("--connect", endpoint)
+    with ExitStack() as stack:
+        same = ("serve", "cells", SWARM, "0", *at)
+        recorder = ("serve", "recorder", SWARM, "--out", log, "--format", "json", *at)
+        whole = (*SMALL, "--ticks", 30, "--cells", "worker", "--workers", 1)
+        lines = (same, same, recorder, ("serve", "world", SWARM, PATH, *at))
+        *both, records, world = [stack.enter_context(going(*one)) for one in lines]
+        for waiting in (*both, records, world):
+            waiting.stderr.readline()
+        ended(stack.enter_context(going(*CONDUCT, *at, *whole)))
+        assert facts(ended(records))["complete"]
+        ended(world)
+        said = [service.communicate(timeout=PATIENCE)[1] for service in both]
+        assert {service.returncode for service in both} == {0, 1}, said
+        flat = " ".join("".join(said).split())
+        assert re.search("worker/0[^ ]*: must be there once", flat), said
+    verdict = verify(log)
+    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, 30)
 
 
 def test_services_with_keys_do_what_their_roles_may(tmp_path: Path) -> None:

@@ -50,6 +50,7 @@ class ZenohFabric:
         patience: Seconds to go on trying until the hub answers.
         swift: Handlers run on a thread of their own, not on the event loop: a third
             off the time of a hop. For parts that share nothing with their loop.
+        instance: Tells it from another part that has its name by mistake.
     """
 
     def __init__(
@@ -61,8 +62,10 @@ class ZenohFabric:
         first: int = 0,
         patience: float = 60.0,
         swift: bool = False,
+        instance: str = "0",
     ) -> None:
         self.who = who
+        self._alive = f"{wire.ROOT}/{swarm}/alive/{who}/{instance}"
         self.sent = first
         self._prefix = f"{wire.ROOT}/{swarm}/"
         self._hub = hub
@@ -187,9 +190,9 @@ class ZenohFabric:
         return subscribers
 
     async def announce(self) -> None:
-        """Declare the liveliness token ``alive/<who>``."""
+        """Declare the liveliness token ``alive/<who>/<instance>``."""
         declare = self._session.liveliness().declare_token
-        token = await self._off_loop(declare, f"{self._prefix}alive/{self.who}")
+        token = await self._off_loop(declare, self._alive)
         self._declared.append(token)
 
     async def confirm(self) -> None:
@@ -202,8 +205,7 @@ class ZenohFabric:
         Raises:
             FabricError: The hub does not answer.
         """
-        key = f"{self._prefix}alive/{self.who}"
-        get = self._session.liveliness().get
+        key, get = self._alive, self._session.liveliness().get
 
         def ask() -> bool:
             # Where no part is alive by that name there is an end and no reply.
@@ -221,7 +223,8 @@ class ZenohFabric:
 
         def look() -> set[str]:
             found = (reply.ok for reply in get(f"{prefix}**", timeout=_ANSWER))
-            return {str(one.key_expr)[len(prefix) :] for one in found if one}
+            keys = [str(one.key_expr)[len(prefix) :] for one in found if one]
+            return {key.rpartition("/")[0] for key in keys}
 
         return await self._off_loop(look)
 
@@ -270,10 +273,15 @@ class ZenohFabric:
     async def watch(self, handler: PresenceHandler) -> None:
         """Follow the liveliness tokens, those already there included."""
         prefix = f"{self._prefix}alive/"
+        first: dict[str, str] = {}  # the key of each part that is there, by name
 
         def deliver(changes: list[tuple[str, bool]]) -> None:
-            for name, alive in changes:
-                handler(name, alive)
+            for key, alive in changes:
+                name = key.rpartition("/")[0]
+                is_first = first.setdefault(name, key) == key
+                if is_first and not alive:
+                    del first[name]
+                handler(name if is_first else key, alive)
 
         inbox: Inbox[tuple[str, bool]] = Inbox(self.who, deliver, self._failure.set)
         self._inboxes.append(inbox)

@@ -17,7 +17,7 @@ from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.zenoh.inbox import Inbox
 from neurosnap.fabric.zenoh.session import reach
 
-_ALIVE = "alive/coordinator"
+_ALIVE = "alive/coordinator/*"
 
 
 def incarnation(swarm: str, number: int) -> str:

@@ -292,7 +292,7 @@ class _CoordinatorLoop:
 
 
 class _Presence:
-    """Keeps which of the parts that must be there are there."""
+    """Keeps which of the parts that must be there are there, each once."""
 
     def __init__(
         self, parts: Collection[str], fabric: Fabric, shell: _CoordinatorLoop
@@ -305,13 +305,20 @@ class _Presence:
 
     def change(self, who: str, alive: bool) -> None:
         """Note that `who` came or went."""
-        if who not in self._parts:
-            return
-        if alive:
+        name = who.rpartition("/")[0]
+        is_second = name in self._parts or name == self._fabric.who
+        if is_second and alive:
+            # Its service hears that, and ends it; the run does not begin before.
+            self._missing.add(who)
+            what = f"{who}: must be there once, is the second of its name"
+            self._fabric.publish(wire.Fault(self._fabric.who, what))
+            if self._complete.is_set() or name == self._fabric.who:
+                self._fabric.fail(PartDiedError(what))  # both may have answered
+        elif is_second or (who in self._parts and alive):
             self._missing.discard(who)
             if not self._missing:
                 self._complete.set()
-        else:
+        elif who in self._parts:
             # Its last word may be on the way still: nothing orders the two.
             asyncio.get_running_loop().call_later(_LAST_WORD, self._miss, who)
 

@@ -6,11 +6,13 @@ network does not.
 
 import asyncio
 import contextlib
+import secrets
 import threading
 import time
 import traceback
 from collections.abc import Awaitable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Protocol, TypeAlias, TypeVar
 
 import msgspec
@@ -169,6 +171,8 @@ class PartConnection(msgspec.Struct, frozen=True):
     """The number of its first message."""
     local: "MemoryHub | None" = None
     """The network in memory, where all parts are tasks of one loop."""
+    instance: str = msgspec.field(default_factory=partial(secrets.token_hex, 4))
+    """Tells it from another part that has its name by mistake."""
 
     def fabric(self, *, swift: bool = False) -> Fabric:
         """Return the part's end of the network, to be entered; see `ZenohFabric`."""
@@ -180,6 +184,7 @@ class PartConnection(msgspec.Struct, frozen=True):
             self.address,
             first=self.first,
             swift=swift,
+            instance=self.instance,
         )
 
     @property

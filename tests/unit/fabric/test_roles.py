@@ -35,7 +35,7 @@ MAY: dict[str, dict[str, tuple[str, ...]]] = {
         " fault/coordinator leave/coordinator": ("put>",),
         "observation cellreport/** workerreport/** recalled/** learned/** fault/**"
         " leave/**": _READS,
-        "alive/coordinator": ("liveliness_token>",),
+        "alive/coordinator/*": ("liveliness_token>",),
         "brief": ("declare_queryable>", "query<", "reply>"),
         "flushed": ("query>",),
         **_WATCHES,
@@ -43,13 +43,13 @@ MAY: dict[str, dict[str, tuple[str, ...]]] = {
     "world": {
         "observation/** image/** fault/world leave/world": ("put>",),
         "state decision reading/**": _READS,
-        "alive/world": ("liveliness_token>",),
+        "alive/world/*": ("liveliness_token>",),
         "flushed": ("query>",),
     },
     "recorder": {
-        "fault/recorder": ("put>",),
+        "fault/recorder leave/recorder": ("put>",),
         "**": _READS,
-        "alive/recorder": ("liveliness_token>",),
+        "alive/recorder/*": ("liveliness_token>",),
         "flushed": ("query>",),
         **_WATCHES,
     },
@@ -59,7 +59,7 @@ MAY: dict[str, dict[str, tuple[str, ...]]] = {
         ),
         "observation wavestart recall wiring/* wavestart/* recall/* reminder/cell/*"
         " pulse/*/**": _READS,
-        "alive/cell/*": ("liveliness_token>",),
+        "alive/cell/*/*": ("liveliness_token>",),
         "flushed": ("query>",),
     },
     "worker": {
@@ -67,7 +67,7 @@ MAY: dict[str, dict[str, tuple[str, ...]]] = {
         " band/worker/* fault/worker/* leave/worker/*": ("put>",),
         "observation workerwiring/* reminder/worker/* wavestart recall pulsebatch/*/**"
         " learn band/coordinator": _READS,
-        "alive/worker/*": ("liveliness_token>",),
+        "alive/worker/*/*": ("liveliness_token>",),
         "flushed": ("query>",),
     },
     # Leaves no trace.

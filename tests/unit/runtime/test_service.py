@@ -139,3 +139,13 @@ async def test_the_last_words_tell_how_a_run_ended(
     for each in heard:
         ending.handle([each])
     assert await ending.trouble() == trouble
+
+
+def test_a_service_hears_that_a_part_of_its_own_is_refused() -> None:
+    ending = _Ending()
+    ending.own = {"worker/0/ab12"}
+    for who, refused in (("worker/0/cd34", False), ("worker/0/ab12", True)):
+        what = f"{who}: must be there once, is the second of its name"
+        ending.handle([said(3, wire.Fault("coordinator", what))])
+        assert ending.refused.is_set() is refused
+        assert ending.complaint == what

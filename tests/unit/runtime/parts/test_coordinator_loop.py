@@ -46,6 +46,8 @@ class Core:
 
     def receive(self, message: wire.Message) -> list[wire.Message]:
         """Let the wave settle that a report is on; what else comes is an error."""
+        if message.sender == "coordinator":
+            return []
         assert isinstance(message, wire.CellReport), "nothing else is expected"
         self.asked.append(f"settled {message.wave}")
         self._flying.remove(message.wave)
@@ -168,6 +170,35 @@ async def test_a_part_that_never_comes_up_is_named() -> None:
         deadlines = Deadlines(100.0, parts=0.01)
         await conduct(core, fabric, parts=["cell/2", "cell/0"], deadlines=deadlines)
     assert core.asked == []
+
+
+async def test_a_second_part_is_refused_and_the_run_begins_once_it_is_gone() -> None:
+    hub, core, stop = MemoryHub(), Core(), asyncio.Event()
+    faults: list[wire.Message] = []
+    asked_before: list[str] = []
+
+    def hear(deliveries: list[wire.Delivery]) -> None:
+        faults.extend(wire.decode(one.key, one.payload) for one in deliveries)
+        asked_before.extend(core.asked)
+        hub.leave("cell/0/b")
+
+    hub.fabric("service").listen(("fault/coordinator",), hear)
+    for who in ("cell/0", "cell/0/b", "world"):
+        hub.announce(who)
+    fabric, parts = hub.fabric("coordinator"), ["cell/0", "world"]
+    await conduct(core, fabric, stop, parts=parts, on_progress=lambda _: stop.set())
+    assert (asked_before, core.asked) == ([], ["begin", "stop"])
+    what = "cell/0/b: must be there once, is the second of its name"
+    assert faults == [wire.Fault("coordinator", what)]
+
+
+@pytest.mark.parametrize("second", ["cell/0/b", "coordinator/b"])
+async def test_a_second_part_ends_a_run_that_has_begun(second: str) -> None:
+    hub = MemoryHub()
+    hub.announce("cell/0")
+    asyncio.get_running_loop().call_soon(hub.announce, second)
+    with pytest.raises(PartDiedError, match=rf"^{second}: must be there once"):
+        await conduct(Core(), hub.fabric("coordinator"), parts=["cell/0"])
 
 
 async def test_it_says_that_it_goes_on_even_if_nothing_happens(
