@@ -7,13 +7,20 @@ one proves nothing: give up the file.
 """
 
 import errno
+import io
 import os
+import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
 
 from neurosnap.errors import naming
 
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
+
+_BLOCK = 1 << 20
 _NO_FOLDERS = frozenset({errno.EINVAL, errno.ENOTSUP})
 """Said of folders by file systems that write names down at once."""
 
@@ -80,3 +87,53 @@ def _sync(path: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+class OwnFile(io.FileIO):
+    """A new file that notices when another program writes to it, or its disk forgets.
+
+    It looks before each write: what was cut short has its old length again after it.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        super().__init__(descriptor, "wb")
+        self._length = self._checksum = 0  # of what was written
+        self._proved = 0, 0  # of what was read back
+        self._time = os.fstat(descriptor).st_mtime_ns  # 0: of no use
+        self._changed = False
+
+    def write(self, data: "ReadableBuffer", /) -> int:
+        """Write; return how many bytes the system took."""
+        self.is_as_written()
+        count = super().write(data) or 0
+        self._checksum = zlib.crc32(memoryview(data)[:count], self._checksum)
+        self._length += count
+        self._time = self._time and os.fstat(self.fileno()).st_mtime_ns
+        return count
+
+    def is_as_written(self) -> bool:
+        """Tell whether nothing is known to have changed it; it is read if in doubt."""
+        found = os.fstat(self.fileno())
+        self._changed |= found.st_size != self._length
+        if self._time not in (0, found.st_mtime_ns):
+            self._time = 0  # not all file systems set it as they are written to
+            self.read_back(whole=True)
+        return not self._changed
+
+    def read_back(self, *, whole: bool = False) -> None:
+        """Prove what was written since the last time, or all, by its checksum."""
+        start, before = (0, 0) if whole else self._proved
+        found = None
+        with suppress(OSError), Path(f"/proc/self/fd/{self.fileno()}").open("rb") as me:
+            found = checksum_of(me, start, self._length, before)
+        self._changed |= found != self._checksum
+        self._proved = self._length, self._checksum
+
+
+def checksum_of(file: BinaryIO, start: int, stop: int, before: int = 0) -> int:
+    """Return the CRC-32 of a range of a file behind what has `before`; stand there."""
+    file.seek(start)
+    while start < stop and (block := file.read(min(_BLOCK, stop - start))):
+        before = zlib.crc32(block, before)
+        start += len(block)
+    return before

@@ -234,11 +234,11 @@ def _losses(outcome: "Outcome") -> Iterator[str]:
             yield f"the recording lacks {count} messages: {lost}"
         if balance.gaps:
             yield (
-                "the recording lacks messages where the one that it goes on from was"
-                " damaged"
+                "the recording lacks messages that no number shows: `neurosnap info`"
+                " says where"
             )
         for path in balance.vanished:
-            yield f"deleted, moved or replaced while it was written: {path}"
+            yield f"not left as it was written, or not taken by its disk: {path}"
     for path in outcome.kept:
         yield f"damaged: {path} may hold ticks that cannot be read"
 

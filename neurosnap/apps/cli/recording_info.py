@@ -25,7 +25,7 @@ from neurosnap.errors import RecordingError
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import Cut, damaged_in
-from neurosnap.recording.read.recording import Recording, first_path, part_paths
+from neurosnap.recording.read.recording import Recording, begun, first_path, part_paths
 from neurosnap.recording.replay.births import RecordedBirth, births_of
 from neurosnap.sources.live.statistics import outage_line, received_line
 from neurosnap.sources.open import is_live
@@ -91,8 +91,10 @@ def describe(recording: Recording) -> Info:
         counts, start, end, completeness = _read_through(recording)
     run = _options(recording)
     births = None if run is None else births_of(recording)
-    damage = recording.damage
     received, outages = _intake(recording, run)
+    damage = recording.damage
+    if recording.part is not None:
+        damage += begun(part_paths(recording.path))
     balance = ("completeness", "expected")
     totals = recording.totals
     return Info(

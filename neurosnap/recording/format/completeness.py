@@ -32,10 +32,10 @@ class Completeness(msgspec.Struct, frozen=True):
     foreign: int = 0
     """Payloads that are no message of this protocol and were left out."""
     vanished: tuple[str, ...] = ()
-    """Its files that were deleted, moved or replaced while they were written."""
+    """Its files that others took or changed, or the disk, while they were written."""
     gaps: int = 0
-    """Places where messages were lost from a recording that it took over: of a sender
-    that was never heard behind one, no number shows that."""
+    """Places where messages are missing and no number shows that: they were lost from a
+    recording that it took over, or their numbers were another part's, too."""
 
     @property
     def whole(self) -> bool:

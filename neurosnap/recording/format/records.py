@@ -27,7 +27,7 @@ SHARE = "neurosnap.share"
 """Where a file is not the first of its run: what number each sender's share begins
 with."""
 GAP = "neurosnap.gap"
-"""Between chunks: messages are missing here, which another recording had lost."""
+"""Between chunks: messages are missing here, and no number shows that."""
 CLOSING = "decision"
 """Among the totals of a file that another follows: the decision of its last tick, as on
 the wire, where it opens the next file."""

@@ -16,7 +16,6 @@ does not match is damage. So nothing of what is handed out here can be wrong.
 import bisect
 import io
 import struct
-import zlib
 from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
@@ -48,6 +47,7 @@ from neurosnap.recording.format.records import (
     opened,
     read_facts,
 )
+from neurosnap.system.durable import checksum_of
 
 _INDEX_HEAD = struct.Struct("<HI")
 """Of a message index: its channel, and bytes of its entries."""
@@ -55,7 +55,6 @@ _INDEX_ENTRY = 16
 """Bytes of a message index that stand for one message."""
 _DATA_END = HEAD.size + CRC.size
 """Bytes of the record that ends the data."""
-_BLOCK = 1 << 20
 _ZEROS = 8  # bytes that no packed chunk ends with, if all of them are 0
 _TORN = 0, b""  # no record has this kind
 _FACTS = (Opcode.METADATA,)
@@ -233,7 +232,7 @@ def _file_end(file: BinaryIO, layout: Layout) -> None:
         why = "the summary must end with its footer, got something else"
         layout.damage.append(Damage(start, layout.size, why, "nothing"))
         return
-    computed = _crc(file, start, end - CRC.size)
+    computed = checksum_of(file, start, end - CRC.size)
     (noted,) = CRC.unpack(file.read(CRC.size))
     layout.summarized = noted == computed
     if not layout.summarized:
@@ -280,21 +279,11 @@ def scan(path: Path) -> Layout:
     return layout
 
 
-def _crc(file: BinaryIO, start: int, stop: int) -> int:
-    """Return the checksum of a range of a file; then the file stands behind it."""
-    file.seek(start)
-    computed = 0
-    while start < stop and (block := file.read(min(_BLOCK, stop - start))):
-        computed = zlib.crc32(block, computed)
-        start += len(block)
-    return computed
-
-
 def _sums(file: BinaryIO, layout: Layout) -> tuple[int | None, int]:
     """Return the checksum of the data as it is noted behind them, and as it is."""
     if layout.data_end is None:
         return None, 0
-    computed = _crc(file, 0, layout.data_end)
+    computed = checksum_of(file, 0, layout.data_end)
     record = file.read(HEAD.size + CRC.size)
     if len(record) < HEAD.size + CRC.size:
         return None, computed

@@ -11,23 +11,27 @@ and `Recording.whole` that nothing is missing. To derive anything one must know 
 messages are missing: see `neurosnap.recording.read.stretches`.
 """
 
+import io
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from itertools import chain, pairwise
 from pathlib import Path
 from typing import Self
 
 import msgspec
+from mcap.opcode import Opcode
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.format.chunks import find_record
 from neurosnap.recording.format.completeness import (
     Completeness,
     RunningNumbers,
     added_up,
 )
-from neurosnap.recording.format.records import CLOSING, Chunk, Cut
+from neurosnap.recording.format.records import CLOSING, Chunk, Cut, Layout, opened
 from neurosnap.recording.format.scan import scan_growth
 from neurosnap.recording.read.chunk_messages import M, Recorded, decoded
 from neurosnap.recording.read.file import Noted, RecordingFile, identity
@@ -59,6 +63,26 @@ def part_paths(log: Path) -> dict[int, Path]:
             if (match := name.fullmatch(path.name)) and int(match[1]):
                 found[int(match[1])] = path
     return dict(sorted(found.items()))
+
+
+def has_only_begun(path: Path) -> bool:
+    """Tell whether a file was cut before the end of its first message, or is zeros.
+
+    Raises:
+        RecordingError: It cannot be read.
+    """
+    with opened(path) as file:
+        layout = Layout(size=file.seek(0, io.SEEK_END))
+        return find_record(path, file, layout, 0, only=(Opcode.CHUNK,)) is None
+
+
+def begun(paths: Mapping[int, Path]) -> tuple[str, ...]:
+    """Return which of several files of a run was begun and got no further: the last."""
+    last = paths.get(max(paths, default=0))
+    with suppress(RecordingError):
+        if len(paths) > 1 and last is not None and has_only_begun(last):
+            return (f"{last}: begun, nothing in it",)
+    return ()
 
 
 class Recording:
@@ -107,9 +131,10 @@ class Recording:
         """
         log = Path(log)
         paths = part_paths(log)
+        blank = begun(paths)
         files: list[RecordingFile] = []
         unread: list[RecordingError] = []
-        for path in paths.values():
+        for path in list(paths.values())[: len(paths) - len(blank)]:
             try:
                 file = RecordingFile.open(path, verify=verify)
             except RecordingError as error:
@@ -122,7 +147,7 @@ class Recording:
             raise unread[0]
         if not files:
             return cls.open_file(log)  # which says why not
-        return cls(files, tuple(map(str, unread)), log)
+        return cls(files, (*map(str, unread), *blank), log)
 
     @classmethod
     def open_file(cls, path: Path | str) -> Self:
@@ -368,9 +393,13 @@ class Recording:
         for path in part_paths(self._log).values():
             if path not in known:
                 try:
+                    if has_only_begun(path):
+                        break
                     fresh.append(RecordingFile.open(path, verify=False))
                 except RecordingError:
-                    break  # nothing is written in it yet: it is looked at again
+                    break  # it is looked at again
+        read = tuple(f"{file.path}: " for file in fresh)
+        self.unread = tuple(one for one in self.unread if not one.startswith(read))
         return fresh
 
     def replaced(self) -> bool:

@@ -27,6 +27,7 @@ from neurosnap.recording.read.keyframes import Start, last_start, starts
 from neurosnap.recording.read.recording import (
     Recording,
     first_path,
+    has_only_begun,
     part_path,
     part_paths,
 )
@@ -156,13 +157,9 @@ def _files(log: Path, most: int | None) -> list[Recording]:
     """
     files: list[Recording] = []
     for path in part_paths(log).values():
-        try:
-            recording = Recording.open_file(path)
-        except RecordingError:
-            # A power cut leaves a file that has a name and no content.
-            if files and not path.read_bytes().strip(b"\0"):
-                break
-            raise
+        if files and has_only_begun(path):
+            break
+        recording = Recording.open_file(path)
         if path == log and recording.part != 0:
             return [recording]
         if most is not None and files and recording.begins > most:

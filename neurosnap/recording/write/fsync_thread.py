@@ -80,12 +80,13 @@ class FsyncThread:
         self.wait()
         self._under_way = self._thread.submit(_save, file, then)
 
-    def check(self) -> None:
-        """Raise what `wait` and `close` would, as far as that is known."""
+    def check(self) -> bool:
+        """Tell whether all is saved; raise what `wait` and `close` would, by now."""
         if self._under_way is not None and self._under_way.done():
             self.wait()
         if self._syncing is not None and self._syncing.done():
             self._wait_for_sync()
+        return self._under_way is None
 
     def _wait_for_sync(self) -> None:
         synced, self._syncing = self._syncing, None

@@ -30,6 +30,7 @@ sync to disk is done by `neurosnap.recording.write.fsync_thread`.
 
 import contextlib
 import logging
+from collections import OrderedDict
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
@@ -121,7 +122,8 @@ class SplitWriter:
         self._passed: set[str] = set()  # whose messages go to the newest file
         self._closed: list[Completeness] = []
         self._saving = FsyncThread()
-        self._vanished: list[str] = []
+        self._recent: OrderedDict[tuple[str, int], int] = OrderedDict()
+        self._harmed: list[str] = []
         self._newest = self._new_writer()
         try:
             self._newest.start(self._facts())
@@ -139,7 +141,9 @@ class SplitWriter:
                 raise RecordingError(f"log: {rule}, got {str(path)!r}")
 
     def _new_writer(self) -> Writer:
-        return self._make(part_path(self._log, self._number))
+        writer = self._make(part_path(self._log, self._number))
+        writer.recent = self._recent  # a message may come again to another file
+        return writer
 
     def _facts(self) -> dict[str, str]:
         """Return what is written of the run at the start of the newest file."""
@@ -202,7 +206,7 @@ class SplitWriter:
         """
         return (
             self._split is not None
-            and self._newest.size > self._split.size
+            and (self._newest.size > self._split.size or bool(self._newest.harm))
             and frame.tick > self._begins
             and frame.tick >= self._causes.asked
             and delivery.sequence >= self.upcoming(frame.sender)
@@ -286,8 +290,12 @@ class SplitWriter:
             CLOSING: wire.encode(closing).decode(),
         }
         self._closed.append(older.finish(totals, ends, saves=False))
-        # Deleted once this file is on the disk, and not before.
-        self._saving.save(older, partial(_delete, self._not_kept()))
+        self._saving.save(older, partial(self._after, older, self._not_kept()))
+
+    def _after(self, saved: Writer, not_kept: Iterable[Path]) -> None:
+        """Delete files, as a newer one is on the disk now. On the thread that saves."""
+        self._watch(saved)
+        _delete(not_kept)
 
     def _not_kept(self) -> list[Path]:
         """Return the files there are that are not among the newest."""
@@ -316,12 +324,19 @@ class SplitWriter:
         return [file for file in (self._older, self._newest) if file is not None]
 
     def _watch(self, file: Writer) -> None:
-        """Say once of a file that it is not where it was."""
-        path = str(file.path)
-        if not file.in_place and path not in self._vanished:
-            self._vanished.append(path)
-            rule = "must stay where it is while it is written"
-            _log.error("log: %s, got deleted, moved or replaced %r", rule, path)
+        """Say once of a file that it is not where it was, or not as it was written."""
+        path, harm = str(file.path), file.harm
+        if harm and path not in self._harmed:
+            self._harmed.append(path)
+            rule = "must stay where and as it is while it is written"
+            _log.error("log: %s, got %s: %r", rule, harm, path)
+
+    def read_back(self) -> bool:
+        """Read what was written since the last time; tell if no file was harmed yet."""
+        for file in self._files():
+            file.file.read_back()
+            self._watch(file)
+        return self._saving.check() and not self._harmed
 
     def sync(self) -> bool:
         """Let what was flushed be written to the disk, on a thread.
@@ -347,8 +362,18 @@ class SplitWriter:
         self._saving.close()
         self._watch(self._newest)
         balances = [*self._closed, self._newest.finish(totals, expected)]
-        vanished = tuple(self._vanished)
+        self._watch(self._newest)
+        vanished = tuple(self._harmed)
         return msgspec.structs.replace(added_up(balances), vanished=vanished)
+
+    def give_up(self, expected: Mapping[str, int]) -> Completeness:
+        """Close after an error of the disk; return what the files hold, at most."""
+        files = self._files()
+        with contextlib.suppress(RecordingError):
+            self.abandon()
+        balances = [*self._closed, *(file.balance(expected) for file in files)]
+        vanished = dict.fromkeys((*self._harmed, *(str(file.path) for file in files)))
+        return msgspec.structs.replace(added_up(balances), vanished=tuple(vanished))
 
     def abandon(self) -> None:
         """Close without totals and index; see `Writer.abandon`."""

@@ -9,11 +9,15 @@ would save a third of a microsecond of five, and would let through what no reade
 decode afterwards.
 """
 
+import io
 import logging
 import os
 import shutil
+import zlib
+from collections import OrderedDict
 from collections.abc import Mapping
 from contextlib import suppress
+from itertools import chain, count
 from pathlib import Path
 from typing import Self
 
@@ -37,7 +41,7 @@ from neurosnap.recording.format.records import (
     sealed_facts,
 )
 from neurosnap.system.distribution import version
-from neurosnap.system.durable import sync_folder
+from neurosnap.system.durable import OwnFile, sync_folder
 
 _log = logging.getLogger(__name__)
 
@@ -47,6 +51,7 @@ both together stay well below what the reader takes."""
 _APART = 1 << 13  # bytes; no block of a disk has the start and what is behind it
 _PADDING = 1 << 16  # bytes; more than all channels take
 _BEFORE = 31  # bytes of a chunk before each payload
+_RECENT = 1 << 14  # messages
 _SEQUENCES = 1 << 32
 _TIMES = 1 << 64
 
@@ -77,12 +82,17 @@ class Writer:
         self.path = Path(path)
         self.sequences = RunningNumbers()
         self.foreign = 0
+        self.recent: OrderedDict[tuple[str, int], int] = OrderedDict()  # checksums
+        self._twice: set[str] = set()  # senders that are there more than once
         self._gaps = 0  # that were noted
         self._unpacked = _PADDING  # bytes of all chunks, the channels among them
         self._room = room(0)  # bytes that they may have, at least
         self._started = False
-        self._again: dict[str, str] = {}  # of the run, still to be written once more
-        self._stream = os.fdopen(_create(self.path), "wb")
+        self._facts: dict[str, str] = {}  # of the run
+        self._copied = _APART  # bytes from which on they are written once more
+        self.file = OwnFile(_create(self.path))
+        self._harm = ""
+        self._stream = io.BufferedWriter(self.file)
         self._open = True
         # The checksum of the whole data section is the only one that covers metadata,
         # attachments and message indexes.
@@ -136,7 +146,7 @@ class Writer:
         self._demand(self._open and not self._started, "must be started once")
         facts = {**_plain(metadata), "schema": str(wire.SCHEMA)}
         self._started = True
-        self._again = facts
+        self._facts = facts
         try:
             self._mcap.add_metadata(RUN, sealed_facts(RUN, facts))
             self._stream.flush()
@@ -149,7 +159,7 @@ class Writer:
         log_time: int,
         message: wire.Message | None = None,
     ) -> wire.Message | None:
-        """Write one message, unless it is foreign or came before.
+        """Write one message, unless it is foreign or its number came before.
 
         Foreign is what does not decode, came under another key than its own, carries
         a number or a time that no sender of ours sends, or is larger than 128 MiB. It
@@ -178,7 +188,11 @@ class Writer:
         # behind if a number does not fit: nothing may fail in there.
         if not 0 <= log_time < _TIMES:
             raise InvalidValueError("log_time", "must be in [0, 2^64)", log_time)
-        if self.sequences.receive(message.sender, sequence):
+        number, checksum = (message.sender, sequence), zlib.crc32(payload)
+        if self.sequences.receive(*number):
+            self.recent[number] = checksum
+            if len(self.recent) > _RECENT:
+                self.recent.popitem(last=False)
             channel = self._channels[wire.topic(key)]
             self._unpacked += _BEFORE + len(payload)
             try:
@@ -187,6 +201,12 @@ class Writer:
                 self._mcap.add_message(channel, log_time, payload, sent, sequence)
             except OSError as error:
                 raise self._failed(error) from error
+        elif self.recent.get(number) != checksum and message.sender not in self._twice:
+            # Two parts speak as this one, or it came too long ago to tell.
+            self._twice.add(message.sender)
+            rule = f"must be there once, got two messages of number {sequence}"
+            _log.error("log: %s: %s", message.sender, rule)
+            self.write_gap(f"{message.sender}: {rule}")
         return message
 
     def _make_room(self) -> None:
@@ -223,7 +243,7 @@ class Writer:
         self._write_metadata(SHARE, {"first": first})
 
     def write_gap(self, why: str) -> None:
-        """Write down that messages are missing here, in what is copied.
+        """Write down that messages are missing here.
 
         Raises:
             RecordingError: The recording is not open, or cannot be written.
@@ -253,20 +273,19 @@ class Writer:
         self._demand(self._open, "must be open")
         try:
             self._mcap.flush()
-            if self.size > _APART:
+            if self.size > self._copied:
                 self._write_again()
         except OSError as error:
             raise self._failed(error) from error
 
     def _write_again(self) -> None:
-        """Write what the run is once more, unless that is done.
+        """Write what the run is once more, and again at 16 times the length.
 
-        Nothing can be derived without it, and the start of a file may be damaged.
+        Nothing can be derived without it, and any beginning of a file may be lost.
         """
-        if self._again:
-            self._mcap.add_metadata(RUN, sealed_facts(RUN, self._again))
-            self._stream.flush()
-            self._again = {}
+        self._mcap.add_metadata(RUN, sealed_facts(RUN, self._facts))
+        self._stream.flush()
+        self._copied = 16 * self.size
 
     def finish(
         self,
@@ -318,13 +337,15 @@ class Writer:
         return msgspec.structs.replace(balance, gaps=self._gaps)
 
     def save(self) -> None:
-        """Wait until the disk has all that was finished; close. On any thread.
+        """Wait until the disk has all; read that back for `harm`; close. On any thread.
 
         Raises:
             RecordingError: It cannot be written.
         """
         try:
             os.fsync(self._stream.fileno())
+            self.file.read_back(whole=True)
+            self._harm = self.harm
             self._rescue()
             with suppress(FileNotFoundError):  # then the folder was moved, or deleted
                 sync_folder(self.path.parent)
@@ -340,13 +361,21 @@ class Writer:
         return os.dup(self._stream.fileno())
 
     @property
-    def in_place(self) -> bool:
-        """Its path names it: it was not deleted, moved or replaced."""
-        try:
-            there = self.path.stat()
-        except OSError:
-            return False
-        return os.path.samestat(there, os.fstat(self._stream.fileno()))
+    def harm(self) -> str:
+        """What was done to the file by others, or by its disk; empty: nothing."""
+        if self._stream.closed:
+            return self._harm
+        is_there = False
+        with suppress(OSError):
+            is_there = os.path.samestat(self.path.stat(), os.fstat(self.file.fileno()))
+        if not is_there:
+            return "deleted, moved or replaced"
+        if self.file.is_as_written():
+            return ""
+        if not self._harm:
+            self._copied = 0  # its start, which says what the run is, may be lost
+            self._harm = "cut short, appended to or written over"
+        return self._harm
 
     def abandon(self) -> None:
         """Close without totals and index; do nothing if closed already.
@@ -369,18 +398,31 @@ class Writer:
         """Copy what was written if the file was deleted meanwhile.
 
         The system keeps what a program has open, whatever becomes of its name, and
-        drops it with the last name once it is closed. So a deleted file can be copied
-        until then.
+        drops it with the last name once it is closed. The copy goes where the file was,
+        or beside what is there now.
         """
-        shown = repr(str(self.path))
-        try:
-            copy = _rescued(self.path, self._stream.fileno())
-        except OSError as error:
-            got = f"{error.strerror} for {shown}"
-            _log.error("log: what was deleted must be copied, got %s", got)
+        descriptor = self._stream.fileno()
+        if os.fstat(descriptor).st_nlink:
             return
-        if copy is not None:
-            _log.error("log: %s was deleted; copied to %r", shown, str(copy))
+        stem, suffix, shown = self.path.stem, self.path.suffix, repr(str(self.path))
+        names = (self.path.with_name(f"{stem}.recovered-{n}{suffix}") for n in count(1))
+        free = next(path for path in chain([self.path], names) if not path.exists())
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            copy = os.fdopen(_create(free), "wb")
+            try:
+                with copy, Path(f"/proc/self/fd/{descriptor}").open("rb") as old:
+                    shutil.copyfileobj(old, copy, 1 << 20)
+                    copy.flush()
+                    os.fsync(copy.fileno())
+            except OSError:
+                free.unlink(missing_ok=True)
+                raise
+        except (OSError, RecordingError) as error:
+            got = f"{error} for {shown}"
+            _log.error("log: what was deleted must be copied, got %s", got)
+        else:
+            _log.error("log: %s was deleted; copied to %r", shown, str(free))
 
     def __enter__(self) -> Self:
         return self
@@ -406,38 +448,6 @@ class Writer:
             f"log: must take what is recorded, got {error.strerror}"
             f" for {str(self.path)!r}"
         )
-
-
-def _rescued(path: Path, descriptor: int) -> Path | None:
-    """Copy an open file that has no name any more.
-
-    Args:
-        path: Where it was. The copy goes there, or beside what is there now.
-        descriptor: The file's; all that was written to it is flushed.
-
-    Returns:
-        Where the copy is; None if the file has a name.
-
-    Raises:
-        OSError: It cannot be copied. There is no such copy then.
-    """
-    if os.fstat(descriptor).st_nlink:
-        return None
-    number, free = 0, path
-    while free.exists():
-        number += 1
-        free = path.with_name(f"{path.stem}.recovered-{number}{path.suffix}")
-    with Path(f"/proc/self/fd/{descriptor}").open("rb") as old:
-        new = os.open(free, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
-        try:
-            with os.fdopen(new, "wb") as copy:
-                shutil.copyfileobj(old, copy, 1 << 20)
-                copy.flush()
-                os.fsync(copy.fileno())
-        except OSError:
-            free.unlink(missing_ok=True)
-            raise
-    return free
 
 
 def _create(path: Path) -> int:

@@ -6,6 +6,7 @@ to be whole.
 """
 
 import asyncio
+import logging
 import sys
 import time
 from collections.abc import Callable, Collection, Mapping
@@ -16,7 +17,7 @@ from pathlib import Path
 import msgspec
 
 from neurosnap import wire
-from neurosnap.errors import NeurosnapError
+from neurosnap.errors import NeurosnapError, RecordingError
 from neurosnap.fabric.events import first_of
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.protocol.resume_point import ResumePoint
@@ -27,6 +28,8 @@ from neurosnap.runtime.parts.job import PartContext
 from neurosnap.runtime.recorded_source import recordable
 from neurosnap.sources.live.journal import cut, journal_of
 from neurosnap.system.distribution import version
+
+_log = logging.getLogger(__name__)
 
 _PACKAGES = ("eclipse-zenoh", "mcap", "msgspec", "numpy", "numba")
 _POLL = 0.02  # seconds messages may wait before they are written into a chunk
@@ -121,10 +124,8 @@ async def run_recorder(
 
     Returns:
         What the recording holds of what was sent; a part that never said its last word
-        lacks at least that.
-
-    Raises:
-        RecordingError: The disk does not take it; what was flushed stays readable.
+        lacks at least that. A disk that takes no more ends the run in order: what was
+        flushed stays readable, and this says that the rest is missing.
     """
     listener = _Listener(writer, parts, fabric)
     await fabric.subscribe(("**",), listener.handle, poll=_POLL)
@@ -138,10 +139,15 @@ async def run_recorder(
     try:
         await first_of(fabric.serve(listener.all_left), stop.wait())
         await first_of(fabric.serve(listener.all_left), seconds=grace)
+        return writer.finish({"ticks": str(listener.ticks)}, listener.expected())
+    except RecordingError as error:
+        _log.error("%s", error)
+        # Then the coordinator ends the run, and does not wait for the recorder.
+        fabric.publish(wire.Fault(fabric.who, str(error)), wire.Leave(fabric.who))
+        return writer.give_up(listener.expected())
     finally:
+        listener.closed = True
         flushing.cancel()
-    listener.closed = True
-    return writer.finish({"ticks": str(listener.ticks)}, listener.expected())
 
 
 async def _flush(
@@ -152,7 +158,8 @@ async def _flush(
 ) -> None:
     """Bound what a crash may cost, and a power cut if the run wants that.
 
-    What `framed` returned is safe once it was flushed, or synced if the run wants that.
+    What `framed` returned is safe once it was flushed, or synced if the run wants that,
+    and read back.
     """
     synced = time.monotonic()
     safe = syncing = told = 0  # ticks
@@ -167,7 +174,7 @@ async def _flush(
                 synced = time.monotonic()
                 if writer.sync():  # the one before is over
                     safe, syncing = syncing, frame
-            if safe > told:
+            if safe > told and writer.read_back():
                 await asyncio.to_thread(on_safe, safe)
                 told = safe
         except NeurosnapError as error:

@@ -256,7 +256,7 @@ def test_files_of_a_run_are_salvaged_into_one(
     [
         (0, "must be an MCAP recording"),
         (2, "the next file is missing"),
-        (-1, "must be an MCAP recording"),
+        (-1, "begun, nothing in it"),
     ],
 )
 def test_what_is_salvaged_without_one_of_its_files_is_not_whole(

@@ -197,6 +197,11 @@ def test_options_say_how_files_are_split_and_which_are_kept() -> None:
 # Where messages go that are late, lost or repeated ------------------------------------
 
 
+def test_what_comes_again_to_another_file_is_the_same_message(run: SplitRun) -> None:
+    heard = [*run.upto(3 * EVERY), run.messages[0], run.messages[-1]]
+    assert ended(run, heard).gaps == 0
+
+
 def test_what_is_lost_is_missing_once_and_what_comes_again_is_left_out(
     run: SplitRun,
 ) -> None:

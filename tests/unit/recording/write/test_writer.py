@@ -105,6 +105,37 @@ def test_duplicates_are_left_out_and_gaps_named(log: Path) -> None:
     assert recording.balance(recording.sequences()) == completeness
 
 
+def test_two_messages_of_one_number_are_no_duplicates(
+    log: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    same = next(delivered([EACH["pulse"]]))
+    other = same._replace(payload=wire.encode(wire.Pulse(1, 7, 4, 1, 2)))
+    with Writer(log) as writer:
+        writer.start({})
+        for one in (same, same, other, other):
+            writer.add(one, NOW)
+        completeness = writer.finish({}, {"cell/3": 1})
+    assert completeness == Completeness(1, duplicates=3, gaps=1)
+    assert not completeness.whole
+    why = "cell/3: must be there once, got two messages of number 0"
+    assert caplog.messages == [f"log: {why}"]
+    recording = Recording.open(log)
+    assert recording.damage == (f"{log}: messages are missing: {why}",)
+    assert not recording.whole
+
+
+def test_a_message_that_came_too_long_ago_to_be_known_counts_as_another(
+    log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("neurosnap.recording.write.writer._RECENT", 2)
+    deliveries = traffic(4)
+    with Writer(log) as writer:
+        writer.start({})
+        for one in (*deliveries, deliveries[3], deliveries[0]):
+            writer.add(one, NOW)
+        assert writer.finish({}, {}).gaps == 1
+
+
 @pytest.mark.parametrize(
     "foreign",
     [
