@@ -60,6 +60,30 @@ def test_over_three_hubs_the_run_comes_to_the_same(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("weather", "name", "first"),
+    [
+        (Weather(twice=1.0), "twice", 3),
+        (Weather(truncate=0.005), "truncated", 3),
+        # Some run in fifty dies when the file before it has its end.
+        (Weather(crash=0.02, begun=1.0), "begun", 25),
+    ],
+    ids=["a part joins twice", "a file is cut short", "a file has only begun"],
+)
+def test_what_befalls_a_recording_is_named(
+    weather: Weather, name: str, first: int, tmp_path: Path
+) -> None:
+    total = Tally()
+    for seed in range(first, first + cases(40)):
+        folder, chance = tmp_path / str(seed), random.Random(seed)
+        folder.mkdir()
+        options = random_options(chance, folder)
+        total.add(live_on(options, weather, chance, folder))
+    assert getattr(total, name) > 0
+    assert total.incomplete > 0 or name == "begun"
+
+
+@pytest.mark.slow
 def test_whatever_happens_what_is_grown_comes_to_the_same(tmp_path: Path) -> None:
     total = Tally()
     for seed in range(cases(4)):

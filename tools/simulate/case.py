@@ -15,9 +15,11 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.errors import SwarmError
+from neurosnap.errors import RecordingError, SwarmError
+from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording, part_paths
+from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.write.rotation import Split
 from neurosnap.runtime.parts.recorder_process import describe
 from neurosnap.runtime.restart_files import RestartFiles
@@ -73,7 +75,10 @@ def live_on(
             completeness, sent = life.live()
         except SwarmError:
             disk.decay(current)
-            _, past = lives.go_on(lives.furthest(options), past)
+            found = lives.furthest(options)
+            if not (tally.flips or tally.truncated or tally.twice or tally.deaf):
+                _check_resumed(log, options, found)
+            _, past = lives.go_on(found, past)
             tally.restarts += 1
             continue
         lives.finish()
@@ -82,16 +87,22 @@ def live_on(
         if lives.kept or lives.unread:
             tally.kept += 1
         if lives.unread:
-            if not (tally.flips or tally.powercuts):
+            if not (tally.flips or tally.powercuts or tally.truncated or tally.twice):
                 raise WrongError(f"{log}: must be read whole, not {lives.unread}")
             return tally  # some of it cannot be read, and it says so
+        vanished = completeness.vanished
         if past is not None and past.part:
             # The files of lives before it say what they lack by themselves.
             recording = Recording.open(log)
             completeness = recording.balance(recording.sequences())
+        named = bool(vanished) or not completeness.whole
+        if named and (tally.truncated or tally.twice):
+            tally.incomplete += 1
+            return tally  # it says so
         # What the disk or the network took from it, the files before may have.
-        spared = completeness.whole and not (tally.flips or tally.powercuts)
-        if lives.kept and spared:
+        harmed = tally.flips or tally.powercuts or tally.truncated
+        kept = lives.kept and not (harmed or tally.begun or tally.twice)
+        if kept and completeness.whole:
             raise WrongError(f"{log}: must hold all that is in {lives.kept}")
         check(log, options, completeness, sent)
         tally.ticks += options.ticks
@@ -99,6 +110,25 @@ def live_on(
         tally.files += len(part_paths(log))
         tally.incomplete += not completeness.whole
         return tally
+
+
+def _check_resumed(log: Path, options: RunOptions, found: ResumePoint | None) -> None:
+    """Whoever goes on with a run by hand comes as far as its supervision does.
+
+    Raises:
+        WrongError: It is not so, or nobody can look at what is recorded.
+    """
+    if found is None:
+        return
+    try:
+        _, by_hand = find_resume_point(log, options.ticks - 1)
+        Recording.open(log)
+    except RecordingError as error:
+        raise WrongError(
+            f"{log}: must go on from tick {found.tick}: {error}"
+        ) from error
+    if by_hand.tick != found.tick:
+        raise WrongError(f"{log}: must go on from {found.tick}, not {by_hand.tick}")
 
 
 def _births(log: Path) -> int:

@@ -1,11 +1,13 @@
 """The disk of a simulated swarm: which files survive a crash.
 
 A disk may be full at any write, and flip bits in what was written. A power cut may take
-all that was not synced, or leave zeros for it; a file may be taken away by somebody.
+all that was not synced, or leave zeros for it; a file may be taken away by somebody, or
+be cut short while it is written.
 What was damaged is remembered, since nobody may delete it.
 """
 
 import errno
+import os
 import random
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +16,8 @@ from neurosnap.errors import RecordingError
 from neurosnap.recording.read.file import RecordingFile
 from neurosnap.recording.read.recording import part_paths
 from tools.simulate.weather import Tally, Weather
+
+_TORN = [0, 10, 20, 2000]  # bytes; fewer than what a run says of itself
 
 
 class Disk:
@@ -38,17 +42,33 @@ class Disk:
         power = chance.random() < weather.power
         self._tally.powercuts += power
         for path in paths:
-            if RecordingFile.open(path).cut is None:
-                continue
+            try:
+                if RecordingFile.open(path).cut is None:
+                    continue
+            except RecordingError:
+                continue  # its start was cut off
             # What a run begins with may be lost. A later file begins on the disk, but
-            # for a power cut.
+            # for a power cut, and where its death came first.
             torn = [0, 20] if paths == [self._log] or power else []
             before = path.stat().st_size
             size = chance.choice([*torn, *_ends(path)])
+            if 0 < paths.index(path) == len(paths) - 1:
+                if chance.random() < weather.begun:
+                    size = chance.choice(_TORN)
+                self._tally.begun += size in _TORN
             with path.open("r+b") as file:
                 file.truncate(size)
                 if power and chance.random() < 0.5:
                     file.truncate(before)
+
+    def truncate(self, weather: Weather) -> None:
+        """Cut the last file short, maybe, while it is written."""
+        chance = self._chance
+        if chance.random() < weather.truncate:
+            self._tally.truncated += 1
+            path = [*part_paths(self._log).values()][-1]
+            size = chance.randrange(path.stat().st_size + 1)
+            os.truncate(path, chance.choice([0, size]))
 
     def decay(self, weather: Weather) -> None:
         """Flip a bit, or take a file away."""

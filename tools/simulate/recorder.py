@@ -67,6 +67,7 @@ class Recorder:
     ) -> None:
         self.failed = False
         self._disk = disk
+        self._weather = weather
         self._parts = parts
         self._left: set[str] = set()
         self._time = 0
@@ -87,6 +88,7 @@ class Recorder:
             self._time += 1
             with self._failing():
                 message = self._writer.add(delivery, self._time)
+            self._disk.truncate(self._weather)
             if isinstance(message, wire.Leave):
                 self._left.add(message.who)
 

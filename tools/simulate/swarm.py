@@ -45,6 +45,7 @@ Link = tuple[tuple[str, str], ...]
 """All pairs of parts that lose each other when it is cut: the far one is second."""
 
 _OTHER = "a hub that is not the recorder's"
+_AGAIN = "/again"
 _MOST = 200_000  # deliveries in one life; more, and it does not end
 
 
@@ -92,6 +93,7 @@ class Life:
         self._cut: list[Link] = []
         self._known_lost = 0
         self._dead: list[str] = []
+        self._twin = ""  # the part that is there twice
         self._core = coordinator_process.coordinator_for(options, past)
         chunk = chance.choice([100, 1000])
         self._recorder = Recorder(
@@ -144,10 +146,12 @@ class Life:
             source.close()
             self._recorder.close()
         # What was lost in another life stays missing, and so does what a flipped bit
-        # took of the recording that this one went on from.
-        if completeness.missing and not (self._tally.deaf or self._tally.flips):
+        # took of the recording that this one went on from, or who cut it short.
+        tally = self._tally
+        taken = tally.deaf or tally.flips or tally.truncated or tally.twice
+        if completeness.missing and not taken:
             raise WrongError(f"recording: must be whole, lacks {completeness.missing}")
-        return completeness, {who: end.sent for who, end in self._ends.items()}
+        return completeness, {who: self._ends[who].sent for who in self._parts}
 
     # Parts ---------------------------------------------------------------------------
 
@@ -166,6 +170,10 @@ class Life:
         self._listen("world", world.topics, answer)
         for number, who in enumerate(self._hosts):
             self._host(number, who)
+        if self._chance.random() < self._weather.twice:
+            self._tally.twice += 1
+            self._twin = self._chance.choice(self._hosts)
+            self._host(self._hosts.index(self._twin), f"{self._twin}{_AGAIN}")
         self._listen("coordinator", wire.COORDINATOR_KEYS, self._conduct)
         self._hub.fabric("recorder").listen(("**",), self._recorder.hear)
 
@@ -185,7 +193,8 @@ class Life:
 
     def _listen(self, who: str, topics: Sequence[str], core: Transition) -> None:
         """Publish what `core` says to each message that comes; go after a last word."""
-        first = 0 if self._past is None else self._past.counts.get(who, 0)
+        name = who.removesuffix(_AGAIN)
+        first = 0 if self._past is None else self._past.counts.get(name, 0)
         end = self._ends[who] = self._hub.fabric(who, first=first)
 
         def handle(deliveries: list[wire.Delivery]) -> None:
@@ -259,7 +268,7 @@ class Life:
             WrongError: A wave is late, and nothing was lost since all were sent again.
         """
         lost = self._hub.lost.total()
-        if self._core.in_flight and lost == self._known_lost:
+        if self._core.in_flight and lost == self._known_lost and not self._twin:
             raise WrongError(f"waves: must settle, got {self._core.in_flight} late")
         self._known_lost = lost
         for link in dict.fromkeys(self._cut):
@@ -346,7 +355,7 @@ class Life:
         It writes down what there is, unless it died itself, or the hub did: then the
         file has what was on the disk.
         """
-        for who in self._parts:
+        for who in (*self._parts, f"{self._twin}{_AGAIN}"):
             self._hub.leave(who)
         if self._recorder.failed:
             self._recorder.close()

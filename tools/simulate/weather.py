@@ -30,8 +30,14 @@ class Weather(msgspec.Struct, frozen=True, kw_only=True):
     """That a file of it is taken away, by life."""
     power: float = 0.0
     """That a death of the recorder is a power cut, by death."""
+    begun: float = 0.0
+    """That it leaves a last file of several that has only begun, by death."""
     full: float = 0.0
     """That the disk is full, by message."""
+    truncate: float = 0.0
+    """That another program cuts its file short, by message."""
+    twice: float = 0.0
+    """That a cell or worker joins twice, by life."""
 
 
 class Tally(msgspec.Struct):
@@ -64,6 +70,11 @@ class Tally(msgspec.Struct):
     vanished: int = 0
     powercuts: int = 0
     full: int = 0
+    truncated: int = 0
+    twice: int = 0
+    """Lives with a part that joined twice."""
+    begun: int = 0
+    """Deaths that left a file of several which had only begun."""
     kept: int = 0
     """Runs that had to keep a damaged file, and say so."""
     incomplete: int = 0
@@ -90,5 +101,8 @@ def random_weather(chance: random.Random) -> Weather:
         flip=chance.choice([0.0, 0.0, 0.0, 0.5]),
         vanish=chance.choice([0.0, 0.0, 0.0, 0.1]),
         power=chance.choice([0.0, 0.5]),
+        begun=chance.choice([0.0, 0.5]),
         full=chance.choice([0.0, 0.0, 0.0, 0.0005]),
+        truncate=chance.choice([0.0, 0.0, 0.0, 0.0005]),
+        twice=chance.choice([0.0, 0.0, 0.0, 0.1]),
     )
