@@ -297,6 +297,25 @@ async def test_a_second_part_of_a_name_is_told_from_the_first() -> None:
             assert ("world", False) not in seen.changes
 
 
+@pytest.mark.zenoh
+async def test_the_second_part_of_a_name_takes_the_place_of_the_first() -> None:
+    seen = Seen()
+    where = f"tcp/127.0.0.1:{free_port()}"
+    with hub_in_process(where):
+        hub = HubAddress(where)
+        async with ZenohFabric("watcher", "demo", hub) as watcher:
+            await watcher.watch(seen)
+            async with ZenohFabric("world", "demo", hub, instance="b") as second:
+                async with ZenohFabric("world", "demo", hub, instance="a") as first:
+                    await first.announce()
+                    await seen.wait(("world", True))
+                    await second.announce()
+                    await seen.wait(("world/b", True))
+                await seen.wait(("world/b", False))
+                assert ("world", False) not in seen.changes
+            await seen.wait(("world", False))
+
+
 async def test_a_part_that_returns_is_seen_again(network: Network) -> None:
     seen = Seen()
     async with network.end("watcher") as watcher:

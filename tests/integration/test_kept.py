@@ -446,6 +446,6 @@ def test_a_recording_deleted_while_it_runs_is_told_of_and_copied(
         said, errors = run.told()
     assert run.process.returncode == 3, errors
     assert said["complete"] is False
-    assert "must stay where it is while it is written" in errors
+    assert "must stay where and as it is while it is written" in errors
     observed = list(Recording.open(log).messages(("observation",)))
     assert len(observed) == said["ticks"]

@@ -125,6 +125,7 @@ def test_a_run_leaves_a_worker_to_another_host(endpoint: str, tmp_path: Path) ->
 def test_of_two_services_that_wait_with_the_same_worker_one_is_refused(
     endpoint: str, tmp_path: Path
 ) -> None:
+    """One that comes up only once the run has begun ends it instead."""
     log = tmp_path / "log.mcap"
     at = ("--connect", endpoint)
     with ExitStack() as stack:
@@ -135,7 +136,12 @@ def test_of_two_services_that_wait_with_the_same_worker_one_is_refused(
         *both, records, world = [stack.enter_context(going(*one)) for one in lines]
         for waiting in (*both, records, world):
             waiting.stderr.readline()
-        ended(stack.enter_context(going(*CONDUCT, *at, *whole)))
+        coordinator = stack.enter_context(going(*CONDUCT, *at, *whole))
+        _, why = coordinator.communicate(timeout=PATIENCE)
+        if coordinator.returncode:
+            flat = " ".join(why.split())
+            assert re.search("worker/0[^ ]*: must be there once", flat), why
+            return
         assert facts(ended(records))["complete"]
         ended(world)
         said = [service.communicate(timeout=PATIENCE)[1] for service in both]

@@ -273,15 +273,19 @@ class ZenohFabric:
     async def watch(self, handler: PresenceHandler) -> None:
         """Follow the liveliness tokens, those already there included."""
         prefix = f"{self._prefix}alive/"
-        first: dict[str, str] = {}  # the key of each part that is there, by name
+        there: dict[str, dict[str, None]] = {}  # the keys of a name, as they came
 
         def deliver(changes: list[tuple[str, bool]]) -> None:
             for key, alive in changes:
                 name = key.rpartition("/")[0]
-                is_first = first.setdefault(name, key) == key
-                if is_first and not alive:
-                    del first[name]
-                handler(name if is_first else key, alive)
+                keys = there.setdefault(name, {})
+                is_first = next(iter(keys), key) == key
+                keys[key] = None
+                if not alive:
+                    del keys[key]
+                # The second of a name takes the place of the first, once that is gone.
+                after = name if alive else next(iter(keys), name)
+                handler(after if is_first else key, alive)
 
         inbox: Inbox[tuple[str, bool]] = Inbox(self.who, deliver, self._failure.set)
         self._inboxes.append(inbox)

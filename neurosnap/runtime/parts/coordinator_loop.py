@@ -299,6 +299,8 @@ class _Presence:
     ) -> None:
         self._missing = set(parts)
         self._parts = frozenset(parts)
+        self._seconds: set[str] = set()
+        self._refused: set[str] = set()
         self._fabric = fabric
         self._shell = shell
         self._complete = asyncio.Event()
@@ -306,21 +308,28 @@ class _Presence:
     def change(self, who: str, alive: bool) -> None:
         """Note that `who` came or went."""
         name = who.rpartition("/")[0]
-        is_second = name in self._parts or name == self._fabric.who
-        if is_second and alive:
-            # Its service hears that, and ends it; the run does not begin before.
-            self._missing.add(who)
-            what = f"{who}: must be there once, is the second of its name"
-            self._fabric.publish(wire.Fault(self._fabric.who, what))
-            if self._complete.is_set() or name == self._fabric.who:
-                self._fabric.fail(PartDiedError(what))  # both may have answered
-        elif is_second or (who in self._parts and alive):
-            self._missing.discard(who)
-            if not self._missing:
-                self._complete.set()
-        elif who in self._parts:
+        if who in self._parts and not alive:
             # Its last word may be on the way still: nothing orders the two.
             asyncio.get_running_loop().call_later(_LAST_WORD, self._miss, who)
+        elif name in self._parts or name == self._fabric.who:
+            (self._seconds.add if alive else self._seconds.discard)(who)
+        self._missing.discard(who)
+        if not self._missing:  # before that the recorder hears nothing
+            self._refuse_seconds()
+
+    def _refuse_seconds(self) -> None:
+        """Name who is the second of its name: its service hears that, and ends it.
+
+        The run begins once none is there. Later, both may have answered.
+        """
+        for who in sorted(self._seconds - self._refused):
+            self._refused.add(who)
+            what = f"{who}: must be there once, is the second of its name"
+            self._fabric.publish(wire.Fault(self._fabric.who, what))
+            if self._complete.is_set() or who.startswith(f"{self._fabric.who}/"):
+                self._fabric.fail(PartDiedError(what))
+        if not self._seconds:
+            self._complete.set()
 
     def _miss(self, who: str) -> None:
         """Fail, unless `who` is gone in order or the run has ended meanwhile.
@@ -335,12 +344,12 @@ class _Presence:
 
     async def wait_complete(self, stop: asyncio.Event, patience: float) -> None:
         """Wait until all are there, or `stop`; raise naming who is not in time."""
-        if not self._missing:
+        if not (self._missing or self._seconds):
             return
         over = self._fabric.serve(self._shell.over)
         waits = over, self._complete.wait(), stop.wait()
         if not await first_of(*waits, seconds=patience):
-            late = sorted(self._missing)
+            late = sorted(self._missing or self._seconds)
             more = f" and {len(late) - 10} more" if len(late) > 10 else ""
             raise SwarmError(
                 f"swarm: every part must come up within {patience:g} s,"

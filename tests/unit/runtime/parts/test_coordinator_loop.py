@@ -175,16 +175,20 @@ async def test_a_part_that_never_comes_up_is_named() -> None:
 async def test_a_second_part_is_refused_and_the_run_begins_once_it_is_gone() -> None:
     hub, core, stop = MemoryHub(), Core(), asyncio.Event()
     faults: list[wire.Message] = []
-    asked_before: list[str] = []
+    asked_before, there = list[str](), list[str]()
 
     def hear(deliveries: list[wire.Delivery]) -> None:
         faults.extend(wire.decode(one.key, one.payload) for one in deliveries)
         asked_before.extend(core.asked)
+        assert "world" in there
         hub.leave("cell/0/b")
 
     hub.fabric("service").listen(("fault/coordinator",), hear)
-    for who in ("cell/0", "cell/0/b", "world"):
+    for who in ("cell/0", "cell/0/b"):
         hub.announce(who)
+    # Not before the recorder hears it: it would be missing.
+    asyncio.get_running_loop().call_soon(hub.announce, "world")
+    hub.watch("recorder", lambda who, _: there.append(who))
     fabric, parts = hub.fabric("coordinator"), ["cell/0", "world"]
     await conduct(core, fabric, stop, parts=parts, on_progress=lambda _: stop.set())
     assert (asked_before, core.asked) == ([], ["begin", "stop"])
