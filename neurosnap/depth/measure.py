@@ -22,6 +22,7 @@ from neurosnap.protocol.option import option
 from neurosnap.protocol.partition import shares
 from neurosnap.protocol.run_options import HostKind, WiringKind
 from neurosnap.recording.read.recording import Recording
+from neurosnap.runtime.compilation import compile_first
 from neurosnap.runtime.launch import Jobs, host_jobs, launch
 from neurosnap.runtime.request import Site, Watcher
 from neurosnap.system.durable import replace_file, replacing
@@ -126,6 +127,8 @@ async def measure(
         SwarmError: A part failed.
     """
     rows: list[Measured] = []
+    if sweep.cells == "worker":
+        await compile_first(None, stop)
     for count in sweep.sizes:
         if stop.is_set():
             break

@@ -313,9 +313,19 @@ def _result(part: RunningPart) -> bytes:
 
 
 async def run_incarnation(
-    request: RunRequest, stop: asyncio.Event, watcher: Watcher = SILENT
+    request: RunRequest,
+    stop: asyncio.Event,
+    watcher: Watcher = SILENT,
+    *,
+    inline: bool = False,
 ) -> Outcome:
     """Run a swarm once, whatever the supervision of the request says.
+
+    Args:
+        request: What is run, and where.
+        stop: Ends the run in order.
+        watcher: What is reported meanwhile.
+        inline: All parts are tasks of this process, whatever the options say.
 
     Raises:
         InvalidValueError: There are more sensors than a key-frame can hold.
@@ -324,7 +334,8 @@ async def run_incarnation(
     """
     options = request.options
     options.check_frame()
-    starter = InlineTasks() if options.cells == "inline" else request.site.starter()
+    inline |= options.cells == "inline"
+    starter = InlineTasks() if inline else request.site.starter()
     ending = await launch(_jobs(request), request.site, stop, watcher, starter)
     result = msgspec.json.decode(ending.result, type=Result)
     return Outcome(

@@ -16,7 +16,7 @@ import msgspec
 import psutil
 
 from neurosnap.errors import InvalidValueError, SwarmError
-from neurosnap.system.durable import replace_file
+from neurosnap.system.durable import is_own, replace_file
 
 _ENTRY = ".json"
 
@@ -147,9 +147,8 @@ def _own_folder() -> Path:
     folder.parent.mkdir(parents=True, exist_ok=True)
     with suppress(FileExistsError):
         folder.mkdir(mode=0o700)
-    found = folder.lstat()  # not where a link leads
-    is_own = stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid()
-    if not is_own or found.st_mode & 0o077:
+    if not (folder.is_dir() and is_own(folder, 0o077)):
+        found = folder.lstat()  # not where a link leads
         rule = "must be a folder of this user's own, closed to others (chmod 700)"
         got = f"mode {stat.S_IMODE(found.st_mode):o} of user {found.st_uid}"
         raise SwarmError(f"{folder}: {rule}, got {got}")

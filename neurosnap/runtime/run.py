@@ -34,6 +34,7 @@ from neurosnap.fabric.events import wait_any
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.recording.read.recording import part_paths
 from neurosnap.recording.replay.resume import find_resume_point
+from neurosnap.runtime.compilation import compile_first
 from neurosnap.runtime.journaled_run import run_journaled
 from neurosnap.runtime.launch import new_swarm_id, run_incarnation
 from neurosnap.runtime.recorded_source import Trust, reopened
@@ -81,6 +82,7 @@ async def run(
             return await run_incarnation(kept, stop, watcher)
         return await Lives(kept, watcher).run(stop)
 
+    await compile_first(request.options, stop)
     return await run_journaled(request, work)
 
 

@@ -1,7 +1,8 @@
 """`njit` of Numba with a cache in the user's folder.
 
 Beside the source, where Numba puts it by itself, it would outlive an uninstall, and an
-installation that the user cannot write to would have no place for it.
+installation that the user cannot write to would have no place for it. Numba unpickles
+what it finds there, so a folder that another user owns or can write to is not used.
 
 Numba looks at a function's own file to tell whether what it kept is still right. But
 the functions that it calls are compiled into it, and so are numbers that it imports. So
@@ -13,11 +14,14 @@ import functools
 import logging
 import os
 import threading
+import time
 from collections.abc import Callable, Iterator
 from hashlib import sha256
 from numbers import Number
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, ParamSpec, TypeVar, cast
+
+from neurosnap.system.durable import is_own
 
 if TYPE_CHECKING:
     from types import FunctionType
@@ -25,8 +29,11 @@ if TYPE_CHECKING:
 P = ParamSpec("P")
 R = TypeVar("R")
 
+_EVERY = 10.0  # seconds between two lines of progress
+
 _logger = logging.getLogger(__name__)
 _lock = threading.RLock()
+_kernels: "list[_Kernel[Any, Any]]" = []
 
 
 def njit(*, nogil: bool = False) -> Callable[[Callable[P, R]], Callable[P, R]]:
@@ -54,6 +61,7 @@ class _Kernel(Generic[P, R]):
         self.function = function
         self._nogil = nogil
         self._dispatcher: Callable[P, R] | None = None
+        _kernels.append(self)
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
         return self.dispatcher()(*args, **kwargs)
@@ -64,12 +72,11 @@ class _Kernel(Generic[P, R]):
             if self._dispatcher is None:
                 numba = _numba()
                 before = numba.config.CACHE_DIR
+                folder = _folder_of(self)
                 # Not for others in this process: only while Numba chooses the place.
-                if folder := before or _folder():
-                    made_of = sha256(b"".join(_made_of(self, set())))
-                    numba.config.CACHE_DIR = f"{folder}/{made_of.hexdigest()[:16]}"
+                numba.config.CACHE_DIR = folder
                 try:
-                    make = numba.njit(cache=True, nogil=self._nogil)
+                    make = numba.njit(cache=bool(folder), nogil=self._nogil)
                     self._dispatcher = made = make(self.function)
                 finally:
                     numba.config.CACHE_DIR = before
@@ -78,6 +85,10 @@ class _Kernel(Generic[P, R]):
                 direct = {"__call__": staticmethod(made)}
                 self.__class__ = type(type(self).__name__, (_Kernel,), direct)
             return self._dispatcher
+
+    def has_made(self, dispatcher: object) -> bool:
+        """Return whether this is what Numba made of the function."""
+        return self._dispatcher is dispatcher
 
 
 def _made_of(kernel: "_Kernel[Any, Any]", seen: set[object]) -> Iterator[bytes]:
@@ -106,8 +117,9 @@ def _read(path: str) -> bytes:
 
 @functools.cache
 def _numba() -> Any:  # noqa: ANN401 - it has no types
-    """Import Numba, and let its functions call ours."""
+    """Import Numba, let its functions call ours, and say when it compiles ours."""
     import numba
+    from numba.core import event
     from numba.extending import typeof_impl
 
     @typeof_impl.register(_Kernel)
@@ -115,24 +127,75 @@ def _numba() -> Any:  # noqa: ANN401 - it has no types
         made: Any = kernel.dispatcher()
         return numba.types.Dispatcher(made)
 
+    count, next_line = 0, 0.0
+
+    def on_event(about: Any) -> None:  # noqa: ANN401
+        nonlocal count, next_line
+        if not any(one.has_made(about.data["dispatcher"]) for one in _kernels):
+            return  # a function of the program that uses us
+        if about.is_start and not next_line:
+            once = ", once" if cache_folder() else ""
+            _logger.warning("compiling for this machine%s: about 20 s", once)
+            next_line = time.monotonic() + _EVERY
+        elif about.is_end:
+            count += 1
+            if time.monotonic() >= next_line:
+                _logger.warning("compiled %d of up to %d", count, len(_kernels))
+                next_line = time.monotonic() + _EVERY
+
+    class Saying(event.Listener):
+        on_start = on_end = staticmethod(on_event)
+
+    event.register("numba:compile", Saying())  # type: ignore[no-untyped-call]
     return numba
 
 
-def _folder() -> str:
-    """Return where compiled code is kept, made if need be; nothing: where Numba likes.
+def _folder_of(kernel: _Kernel[Any, Any]) -> str:
+    """Return where a compiled function is kept; nothing: nowhere.
 
-    The process that makes the folder says that it will take a while.
+    A folder that was open to others once may hold what they put there.
     """
-    cache = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
-    folder = Path(os.path.expanduser(cache)) / "neurosnap"  # noqa: PTH111 - may fail
-    if not folder.is_absolute():
+    if (cache := cache_folder()) is None:
         return ""
-    try:
-        folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        folder.mkdir(mode=0o700)
-    except FileExistsError:
+    made_of = sha256(b"".join(_made_of(kernel, set())))
+    folder = cache / made_of.hexdigest()[:16]
+    closed = is_own(cache, 0o077)
+    there = [folder, *folder.rglob("*")] if folder.exists() else []
+    if all(is_own(path, 0 if closed else 0o022) for path in there):
         return str(folder)
+    _say_untrusted(folder)
+    return ""
+
+
+@functools.cache
+def cache_folder() -> Path | None:
+    """Return where compiled code is kept, made if need be; None: nowhere."""
+    base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    chosen = os.environ.get("NUMBA_CACHE_DIR") or f"{base}/neurosnap"
+    folder = Path(os.path.expanduser(chosen))  # noqa: PTH111 - may fail
+    try:
+        if folder.is_absolute():
+            folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            folder.mkdir(mode=0o700, exist_ok=True)
+            if is_own(folder, 0o022):
+                return folder
     except OSError:
-        return ""
-    _logger.warning("first start: compiling for this machine, about 20 s, once")
-    return str(folder)
+        pass
+    _say_untrusted(folder)
+    return None
+
+
+def _say_untrusted(folder: Path) -> None:
+    """Say that nothing is kept: once, and not in each process that this one starts."""
+    from multiprocessing import parent_process
+
+    if parent_process() is None:
+        _once(
+            f"{folder}: must be a folder that this user owns and no other can write to"
+            " (chmod -R go-w, or set XDG_CACHE_HOME): each start compiles anew"
+        )
+
+
+@functools.cache
+def _once(text: str) -> None:
+    _logger.warning("%s", text)

@@ -1,4 +1,6 @@
-"""Files that survive a crash and a power cut: synced, and replaced whole or not at all.
+"""Files that survive a crash and a power cut, and files that are this user's alone.
+
+They are synced, and replaced whole or not at all.
 
 A program's writes go to the system's memory first; `fsync` waits until the disk has
 them. A new or renamed file needs its folder synced, too, or its name may be gone. After
@@ -9,6 +11,7 @@ one proves nothing: give up the file.
 import errno
 import io
 import os
+import stat
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -23,6 +26,22 @@ if TYPE_CHECKING:
 _BLOCK = 1 << 20
 _NO_FOLDERS = frozenset({errno.EINVAL, errno.ENOTSUP})
 """Said of folders by file systems that write names down at once."""
+
+
+def is_own(path: Path, denied: int) -> bool:
+    """Return whether a file or folder is this user's, and no link.
+
+    Args:
+        path: What must be there.
+        denied: Permissions that it must not give, such as 0o022: others may not write.
+
+    Raises:
+        OSError: It cannot be looked at.
+    """
+    found = path.lstat()
+    mode = found.st_mode
+    own = found.st_uid == os.getuid() and not stat.S_ISLNK(mode)
+    return own and not mode & denied
 
 
 def sync_file(path: Path) -> None:

@@ -249,7 +249,8 @@ def cells(
 
     with errors():
         numbers = remote_parts.parse_ranges("cells", ranges)
-        served = _serve(context, f"cells {ranges}", swarm, remote_parts.cells(numbers))
+        chosen = remote_parts.cells(numbers)
+        served = _serve(context, f"cells {ranges}", swarm, chosen, compiles=True)
         facts = {"cells": numbers, "served": _names(served)}
         print_facts(form, {"swarm": swarm, **facts})
 
@@ -306,9 +307,18 @@ def coordinator(
 
 
 def _serve(
-    context: typer.Context, what: str, swarm: str, choose: "ChooseParts"
+    context: typer.Context,
+    what: str,
+    swarm: str,
+    choose: "ChooseParts",
+    *,
+    compiles: bool = False,
 ) -> "list[Served]":
-    """Serve until it is over; return the swarms served."""
+    """Serve until it is over; return the swarms served.
+
+    What workers need is compiled before a coordinator may be there that waits for them.
+    """
+    from neurosnap.runtime.compilation import compile_first
     from neurosnap.runtime.service import serve
 
     given = context.params
@@ -323,6 +333,8 @@ def _serve(
 
     async def work(stop: asyncio.Event) -> None:
         warn(f"{what} for swarm {swarm}")
+        if compiles:
+            await compile_first(None, stop)
         await serve(
             choose,
             network,

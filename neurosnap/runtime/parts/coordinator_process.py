@@ -20,6 +20,7 @@ from neurosnap.runtime.parts.coordinator_loop import Deadlines, run_coordinator
 from neurosnap.runtime.parts.job import PartContext, take_part
 from neurosnap.runtime.recorded_source import recordable
 from neurosnap.sources.open import is_live
+from neurosnap.system.compiled import cache_folder
 
 _SHOWN = 8  # names in an error
 _LEFTOVER = 15.0  # seconds those of an earlier swarm may take to go
@@ -126,7 +127,9 @@ class CoordinatorJob(msgspec.Struct, frozen=True):
         core = coordinator_for(options, description.past)
         patience = self.patience
         if patience is None:
-            patience = 60.0 + 0.05 * len(self.parts)
+            # Without a folder for compiled code, each part compiles while it comes up.
+            patience = 60.0 if cache_folder() else 600.0
+            patience += 0.05 * len(self.parts)
         swarm = part.connection.swarm
         async with part.connection.fabric(swift=True) as fabric:
             await _wait_alone(fabric, swarm, description.vacant, part.stop)

@@ -44,6 +44,9 @@ WAITING = 1 << 16
 ROOM = 1024
 """Readings that wait when a feeder that can hold its writer back does so."""
 
+SLOW = 30
+"""Ticks in a row that are due before they are asked for, when the run is too slow."""
+
 _logger = logging.getLogger(__name__)
 
 _LONGEST = 86_400.0  # seconds to wait before looking again; a wait cannot be any number
@@ -134,6 +137,8 @@ class LiveSource:
         self._deaf = None if journal is None else journal.deaf  # since when, and why
         self._listening = False
         self._heard = False  # a feeder that says when it listens has done so
+        self._late = self._behind = 0  # ticks in a row that were; what waited at first
+        self._slow = False  # it was said
 
     def first(self) -> Observed | None:
         """Start the feeder, unless it is on its way, and wait for the first tick.
@@ -519,9 +524,10 @@ class LiveSource:
 
     def _next(self) -> Observed | None:
         """Wait for what is to be shown next; None if nothing is any more."""
-        turn = self._turn
+        turn, late = self._turn, True
         while not self._closed and turn == self._turn:
             if self._waiting:
+                self._note_pace(late)
                 return self._waiting.popleft().observed(len(self.sensors))
             if self._error is not None:
                 raise self._error
@@ -529,11 +535,31 @@ class LiveSource:
             seen = self._latest.observation(now)
             patience = self._patience(seen, now)
             if patience == 0:
+                self._note_pace(late)
                 return self._row(*seen)
             if self._ended:
                 return None
+            late = False
             self._wait(now, patience)
         return None
+
+    def _note_pace(self, late: bool) -> None:
+        """Say once if the run cannot keep up, and not if it makes up for a restart.
+
+        Args:
+            late: A tick was due before it was asked for.
+        """
+        self._late = self._late + 1 if late and not self._ended else 0
+        if self._late <= 1:
+            self._behind = len(self._waiting)
+        elif self._late > SLOW:
+            self._late = 0
+            if len(self._waiting) >= self._behind and not self._slow:
+                self._slow = True
+                _logger.warning(
+                    "source: readings come faster than this run makes ticks (run it"
+                    " with --cells inline, or with a longer interval or min_interval)"
+                )
 
     def _wait(self, now: float, patience: float | None) -> None:
         """Wait until what is known may change, `patience` seconds at most."""

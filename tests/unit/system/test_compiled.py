@@ -1,11 +1,15 @@
-"""Compiled code is cached in the user's folder, with a notice on the first start."""
+"""Compiled code is kept in a folder of the user's own, and a first start is told of."""
 
 import os
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
+from hashlib import sha256
 from pathlib import Path
 
 import pytest
+
+from neurosnap.system import compiled as compiled_code
 
 SOURCE = """
 from neurosnap.system.compiled import njit
@@ -60,18 +64,77 @@ def test_the_first_start_says_that_it_compiles(tmp_path: Path, program: Path) ->
 @pytest.mark.exhaustive
 def test_a_folder_for_numba_comes_first(tmp_path: Path, program: Path) -> None:
     chosen, cache = tmp_path / "chosen", tmp_path / "cache"
-    said = start(program, XDG_CACHE_HOME=str(cache), NUMBA_CACHE_DIR=str(chosen))
-    assert said == ""
+    start(program, XDG_CACHE_HOME=str(cache), NUMBA_CACHE_DIR=str(chosen))
     assert compiled(chosen)
     assert not cache.exists()
 
 
 @pytest.mark.slow
 @pytest.mark.exhaustive
-def test_without_a_cache_folder_numba_chooses(tmp_path: Path, program: Path) -> None:
+def test_without_a_cache_folder_nothing_is_kept(tmp_path: Path, program: Path) -> None:
     (tmp_path / "cache").write_text("a file")
-    assert start(program, XDG_CACHE_HOME=str(tmp_path / "cache")) == ""
-    assert compiled(program.parent)
+    said = start(program, XDG_CACHE_HOME=str(tmp_path / "cache"))
+    assert "each start compiles anew" in said
+    assert "compiling for this machine: about" in said
+    assert not compiled(tmp_path)
+
+
+@pytest.fixture
+def kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> Iterator[Callable[[], list[bool]]]:
+    """Return what tells whether the cache is used, and whether a function's part is."""
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    kernel = compiled_code._Kernel(len, nogil=False)
+    compiled_code._kernels.remove(kernel)
+    monkeypatch.setattr(compiled_code, "_made_of", lambda *_: [b"its source"])
+
+    def look() -> list[bool]:
+        for function in (compiled_code.cache_folder, compiled_code._once):
+            function.cache_clear()
+        caplog.clear()
+        return [
+            compiled_code.cache_folder() is not None,
+            compiled_code._folder_of(kernel) != "",
+        ]
+
+    yield look
+    compiled_code.cache_folder.cache_clear()
+
+
+def test_a_cache_is_used_only_where_no_other_user_can_write(
+    tmp_path: Path,
+    kept: Callable[[], list[bool]],
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    assert kept() == [True, True]
+    cache = tmp_path / "neurosnap"
+    inside = cache / sha256(b"its source").hexdigest()[:16]
+    inside.mkdir(mode=0o775)
+    inside.chmod(0o775)
+    assert kept() == [True, True]  # nobody else gets into the folder around it
+    cache.chmod(0o755)
+    assert kept() == [True, False]
+    assert [record.message for record in caplog.records] == [
+        f"{inside}: must be a folder that this user owns and no other can write to"
+        " (chmod -R go-w, or set XDG_CACHE_HOME): each start compiles anew"
+    ]
+    cache.chmod(0o777)
+    assert kept() == [False, False]
+    assert caplog.text.count("each start compiles anew") == 1
+    cache.chmod(0o700)
+    monkeypatch.setattr(os, "getuid", lambda: cache.stat().st_uid + 1)
+    assert kept() == [False, False]
+
+
+def test_a_cache_that_is_a_link_is_not_used(
+    tmp_path: Path, kept: Callable[[], list[bool]]
+) -> None:
+    (tmp_path / "elsewhere").mkdir(mode=0o700)
+    (tmp_path / "neurosnap").symlink_to(tmp_path / "elsewhere")
+    assert kept() == [False, False]
 
 
 @pytest.mark.slow
@@ -96,8 +159,9 @@ def test_what_is_called_and_what_is_counted_with_may_change(tmp_path: Path) -> N
     for start_at, step in ((10, 1), (10, 5), (20, 5), (10, 1)):
         numbers.write_text(f"START = {start_at}\n")
         helper.write_text(form.format(step))
-        found.append(start(program, **cache))
-    assert found == ["13\n", "21\n", "31\n", "13\n"]
+        found.append(start(program, **cache).splitlines())
+    told = ["compiling for this machine, once: about 20 s"]
+    assert found == [["13", *told], ["21", *told], ["31", *told], ["13"]]
 
 
 @pytest.mark.slow
@@ -113,4 +177,4 @@ def test_a_compiler_that_is_not_needed_is_not_loaded(tmp_path: Path) -> None:
     )
     (tmp_path / "neurosnap").mkdir()
     said = start(path, XDG_CACHE_HOME=str(tmp_path))
-    assert said == "False 5 True\n"
+    assert said.startswith("False 5 True\n")

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from neurosnap.errors import FabricError
 from neurosnap.sources.live.latest_readings import TOLERANCE, LatestReadings
-from neurosnap.sources.live.live_source import ROOM, ClockMapping, LiveSource
+from neurosnap.sources.live.live_source import ROOM, SLOW, ClockMapping, LiveSource
 from neurosnap.sources.live.tick_schedule import Clocked, OnChange, TickSchedule
 from neurosnap.sources.protocol import Observed
 from tests.support.fake_time import FakeTime, Told, timed
@@ -187,6 +187,32 @@ def test_what_was_lost_is_told_of_once_and_only_if_there_is_any(
     ]
     caplog.clear()
     source_of(FakeTime(), OnChange()).close()
+    assert caplog.messages == []
+
+
+@pytest.mark.parametrize(("busy", "told"), [(0.5, 0), (1.5, 1)])
+def test_a_run_that_cannot_keep_up_is_told_so_once(
+    busy: float, told: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    time = FakeTime()
+    source = source_of(time, Clocked(1.0))
+    source.receive({"door": True})
+    source.first()
+    for _ in range(3 * SLOW):
+        time.pass_until(time.now + busy)
+        source.step(-1)
+    assert sum("--cells inline" in line for line in caplog.messages) == told
+
+
+def test_a_run_that_makes_up_for_a_restart_keeps_up(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    source = source_of(FakeTime(), OnChange())
+    for number in range(3 * SLOW):
+        source.receive_whole([number % 2 == 0, True])
+    source.first()
+    for _ in range(3 * SLOW - 1):
+        source.step(-1)
     assert caplog.messages == []
 
 

@@ -1,0 +1,133 @@
+"""What a run needs is compiled before its parts start, by one process, once."""
+
+import asyncio
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, Self
+
+import pytest
+
+from neurosnap.errors import NothingBegunError
+from neurosnap.runtime import compilation, run
+from neurosnap.runtime.request import RunRequest
+from tests.support.restart_runs import options_of
+
+
+class Compiler:
+    """A supervisor whose only part ends when it is let."""
+
+    def __init__(self) -> None:
+        self.started: list[str] = []
+        self.begun, self.ended = asyncio.Event(), asyncio.Event()
+
+    def __call__(self) -> Self:
+        return self
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        pass
+
+    async def start(self, job: object, connection: Any) -> object:
+        self.started.append(connection.who)
+        self.begun.set()
+        return SimpleNamespace(ended=self.ended)
+
+    async def wait(self, *events: asyncio.Event) -> None:
+        waits = [asyncio.create_task(event.wait()) for event in events]
+        await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
+        for each in waits:
+            each.cancel()
+
+
+@pytest.fixture
+async def compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Compiler:
+    compiler = Compiler()
+    monkeypatch.setattr(compilation, "Supervisor", compiler)
+    monkeypatch.setattr(compilation, "cache_folder", lambda: tmp_path)
+    return compiler
+
+
+async def test_no_part_starts_before_all_is_compiled_and_it_is_compiled_once(
+    compiler: Compiler, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun = []
+
+    async def begin(*_: object) -> str:
+        begun.append(list(compiler.started))
+        return "done"
+
+    monkeypatch.setattr(run, "run_journaled", begin)
+    running = asyncio.create_task(run.run(RunRequest(options_of(3)), asyncio.Event()))
+    await compiler.begun.wait()
+    assert not begun
+    compiler.ended.set()
+    assert await running == await run.run(RunRequest(options_of(3)), asyncio.Event())
+    assert begun == [["compiler"], ["compiler"]]
+
+
+async def test_a_stop_request_ends_it_and_the_next_run_compiles(
+    compiler: Compiler,
+) -> None:
+    stop = asyncio.Event()
+    stop.set()
+    for _ in range(2):
+        with pytest.raises(NothingBegunError):
+            await compilation.compile_first(options_of(3), stop)
+    assert compiler.started == ["compiler", "compiler"]
+
+
+REHEARSED = """
+import asyncio
+import sys
+from neurosnap.runtime.compilation import CompileJob
+from neurosnap.runtime.launch import run_incarnation
+from neurosnap.runtime.parts.job import PartContext, Reporter
+from neurosnap.runtime.request import RunRequest
+from neurosnap.system import compiled
+from tests.support.run_options import options_for
+
+class Line:
+    def send_bytes(self, said):
+        pass
+
+def signatures():
+    made = [one for one in compiled._kernels if one._dispatcher is not None]
+    return {(one.__name__, str(key)) for one in made for key in one._dispatcher.overloads}
+
+given = dict(pair.split("=") for pair in sys.argv[1:])
+options = options_for("neurosnap/Path-v0", 1, {"places": 6}, ticks=60, **given)
+part = PartContext(None, asyncio.Event(), Reporter("compiler", Line()))
+asyncio.run(CompileJob(options).run(part))
+before = signatures()
+assert before
+asyncio.run(run_incarnation(RunRequest(options), asyncio.Event(), inline=True))
+assert signatures() == before, signatures() - before
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "given",
+    [
+        pytest.param(["cells=worker"], id="workers"),
+        pytest.param(["cells=process"], id="cells", marks=pytest.mark.exhaustive),
+        pytest.param(
+            ["cells=worker", "learning=spread"],
+            id="spread",
+            marks=pytest.mark.exhaustive,
+        ),
+        pytest.param(
+            ["cells=inline", "snapshot=discounted"],
+            id="discounted",
+            marks=pytest.mark.exhaustive,
+        ),
+    ],
+)
+def test_a_run_needs_nothing_that_was_not_compiled_before(given: list[str]) -> None:
+    program = [sys.executable, "-c", REHEARSED, *given]
+    done = subprocess.run(program, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
