@@ -28,6 +28,8 @@ FENCED = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 BELOW = re.compile(r"\n\n```text\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 INLINE = re.compile(r"(?<!`)`([^`]+)`(?!`)")
 ASSIGNED = re.compile(r"([A-Z]+)=(\S+)")
+OF_A_CHECKOUT = re.compile(r"^(from|import) (world|examples|tools|tests)\b", re.MULTILINE)
+"""Imports of what no wheel has, or has by another name."""
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
 
 
@@ -203,9 +205,11 @@ def run_program(step: str, folder: Path) -> tuple[int, str, str]:
 def run_loaded(step: str, folder: Path) -> tuple[int, str, str]:
     """Run a verb or a program in a process that has all loaded that it imports.
 
-    See `tests.support.commands`.
+    See `tests.support.commands`. A program finds the modules in examples/, as pages say.
     """
-    arguments = ["-c", step] if "\n" in step else shlex.split(step)[1:]
+    assert not OF_A_CHECKOUT.search(step), "must run where a wheel is installed, too"
+    program = f"import sys; sys.path.insert(0, 'examples')\n{step}"
+    arguments = ["-c", program] if "\n" in step else shlex.split(step)[1:]
     with Command(*arguments, folder=folder) as command:
         output, errors = command.communicate(PATIENCE)
         return command.wait(PATIENCE), output, errors
@@ -273,6 +277,12 @@ def test_what_a_page_names_exists(page: Path) -> None:
         target = page.parent / name if name else page
         assert target.is_file(), link
         assert not anchor or anchor in anchors(target), link
+
+
+@pytest.mark.parametrize("page", LINKED, ids=name_of)
+def test_no_page_installs_from_pypi_which_has_another_project(page: Path) -> None:
+    named = re.findall(r"pip install '?(neurosnap[\w-]*(?!.*whl).*)", page.read_text())
+    assert named == []
 
 
 def anchors(page: Path) -> set[str]:
