@@ -5,7 +5,7 @@ rule and what was given. Each error also inherits the built-in it refines, so ca
 may catch either.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -31,6 +31,30 @@ class InvalidValueError(NeurosnapError, ValueError):
         self.name = name
         self.rule = rule
         self.value = value
+
+
+def similar(given: object, known: Iterable[str]) -> str:
+    """Return a question after what was meant, for the end of a rule; or nothing.
+
+    Examples:
+        >>> similar("planer", ["walker", "planner"]), similar("x", ["walker"])
+        (' (did you mean planner?)', '')
+    """
+    import difflib  # 5 ms
+
+    found = difflib.get_close_matches(str(given), known)
+    return f" (did you mean {either(found)}?)" if found else ""
+
+
+def either(words: Iterable[str]) -> str:
+    """Return a choice in words.
+
+    Examples:
+        >>> either(["a", "b", "c"])
+        'a, b or c'
+    """
+    *most, last = words
+    return f"{', '.join(most)} or {last}" if most else last
 
 
 class ShapeError(InvalidValueError):

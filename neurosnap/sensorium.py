@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from neurosnap.errors import InvalidValueError, ShapeError, UnknownSensorError
+from neurosnap.errors import InvalidValueError, ShapeError, UnknownSensorError, similar
 
 # Line and paragraph separators break a line like control characters do; surrogates
 # cannot be written to a file.
@@ -101,7 +101,8 @@ class Sensorium:
             sensor = self._index.get(name[:-1] if starred else name)
             if sensor is not None:
                 return 2 * sensor + starred
-        raise UnknownSensorError("literal", "must name a sensor that exists", name)
+        rule = f"must name a sensor that exists{similar(name, self._names)}"
+        raise UnknownSensorError("literal", rule, name)
 
     def name(self, literal: int) -> str:
         """Return the name of `literal`, with a ``*`` at its end for a complement.

@@ -28,7 +28,9 @@ FENCED = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 BELOW = re.compile(r"\n\n```text\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 INLINE = re.compile(r"(?<!`)`([^`]+)`(?!`)")
 ASSIGNED = re.compile(r"([A-Z]+)=(\S+)")
-OF_A_CHECKOUT = re.compile(r"^(from|import) (world|examples|tools|tests)\b", re.MULTILINE)
+OF_A_CHECKOUT = re.compile(
+    r"^(from|import) (world|examples|tools|tests)\b", re.MULTILINE
+)
 """Imports of what no wheel has, or has by another name."""
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
 
@@ -205,7 +207,7 @@ def run_program(step: str, folder: Path) -> tuple[int, str, str]:
 def run_loaded(step: str, folder: Path) -> tuple[int, str, str]:
     """Run a verb or a program in a process that has all loaded that it imports.
 
-    See `tests.support.commands`. A program finds the modules in examples/, as pages say.
+    See `tests.support.commands`. A program finds what is in examples/.
     """
     assert not OF_A_CHECKOUT.search(step), "must run where a wheel is installed, too"
     program = f"import sys; sys.path.insert(0, 'examples')\n{step}"

@@ -23,7 +23,7 @@ import typer
 
 from neurosnap import wire
 from neurosnap.apps.cli import app
-from neurosnap.apps.config.validate import either
+from neurosnap.errors import either
 from neurosnap.recording.format import schemas
 from tools.json_schema import schema, texts_below
 

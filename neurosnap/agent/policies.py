@@ -13,7 +13,7 @@ References:
 """
 
 from collections.abc import Iterable
-from typing import TypedDict, Unpack
+from typing import TypedDict, Unpack, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,7 @@ from neurosnap.agent.policy import (
     checked_share,
     pick,
 )
-from neurosnap.errors import InvalidValueError
+from neurosnap.errors import InvalidValueError, either, similar
 
 
 class Walker:
@@ -157,6 +157,9 @@ def new_policy(
     Raises:
         InvalidValueError: What is given does not go with the kind, or the body with it.
     """
+    if kind not in (kinds := get_args(AgentKind)):
+        rule = f"must be {either(kinds)}{similar(kind, kinds)}"
+        raise InvalidValueError("kind", rule, kind)
     target, explore = tuple(aims.get("target", ())), aims.get("explore", EXPLORE)
     if kind != "planner" and target:
         # An excited agent's is a place, and its world's to know.

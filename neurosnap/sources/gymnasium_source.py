@@ -1,6 +1,5 @@
 """A Gymnasium environment as a source of observations."""
 
-import difflib
 import importlib
 import logging
 import os
@@ -13,7 +12,7 @@ import gymnasium
 from numpy.typing import ArrayLike
 
 from neurosnap.agent.environment import Continuing, describe
-from neurosnap.errors import InvalidValueError, within
+from neurosnap.errors import InvalidValueError, similar, within
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.protocol import Argument, Observed
 
@@ -183,10 +182,9 @@ def _unknown(name: str, identifier: str) -> InvalidValueError:
     ours = sorted(
         known for known in gymnasium.registry if known.startswith("neurosnap/")
     )
-    likely = difflib.get_close_matches(identifier, ours) or ours
     rule = "must be a registered environment id or a CSV file"
     if os.path.isdir(name):  # noqa: PTH112 - the path's own raises for a long name
         rule = f"{rule}, not a folder"
-    elif likely:
-        rule = f"{rule} (did you mean {' or '.join(likely)}?)"
+    else:
+        rule += similar(identifier, ours) or f" (such as {', '.join(ours)})"
     return InvalidValueError("source", rule, name)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from neurosnap.errors import InvalidValueError
+from neurosnap.errors import InvalidValueError, similar
 
 ON = ("on", "true", "1", "yes", "open", "opened", "detected", "home", "online")
 OFF = ("off", "false", "0", "no", "closed", "clear", "not_home", "offline")
@@ -150,13 +150,13 @@ class Wanted:
         Raises:
             InvalidValueError: There is no such sensor.
         """
-        for pattern in self.patterns:
-            if not any(fnmatch.fnmatchcase(name, pattern) for name in names):
-                raise InvalidValueError(where, "must have this sensor", pattern)
-        for comparison in self.comparisons:
-            if comparison.source not in names:
-                rule = "must have this sensor"
-                raise InvalidValueError(where, rule, comparison.source)
+        missing = [
+            pattern for pattern in self.patterns if not fnmatch.filter(names, pattern)
+        ]
+        missing += {one.source for one in self.comparisons}.difference(names)
+        if missing:
+            rule = f"must have this sensor{similar(missing[0], names)}"
+            raise InvalidValueError(where, rule, missing[0])
 
 
 class Reader:

@@ -81,6 +81,11 @@ def test_an_unknown_name_is_refused(name: str) -> None:
         DOORS.literal(name)
 
 
+def test_a_name_that_is_nearly_right_is_asked_after() -> None:
+    with pytest.raises(UnknownSensorError, match=r"\(did you mean door\?\), got 'dor"):
+        DOORS.literal("dor*")
+
+
 @pytest.mark.parametrize("literal", [-1, 4, 1.0, "door"])
 def test_an_unknown_literal_is_refused(literal: int) -> None:
     with pytest.raises(UnknownSensorError, match=r"^literal: must be .* in \[0, 4\)"):

@@ -6,7 +6,6 @@ done here, value by value, and `msgspec` has the last word on every table in whi
 nothing was found: what it would refuse is never let through.
 """
 
-import difflib
 import functools
 import math
 import re
@@ -17,7 +16,7 @@ import msgspec
 from msgspec import UNSET, inspect
 
 from neurosnap.apps.config.problems import Keys, dotted
-from neurosnap.errors import InvalidValueError
+from neurosnap.errors import InvalidValueError, either, similar
 
 
 class Problem(NamedTuple):
@@ -156,12 +155,12 @@ class _Walk(NamedTuple):
 
     def _unknown(self, at: Keys, fields: Iterable[str]) -> str:
         """Return what to say of a key that does not exist."""
-        likely = difflib.get_close_matches(str(at[-1]), fields, n=1) or [
+        elsewhere = [
             dotted(keys) for keys in self.known if keys[-1] == at[-1] and keys != at
         ]
-        if likely:
-            return f"must be a known key (did you mean {either(likely)}?)"
-        return f"must be a known key: {either(fields)}"
+        asks = f" (did you mean {either(elsewhere)}?)" if elsewhere else ""
+        likely = similar(at[-1], fields) or asks or f": {either(fields)}"
+        return f"must be a known key{likely}"
 
 
 def _as_a_whole(
@@ -246,17 +245,6 @@ def name_of(kind: inspect.Type) -> str:
             return "a list"
         case _:
             return "a table"
-
-
-def either(words: Iterable[str]) -> str:
-    """Return a choice in words.
-
-    Examples:
-        >>> either(["a", "b", "c"])
-        'a, b or c'
-    """
-    *most, last = words
-    return f"{', '.join(most)} or {last}" if most else last
 
 
 def _within(kind: inspect.IntType | inspect.FloatType, value: Any) -> bool:  # noqa: ANN401

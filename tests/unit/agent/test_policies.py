@@ -53,6 +53,7 @@ def test_each_is_had_by_its_name_and_acts_at_random_as_often_as_it_is_told(
         ("walker", BODY, {"target": ["a"]}, "target: must go with a planner"),
         ("excited", BODY, {"target": ["a"]}, "target: must go with a planner"),
         ("planner", BODY, {}, "target: must name a sensation to achieve, got"),
+        ("planer", BODY, {}, "kind: must be walker, excited or planner (did you mean"),
         *(
             (kind, BODY, {"explore": "planned", **target_of(kind)}, rule)
             for kind in KINDS

@@ -54,7 +54,7 @@ NO_MODULE = "source: must have a module before its colon"
         ("neurosnap/Path-v0", -1, "seed: must be 0 or more, got -1"),
         ("neurosnap/Pth-v0", 0, f"{ANY} (did you mean neurosnap/Path-v0"),
         *(
-            (name, 0, f"{ANY} (did you mean ")
+            (name, 0, f"{ANY} (such as neurosnap/")
             for name in ("Nowhere-v0", "", "no spaces", "x" * 10_000, "data/readings")
         ),
         *(

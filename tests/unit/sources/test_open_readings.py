@@ -96,6 +96,9 @@ def test_sensors_are_chosen_and_numbers_compared(tmp_path: Path) -> None:
     assert "must have this sensor, got 'cellar'" in refused(
         tmp_path, text, Wanted(("cellar",))
     )
+    assert "must have this sensor (did you mean attic?), got 'atic'" in refused(
+        tmp_path, text, Wanted((), (parse_comparison("atic > 1"),))
+    )
     assert refused(tmp_path, text, Wanted((), (warm,))).endswith(
         f"{{}}:2: note: {RULE}, got 'x'"
     )

@@ -147,7 +147,7 @@ TOGETHER = {
     ),
     "[agent]\nkind = 'planner'": "5: agent.target: must name a sensation to achieve",
     "[agent]\nkind = 'planner'\ntarget = [\n'below_1',\n'below_9']": (
-        "9: agent.target[1]: must name a sensor that exists, got 'below_9'"
+        "9: agent.target[1]: must name a sensor that exists (did you mean"
     ),
     "[agent]\nkind = 'excited'\ntarget = 'below_1'": (
         "7: agent.target: must be the number of a place for an excited agent, got"
