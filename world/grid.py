@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from neurosnap.errors import InvalidValueError
 
 from .path_and_cycle import thresholds
-from .places import PlacesWorld, check_at_least, frozen, is_whole
+from .places import PlacesWorld, check_at_least, check_fits, frozen, is_whole
 
 _STEPS = {"up": (0, 1), "down": (0, -1), "left": (-1, 0), "right": (1, 0)}
 
@@ -67,6 +67,8 @@ class GridWorld(PlacesWorld):
         least = 2 if hole is None else 3
         check_at_least("width", least, width)
         check_at_least("height", least, height)
+        sensors = width + height
+        check_fits("width", width, sensors, 3 * sensors * width * height)
         number = np.zeros((height, width), np.intp)
         if hole == "middle":
             hole = (width // 2, height // 2)

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from .places import PlacesWorld, check_at_least, frozen
+from .places import PlacesWorld, check_at_least, check_fits, frozen
 
 
 class PathWorld(PlacesWorld):
@@ -31,6 +31,7 @@ class PathWorld(PlacesWorld):
 
     def __init__(self, places: int = 21, wait: bool = False) -> None:
         check_at_least("places", 2, places)
+        check_fits("places", places, places, 120 * places)
         super().__init__(
             sensors=tuple(f"below_{k}" for k in range(1, places)),
             actions=("forward", "back"),
@@ -69,6 +70,7 @@ class CycleWorld(PlacesWorld):
 
     def __init__(self, places: int = 20, wait: bool = False) -> None:
         check_at_least("places", 4, places)
+        check_fits("places", places, places, 3 * places**2)
         here = np.arange(places)
         clockwise = (here + 1) % places
         counter_clockwise = (here - 1) % places
@@ -117,6 +119,7 @@ class RandomFieldsWorld(PlacesWorld):
     def __init__(self, places: int = 21, sensors: int = 20, wait: bool = False) -> None:
         check_at_least("places", 2, places)
         check_at_least("sensors", 1, sensors)
+        check_fits("sensors", sensors, sensors, 3 * sensors * places)
         super().__init__(
             sensors=tuple(f"field_{i}" for i in range(sensors)),
             actions=("forward", "back"),

@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.order.fields import inclusions
 
+_MUCH = 1 << 28  # bytes that any machine has
+
 
 class PlacesWorld(gymnasium.Env[NDArray[np.int8], np.int64]):
     """A world of places; its kinds differ in what they pass here.
@@ -157,6 +159,24 @@ def check_at_least(name: str, least: int, value: object) -> None:
     if not is_whole(value) or value < least:
         rule = f"must be a whole number of at least {least}"
         raise InvalidValueError(name, rule, value)
+
+
+def check_fits(name: str, value: int, sensors: int, room: int) -> None:
+    """Refuse a world that takes more memory than there is, before any is taken.
+
+    Args:
+        name: The argument that its size comes from.
+        value: What it is.
+        sensors: How many it would have.
+        room: Bytes that it would take itself.
+
+    Raises:
+        InvalidValueError: It does not fit; the text has the figure.
+    """
+    if max(room, sensors**2) > _MUCH:
+        from neurosnap.runtime.preflight import check_world
+
+        check_world(name, value, sensors, room + 120 * sensors)
 
 
 def is_whole(value: object) -> TypeGuard[int]:

@@ -27,16 +27,17 @@ from neurosnap.apps.config.tables import (
     flattened,
 )
 from neurosnap.apps.config.validate import Problem, known_keys
-from neurosnap.apps.new_files import LOGS, free_path, new_path
+from neurosnap.apps.new_files import LOGS, free_log, new_path
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.automatic_threshold import AUTO
 from neurosnap.protocol.run_options import (
     FEW_CELLS,
+    FOREVER,
     CellKind,
     RunOptions,
 )
 from neurosnap.runtime.fit_agent import body_of, drawn_to
-from neurosnap.runtime.preflight import check_cells, check_sensors
+from neurosnap.runtime.preflight import check_cells, check_sensors, learning_pairs
 from neurosnap.runtime.remote_parts import among, parse_ranges
 from neurosnap.runtime.request import RunRequest, Site, check_swarm
 from neurosnap.sources.camera import try_camera
@@ -45,8 +46,6 @@ from neurosnap.sources.protocol import Argument
 
 _logger = logging.getLogger(__name__)
 
-FOREVER = 2**31 - 1
-"""Ticks of a run that ends when it is told to: the most a message can say."""
 _SYNC = 1.0
 """Seconds of readings from outside that a power cut may cost."""
 _ALARMS = "1/week"
@@ -195,11 +194,12 @@ def _fit(config: Config, name: str, given: dict[str, Argument]) -> _Fitted:
     arguments = settle(name, given)
     agent, seed = config.agent, config.run.seed
     target = _names(agent.target)
-    if agent.kind == "excited":
-        place = ",".join(target) if target else None
-        arguments |= drawn_to(name, seed, arguments, place)
-        target = ()
-    opened = open_source(name, seed, arguments, None, config.recording.frames > 0)
+    with learning_pairs():
+        if agent.kind == "excited":
+            place = ",".join(target) if target else None
+            arguments |= drawn_to(name, seed, arguments, place)
+            target = ()
+        opened = open_source(name, seed, arguments, None, config.recording.frames > 0)
     try:
         try_camera(opened, config.recording.frames)
     finally:
@@ -283,7 +283,7 @@ def _log(config: Config, folder: Path, source: str) -> Path | None:
     if recording.path is None:
         given = recording.folder
         return new_path(source, LOGS if given is None else folder / given)
-    return free_path(folder / recording.path)
+    return free_log(folder / recording.path)
 
 
 class _Judge:
