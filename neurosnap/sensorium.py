@@ -40,6 +40,19 @@ def visible(text: str) -> str:
     )
 
 
+ON = ("on", "true", "1", "yes", "open", "opened", "detected", "home", "online")
+OFF = ("off", "false", "0", "no", "closed", "clear", "not_home", "offline")
+UNKNOWN = ("", "none", "null", "unknown", "unavailable")
+"""Words that say that nothing is known, for every sensor; an empty payload is one."""
+
+WORDS: dict[str, bool | None] = {
+    **dict.fromkeys((*UNKNOWN, "na", "nan", "<na>", "n/a")),
+    **dict.fromkeys((*ON, "1.0"), True),
+    **dict.fromkeys((*OFF, "0.0"), False),
+}
+"""What words mean, in small letters. Pandas writes 1.0 where a column has gaps."""
+
+
 class Sensorium:
     """The names of the sensors, in order; immutable.
 

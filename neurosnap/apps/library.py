@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from neurosnap.apps.config.load import described, named_source
 from neurosnap.apps.config.prepare import prepare
 from neurosnap.apps.export.table import Cell, Table
-from neurosnap.apps.new_files import free_path, new_path
+from neurosnap.apps.new_files import free_log, new_path
 from neurosnap.depth.measure import Sweep, from_recording, measure
 from neurosnap.depth.probe import Measured
 from neurosnap.errors import InvalidValueError
@@ -174,7 +174,7 @@ class Recording:
         """
         trusted = named_source(str(source)) if source else trust_source
         request = resumed(self.path, ticks, trusted)
-        given = None if out is None else free_path(Path(out))
+        given = None if out is None else free_log(Path(out))
         log = given or new_path(request.options.source)
         return _carry_out(replace(request, log=log))
 

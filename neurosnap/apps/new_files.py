@@ -43,6 +43,17 @@ def free_path(
     return path
 
 
+def free_log(path: Path) -> Path:
+    """Return a path if a recording may be written to it.
+
+    Raises:
+        InvalidValueError: As in `free_path`, or it has another ending.
+    """
+    if free_path(path).suffix != ".mcap":
+        raise InvalidValueError("out", "must end with .mcap", str(path))
+    return path
+
+
 @contextmanager
 def placed(path: Path, *, force: bool, reads: Collection[Path]) -> Iterator[Path]:
     """Give a place to write, which becomes `path` if nothing goes wrong.

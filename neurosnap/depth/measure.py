@@ -82,8 +82,8 @@ class Sweep(msgspec.Struct, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         heights = self.heights
-        if not heights or min(heights) < 0:
-            rule = "must be one or more numbers, each at least 0"
+        if not heights or min(heights) < 0 or not any(heights):
+            rule = "must be numbers from 0 up, one of them at least 1"
             raise InvalidValueError("heights", rule, list(heights))
         if min(self.sizes) <= max(heights):
             rule = f"must be more than the largest height, {max(heights)}"

@@ -25,6 +25,8 @@ from neurosnap.wire import HISTORY, LARGEST_KEYFRAME
 SMALLEST = 1 << 16
 """Least bytes per file of a split recording: with fewer a file would hold little but
 its header."""
+FOREVER = 2**31 - 1
+"""Ticks of a run that ends when it is told to: the most a message can say."""
 SnapshotKind: TypeAlias = Literal["empirical", "discounted"]
 HostKind: TypeAlias = Literal["process", "worker"]
 LearningKind: TypeAlias = Literal["coordinator", "spread"]
@@ -88,6 +90,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
             at="run.ticks",
             default="300; of a CSV file, all; from outside, until Ctrl-C",
             ge=1,
+            le=FOREVER,
             flag="ticks",
         ),
     ] = 300

@@ -344,6 +344,7 @@ async def run_incarnation(
         completeness=ending.completeness,
         seconds=result.seconds,
         stopped=ending.stopped,
+        after=request.after,
         intake=ending.statistics,
         lost=lost_by(options.source, ending.statistics),
         health=ending.health,

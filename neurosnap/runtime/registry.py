@@ -43,8 +43,14 @@ def noted(swarm: str, source: str, endpoint: str, log: Path | None) -> Iterator[
     """Let a swarm of this process be found while the context is entered.
 
     Notes of launchers that were killed are taken away.
+
+    Raises:
+        InvalidValueError: Another one of that id runs here.
     """
-    swarms()
+    for other in swarms():
+        if other.swarm == swarm:
+            rule = f"must not be that of a run here, as of process {other.pid}"
+            raise InvalidValueError("swarm", rule, swarm)
     process = psutil.Process()
     note = Note(
         swarm=swarm,
@@ -54,7 +60,6 @@ def noted(swarm: str, source: str, endpoint: str, log: Path | None) -> Iterator[
         endpoint=endpoint,
         log="" if log is None else str(log.resolve()),
     )
-    # Nothing keeps two launchers from taking the same id, each with its hub.
     path = _own_folder() / f"{swarm}-{process.pid}{_ENTRY}"
     replace_file(path, msgspec.json.encode(note))
     try:
@@ -92,13 +97,9 @@ def find(swarm: str = "") -> Note:
     found = [note for note in there if swarm in ("", note.swarm)]
     if len(found) == 1:
         return found[0]
-    if found and swarm:
-        pids = ", ".join(str(note.pid) for note in found)
-        rule = f"must be of one launcher, is of processes {pids}"
-    else:
-        known = ", ".join(note.swarm for note in there)
-        rule = f"must be one of {known or 'none: no swarm runs here'}"
-    raise InvalidValueError("swarm", rule, swarm)
+    known = ", ".join(note.swarm for note in there)
+    rule = f"must be one of {known}" if known else "must run on this machine"
+    raise InvalidValueError("swarm", rule, swarm or ("several" if known else "none"))
 
 
 def stop(note: Note, patience: float) -> None:

@@ -250,6 +250,8 @@ class Outcome(msgspec.Struct, kw_only=True):
     """From the first decision to the last state."""
     stopped: bool
     """It was asked to stop before it was done."""
+    after: int = 0
+    """The tick that it went on from, the last time; `seconds` are those since then."""
     restarts: int = 0
     """How often it went on after a part had died."""
     kept: tuple[str, ...] = ()

@@ -14,6 +14,7 @@ begins with apostrophes and such a sign gets one more, so no name is changed on 
 """
 
 import csv
+import logging
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -23,12 +24,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError, within
-from neurosnap.sensorium import Sensorium
-from neurosnap.sources.meaning import WORDS, Reader, Wanted
+from neurosnap.sensorium import WORDS, Sensorium
+from neurosnap.sources.meaning import Reader, Wanted, is_number, refused
 
 _BITS = frozenset({"0", "1"})
 _ZERO, _ONE = ord("0"), ord("1")
 _HEADER = "must be a header of sensor names"
+_logger = logging.getLogger(__name__)
 _MARK = b"\xef\xbb\xbf"
 
 
@@ -176,6 +178,10 @@ class TableRows:
         if not names:
             raise InvalidValueError(where, _HEADER, header)
         wanted.check(names, where)
+        if aside := self._numbers():
+            text = ", ".join(file.header[place] for place in aside)
+            _logger.warning("%s: left out, numbers without --when: %s", file.path, text)
+        self._names = [named for named in self._names if named[0] not in aside]
         readers = [reader.name for _, reader in self._readers()]
         try:
             self.sensors = Sensorium(readers).names
@@ -196,6 +202,20 @@ class TableRows:
             if all_of_them and isinstance(data, bytes):
                 row = self._plain(data)
             yield row or self._row(line, self._file.cells(line, data), readers)
+
+    def _numbers(self) -> list[int]:
+        """Return the columns of numbers of which nothing was said, if of others was."""
+        if not self._wanted.comparisons or self._wanted.patterns:
+            return []
+        found, left = [], {p for p, name in self._names if self._wanted.takes(name)}
+        for line, data in self._file.lines():
+            if not left:
+                break
+            cells = self._file.cells(line, data)
+            told = {p for p in left if WORDS.get(cells[p].casefold(), True) is not None}
+            found += [p for p in told if cells[p] not in WORDS and is_number(cells[p])]
+            left -= told
+        return sorted(found)
 
     def _readers(self) -> list[tuple[int, Reader]]:
         """Return what reads which column."""
@@ -235,8 +255,8 @@ class TableRows:
             try:
                 values.append(reader.read(cell))
             except ValueError as error:
-                where = f"{self._file.path}:{line}: {self._file.header[place]}"
-                raise InvalidValueError(where, str(error), cell) from None
+                where = f"{self._file.path}:{line}"
+                raise refused(where, self._file.header[place], error, cell) from None
         time = cells[self._skipped] if self.timed and self._skipped is not None else ""
         bits = np.array([value is True for value in values], np.bool_)
         if None not in values:

@@ -12,11 +12,10 @@ from array import array
 
 import numpy as np
 
-from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.columns import GrowingColumns
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.csv_file import TableFile
-from neurosnap.sources.meaning import Reader, Wanted
+from neurosnap.sources.meaning import Reader, Wanted, refused
 from neurosnap.sources.readings import Readings, parse_time, utc
 
 _UNKNOWN = -1
@@ -44,7 +43,9 @@ class Events:
         self._who.append(self._sensors.setdefault(name, len(self._sensors)))
         self._said.append(_UNKNOWN if value is None else int(value))
 
-    def read(self, time: float, reader: Reader, text: str, where: str) -> None:
+    def read(
+        self, time: float, reader: Reader, text: str, where: str, name: str
+    ) -> None:
         """Add an event by what the data say of it.
 
         Raises:
@@ -53,7 +54,7 @@ class Events:
         try:
             self.add(time, reader.name, reader.read(text))
         except ValueError as error:
-            raise InvalidValueError(where, str(error), text) from None
+            raise refused(where, name, error, text) from None
 
     def readings(self) -> Readings:
         """Return the readings; sensors are in the order of their names.
@@ -141,6 +142,6 @@ def read_event_log(
         where = f"{file.path}:{line}"
         time = parse_time(cells[when], f"{where}: {file.header[when]}")
         for reader in readers[name]:
-            events.read(time, reader, cells[what], f"{where}: {name}")
+            events.read(time, reader, cells[what], where, name)
     wanted.check(list(readers), file.path)
     return events.readings()

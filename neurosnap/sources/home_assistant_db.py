@@ -84,7 +84,7 @@ def _read(database: sqlite3.Connection, path: str, wanted: Wanted) -> Readings:
     for number, state, time in database.execute(_STATES):
         for reader in readers.get(number, ()):
             # An entity that was removed has no state.
-            events.read(time, reader, state or "", f"{path}: {entities[number]}")
+            events.read(time, reader, state or "", path, entities[number])
     return events.readings()
 
 

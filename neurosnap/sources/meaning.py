@@ -11,19 +11,7 @@ from typing import NamedTuple
 import msgspec
 
 from neurosnap.errors import InvalidValueError, similar
-
-ON = ("on", "true", "1", "yes", "open", "opened", "detected", "home", "online")
-OFF = ("off", "false", "0", "no", "closed", "clear", "not_home", "offline")
-UNKNOWN = ("", "none", "null", "unknown", "unavailable")
-"""Words that say that nothing is known, for every sensor; an empty payload is one."""
-
-
-WORDS: dict[str, bool | None] = {
-    **dict.fromkeys((*UNKNOWN, "na", "nan", "<na>", "n/a")),
-    **dict.fromkeys((*ON, "1.0"), True),
-    **dict.fromkeys((*OFF, "0.0"), False),
-}
-"""What words mean, in small letters. Pandas writes 1.0 where a column has gaps."""
+from neurosnap.sensorium import WORDS
 
 RULE = "must be 0 or 1, false or true, off or on, or nothing for unknown"
 
@@ -217,6 +205,26 @@ class Reader:
             return RULE
         known = [word for word, on in self._words.items() if on is not None]
         return f"must be one of {', '.join(known)}"
+
+
+def refused(where: str, name: str, error: ValueError, text: str) -> InvalidValueError:
+    """Return the error of a value in data; a number is one that was not asked for.
+
+    Args:
+        where: Where the value stands.
+        name: Of its sensor.
+        error: From `Reader.read`.
+        text: The value.
+    """
+    rule = str(error)
+    if rule == RULE and is_number(text):
+        rule += f' (or learn with --when "{name} > NUMBER")'
+    return InvalidValueError(f"{where}: {name}", rule, text)
+
+
+def is_number(text: str) -> bool:
+    """Return whether a text is a number."""
+    return re.fullmatch(_NUMBER, text.strip(), re.ASCII) is not None
 
 
 def as_text(value: object) -> str:

@@ -136,7 +136,7 @@ def open_live(
             from neurosnap.sources.mqtt.mqtt_source import mqtt_source
         except ImportError as error:  # an extra
             rule = must_have(error.name or "aiomqtt", "mqtt")
-            raise InvalidValueError("source", rule, MQTT) from error
+            raise InvalidValueError("source", rule, "no such package") from error
         return mqtt_source(mqtt_options(arguments), journal=journal, most=most)
     given = _converted(arguments)
     if not given.sensors:

@@ -36,7 +36,7 @@ def test_lines_of_standard_input_are_the_ticks(tmp_path: Path, cells: str) -> No
     assert process.returncode == 3, errors  # a line and a sensor's reading are lost
     assert not journal_of(log).exists()
     assert "sensor: must be one the run began with, got 'window'" in errors
-    assert "1 more were refused and are not shown" in errors  # within a second
+    assert "1 more refused, the last: standard input:" in errors  # within a second
     seen = [r.message for r in Recording.open(log).messages(("observation",))]
     assert [(m.bits, m.known) for m in seen if isinstance(m, wire.Observation)] == [
         (pack([True, False]), b""),

@@ -43,7 +43,7 @@ def refused(*arguments: str) -> tuple[int, str]:
     ("given", "said"),
     [
         ((), "swarm: must run here, or a recording be given, got ''"),
-        (("00000000",), "no swarm runs here"),
+        (("00000000",), "must run on this machine"),
     ],
 )
 def test_a_swarm_that_does_not_run_cannot_be_looked_at(

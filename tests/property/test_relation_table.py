@@ -62,7 +62,7 @@ def by_hand(row: Relation, table: NDArray[np.float64]) -> tuple[object, ...]:
                 tested[side] += there
                 failed[side] += broken
         before = now
-    return (*tested, *failed, last, total, 1 - wrong / total if total else 1.0)
+    return (*tested, *failed, last or None, total, 1 - wrong / total if total else 1.0)
 
 
 @examples(40)

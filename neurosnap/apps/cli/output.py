@@ -175,12 +175,14 @@ def outcome_lines(
 ) -> Iterator[str]:
     """Yield a run's summary."""
     totals = outcome.totals
-    rate = totals.ticks / outcome.seconds if outcome.seconds > 0 else 0.0
+    made = totals.ticks - outcome.after
+    rate = made / outcome.seconds if outcome.seconds > 0 else 0.0
+    some = f", {made} of them" if outcome.after else ""
     in_workers = options.cells == "worker"
     kind = f"{options.sharing} workers" if in_workers else options.cells
     rows = {
         "cells": f"{len(options.sensors)} ({kind}, {options.wiring} wiring)",
-        "ticks": f"{totals.ticks} in {outcome.seconds:.1f} s ({rate:.0f} a second)",
+        "ticks": f"{totals.ticks}{some} in {outcome.seconds:.1f} s ({rate:.0f} a second)",
         "waves": f"{totals.waves}",
         "pulses": f"{totals.pulses}",
         "depth": f"{totals.depth} hops, the deepest wave",

@@ -15,7 +15,7 @@ from rich.text import Text
 
 from neurosnap.apps.cli.options import FLAG, NETWORK
 from neurosnap.apps.cli.output import screen, warn
-from neurosnap.apps.new_files import free_path, new_path
+from neurosnap.apps.new_files import free_log, new_path
 from neurosnap.errors import (
     InvalidValueError,
     NeurosnapError,
@@ -182,7 +182,7 @@ def run_async(work: Callable[[asyncio.Event], Awaitable[T]]) -> T:
 def new_log(source: str, out: Path | None) -> Path:
     """Return where to record: `out`, or a new name under ``logs/``."""
     if out is not None:
-        return free_path(out)
+        return free_log(out)
     path = new_path(source)
     path.parent.mkdir(exist_ok=True)
     return path

@@ -113,9 +113,12 @@ class _Walk(NamedTuple):
         tag = table.get(field, UNSET)
         if isinstance(tag, str) and tag in tags:
             yield from self._of_struct(table, tags[tag], at)
-        else:
-            rule = f"must be {either(map(repr, tags))}"
-            yield Problem((*at, field), rule, tag)
+            return
+        for key in table if tag is UNSET else ():
+            if asks := similar(key, [field]):
+                yield Problem((*at, key), f"must be a known key{asks}", UNSET)
+                return
+        yield Problem((*at, field), f"must be {either(map(repr, tags))}", tag)
 
     def _of_struct(
         self, table: object, kind: inspect.StructType, at: Keys

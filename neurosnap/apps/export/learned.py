@@ -159,7 +159,7 @@ class Findings:
         fields = asdict(row)
         if self.readings.times is not None:
             fields["since_time"] = self.readings.moment(row.since)
-            fields["last_failure_time"] = self.readings.moment(row.last_failure)
+            fields["last_failure_time"] = self.readings.moment(row.last_failure or 0)
         return fields
 
     def _tick(self, tick: int) -> str:

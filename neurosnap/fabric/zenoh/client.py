@@ -27,7 +27,7 @@ from neurosnap.fabric.protocol import Handler, PresenceHandler
 from neurosnap.fabric.roles import DESCRIPTION, FLUSHED
 from neurosnap.fabric.zenoh.inbox import Inbox, Poll
 from neurosnap.fabric.zenoh.pieces import LARGEST, Assembly, pieces
-from neurosnap.fabric.zenoh.session import connecting
+from neurosnap.fabric.zenoh.session import connecting, reason_of
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -88,9 +88,9 @@ class ZenohFabric:
         try:
             self._session = await self._off_loop(zenoh.open, config)
         except zenoh.ZError as error:
-            raise FabricError(
-                f"{self.who}: must reach the hub at {self._hub.endpoint}, got {error}"
-            ) from error
+            rule = f"must reach the hub at {self._hub.endpoint}"
+            got = reason_of(error)
+            raise FabricError(f"{self.who}: {rule}, got {got}") from error
         return self
 
     async def _off_loop(

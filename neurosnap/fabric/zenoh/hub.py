@@ -12,7 +12,6 @@ seems the shorter way, and there the list drops them. So its name is logged.
 
 import asyncio
 import contextlib
-import re
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -22,9 +21,8 @@ from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.hub_address import Credentials, check_endpoint, nearest
 from neurosnap.fabric.roles import access_list
-from neurosnap.fabric.zenoh.session import absence, configuration
+from neurosnap.fabric.zenoh.session import absence, configuration, reason_of
 
-_SOURCE = re.compile(r" at /\S+\.rs:\d+")  # places in the engine's own code
 _SPARE = 100  # sessions beside those expected: watchers, and parts that come back
 _RETRY = {"period_init_ms": 50, "period_max_ms": 1000, "period_increase_factor": 1.5}
 _SAID_AFTER = 2.0  # seconds
@@ -83,8 +81,7 @@ def open_hub(
         return zenoh.open(config)
     except zenoh.ZError as error:
         rule = f"must be able to listen on {', '.join(endpoints)}"
-        got = _SOURCE.sub("", str(error))
-        raise FabricError(f"hub: {rule}, got {got}") from error
+        raise FabricError(f"hub: {rule}, got {reason_of(error)}") from error
 
 
 async def follow_links(

@@ -10,6 +10,7 @@ import atexit
 import contextlib
 import json
 import logging
+import re
 import threading
 
 import zenoh
@@ -27,6 +28,7 @@ _UNHURRIED = {
 }
 _log = logging.getLogger(__name__)
 _SAID_AFTER = 2.0  # seconds
+_SOURCE = re.compile(r"\s+at /\S+\.rs:\d+")
 _PAUSE = 0.2  # seconds between two tries
 _LAST = 5.0  # seconds that the program's end may wait for a try that was left alone
 
@@ -108,9 +110,8 @@ async def reach(
             return session
         waited = loop.time() - began
         if waited > patience:
-            raise FabricError(
-                f"{who}: must reach the hub at {hub.endpoint}, got {attempt.error}"
-            )
+            got = reason_of(attempt.error)
+            raise FabricError(f"{who}: must reach the hub at {hub.endpoint}, got {got}")
         if waited > _SAID_AFTER and not said:
             said = True
             _log.warning("%s", absence(hub.endpoint))
@@ -154,6 +155,11 @@ class _Attempt:
         with self._lock:
             self._left = True
             return self._session
+
+
+def reason_of(error: object) -> str:
+    """Return what an error of Zenoh says, without places in Zenoh's own code."""
+    return _SOURCE.sub("", str(error))
 
 
 def absence(endpoint: str) -> str:

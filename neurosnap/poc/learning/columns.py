@@ -6,6 +6,7 @@ Two bits are kept of a reading, for it may be on, off or unknown: 2,000 sensors 
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from datetime import date
 from typing import Any, Self
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.order.literals import Words
-from neurosnap.sensorium import Sensorium
+from neurosnap.sensorium import WORDS, Sensorium
 
 _CHUNK = 4096
 """Rows that are packed at a time; a multiple of 64."""
@@ -44,7 +45,8 @@ class Columns:
 
         Args:
             data: ``(T, N)``: an array of bool or numbers, 0, 1 or NaN for unknown; or a
-                data frame (pandas, polars), whose missing values are unknown.
+                data frame (pandas, polars), whose missing values are unknown, which may
+                hold words such as on and off, and whose columns of dates are left out.
             names: Of the sensors; if None, those of the data frame's columns, or
                 ``s0``, ``s1`` and so on.
 
@@ -59,8 +61,10 @@ class Columns:
             ([True, False], [True, False])
         """
         if hasattr(data, "columns") and not isinstance(data, np.ndarray):
-            titles = [str(title) for title in data.columns]
-            read = [_series(data[title], str(title)) for title in data.columns]
+            series = [(str(title), data[title]) for title in data.columns]
+            series = [each for each in series if not _is_dates(each[1])]
+            titles = [title for title, _ in series]
+            read = [_series(column, title) for title, column in series]
             ticks = len(read[0][0]) if read else 0
             on = np.array([bits for bits, _ in read]).reshape(len(read), ticks)
             known = np.array([sure for _, sure in read]).reshape(len(read), ticks)
@@ -203,6 +207,14 @@ def unpacked(words: Words, ticks: int) -> NDArray[np.bool_]:
     return flags.view(np.bool_)
 
 
+def _is_dates(column: Any) -> bool:  # noqa: ANN401
+    """Return whether a column of a data frame holds moments, and no readings."""
+    values = np.asarray(column.to_numpy())
+    if values.dtype.kind == "O":  # with a time zone
+        return any(isinstance(value, date) for value in values)
+    return bool(values.dtype.kind == "M")
+
+
 def _series(column: Any, name: str) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:  # noqa: ANN401
     """Return what a column of a data frame says, and where it is known."""
     missing = column.isna() if hasattr(column, "isna") else column.is_null()
@@ -210,7 +222,11 @@ def _series(column: Any, name: str) -> tuple[NDArray[np.bool_], NDArray[np.bool_
     values = np.asarray(column.to_numpy())
     bits = np.zeros(len(known), np.bool_)
     # Only those: what stands for a missing value has no truth of its own.
-    told, sure = _readings(np.array(values[known].tolist()).reshape(-1, 1), 0, name)
+    there = values[known].tolist()
+    if any(isinstance(value, str) for value in there):
+        words = [str(value).strip().casefold() for value in there]
+        there = [WORDS.get(*pair) for pair in zip(words, there, strict=True)]
+    told, sure = _readings(np.array(there).reshape(-1, 1), 0, name)
     bits[known] = told[:, 0]
     known[known] = sure[:, 0]
     return bits, known

@@ -83,8 +83,8 @@ class Relation:
     bound, for the side with fewer tests)."""
     since: int
     """The tick, from 1, since when it has not failed."""
-    last_failure: int
-    """The last tick at which it failed; 0: never."""
+    last_failure: int | None
+    """The last tick at which it failed; None: never."""
     ticks: int
     """The ticks at which both sensors were known."""
 
@@ -274,7 +274,7 @@ class _Found:
             share=1 - wrong / total if total else 1.0,
             at_most=max(map(_at_most, failed, tested)),
             since=self._since(i, j, last),
-            last_failure=last,
+            last_failure=last or None,
             ticks=total,
         )
 

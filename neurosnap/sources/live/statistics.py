@@ -91,7 +91,7 @@ class Refusals:
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
         self._next = float("-inf")
-        self._untold = 0
+        self._untold, self._last = 0, ""
 
     def refuse(self, text: str) -> None:
         """Log one, unless the last line is too recent.
@@ -101,7 +101,7 @@ class Refusals:
         """
         now = self._clock()
         if now < self._next:
-            self._untold += 1
+            self._untold, self._last = self._untold + 1, text
             return
         self.flush()
         self._next = now + EVERY
@@ -110,5 +110,5 @@ class Refusals:
     def flush(self) -> None:
         """Log how many were not logged since the last line, if any."""
         if self._untold:
-            _logger.warning("%d more were refused and are not shown", self._untold)
+            _logger.warning("%d more refused, the last: %s", self._untold, self._last)
             self._untold = 0

@@ -34,7 +34,7 @@ from neurosnap.errors import FabricError, InvalidValueError, NeurosnapError, wit
 from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.roles import READING
 from neurosnap.fabric.zenoh.discovery import id_of
-from neurosnap.fabric.zenoh.session import connecting
+from neurosnap.fabric.zenoh.session import connecting, reason_of
 from neurosnap.sources.live.json_reading import LIMIT, hand_in, read_on, too_long
 from neurosnap.sources.live.live_source import LiveSource
 
@@ -108,8 +108,9 @@ class ZenohFeeder:
                 self._open.callback(listener.undeclare)
             source.listens(True)
         except zenoh.ZError as error:
-            rule = f"must reach the hub at {hub.address.endpoint}, got {error}"
-            source.fail(FabricError(f"readings: {rule}"))
+            rule = f"must reach the hub at {hub.address.endpoint}"
+            got = reason_of(error)
+            source.fail(FabricError(f"readings: {rule}, got {got}"))
         except BaseException as error:  # noqa: BLE001 - goes on to `step`, whole
             source.fail(error)
 

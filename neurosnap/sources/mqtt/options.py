@@ -12,9 +12,9 @@ from typing import Annotated
 import msgspec
 
 from neurosnap.errors import InvalidValueError, within
-from neurosnap.sensorium import Sensorium
+from neurosnap.sensorium import OFF, ON, Sensorium
 from neurosnap.sources.live.tick_schedule import Seconds, TickRule
-from neurosnap.sources.meaning import OFF, ON, Comparison, parse_comparison
+from neurosnap.sources.meaning import Comparison, parse_comparison
 
 Text = Annotated[str, msgspec.Meta(min_length=1, max_length=1024)]
 

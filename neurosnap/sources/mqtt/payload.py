@@ -10,7 +10,8 @@ from typing import Any
 import msgspec
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.sources.meaning import UNKNOWN, Reader
+from neurosnap.sensorium import UNKNOWN
+from neurosnap.sources.meaning import Reader
 from neurosnap.sources.mqtt.options import MqttSensor
 
 LARGEST = 64 * 1024

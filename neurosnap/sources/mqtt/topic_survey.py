@@ -18,7 +18,7 @@ from typing import Any
 import msgspec
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.sources.meaning import OFF, ON, UNKNOWN
+from neurosnap.sensorium import OFF, ON, UNKNOWN
 from neurosnap.sources.mqtt.options import MqttSensor
 from neurosnap.sources.mqtt.payload import Payload
 

@@ -123,9 +123,13 @@ def test_a_figure_is_drawn_whole(tmp_path: Path, rows: list[Measured]) -> None:
     [
         (
             {"heights": ()},
-            "heights: must be one or more numbers, each at least 0, got [",
+            "heights: must be numbers from 0 up, one of them at least 1, got [",
         ),
-        ({"heights": (-1, 2)}, "heights: must be one or more numbers, each at least 0"),
+        ({"heights": (-1, 2)}, "heights: must be numbers from 0 up, one of them at"),
+        (
+            {"heights": (0,)},
+            "heights: must be numbers from 0 up, one of them at least 1",
+        ),
         ({"sensors": (3, 2)}, "sensors: must be more than the largest height, 2, got"),
         ({"waves": 0}, "waves: must be at least 1, got 0"),
         ({"cells": "worker", "workers": 0}, "workers: must be at least 1 and at most"),

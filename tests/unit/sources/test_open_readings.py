@@ -71,6 +71,15 @@ def test_ways_to_write_a_table(tmp_path: Path, text: str) -> None:
     assert told == [[False, True], [True, None]]
 
 
+def test_beside_a_comparison_other_numbers_are_left_out_and_told_of(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    text = "door,hall,attic,odd\n0,19.5,unknown,1\n1,20.5,7,0\n"
+    found = read(tmp_path, text, Wanted((), (parse_comparison("hall > 20"),)))
+    assert shown(found) == {"door": "01", "hall>20": "01", "odd": "10"}
+    assert caplog.messages[0].endswith("left out, numbers without --when: attic")
+
+
 def test_a_time_column_is_told_by_name(tmp_path: Path) -> None:
     text = "a,when,b\n0,Mon,1\n1,Tue,0\n"
     readings = read(tmp_path, text, Wanted(time="when"))
@@ -330,14 +339,23 @@ def test_time_is_a_sensor_like_any_other_when_it_is_not_first(tmp_path: Path) ->
         ("a,,b\n0,1,1\n", "{}:1: sensor name: must not be empty, got ''"),
         ("a,b,a\n0,1,1\n", "{}:1: names: must be unique, got 'a'"),
         ("a,b*\n0,1\n", "{}:1: sensor name: must not end with *, got 'b*'"),
-        ("a,b\n0,1\n0,2\n", f"{{}}:3: b: {RULE}, got '2'"),
-        ("a,b\n0,1.5\n", f"{{}}:2: b: {RULE}, got '1.5'"),
+        (
+            "a,b\n0,1\n0,2\n",
+            f"{{}}:3: b: {RULE} (or learn with --when \"b > NUMBER\"), got '2'",
+        ),
+        (
+            "a,b\n0,1.5\n",
+            f"{{}}:2: b: {RULE} (or learn with --when \"b > NUMBER\"), got '1.5'",
+        ),
         ("a,b\n0,１\n", f"{{}}:2: b: {RULE}, got '１'"),
         ("time,a,b\n0,1,x\n", f"{{}}:2: b: {RULE}, got 'x'"),
         ("a,b\n0;1\n", "{}:2: must have 2 cells, as many as the header, got 1"),
         ("a,b\n0,1\n0\n", "{}:3: must have 2 cells, as many as the header, got 1"),
         ("a,b\n0,1,\n", "{}:2: must have 2 cells, as many as the header, got 3"),
-        ("a,b\n" + 898 * "0,1\n" + "0,7\n1,1\n", f"{{}}:900: b: {RULE}, got '7'"),
+        (
+            "a,b\n" + 898 * "0,1\n" + "0,7\n1,1\n",
+            f"{{}}:900: b: {RULE} (or learn with --when \"b > NUMBER\"), got '7'",
+        ),
         (
             "a,b\n0,1\n\n\n0,1\n",
             "{}:3: must not be blank before the end of the file, got ''",

@@ -46,6 +46,12 @@ def test_an_anomaly_names_a_few_sensors_and_how_many_more_there_are() -> None:
     assert line.endswith("s2 -> x (1 for, 0 against, since tick 1) and 97 more")
 
 
+def test_the_pace_is_that_of_the_ticks_that_were_made() -> None:
+    assert "6 in 1.0 s (6 a second)" in "\n".join(told())
+    gone_on = "\n".join(told(after=4, restarts=1))
+    assert "6, 2 of them in 1.0 s (2 a second)" in gone_on
+
+
 def test_a_name_cannot_turn_the_text_around() -> None:
     name = "door\u202eno"  # as an older recording may have it, or a stranger's
     link = Link(f"{name} -> x", 1, 0, 1)

@@ -35,6 +35,8 @@ ROWS = {
         "threshold: must be a number for a discounted snapshot, got 'auto'"
     ),
     f"{FILE} --ticks -5": "got -5",
+    f"{FILE} --ticks 1{30 * '0'}": "ticks: must be a whole number in [1, 2147483647], got 1000",
+    f"run {WORLD} --set places=1000000": "must fit the memory: takes about 12,000",
     f"{FILE} --ticks many": "Invalid value for '--ticks'",
     f"{FILE} --set places=4": "arguments: must not be given for a file",
     "run readings.csv --cells threads": "'threads' is not one of 'auto'",
@@ -48,6 +50,7 @@ ROWS = {
     f"{FILE} --out taken.csv": "out: must not exist yet, got 'taken.csv'",
     f"{FILE} --out .": f"{NO_FOLDER} '.'",
     f"{FILE} --out folder": f"{NO_FOLDER} 'folder'",
+    f"{FILE} --out a.txt": "out: must end with .mcap, got 'a.txt'",
     f"{FILE} --out ''": "out: must be text, and not empty, got ''",
     # Agents, and workers.
     f"{FILE} --agent planner --target a": "agent: must have actions that are sensors",
@@ -94,6 +97,7 @@ ROWS = {
     "learn readings.csv -o taken.csv": "out: must not exist yet, or come with --force",
     "learn readings.csv -o a.png": "out: must end with one of .csv",
     "learn readings.csv --sensors none": "must have this sensor",
+    "learn numbers.csv": """nothing for unknown (or learn with --when "t > NUMBER"), """,
     "learn readings.csv --when warm": "when: must be like",
     "learn readings.csv --threshold 2": "threshold: must be in",
     "learn log.mcap --time then": "must not go with a recording",
@@ -143,6 +147,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "world.toml": TOML,
         "readings.csv": readings(40),
         "bad.csv": "a,b\n1,0\n1,2\n",
+        "numbers.csv": "a,t\n1,21.5\n",
         "empty.csv": "",
         "taken.csv": "precious",
     }.items():

@@ -49,9 +49,9 @@ VALUES = {
         " cells.kind?)"
     ),
     "[run]\nqq = 1": "6: run.qq: must be a known key: ticks or seed",
-    "[run]\nticks = 0": "6: run.ticks: must be a whole number, 1 or more, got 0",
-    "[run]\nticks = 1.5": "6: run.ticks: must be a whole number, 1 or more, got 1.5",
-    "[run]\nticks = true": "6: run.ticks: must be a whole number, 1 or more, got True",
+    "[run]\nticks = 0": "6: run.ticks: must be a whole number in [1, 2147483647], got 0",
+    "[run]\nticks = 1.5": "6: run.ticks: must be a whole number in [1, 2147483647], got 1.5",
+    "[run]\nticks = true": "6: run.ticks: must be a whole number in [1, 2147483647], got True",
     "[run]\nseed = -1": "6: run.seed: must be a whole number in [0, 9223372036854775807], got -1",
     "[agent]\nexplore = nan": "6: agent.explore: must be a number in [0, 1] or 'planned', got nan",
     "[agent]\nexplore = '1'": "6: agent.explore: must be a number in [0, 1] or 'planned', got '1'",
@@ -98,7 +98,7 @@ SOURCES = {
         " directory), got 'none.csv'"
     ),
     "[source]\nkind = 'csv'\npath = 'bad.csv'": (
-        "swarm.toml:3: source.path: bad.csv:2: kind: must be 0 or 1, false or true, off or on, or nothing for unknown, got '2'"
+        "swarm.toml:3: source.path: bad.csv:2: kind: must be 0 or 1, false or true, off or on, or nothing for unknown (or learn"
     ),
     "[source]\nkind = 'world'\nid = 'neurosnap/Pat-v0'": (
         "swarm.toml:3: source.id: must be a registered environment id or a CSV file (did"
@@ -114,6 +114,9 @@ SOURCES = {
     "[source]\nkind = 'world'\nid = 'neurosnap/Path-v0'\n[source.arguments]\nplaces = 1": (
         "swarm.toml:5: source.arguments.places: must be a whole number of at least 2, got"
         " 1"
+    ),
+    "[source]\n\nknd = 'world'": (
+        "swarm.toml:3: source.knd: must be a known key (did you mean kind?)"
     ),
     "[source]\nkind = 'stdin'": "swarm.toml:1: source.sensors: must be given",
     "[source]\nkind = 'zenoh'\nsensors = []": (

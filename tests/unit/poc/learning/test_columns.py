@@ -1,5 +1,7 @@
 """Tables in memory as columns of bits, and invalid tables."""
 
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -13,7 +15,7 @@ from neurosnap.sensorium import Sensorium
 class Series:
     """A column as pandas and polars have it, as far as it is read."""
 
-    def __init__(self, values: list[object]) -> None:
+    def __init__(self, values: Sequence[object]) -> None:
         self.values = values
 
     def to_numpy(self) -> Any:
@@ -24,7 +26,7 @@ class Series:
 
 
 class Frame:
-    def __init__(self, columns: dict[str, list[object]]) -> None:
+    def __init__(self, columns: Mapping[str, Sequence[object]]) -> None:
         self.data = columns
 
     @property
@@ -43,6 +45,18 @@ def test_a_data_frame_gives_names_and_unknown_readings() -> None:
     assert columns.known(0).tolist() == [True, False, True]
     assert columns.known(1).tolist() == [True, True, False]
     assert Columns.of(frame, ["a", "b"]).sensorium.names == ("a", "b")
+
+
+def test_a_data_frame_may_hold_words_and_dates() -> None:
+    moments = [datetime(2026, 1, 1, hour, tzinfo=UTC) for hour in range(3)]
+    doors = ["on", "Off", "unavailable"]
+    columns = Columns.of(
+        Frame({"when": moments, "door": doors, "lamp": ["1", None, 0]})
+    )
+    assert columns.sensorium.names == ("door", "lamp")
+    assert columns.reading(0).tolist() == columns.reading(1).tolist()
+    assert columns.known(0).tolist() == [True, True, False]
+    assert columns.known(1).tolist() == [True, False, True]
 
 
 @pytest.mark.parametrize("data", [[[True, None]], [[1, np.nan]], [[1.0, np.nan]]])

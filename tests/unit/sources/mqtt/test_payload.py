@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.sources.meaning import OFF, ON
+from neurosnap.sensorium import OFF, ON
 from neurosnap.sources.mqtt.options import MqttSensor
 from neurosnap.sources.mqtt.payload import LARGEST, Payload, PayloadReader
 
