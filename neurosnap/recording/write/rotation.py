@@ -31,7 +31,7 @@ sync to disk is done by `neurosnap.recording.write.fsync_thread`.
 import contextlib
 import logging
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -91,6 +91,8 @@ class SplitWriter:
         split: How to spread it over files; None if it is one.
         sync_every: Seconds between two calls of `sync` that the run wants; 0: none.
         new_writer: Makes a file.
+        senders: The parts of the run: what another says is foreign, so that it makes no
+            recording incomplete. Empty: all.
 
     Raises:
         RecordingError: A file exists already, or cannot be made.
@@ -105,11 +107,13 @@ class SplitWriter:
         split: Split | None = None,
         sync_every: float = 0.0,
         new_writer: Callable[[Path], Writer] = Writer,
+        senders: Collection[str] = (),
     ) -> None:
         self._log = Path(log)
         self._split = split
         self.sync_every = sync_every
         self._make = new_writer
+        self._senders = frozenset(senders)
         self._number = 0 if past is None else past.part
         self._begins = 0 if past is None else past.begins
         self._metadata = dict(metadata)
@@ -172,11 +176,15 @@ class SplitWriter:
             RecordingError: The disk does not take what it is given, or a file exists
                 already where the next one has to be.
         """
-        if self._split is None:
-            return self._newest.add(delivery, log_time)
         message = self._newest.read(delivery)
-        if message is not None:
-            self._write_all(self._causes.add(Arrival(message, delivery, log_time)))
+        if message is None:
+            return None
+        if self._senders and message.sender not in self._senders:
+            self._newest.foreign += 1
+            return None
+        if self._split is None:
+            return self._newest.add(delivery, log_time, message)
+        self._write_all(self._causes.add(Arrival(message, delivery, log_time)))
         return message
 
     def _write_all(self, several: Iterable[Arrival]) -> None:

@@ -60,6 +60,7 @@ class RecorderJob(msgspec.Struct, frozen=True):
             self.past,
             split=split_of(options),
             sync_every=options.sync,
+            senders={*self.parts, part.connection.who},
         ) as writer:
             async with part.connection.fabric() as fabric:
                 balance = await run_recorder(

@@ -2,7 +2,9 @@
 
 import asyncio
 from pathlib import Path
+from types import SimpleNamespace
 
+import msgspec
 import pytest
 
 from neurosnap import wire
@@ -10,9 +12,11 @@ from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.rotation import SplitWriter
 from neurosnap.runtime.parts import recorder_process as recorder
+from neurosnap.runtime.parts.job import PartConnection, PartContext, Reporter
 from neurosnap.runtime.parts.recorder_process import _Listener
 from tests.support.memory_hubs import run_out
 from tests.support.recordings import EACH
+from tests.support.restart_runs import options_of
 
 PARTS = ("world", "cell/0")
 
@@ -111,3 +115,24 @@ async def test_the_journal_is_cut_at_the_last_key_frame_but_one(
             stop.set()
             await recording
     assert cuts == [10, 20]
+
+
+@pytest.mark.parametrize("split", [0, 1 << 16])
+async def test_what_no_part_of_the_run_said_makes_it_not_incomplete(
+    split: int, tmp_path: Path
+) -> None:
+    """With a cell's certificate a program speaks as any cell, be there none."""
+    log, hub = tmp_path / "log.mcap", MemoryHub()
+    ready, stop = asyncio.Event(), asyncio.Event()
+    line = SimpleNamespace(send_bytes=lambda _: ready.set())
+    options = msgspec.structs.replace(options_of(3), split=split)
+    job = recorder.RecorderJob(options, str(log), None, "x", ("world",))
+    connection = PartConnection("recorder", "x", local=hub)
+    part = PartContext(connection, stop, Reporter("recorder", line))
+    recording = asyncio.create_task(job.run(part))
+    async with hub.fabric("world") as world, hub.fabric("cell/99", first=7) as other:
+        await ready.wait()
+        other.publish(wire.Leave("cell/99"))
+        world.publish(wire.Leave("world"))
+        await recording
+    assert Recording.open(log).whole
