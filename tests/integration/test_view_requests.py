@@ -3,7 +3,7 @@
 import asyncio
 import socket
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from pathlib import Path
 
 import msgspec
@@ -14,7 +14,7 @@ from neurosnap.apps import viewer
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.auth import Address
 from neurosnap.apps.viewer.run_view import RunView
-from neurosnap.apps.viewer.server import serving
+from neurosnap.apps.viewer.server import STRANGERS, serving
 from neurosnap.apps.viewer.session import ViewSession
 from tests.support.page_requests import events, get, say, status_of
 from tests.support.patience import PATIENCE
@@ -45,6 +45,22 @@ async def test_an_answer_does_not_wait_for_its_head_to_be_acknowledged(
         await get(address, "/api/run")
     assert seen
     assert all(seen)
+
+
+async def test_strangers_connections_leave_room_for_the_owners(path_log: Path) -> None:
+    async with served(path_log) as address, AsyncExitStack() as stack:
+        strangers = []
+        for _ in range(STRANGERS + 5):
+            ends = await asyncio.open_connection("127.0.0.1", address.port)
+            stack.callback(ends[1].close)
+            strangers.append(ends)
+            ends[1].write(b"GET / HTTP/1.1\r\n")  # and no more of it
+            owner = await get(address, "/api/run")
+            assert owner[0] == 200
+        for reader, _ in strangers[:4]:
+            with suppress(ConnectionResetError):
+                assert await reader.read() == b""  # it was closed
+        assert not strangers[-1][0].at_eof()
 
 
 async def test_it_answers_what_the_page_asks(path_log: Path) -> None:

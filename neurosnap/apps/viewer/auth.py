@@ -8,7 +8,9 @@ page, and has to bring the token that only the address printed at the start has.
 Nothing is ever changed by a request, so only GET and HEAD are taken.
 """
 
+import asyncio
 import secrets
+from typing import TypeAlias
 from urllib.parse import parse_qs
 
 import msgspec
@@ -31,6 +33,8 @@ _HEADERS = {
     "x-content-type-options": "nosniff",
     "x-frame-options": "DENY",
 }
+Strangers: TypeAlias = dict[tuple[str, int] | None, asyncio.Transport]
+"""Connections by where they come from, the oldest first."""
 _DEFAULTS = {"cache-control": "no-store"}
 
 
@@ -57,16 +61,17 @@ class Guard:
 
     Args:
         app: Whom the rest is left to.
-        port: Where the server listens.
-        token: What a request has to bring: ``?token=…``, which is answered by a cookie,
-            or that cookie.
+        address: Where the server listens, and the token that a request has to bring:
+            as ``?token=…``, which is answered by a cookie, or as that cookie.
+        strangers: The connections that have not brought it.
     """
 
-    def __init__(self, app: ASGIApp, port: int, token: str) -> None:
+    def __init__(self, app: ASGIApp, address: Address, strangers: Strangers) -> None:
         self._app = app
-        self._token = token
-        self._cookie = f"neurosnap-{port}"
-        self._hosts = {f"{name}:{port}" for name in _NAMES}
+        self._strangers = strangers
+        self._token = address.token
+        self._cookie = f"neurosnap-{address.port}"
+        self._hosts = {f"{name}:{address.port}" for name in _NAMES}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Take one request."""
@@ -108,6 +113,11 @@ class Guard:
         The token leaves the address bar at once: it would stay in the history.
         """
         given = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])
+        # Not by http.cookies, which drops all of them for one that it cannot read: a
+        # browser sends what other programs of this machine have set, too.
+        shown = HTTPConnection(scope).cookies.get(self._cookie, "")
+        if self._is_token(given[0]) or self._is_token(shown):
+            self._strangers.pop(scope["client"], None)
         if self._is_token(given[0]):
             if scope["path"] != "/":
                 return None
@@ -116,9 +126,7 @@ class Guard:
                 self._cookie, self._token, httponly=True, samesite="strict"
             )
             return response
-        # Not by http.cookies, which drops all of them for one that it cannot read: a
-        # browser sends what other programs of this machine have set, too.
-        if self._is_token(HTTPConnection(scope).cookies.get(self._cookie, "")):
+        if self._is_token(shown):
             return None
         error = (
             "token: must be that of the address neurosnap view printed: open that first"

@@ -12,7 +12,9 @@ import secrets
 import socket
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import uvicorn
@@ -23,15 +25,18 @@ from starlette.responses import FileResponse, Response, StreamingResponse
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from neurosnap.apps.viewer import api
-from neurosnap.apps.viewer.auth import LOOPBACK, Address, Guard, refusal
+from neurosnap.apps.viewer.auth import LOOPBACK, Address, Guard, Strangers, refusal
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.session import ViewSession, news
 from neurosnap.apps.viewer.tick_difference import difference
 from neurosnap.apps.viewer.time_series import MOST_COLUMNS, MOST_SENSORS
 from neurosnap.errors import InvalidValueError, NeurosnapError
 
+STRANGERS = 64
+"""Connections without the token that may be open."""
 _GRACE = 3
 """Seconds an answer may take to end once the server is to."""
 _STATIC = Path(__file__).parent / "static"
@@ -48,6 +53,30 @@ class _Server(uvicorn.Server):
     def capture_signals(self) -> Iterator[None]:
         """Leave signals to the caller, who has handlers for them."""
         yield
+
+
+class _Connection(H11Protocol):
+    """A connection, which counts as a stranger's until it has shown the token.
+
+    Any user of this machine can open some and leave them: of strangers' connections the
+    oldest ends when there are too many, so that files are left for the owner's.
+    """
+
+    def __init__(self, strangers: Strangers, **given: Any) -> None:  # noqa: ANN401
+        super().__init__(**given)
+        self._strangers = strangers
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Take it in."""
+        super().connection_made(transport)
+        self._strangers[self.client] = transport
+        if len(self._strangers) > STRANGERS:
+            self._strangers.pop(next(iter(self._strangers))).abort()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Take it out."""
+        self._strangers.pop(self.client, None)
+        super().connection_lost(exc)
 
 
 @asynccontextmanager
@@ -67,10 +96,11 @@ async def serving(*sessions: ViewSession, port: int = 0) -> AsyncIterator[Addres
         # second would wait until the first is acknowledged, which takes 40 ms.
         listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         address = Address(listener.getsockname()[1], secrets.token_urlsafe(24))
+        strangers: Strangers = {}
         server = _Server(
             uvicorn.Config(
-                _application(sessions, address, stop),
-                http="h11",
+                Guard(_application(sessions, stop), address, strangers),
+                http=partial(_Connection, strangers),  # type: ignore[arg-type]
                 ws="none",
                 lifespan="off",
                 log_config=None,
@@ -96,14 +126,11 @@ async def serving(*sessions: ViewSession, port: int = 0) -> AsyncIterator[Addres
                 await asyncio.wait([served])
 
 
-def _application(
-    sessions: Sequence[ViewSession], address: Address, stop: asyncio.Event
-) -> ASGIApp:
+def _application(sessions: Sequence[ViewSession], stop: asyncio.Event) -> ASGIApp:
     """Return what answers requests.
 
     Args:
         sessions: The recordings, one or more.
-        address: Where it is asked.
         stop: Ends what would go on for ever.
     """
 
@@ -118,7 +145,7 @@ def _application(
         return refusal(status, str(error))
 
     endpoints = Questions(sessions, stop).endpoints()
-    app = Starlette(
+    return Starlette(
         routes=[
             *(Route(f"/api/{name}", each) for name, each in endpoints.items()),
             Route("/", page),
@@ -126,7 +153,6 @@ def _application(
         ],
         exception_handlers={404: nowhere, NeurosnapError: wrong},
     )
-    return Guard(app, address.port, address.token)
 
 
 def _listener(port: int) -> socket.socket:

@@ -8,7 +8,7 @@ import pytest
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Scope
 
-from neurosnap.apps.viewer.auth import Guard
+from neurosnap.apps.viewer.auth import Address, Guard
 
 PORT = 4711
 TOKEN = "a-token-of-this-test"
@@ -54,7 +54,7 @@ def ask(
         said.append(message)
 
     guarded = app or PlainTextResponse("the recording")
-    asyncio.run(Guard(guarded, PORT, TOKEN)(scope, receive, send))
+    asyncio.run(Guard(guarded, Address(PORT, TOKEN), {})(scope, receive, send))
     raw = said[0]["headers"]
     return Answer(
         said[0]["status"],
@@ -170,7 +170,7 @@ def test_every_answer_forbids_what_it_does_not_need(headers: Headers) -> None:
 
 def test_only_requests_are_taken() -> None:
     async def connect() -> None:
-        guard = Guard(PlainTextResponse(""), PORT, TOKEN)
+        guard = Guard(PlainTextResponse(""), Address(PORT, TOKEN), {})
         await guard({"type": "websocket"}, None, None)  # type: ignore[arg-type]
 
     with pytest.raises(ValueError, match=r"^scope: must be http, got 'websocket'"):
