@@ -14,7 +14,12 @@ PYTEST := $(BIN)/python -m pytest --dist loadfile --no-loadscope-reorder --numpr
 # A test starts hundreds of interpreters: none is to compile everything anew.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: run test test-all test-rest quick check bench figures docs clean
+# With LOCKED=1, as .ci/run has it, what is installed is what tools/locked.txt names, each
+# file by its hash.
+PIP := -m pip install --quiet
+LOCK := --require-hashes --constraint tools/locked.txt
+
+.PHONY: run test test-all test-rest quick check bench figures docs lock wheel clean
 
 run: .venv/installed
 	$(BIN)/neurosnap run neurosnap/Path-v0 --ticks 300 --seed 7 --out $(LOG)
@@ -51,22 +56,46 @@ docs: build/docs/installed
 
 build/docs/installed: pyproject.toml
 	$(PYTHON) -m venv build/docs
-	build/docs/bin/python -m pip install --quiet --upgrade 'pip>=25.1'
-	build/docs/bin/python -m pip install --quiet --group docs
+	build/docs/bin/python $(PIP) --upgrade $(if $(LOCKED),$(LOCK) pip,'pip>=25.1')
+	build/docs/bin/python $(PIP) $(if $(LOCKED),$(LOCK)) --group docs
 	touch $@
+
+# Look up anew what tools/locked.txt names: after a change of what pyproject.toml asks for.
+lock: .venv/installed-release
+	$(BIN)/uv pip compile pyproject.toml --extra plot --group dev --group release \
+		--universal --upgrade --generate-hashes --no-header --no-annotate --quiet \
+		--output-file tools/locked.txt
+
+# A wheel, and beside it what it and its extras are made of (CycloneDX).
+wheel: .venv/installed-release
+	rm -rf build/dist
+	$(BIN)/python -m pip wheel --quiet --no-deps --no-build-isolation --wheel-dir build/dist .
+	$(BIN)/uv pip compile pyproject.toml --all-extras --constraint tools/locked.txt \
+		--generate-hashes --quiet --output-file build/dist/needs.txt
+	$(BIN)/cyclonedx-py requirements build/dist/needs.txt --pyproject pyproject.toml \
+		--output-file build/dist/neurosnap.cdx.json
 
 # pip from 25.1 on knows dependency groups.
 .venv/bin/python:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "neurosnap needs Python 3.11 or newer")'
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --upgrade 'pip>=25.1'
+	$(BIN)/python $(PIP) --upgrade $(if $(LOCKED),$(LOCK) pip,'pip>=25.1')
 
 .venv/installed: pyproject.toml | .venv/bin/python
-	$(BIN)/python -m pip install --quiet --editable '.[plot]'
+ifdef LOCKED
+	$(BIN)/python $(PIP) --require-hashes --requirement tools/locked.txt
+	$(BIN)/python $(PIP) --no-deps --no-build-isolation --editable .
+else
+	$(BIN)/python $(PIP) --editable '.[plot]'
+endif
 	touch $@
 
 .venv/installed-dev: .venv/installed
-	$(BIN)/python -m pip install --quiet --group dev
+	$(if $(LOCKED),,$(BIN)/python $(PIP) --group dev)
+	touch $@
+
+.venv/installed-release: .venv/installed-dev
+	$(if $(LOCKED),,$(BIN)/python $(PIP) --group release)
 	touch $@
 
 # The first thing that each worker of the tests would do in a new folder, all at the same
@@ -77,4 +106,4 @@ build/docs/installed: pyproject.toml
 	touch $@
 
 clean:
-	rm -rf .venv .cache build/docs build/site .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
+	rm -rf .venv .cache build/docs build/site build/dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
