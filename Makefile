@@ -17,7 +17,6 @@ export PYTHONDONTWRITEBYTECODE :=
 # With LOCKED=1, as .ci/run has it, what is installed is what tools/locked.txt names, each
 # file by its hash.
 PIP := -m pip install --quiet
-LOCK := --require-hashes --constraint tools/locked.txt
 
 .PHONY: run test test-all test-rest quick check bench figures docs lock wheel clean
 
@@ -54,10 +53,15 @@ figures: .venv/installed-dev
 docs: build/docs/installed
 	build/docs/bin/python tools/site
 
-build/docs/installed: pyproject.toml
+build/docs/installed: pyproject.toml $(if $(LOCKED),.venv/installed)
 	$(PYTHON) -m venv build/docs
-	build/docs/bin/python $(PIP) --upgrade $(if $(LOCKED),$(LOCK) pip,'pip>=25.1')
-	build/docs/bin/python $(PIP) $(if $(LOCKED),$(LOCK)) --group docs
+ifdef LOCKED
+	$(BIN)/python -m pip --python build/docs/bin/python install --quiet \
+		--require-hashes --constraint tools/locked.txt --group docs
+else
+	build/docs/bin/python $(PIP) --upgrade 'pip>=25.1'
+	build/docs/bin/python $(PIP) --group docs
+endif
 	touch $@
 
 # Look up anew what tools/locked.txt names: after a change of what pyproject.toml asks for.
@@ -79,7 +83,7 @@ wheel: .venv/installed-release
 .venv/bin/python:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "neurosnap needs Python 3.11 or newer")'
 	$(PYTHON) -m venv .venv
-	$(BIN)/python $(PIP) --upgrade $(if $(LOCKED),$(LOCK) pip,'pip>=25.1')
+	$(if $(LOCKED),,$(BIN)/python $(PIP) --upgrade 'pip>=25.1')
 
 .venv/installed: pyproject.toml | .venv/bin/python
 ifdef LOCKED
