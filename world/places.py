@@ -162,7 +162,7 @@ def check_at_least(name: str, least: int, value: object) -> None:
 
 
 def check_fits(name: str, value: int, sensors: int, room: int) -> None:
-    """Refuse a world that takes more memory than there is, before any is taken.
+    """Refuse a world too large to be learned here, before any memory is taken.
 
     Args:
         name: The argument that its size comes from.

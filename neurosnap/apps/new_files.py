@@ -44,11 +44,7 @@ def free_path(
 
 
 def free_log(path: Path) -> Path:
-    """Return a path if a recording may be written to it.
-
-    Raises:
-        InvalidValueError: As in `free_path`, or it has another ending.
-    """
+    """Return a path if a recording may be written to it; refuse it as `free_path`."""
     if free_path(path).suffix != ".mcap":
         raise InvalidValueError("out", "must end with .mcap", str(path))
     return path

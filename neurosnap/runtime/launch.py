@@ -313,19 +313,9 @@ def _result(part: RunningPart) -> bytes:
 
 
 async def run_incarnation(
-    request: RunRequest,
-    stop: asyncio.Event,
-    watcher: Watcher = SILENT,
-    *,
-    inline: bool = False,
+    request: RunRequest, stop: asyncio.Event, watcher: Watcher = SILENT
 ) -> Outcome:
     """Run a swarm once, whatever the supervision of the request says.
-
-    Args:
-        request: What is run, and where.
-        stop: Ends the run in order.
-        watcher: What is reported meanwhile.
-        inline: All parts are tasks of this process, whatever the options say.
 
     Raises:
         InvalidValueError: There are more sensors than a key-frame can hold.
@@ -334,9 +324,8 @@ async def run_incarnation(
     """
     options = request.options
     options.check_frame()
-    inline |= options.cells == "inline"
-    starter = InlineTasks() if inline else request.site.starter()
-    ending = await launch(_jobs(request), request.site, stop, watcher, starter)
+    starter = InlineTasks() if options.cells == "inline" else request.site.starter()
+    ending = await launch(jobs_of(request), request.site, stop, watcher, starter)
     result = msgspec.json.decode(ending.result, type=Result)
     return Outcome(
         totals=result.totals,
@@ -351,7 +340,7 @@ async def run_incarnation(
     )
 
 
-def _jobs(request: RunRequest) -> Jobs:
+def jobs_of(request: RunRequest) -> Jobs:
     """Return the jobs of all parts of a run."""
     options, past, site, log = request.options, request.past, request.site, request.log
     vacant = tuple(sorted(site.elsewhere))

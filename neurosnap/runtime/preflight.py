@@ -9,8 +9,6 @@ import math
 import os
 import resource
 from collections.abc import Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
 from pathlib import Path
 
 from neurosnap.errors import InvalidValueError, SwarmError
@@ -23,7 +21,6 @@ BYTES_BESIDE = 600_000_000  # coordinator, recorder and world with numpy and num
 BYTES_A_PAIR = 12
 """Of two sensors: their weights and dates, the order and its covers, a key-frame.
 Measured: 10 in the coordinator of 3,000."""
-_learns: ContextVar[bool] = ContextVar("learns", default=False)
 
 
 def check_sensors(sensors: int) -> None:
@@ -43,30 +40,13 @@ def check_sensors(sensors: int) -> None:
         raise InvalidValueError("sensors", rule, sensors)
 
 
-@contextmanager
-def learning_pairs() -> Iterator[None]:
-    """Let `check_world` count what is learned of all pairs of sensors, too."""
-    token = _learns.set(True)
-    try:
-        yield
-    finally:
-        _learns.reset(token)
-
-
 def check_world(name: str, value: object, sensors: int, needed: int) -> None:
-    """Refuse a world that does not fit, before it is made.
-
-    Args:
-        name: The argument that its size comes from.
-        value: What it is.
-        sensors: How many it would have.
-        needed: Bytes that it takes.
+    """Refuse a world that, or the pairs of its sensors, does not fit; see `check_fits`.
 
     Raises:
-        InvalidValueError: It takes more than are free.
+        InvalidValueError: It takes more memory than is free.
     """
-    if _learns.get():
-        needed += BYTES_BESIDE + BYTES_A_PAIR * sensors**2
+    needed += BYTES_BESIDE + BYTES_A_PAIR * sensors**2
     free = free_memory()
     if needed > free:
         rule = (

@@ -163,7 +163,7 @@ def _folder_of(kernel: _Kernel[Any, Any]) -> str:
     there = [folder, *folder.rglob("*")] if folder.exists() else []
     if all(is_own(path, 0 if closed else 0o022) for path in there):
         return str(folder)
-    _say_untrusted(folder)
+    _say_untrusted(cache)
     return ""
 
 
@@ -185,17 +185,13 @@ def cache_folder() -> Path | None:
     return None
 
 
+@functools.cache
 def _say_untrusted(folder: Path) -> None:
     """Say that nothing is kept: once, and not in each process that this one starts."""
     from multiprocessing import parent_process
 
+    rule = (
+        "must be a folder that this user owns and no other can write to (chmod -R go-w)"
+    )
     if parent_process() is None:
-        _once(
-            f"{folder}: must be a folder that this user owns and no other can write to"
-            " (chmod -R go-w, or set XDG_CACHE_HOME): each start compiles anew"
-        )
-
-
-@functools.cache
-def _once(text: str) -> None:
-    _logger.warning("%s", text)
+        _logger.warning("%s: %s: each start compiles anew", folder, rule)

@@ -39,9 +39,8 @@ def is_own(path: Path, denied: int) -> bool:
         OSError: It cannot be looked at.
     """
     found = path.lstat()
-    mode = found.st_mode
-    own = found.st_uid == os.getuid() and not stat.S_ISLNK(mode)
-    return own and not mode & denied
+    own = found.st_uid == os.getuid() and not stat.S_ISLNK(found.st_mode)
+    return own and not found.st_mode & denied
 
 
 def sync_file(path: Path) -> None:

@@ -249,8 +249,7 @@ def cells(
 
     with errors():
         numbers = remote_parts.parse_ranges("cells", ranges)
-        chosen = remote_parts.cells(numbers)
-        served = _serve(context, f"cells {ranges}", swarm, chosen, compiles=True)
+        served = _serve(context, f"cells {ranges}", swarm, remote_parts.cells(numbers))
         facts = {"cells": numbers, "served": _names(served)}
         print_facts(form, {"swarm": swarm, **facts})
 
@@ -307,17 +306,9 @@ def coordinator(
 
 
 def _serve(
-    context: typer.Context,
-    what: str,
-    swarm: str,
-    choose: "ChooseParts",
-    *,
-    compiles: bool = False,
+    context: typer.Context, what: str, swarm: str, choose: "ChooseParts"
 ) -> "list[Served]":
-    """Serve until it is over; return the swarms served.
-
-    What workers need is compiled before a coordinator may be there that waits for them.
-    """
+    """Serve until it is over; return the swarms served."""
     from neurosnap.runtime.compilation import compile_first
     from neurosnap.runtime.service import serve
 
@@ -333,7 +324,7 @@ def _serve(
 
     async def work(stop: asyncio.Event) -> None:
         warn(f"{what} for swarm {swarm}")
-        if compiles:
+        if what.startswith("cells"):  # before a coordinator waits for workers
             await compile_first(None, stop)
         await serve(
             choose,

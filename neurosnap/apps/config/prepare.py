@@ -37,7 +37,7 @@ from neurosnap.protocol.run_options import (
     RunOptions,
 )
 from neurosnap.runtime.fit_agent import body_of, drawn_to
-from neurosnap.runtime.preflight import check_cells, check_sensors, learning_pairs
+from neurosnap.runtime.preflight import check_cells, check_sensors
 from neurosnap.runtime.remote_parts import among, parse_ranges
 from neurosnap.runtime.request import RunRequest, Site, check_swarm
 from neurosnap.sources.camera import try_camera
@@ -194,12 +194,11 @@ def _fit(config: Config, name: str, given: dict[str, Argument]) -> _Fitted:
     arguments = settle(name, given)
     agent, seed = config.agent, config.run.seed
     target = _names(agent.target)
-    with learning_pairs():
-        if agent.kind == "excited":
-            place = ",".join(target) if target else None
-            arguments |= drawn_to(name, seed, arguments, place)
-            target = ()
-        opened = open_source(name, seed, arguments, None, config.recording.frames > 0)
+    if agent.kind == "excited":
+        place = ",".join(target) if target else None
+        arguments |= drawn_to(name, seed, arguments, place)
+        target = ()
+    opened = open_source(name, seed, arguments, None, config.recording.frames > 0)
     try:
         try_camera(opened, config.recording.frames)
     finally:

@@ -46,6 +46,10 @@ ROOM = 1024
 
 SLOW = 30
 """Ticks in a row that are due before they are asked for, when the run is too slow."""
+_SLOW = (
+    "source: readings come faster than this run makes ticks (run it with --cells inline,"
+    " or with a longer interval or min_interval)"
+)
 
 _logger = logging.getLogger(__name__)
 
@@ -556,10 +560,7 @@ class LiveSource:
             self._late = 0
             if len(self._waiting) >= self._behind and not self._slow:
                 self._slow = True
-                _logger.warning(
-                    "source: readings come faster than this run makes ticks (run it"
-                    " with --cells inline, or with a longer interval or min_interval)"
-                )
+                _logger.warning(_SLOW)
 
     def _wait(self, now: float, patience: float | None) -> None:
         """Wait until what is known may change, `patience` seconds at most."""

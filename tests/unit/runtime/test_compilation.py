@@ -84,9 +84,10 @@ REHEARSED = """
 import asyncio
 import sys
 from neurosnap.runtime.compilation import CompileJob
-from neurosnap.runtime.launch import run_incarnation
+from neurosnap.runtime.inline_tasks import InlineTasks
+from neurosnap.runtime.launch import jobs_of, launch
 from neurosnap.runtime.parts.job import PartContext, Reporter
-from neurosnap.runtime.request import RunRequest
+from neurosnap.runtime.request import RunRequest, Site
 from neurosnap.system import compiled
 from tests.support.run_options import options_for
 
@@ -104,7 +105,8 @@ part = PartContext(None, asyncio.Event(), Reporter("compiler", Line()))
 asyncio.run(CompileJob(options).run(part))
 before = signatures()
 assert before
-asyncio.run(run_incarnation(RunRequest(options), asyncio.Event(), inline=True))
+jobs = jobs_of(RunRequest(options))
+asyncio.run(launch(jobs, Site(), asyncio.Event(), starter=InlineTasks()))
 assert signatures() == before, signatures() - before
 """
 

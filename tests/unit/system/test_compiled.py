@@ -91,7 +91,7 @@ def kept(
     monkeypatch.setattr(compiled_code, "_made_of", lambda *_: [b"its source"])
 
     def look() -> list[bool]:
-        for function in (compiled_code.cache_folder, compiled_code._once):
+        for function in (compiled_code.cache_folder, compiled_code._say_untrusted):
             function.cache_clear()
         caplog.clear()
         return [
@@ -118,8 +118,8 @@ def test_a_cache_is_used_only_where_no_other_user_can_write(
     cache.chmod(0o755)
     assert kept() == [True, False]
     assert [record.message for record in caplog.records] == [
-        f"{inside}: must be a folder that this user owns and no other can write to"
-        " (chmod -R go-w, or set XDG_CACHE_HOME): each start compiles anew"
+        f"{cache}: must be a folder that this user owns and no other can write to"
+        " (chmod -R go-w): each start compiles anew"
     ]
     cache.chmod(0o777)
     assert kept() == [False, False]

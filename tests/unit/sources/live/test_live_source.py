@@ -180,7 +180,7 @@ def test_what_was_lost_is_told_of_once_and_only_if_there_is_any(
     source.close()
     assert caplog.messages == [
         f"reading: must wait for fewer than {ROOM} others, dropped",
-        "6 more were refused and are not shown",
+        "6 more refused, the last: reading: must wait for fewer than 1024 others, dropped",
         "source: lost or out of time: 7 whole readings dropped,"
         " 1 late readings dropped, 1 readings from a clock that is ahead,"
         " 2 ticks skipped",
