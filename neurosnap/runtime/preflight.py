@@ -46,7 +46,7 @@ def check_world(name: str, value: object, sensors: int, needed: int) -> None:
     Raises:
         InvalidValueError: It takes more memory than is free.
     """
-    needed += BYTES_BESIDE + BYTES_A_PAIR * sensors**2
+    check_sensors(sensors)
     free = free_memory()
     if needed > free:
         rule = (

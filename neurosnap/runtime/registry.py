@@ -48,7 +48,8 @@ def noted(swarm: str, source: str, endpoint: str, log: Path | None) -> Iterator[
         InvalidValueError: Another one of that id runs here.
     """
     for other in swarms():
-        if other.swarm == swarm:
+        # On one hub the coordinators see to it.
+        if other.swarm == swarm and other.endpoint != endpoint:
             rule = f"must not be that of a run here, as of process {other.pid}"
             raise InvalidValueError("swarm", rule, swarm)
     process = psutil.Process()

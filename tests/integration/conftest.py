@@ -118,12 +118,12 @@ def endpoint() -> Iterator[str]:
         yield f"unixsock-stream/{folder}/hub"
 
 
-@pytest.fixture
-def own_notes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A folder of notes on running swarms of this test's own."""
-    folder = tmp_path / "runtime"
-    folder.mkdir(mode=0o700)
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
+@pytest.fixture(autouse=True)
+def own_notes(
+    tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Let tests that run at the same time give their swarms the same name."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("runtime")))
 
 
 @pytest.fixture

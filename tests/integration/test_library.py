@@ -82,7 +82,7 @@ async def test_it_runs_where_a_loop_is_running(tmp_path: Path) -> None:
     ("given", "text"),
     [
         ({"tick": 3}, "run: must be an option of a run: "),
-        ({"ticks": 0}, "ticks: must be a whole number, 1 or more, got 0"),
+        ({"ticks": 0}, "ticks: must be a whole number in [1, 2147483647], got 0"),
         ({"out": "no/such/folder.mcap"}, "out: must be in a folder that exists"),
         ({"settings": {"recording.record": False}}, "out: must go with a recording"),
         ({"arguments": {"places": "x"}}, "source.arguments.places: "),

@@ -88,7 +88,7 @@ def test_a_second_run_of_one_id_is_refused(runtime: Path) -> None:
     code = (
         "import sys\n"
         "from neurosnap.runtime.registry import noted\n"
-        "with noted('abcd', 'other.csv', '', None):\n"
+        "with noted('abcd', 'other.csv', 'its hub', None):\n"
         "    print(flush=True); sys.stdin.read()"
     )
     with Command("-c", code) as other:

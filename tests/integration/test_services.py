@@ -241,7 +241,7 @@ def test_each_of_them_can_be_stopped_in_the_midst(
 def test_who_waits_for_a_coordinator_says_so_in_the_end(
     endpoint: str, tmp_path: Path
 ) -> None:
-    out = ("--out", tmp_path / "log")
+    out = ("--out", tmp_path / "log.mcap")
     for line in (
         ("cells", SWARM, 0),
         ("recorder", SWARM, *out),
@@ -294,7 +294,7 @@ def test_who_does_not_fit_is_refused_and_the_run_minds_nothing(
     ):
         up(endpoint, "coordinator", *(f"cell/{n}" for n in range(CELLS)))
         for name, (line, code, text) in WRONG.items():
-            more = ("--out", tmp_path / "log") if line[1] == "recorder" else ()
+            more = ("--out", tmp_path / "log.mcap") if line[1] == "recorder" else ()
             said = (refused if code == 2 else failed)(*line, *more, *at)
             assert text in said, name
         with going("serve", "world", SWARM, PATH, *at) as world:

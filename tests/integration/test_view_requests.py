@@ -20,7 +20,7 @@ from tests.support.page_requests import events, get, say, status_of
 from tests.support.patience import PATIENCE
 from tests.support.recorded_runs import TICKS, in_chunks, told
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_notes")]
+pytestmark = pytest.mark.slow
 
 
 @asynccontextmanager

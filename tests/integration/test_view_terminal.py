@@ -25,7 +25,7 @@ from tests.support.page_requests import get
 from tests.support.patience import PATIENCE
 from tests.support.recorded_runs import path_run
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_notes")]
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(autouse=True)

@@ -36,7 +36,7 @@ ROWS = {
     ),
     f"{FILE} --ticks -5": "got -5",
     f"{FILE} --ticks 1{30 * '0'}": "ticks: must be a whole number in [1, 2147483647], got 1000",
-    f"run {WORLD} --set places=1000000": "must fit the memory: takes about 12,000",
+    f"run {WORLD} --set places=1000000": "12 bytes for every pair are 12,000.0 GB",
     f"{FILE} --ticks many": "Invalid value for '--ticks'",
     f"{FILE} --set places=4": "arguments: must not be given for a file",
     "run readings.csv --cells threads": "'threads' is not one of 'auto'",
