@@ -103,11 +103,7 @@ class GridWorld(PlacesWorld):
 
 
 def _interior(hole: object, width: int, height: int) -> tuple[int, int]:
-    """Return the hole, if it is an interior point.
-
-    Raises:
-        InvalidValueError: It is none.
-    """
+    """Return the hole, if it is an interior point."""
     match hole:
         case (x, y) if (
             is_whole(x) and is_whole(y) and 0 < x < width - 1 and 0 < y < height - 1

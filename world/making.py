@@ -206,11 +206,7 @@ class Target(
 
 
 def _world(env: gymnasium.Env[NDArray[np.int8], np.int64]) -> PlacesWorld:
-    """Return the world that `env` shows unaltered.
-
-    Raises:
-        InvalidValueError: It shows none, or shows it otherwise.
-    """
+    """Return the world that `env` shows unaltered."""
     world = getattr(env, "unwrapped", None)
     if (
         not isinstance(world, PlacesWorld)

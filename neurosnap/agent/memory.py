@@ -215,11 +215,7 @@ class _Followed(msgspec.Struct, frozen=True):
 
 
 def _followed_in(arrays: Arrays) -> _Followed:
-    """Return what was followed.
-
-    Raises:
-        ValueError: The arrays make no sense.
-    """
+    """Return what was followed."""
     text = entry(arrays, "followed", (rows_in(arrays, "followed"),), np.uint8)
     try:
         return msgspec.json.decode(text.tobytes(), type=_Followed)

@@ -176,11 +176,7 @@ class Host(Generic[W, T]):
         return out
 
     def _receive(self, message: wire.Message) -> None:
-        """Act on a message that can be right.
-
-        Raises:
-            MessageError: It cannot; nothing has changed.
-        """
+        """Act on a message that can be right."""
         raise NotImplementedError
 
     def _finish(self) -> None:
@@ -188,11 +184,7 @@ class Host(Generic[W, T]):
         raise NotImplementedError
 
     def _counts(self, name: str, wave: int, fence: int) -> bool:
-        """Tell whether pulses still count: not if their wave has settled.
-
-        Raises:
-            MessageError: They cannot be right, or are more than there is room for.
-        """
+        """Tell whether pulses still count: not if their wave has settled."""
         check_number(f"{name}: wave", max(wave, fence), self._fence)
         if wave < self._settled_below:
             return False
@@ -203,11 +195,7 @@ class Host(Generic[W, T]):
         return True
 
     def _follow(self, start: wire.WaveStart) -> bool:
-        """Forget what a wave start settles, and tell whether the wave itself counts.
-
-        Raises:
-            MessageError: It cannot be right.
-        """
+        """Forget what a wave start settles, and tell whether the wave itself counts."""
         if start.credit > DEEPEST:
             rule = f"must have credit up to {DEEPEST}"
             raise MessageError(f"wavestart: {rule}, got {start.credit}")
@@ -245,11 +233,7 @@ class Host(Generic[W, T]):
         return msgspec.structs.replace(start, kind="signal", signal=signal)
 
     def _is_new(self, observation: wire.Observation | wire.Learn) -> bool:
-        """Tell whether a tick was not read before.
-
-        Raises:
-            MessageError: The observation cannot be right.
-        """
+        """Tell whether a tick was not read before."""
         size = len(observation.bits)
         if self._bytes and size != self._bytes:
             raise MessageError(
@@ -263,11 +247,7 @@ class Host(Generic[W, T]):
         return True
 
     def _changes(self, wiring: wire.Wiring | wire.WorkerWiring) -> bool:
-        """Begin the epoch of a wiring; tell whether it is a new one.
-
-        Raises:
-            MessageError: One before it was lost.
-        """
+        """Begin the epoch of a wiring; tell whether it is a new one."""
         if wiring.epoch <= self._epoch:
             return False
         self._finish()  # what came before it was meant for the wiring before it

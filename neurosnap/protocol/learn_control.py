@@ -149,11 +149,7 @@ class LearnControl:
         return msgspec.structs.replace(anomaly, links=tuple(links))
 
     def _check(self, learned: wire.Learned, learn: wire.Learn) -> Pairs:
-        """Return what a message says changed; refuse what cannot be right.
-
-        Raises:
-            MessageError: It is not.
-        """
+        """Return what a message says changed; refuse what cannot be right."""
         if (learned.tick, learned.frame) != (learn.tick, learn.frame):
             rule = f"must be of tick {learn.tick}, key-frame {learn.frame}"
             got = f"tick {learned.tick}, key-frame {learned.frame}"

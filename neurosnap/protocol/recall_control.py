@@ -150,11 +150,7 @@ class RecallControl:
         return [*reminders, *self._begin(recall, 0, cells)]
 
     def _check(self, answer: wire.Recalled, recall: wire.Recall, length: int) -> None:
-        """Refuse an answer that does not fit the question.
-
-        Raises:
-            MessageError: It does not.
-        """
+        """Refuse an answer that does not fit the question."""
         if answer.lacks:
             lacks, asked = set(answer.lacks), self._asked[answer.who]
             if len(lacks) < len(answer.lacks) or lacks.difference(asked):
@@ -237,11 +233,7 @@ def _unpacked(data: bytes, length: int) -> Words:
 
 
 def _cells_asked(recall: wire.Recall, cells: range) -> list[int]:
-    """Return which of some cells are asked anything, ascending.
-
-    Raises:
-        MessageError: The question cannot be right.
-    """
+    """Return which of some cells are asked anything, ascending."""
     counted = [a for count in check_recall(recall) for a in count.literals]
     asked = np.unique(np.array((*recall.readings, *counted), np.int64))
     own: list[int] = np.unique(asked[_own(asked, cells)] >> 1).tolist()

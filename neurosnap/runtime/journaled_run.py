@@ -383,11 +383,7 @@ class _WorldServer:
 
 
 async def _question(reader: asyncio.StreamReader) -> remote_source.Question:
-    """Return the next question.
-
-    Raises:
-        EOFError: None comes any more.
-    """
+    """Return the next question."""
     head = remote_source.HEAD
     (length,) = head.unpack(await reader.readexactly(head.size))
     return remote_source.questions.decode(await reader.readexactly(length))

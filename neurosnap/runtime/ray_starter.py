@@ -366,10 +366,6 @@ def _connect(address: str) -> bool:
 
     Returns:
         Whether it was not connected yet: then it is for the caller to leave.
-
-    Raises:
-        InvalidValueError: It is no address, or one of Ray's clients.
-        SwarmError: No cluster answers there.
     """
     if ray.is_initialized():
         return False
@@ -392,12 +388,7 @@ def _connect(address: str) -> bool:
 
 
 def _check_answers(given: str) -> None:
-    """Refuse a cluster that does not answer: Ray would end the process after a minute.
-
-    Raises:
-        InvalidValueError: It is no address.
-        SwarmError: No cluster answers.
-    """
+    """Refuse a cluster that does not answer: Ray would end the process in a minute."""
     from ray._private.services import canonicalize_bootstrap_address
 
     try:
@@ -449,10 +440,6 @@ def _check_reach(found: Collection[Node], own: str, endpoint: str) -> None:
         found: The nodes.
         own: The id of this process's.
         endpoint: Where the hub listens; empty for a private socket.
-
-    Raises:
-        InvalidValueError: The cluster is on several machines, and it can be reached
-            on this one alone.
     """
     machines = {node.address for node in found}
     if len(machines) < 2 or (endpoint and not stays_here(endpoint)):

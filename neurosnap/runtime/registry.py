@@ -139,9 +139,6 @@ def _own_folder() -> Path:
     """Return where notes are, made if it is not there, entered by this user alone.
 
     It is on this machine, as a home need not be: a note names a process of it.
-
-    Raises:
-        SwarmError: It is another user's, or others may enter it.
     """
     base = os.environ.get("XDG_RUNTIME_DIR")
     shared = Path(tempfile.gettempdir()) / f"neurosnap-{os.getuid()}"

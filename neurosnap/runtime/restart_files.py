@@ -204,11 +204,7 @@ def _deleted(path: Path, held_by: Sequence[Path]) -> bool:
 
 
 def _hold(files: Sequence[Path], path: Path) -> bool:
-    """Tell whether files hold every whole tick of another one, as it was observed.
-
-    Raises:
-        RecordingError: One of them cannot be read.
-    """
+    """Tell whether files hold every whole tick of another one, as it was observed."""
     held = _ticks(files)
     return _is_sound(path) and all(tick in held for tick in _ticks([path]))  # in order
 

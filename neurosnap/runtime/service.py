@@ -110,11 +110,7 @@ def _no_coordinator(swarm: str, patience: float, trouble: str) -> str:
 async def _take_part(
     choose: ChooseParts, connections: Connections, seen: FoundSwarm, stop: asyncio.Event
 ) -> Served:
-    """Run the parts in one swarm until it is over, or the service is to stop.
-
-    Raises:
-        NeurosnapError: A part failed, or cannot be of this swarm.
-    """
+    """Run the parts in one swarm until it is over, or the service is to stop."""
     ending = _Ending()
     async with connections.to("watcher", seen.name).fabric() as fabric:
         await fabric.subscribe(_LAST_WORDS, ending.handle)

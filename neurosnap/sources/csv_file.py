@@ -265,11 +265,7 @@ class TableRows:
 
 
 def _skipped(header: list[str], wanted: Wanted, where: str) -> int | None:
-    """Return which column holds no sensor.
-
-    Raises:
-        InvalidValueError: The one that was named is not there.
-    """
+    """Return which column holds no sensor."""
     if wanted.time is not None:
         if wanted.time not in header:
             raise InvalidValueError(where, "must have this column", wanted.time)

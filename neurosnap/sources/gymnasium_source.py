@@ -139,11 +139,7 @@ def _make(name: str, arguments: Mapping[str, Argument]) -> gymnasium.Env[Any, An
 
 
 def _rendering(name: str, arguments: Mapping[str, Argument]) -> gymnasium.Env[Any, Any]:
-    """Return the environment called `name`, which draws itself as arrays.
-
-    Raises:
-        InvalidValueError: It does not; or as `_make`.
-    """
+    """Return the environment called `name`, which draws itself as arrays."""
     if "render_mode" in arguments:
         rule = "must not have render_mode where frames are recorded"
         raise InvalidValueError("arguments", rule, arguments["render_mode"])

@@ -140,7 +140,7 @@ def _numba() -> Any:  # noqa: ANN401 - it has no types
         elif about.is_end:
             count += 1
             if time.monotonic() >= next_line:
-                _logger.warning("compiled %d of up to %d", count, len(_kernels))
+                _logger.warning("compiled %d functions so far", count)
                 next_line = time.monotonic() + _EVERY
 
     class Saying(event.Listener):

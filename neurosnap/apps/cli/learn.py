@@ -183,12 +183,7 @@ def health(
 
 
 def _opened(data: Path, context: typer.Context) -> "Recording | Readings":
-    """Return the recording in a file, or else the readings that are asked for.
-
-    Raises:
-        InvalidValueError: What is said of a sensor with numbers is not of that form; or
-            as in `open_data`.
-    """
+    """Return the recording in a file, or else the readings that are asked for."""
     from neurosnap.apps.export.learned import open_data
     from neurosnap.sources.meaning import Wanted, parse_comparison
 

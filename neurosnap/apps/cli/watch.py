@@ -196,9 +196,6 @@ def _logs(given: list[str]) -> list[Path]:
 
     Args:
         given: Recordings and the ids of swarms; empty for all swarms that run.
-
-    Raises:
-        InvalidValueError: No swarm runs, or one is not recorded.
     """
     from neurosnap.runtime import registry
 

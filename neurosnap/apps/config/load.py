@@ -194,11 +194,7 @@ def _text(path: Path) -> str:
 
 
 def _parsed(path: Path, text: str) -> dict[str, Any]:
-    """Return what is in a TOML file.
-
-    Raises:
-        ConfigError: It is no TOML.
-    """
+    """Return what is in a TOML file."""
     try:
         return tomllib.loads(text)
     except RecursionError:

@@ -116,11 +116,7 @@ def prepare(loaded: Loaded, swarm: str = "", *, here: bool = True) -> RunRequest
 
 
 def _away(config: Config, options: RunOptions, swarm: str) -> frozenset[str]:
-    """Return the parts that are started elsewhere.
-
-    Raises:
-        InvalidValueError: There are none such, or they could not find the run.
-    """
+    """Return the parts that are started elsewhere."""
     text, network = config.cells.elsewhere, config.network
     if not text:
         return frozenset()
@@ -154,12 +150,7 @@ def _warn_of_secrets(config: Config, folder: Path) -> None:
 
 
 def _check_cells(options: RunOptions, away: frozenset[str], *, here: bool) -> None:
-    """Refuse cells that do not fit this machine, or that the source cannot reach.
-
-    Raises:
-        InvalidValueError: They are too many; or the source reads from a hub, and cells
-            in this process have none.
-    """
+    """Refuse cells that do not fit this machine, or that the source cannot reach."""
     options.host_names()
     if options.source == ZENOH and options.cells == "inline":
         rule = "must be 'process' or 'worker' for a source of kind zenoh"
@@ -185,12 +176,7 @@ _NOTHING = _Fitted(Body(own=()), {}, (), None, False)
 
 
 def _fit(config: Config, name: str, given: dict[str, Argument]) -> _Fitted:
-    """Open the source, for the names of its sensors, and fit the agent to it.
-
-    Raises:
-        InvalidValueError: The source cannot be opened, or has more sensors than this
-            machine can take, or the agent does not fit it.
-    """
+    """Open the source, for the names of its sensors, and fit the agent to it."""
     arguments = settle(name, given)
     agent, seed = config.agent, config.run.seed
     target = _names(agent.target)
@@ -210,11 +196,7 @@ def _fit(config: Config, name: str, given: dict[str, Argument]) -> _Fitted:
 
 
 def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
-    """Return the options.
-
-    Raises:
-        InvalidValueError: Some of them do not go together.
-    """
+    """Return the options."""
     given = flattened(config)
     if is_live(name):
         given.setdefault("sync", _SYNC)
@@ -271,11 +253,7 @@ def _names(target: object) -> tuple[str, ...]:
 
 
 def _log(config: Config, folder: Path, source: str) -> Path | None:
-    """Return where to record.
-
-    Raises:
-        InvalidValueError: It cannot be recorded there.
-    """
+    """Return where to record."""
     recording = config.recording
     if not recording.record:
         return None

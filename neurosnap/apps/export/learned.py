@@ -231,11 +231,7 @@ def learned_from(
 
 
 def _check_room(sensors: int) -> None:
-    """Refuse more sensors than there is memory for all their pairs.
-
-    Raises:
-        InvalidValueError: There are more.
-    """
+    """Refuse more sensors than there is memory for all their pairs."""
     needed, free = _BYTES_A_PAIR * sensors * (sensors - 1) // 2, free_memory()
     if needed > free:
         rule = (

@@ -122,11 +122,7 @@ def _arrays_in(head: bytes) -> Arrays:
 
 
 def _fill(arrays: Arrays, stretches: Iterable[Stretch], share: range | None) -> None:
-    """Put the numbers of pairs where they belong.
-
-    Raises:
-        ValueError: One is missing, or there is more than one for a place.
-    """
+    """Put the numbers of pairs where they belong."""
     count = rows_in(arrays, "names")
     every = len(pairs_of(range(count)))
     own = pairs_of(range(count) if share is None else share)

@@ -655,11 +655,7 @@ class Snapshot(abc.ABC):
 
 
 def _checked_threshold(threshold: float | str) -> float:
-    """Return a threshold as a float.
-
-    Raises:
-        InvalidValueError: It is no number in (0, 1/4].
-    """
+    """Return a threshold as a float."""
     if isinstance(threshold, bool) or not isinstance(
         threshold, float | int | np.number
     ):

@@ -91,11 +91,7 @@ def scan_growth(path: Path, layout: Layout) -> bool:
 
 
 def _read_start(path: Path, file: BinaryIO, layout: Layout) -> int:
-    """Read the magic and the header; return where the first record behind them starts.
-
-    Raises:
-        RecordingError: They are damaged, and no record shows whose recording it is.
-    """
+    """Read magic and header; return where the first record behind them starts."""
     try:
         file.seek(0)
         check_start(path, file.read(len(MAGIC)), _first_record(file, layout.size))
@@ -163,11 +159,7 @@ def _noted_end(file: BinaryIO, start: int, size: int) -> int | None:
 
 
 def _file_records(path: Path, file: BinaryIO, layout: Layout) -> None:
-    """File the records up to the end of the data, or of the file.
-
-    Raises:
-        ValueError: What follows is no record of ours.
-    """
+    """File the records up to the end of the data, or of the file."""
     for opcode, body, after in heads(file, layout.walked, layout.size):
         if opcode == Opcode.DATA_END and after - body == CRC.size:
             # Not passed: where what is behind it is torn, more may come.

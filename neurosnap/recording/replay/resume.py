@@ -216,9 +216,6 @@ def _prove(recording: Recording) -> None:
     """Derive the file before one up to where this begins, unless all report in this.
 
     For why see `_start`.
-
-    Raises:
-        _UnprovedError: Not all is there.
     """
     number = recording.part or 0
     if not number or recording.files[0].lost:  # it is known that something is missing
@@ -290,11 +287,7 @@ def _reported(recording: Recording) -> dict[str, int]:
 
 
 def _taken(recording: Recording, tick: int) -> tuple[tuple[int, ...], Body]:
-    """Return the actions of the ticks before one, and what was sensed at that one.
-
-    Raises:
-        RecordingError: One of the decisions is missing.
-    """
+    """Return the actions of the ticks before one, and what was sensed at that one."""
     body = recording.options.body
     if not (body.actions or body.room):
         return (-1,) * (tick - 1), body
@@ -344,9 +337,6 @@ def _counts(
         stretch: Of it: nothing may be missing from where this begins.
         tick: One of its whole ticks.
         waves: The waves started by then.
-
-    Raises:
-        RecordingError: One of them is missing.
     """
     if (share := recording.files[0].share) is None:
         rule = "must say what numbers it begins with"

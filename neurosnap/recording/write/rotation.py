@@ -401,11 +401,7 @@ class SplitWriter:
 
 
 def _delete(paths: Iterable[Path]) -> None:
-    """Delete files; what is gone already is none.
-
-    Raises:
-        RecordingError: One of them cannot be deleted.
-    """
+    """Delete files; what is gone already is none."""
     for path in paths:
         try:
             path.unlink(missing_ok=True)

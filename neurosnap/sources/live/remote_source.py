@@ -182,11 +182,7 @@ class RemoteSource:
                 return end
 
     def _read(self, count: int) -> bytes:
-        """Return the next bytes.
-
-        Raises:
-            EOFError: They do not come any more.
-        """
+        """Return the next bytes."""
         data = b"" if self._stream is None else self._stream.read(count)
         if len(data) < count:
             raise EOFError

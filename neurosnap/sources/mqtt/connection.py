@@ -300,11 +300,7 @@ def _handing_to(receive: Receive | None) -> type[asyncio.Queue[aiomqtt.Message]]
 
 
 async def _listen(client: aiomqtt.Client) -> None:
-    """Wait until the connection breaks.
-
-    Raises:
-        MqttError: It did.
-    """
+    """Wait until the connection breaks."""
     async for _ in client.messages:  # none is queued; this is how to hear of the end
         pass
 
