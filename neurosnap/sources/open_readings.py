@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from neurosnap.errors import InvalidValueError, MissingExtraError
-from neurosnap.poc.learning.columns import GrowingColumns, unpacked
+from neurosnap.poc.learning.columns import GrowingColumns
+from neurosnap.poc.order.literals import from_words
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources import home_assistant_db
 from neurosnap.sources.csv_file import CsvFile, TableFile, TableRows
@@ -102,7 +103,7 @@ class FileSource:
         self.orders: tuple[int, ...] = (0,) * len(self.sensors)
         self.actions: tuple[str, ...] = ()
         known = np.bitwise_or.reduce(self._columns.on | self._columns.off)
-        self._ticks = np.flatnonzero(unpacked(known, self._columns.ticks))
+        self._ticks = np.flatnonzero(from_words(known, self._columns.ticks))
         self.length: int | None = len(self._ticks)
         if not self.length:
             raise InvalidValueError(path, "must hold readings", "none that is known")

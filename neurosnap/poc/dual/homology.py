@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.poc.order.masks import to_mask
+from neurosnap.poc.order.masks import members, to_mask
 
 
 class CellComplex:
@@ -59,7 +59,7 @@ class CellComplex:
             >>> CellComplex.cubical(np.array([[0, 0], [0, 1], [1, 0]], bool))
             CellComplex(vertices=3, edges=2)
         """
-        return cls([faces for _, faces in _layers(corners)])
+        return cls(list(_layers(corners)))
 
     def face_vector(self) -> tuple[int, ...]:
         """Return the number of cells of each dimension."""
@@ -98,10 +98,8 @@ class CellComplex:
         return f"CellComplex({', '.join(shown)})"
 
 
-def _layers(
-    corners: NDArray[np.bool_],
-) -> Iterator[tuple[dict[tuple[int, int], int], list[tuple[int, ...]]]]:
-    """Yield the cubes of each dimension with their numbers, and their faces.
+def _layers(corners: NDArray[np.bool_]) -> Iterator[list[tuple[int, ...]]]:
+    """Yield the faces of the cubes of each dimension.
 
     A cube is its corner with the most bits on and the directions it extends in.
     """
@@ -114,7 +112,7 @@ def _layers(
     cells = {(vertex, 0): number for number, vertex in enumerate(vertices)}
     faces: list[tuple[int, ...]] = [()] * len(vertices)
     while cells:
-        yield cells, faces
+        yield faces
         cells, faces = _thickened(cells)
 
 
@@ -132,10 +130,8 @@ def _column(faces: Iterable[int], dimension: int, below: int) -> int:
 def _added(columns: Sequence[int], chosen: int) -> int:
     """Return the sum of the columns that the bits of `chosen` choose."""
     total = 0
-    while chosen:
-        lowest = chosen & -chosen
-        total ^= columns[lowest.bit_length() - 1]
-        chosen ^= lowest
+    for number in members(chosen):
+        total ^= columns[number]
     return total
 
 
@@ -166,9 +162,8 @@ def _thickened(
         for corner in corners:
             # Directions are added from the lowest up, so each cube is found once.
             candidates = corner & ~((1 << spanned.bit_length()) - 1)
-            while candidates:
-                way = candidates & -candidates
-                candidates ^= way
+            for direction in members(candidates):
+                way = 1 << direction
                 if (corner ^ way, spanned) in cells:
                     found[corner, spanned | way] = len(faces)
                     faces.append(_faces(corner, spanned | way, cells))
@@ -180,9 +175,7 @@ def _faces(
 ) -> tuple[int, ...]:
     """Return the numbers of a cube's two faces in each of its directions."""
     faces: list[int] = []
-    rest = spanned
-    while rest:
-        way = rest & -rest
-        rest ^= way
+    for direction in members(spanned):
+        way = 1 << direction
         faces += [cells[corner, spanned ^ way], cells[corner ^ way, spanned ^ way]]
     return tuple(faces)

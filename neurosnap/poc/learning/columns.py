@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.poc.order.literals import Words
+from neurosnap.poc.order.literals import Words, from_words, to_words
 from neurosnap.sensorium import WORDS, Sensorium
 
 _CHUNK = 4096
@@ -72,7 +72,7 @@ class Columns:
             if len(sensorium) != len(read):
                 rule = f"must be {len(read)}, one a column"
                 raise ShapeError("names", rule, len(sensorium))
-            return cls(sensorium, ticks, packed(on), packed(known & ~on))
+            return cls(sensorium, ticks, to_words(on), to_words(known & ~on))
         array = np.asarray(data)
         if array.ndim != 2:
             raise ShapeError("data", "must be (ticks, sensors)", array.shape)
@@ -94,11 +94,11 @@ class Columns:
 
     def reading(self, sensor: int) -> NDArray[np.bool_]:
         """Return ``(T,)``, where a sensor read on."""
-        return unpacked(self.on[sensor], self.ticks)
+        return from_words(self.on[sensor], self.ticks)
 
     def known(self, sensor: int) -> NDArray[np.bool_]:
         """Return ``(T,)``, where its reading was known."""
-        return unpacked(self.on[sensor] | self.off[sensor], self.ticks)
+        return from_words(self.on[sensor] | self.off[sensor], self.ticks)
 
     def row(self, tick: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Return what all sensors read at a tick from 0 on, and whether it is known.
@@ -187,24 +187,9 @@ class GrowingColumns:
             ]
         )
         ready, sure = bits[:rows].T, known[:rows].T
-        self._packed.append((packed(ready & sure), packed(~ready & sure)))
+        self._packed.append((to_words(ready & sure), to_words(~ready & sure)))
         self._rows = [(bits[rows:], known[rows:])] if rows < len(bits) else []
         self._waiting -= rows
-
-
-def packed(flags: NDArray[np.bool_]) -> Words:
-    """Return ``(n, W)`` words of ``(n, T)`` flags."""
-    octets = np.packbits(flags, axis=1, bitorder="little")
-    room = np.zeros((len(flags), -(-flags.shape[1] // 64) * 8), np.uint8)
-    room[:, : octets.shape[1]] = octets
-    return room.view("<u8").astype(np.uint64, copy=False)
-
-
-def unpacked(words: Words, ticks: int) -> NDArray[np.bool_]:
-    """Return ``(ticks,)`` flags of ``(W,)`` words."""
-    octets = words.astype("<u8", copy=False).view(np.uint8)
-    flags = np.unpackbits(octets, bitorder="little", count=ticks)
-    return flags.view(np.bool_)
 
 
 def _is_dates(column: Any) -> bool:  # noqa: ANN401

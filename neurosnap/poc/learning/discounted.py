@@ -7,7 +7,7 @@ The compiled loops over a row are written for vector instructions, as those of
 `neurosnap.poc.learning.graph_kernels`.
 """
 
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,21 +37,6 @@ SLACK = 1e-12
 TINY = 1e-300
 """Halving goes on below the least normal number, where arithmetic is a hundred times
 slower; what is as small as this is 0 to every comparison already."""
-
-
-class _Gains(NamedTuple):
-    """What an observation does to weights, by the other sensor of a pair: ``(N,)``."""
-
-    known: NDArray[np.uint8]
-    """Whether it is known."""
-    keep: Floats
-    """What is kept of the weights."""
-    on: Floats
-    """What is gained where it reads on."""
-    off: Floats
-    """Where it reads off."""
-    none: Floats
-    """Zeros."""
 
 
 @njit()
@@ -143,7 +128,11 @@ def discount_squares(
     """
     count, kept = bits.shape[0], Pairs(*pairs)
     limit, codes, first = kept.threshold, kept.codes, kept.first
-    gains = _gains(bits, known, decay)
+    # By the other sensor of a pair: what is kept, and gained where it reads on, or off.
+    keep = np.where(known > 0, decay, 1.0)
+    on = (bits & known).astype(np.float64) * (1.0 - decay)
+    off = (known & ~bits).astype(np.float64) * (1.0 - decay)
+    none = np.zeros(count, np.float64)
     shift = np.empty(count, np.float64)
     fresh = np.empty(count, np.uint8)
     changed = False
@@ -152,7 +141,11 @@ def discount_squares(
             continue
         start = place_of(i, first)
         row, now = row_of(squares, start, start + i), codes[start : start + i]
-        _discount(bits[i], row, gains, limit, shift, now, fresh)
+        _fade(row.both, keep, on if bits[i] else none)
+        _fade(row.only_i, keep, off if bits[i] else none)
+        _fade(row.only_j, keep, none if bits[i] else on)
+        _fade(row.neither, keep, none if bits[i] else off)
+        _truncate(row, known, limit, shift, now, fresh)
         if difference(fresh, now):
             rewire(i, fresh, kept, tick)
             changed = True
@@ -174,43 +167,6 @@ def truncate_newborn(squares: Floats, share: float, codes: NDArray[np.uint8]) ->
 
 
 @njit()
-def _gains(bits: NDArray[np.uint8], known: NDArray[np.uint8], decay: float) -> _Gains:
-    """Return what an observation does to weights."""
-    keep = np.where(known > 0, decay, 1.0)
-    on = (bits & known).astype(np.float64) * (1.0 - decay)
-    off = (known & ~bits).astype(np.float64) * (1.0 - decay)
-    return _Gains(known, keep, on, off, np.zeros(bits.shape[0], np.float64))
-
-
-@njit()
-def _discount(
-    bit: int,
-    row: Row,
-    gains: _Gains,
-    limit: float,
-    shift: Floats,
-    now: NDArray[np.uint8],
-    fresh: NDArray[np.uint8],
-) -> None:
-    """Weigh one observation into one row, whose sensor is known, and truncate it.
-
-    Args:
-        bit: The sensor's reading.
-        row: The weights, updated.
-        gains: What the observation does to them.
-        limit: The threshold.
-        shift: Overwritten.
-        now: ``(i,)``, the codes as they are.
-        fresh: Overwritten with the codes as they are to be.
-    """
-    _fade(row.both, gains.keep, gains.on if bit else gains.none)
-    _fade(row.only_i, gains.keep, gains.off if bit else gains.none)
-    _fade(row.only_j, gains.keep, gains.none if bit else gains.on)
-    _fade(row.neither, gains.keep, gains.none if bit else gains.off)
-    _truncate(row, gains.known, limit, shift, now, fresh)
-
-
-@njit()
 def _truncate(
     row: Row,
     known: NDArray[np.uint8],
@@ -224,10 +180,10 @@ def _truncate(
     Args:
         row: The weights, updated.
         known: ``(N,)``: the pairs of other sensors keep code and weights.
-        limit: As of `_discount`, and so are the others.
+        limit: The threshold.
         shift: Overwritten.
-        now: The codes as they are.
-        fresh: Overwritten.
+        now: ``(i,)``, the codes as they are.
+        fresh: Overwritten with the codes as they are to be.
     """
     both, only_i, only_j, neither = row.both, row.only_i, row.only_j, row.neither
     for j in range(both.shape[0]):

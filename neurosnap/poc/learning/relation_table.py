@@ -220,36 +220,29 @@ class _Found:
             while waiting:
                 literal = waiting.pop(0)
                 for other in sorted(left):
-                    if self._copy(literal, other):
+                    if self._is_copy(literal, other):
                         left.discard(other)
                         waiting.append(other)
                         yield self._row(literal, other)
         for k, low in enumerate(group):
             for high in group[k + 1 :]:
-                if not self._copy(low, high) and self._related(low, high):
+                if self._code(low, high) and not self._is_copy(low, high):
                     yield self._row(low, high)
 
     def _direct(self, low: list[int], high: list[int]) -> Iterator[Relation]:
         """Yield the rows of all edges from one class to another."""
         for a in low:
             for b in high:
-                if a >> 1 != b >> 1 and self._leads(a, b):
+                if leads(self._code(a, b), a, b):
                     yield self._row(a, b)
 
     def _code(self, a: int, b: int) -> int:
-        return int(self._codes[pair_of(a, b)])
+        """Return what relates two literals; 0 for nothing, or both of one sensor."""
+        return int(self._codes[pair_of(a, b)]) if a >> 1 != b >> 1 else 0
 
-    def _related(self, a: int, b: int) -> bool:
-        return a >> 1 != b >> 1 and self._code(a, b) != 0
-
-    def _copy(self, a: int, b: int) -> bool:
+    def _is_copy(self, a: int, b: int) -> bool:
         """Return whether two literals are the same, or nearly."""
-        wanted = 3 if (a ^ b) & 1 == 0 else 12
-        return a >> 1 != b >> 1 and self._code(a, b) == wanted
-
-    def _leads(self, a: int, b: int) -> bool:
-        """Return whether there is an edge from one literal to another."""
-        return leads(self._code(a, b), a, b)
+        return self._code(a, b) == (3 if (a ^ b) & 1 == 0 else 12)
 
     def _row(self, a: int, b: int) -> Relation:
         """Return the row of two related sensors, given by any of their literals."""

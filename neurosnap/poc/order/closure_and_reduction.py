@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap.poc.order.kernels import lowest
 from neurosnap.poc.order.literals import Words
 from neurosnap.system.compiled import njit
 
@@ -135,13 +136,10 @@ def wired(rows: Words, representative: NDArray[np.int64]) -> Words:
         for k in range(width):
             others = wires[head, k] & ~heads[k]
             wires[head, k] ^= others
-            literal = 64 * k
             while others:
-                if others & _ONE:
-                    b = representative[literal]
-                    wires[head, b >> 6] |= _ONE << np.uint64(b & 63)
-                others >>= _ONE
-                literal += 1
+                b = representative[64 * k + lowest(others)]
+                wires[head, b >> 6] |= _ONE << np.uint64(b & 63)
+                others &= others - _ONE
     for a in range(total):
         wires[a, a >> 6] &= ~(_ONE << np.uint64(a & 63))
     for a in range(total):
@@ -175,7 +173,7 @@ def _classes(rows: Words) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """
     total, width = rows.shape
     left = _left(rows)
-    fresh = _all(total, width)
+    fresh = ~np.zeros(width, np.uint64)  # bits beyond the last literal are in no row
     sequence = np.empty(total, np.int64)
     starts = np.empty(total + 1, np.int64)
     count = filled = 0
@@ -194,13 +192,10 @@ def _classes(rows: Words) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
             for k in range(width):
                 found = rows[a, k] & fresh[k]
                 fresh[k] ^= found
-                literal = 64 * k
                 while found:
-                    if found & _ONE:
-                        sequence[filled] = literal
-                        filled += 1
-                    found >>= _ONE
-                    literal += 1
+                    sequence[filled] = 64 * k + lowest(found)
+                    filled += 1
+                    found &= found - _ONE
     starts[count] = total
     return sequence, starts[: count + 1]
 
@@ -209,7 +204,7 @@ def _classes(rows: Words) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 def _left(rows: Words) -> NDArray[np.int64]:
     """Return the literals in the order in which a depth-first walk leaves them."""
     total, width = rows.shape
-    fresh = _all(total, width)
+    fresh = ~np.zeros(width, np.uint64)  # bits beyond the last literal are in no row
     words = np.zeros(total, np.int64)  # a literal's words that have nothing fresh
     path = np.empty(total, np.int64)
     left = np.empty(total, np.int64)
@@ -231,21 +226,8 @@ def _left(rows: Words) -> NDArray[np.int64]:
                 count += 1
                 length -= 1
                 continue
-            found = rows[a, k] & fresh[k]
-            literal = 64 * k
-            while not found & _ONE:
-                found >>= _ONE
-                literal += 1
+            literal = 64 * k + lowest(rows[a, k] & fresh[k])
             fresh[k] ^= _ONE << np.uint64(literal & 63)
             path[length] = literal
             length += 1
     return left
-
-
-@njit()
-def _all(total: int, width: int) -> Words:
-    """Return the set of all literals."""
-    words = np.zeros(width, np.uint64)
-    for a in range(total):
-        words[a >> 6] |= _ONE << np.uint64(a & 63)
-    return words

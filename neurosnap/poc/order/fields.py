@@ -36,16 +36,17 @@ def as_fields(
     if len(sensorium) != len(listed):
         rule = f"must be {len(sensorium)}, one a sensor"
         raise ShapeError("fields", rule, len(listed))
-    fields = np.zeros((len(listed), len(listed[0]) if _flat(listed) else 0), np.bool_)
+    points = len(listed[0]) if listed and listed[0].ndim == 1 else 0
+    fields = np.zeros((len(listed), points), np.bool_)
     for sensor, row in enumerate(listed):
         name = f"field of {sensorium.name(2 * sensor)}"
         if row.shape != fields.shape[1:]:
-            rule = f"must have {fields.shape[1]} points as the first has"
+            rule = f"must have {points} points as the first has"
             raise ShapeError(name, rule, row.shape)
         if row.dtype.kind not in "biuf" or not np.isin(row, (0, 1)).all():
             raise InvalidValueError(name, "must be made of bits, 0 or 1", row.tolist())
         fields[sensor] = row == 1
-    if len(listed) and not fields.shape[1]:
+    if listed and not points:
         raise ShapeError("fields", "must be over at least one point", fields.shape)
     return fields, sensorium
 
@@ -68,8 +69,3 @@ def inclusions(fields: NDArray[np.bool_]) -> NDArray[np.bool_]:
     # Sums of zeros and ones: at least one cannot round to none.
     outside = literals.astype(np.float32) @ (~literals).astype(np.float32).T
     return np.asarray(outside == 0, np.bool_)
-
-
-def _flat(rows: list[NDArray[np.generic]]) -> bool:
-    """Whether the first row has a length."""
-    return bool(rows) and rows[0].ndim == 1

@@ -76,7 +76,7 @@ class PocGraph:
         edges = edges.copy()
         np.fill_diagonal(edges, False)
         self._rows = to_words(edges)
-        self._refuse_contradiction()
+        self.refuse_contradiction()
 
     @classmethod
     def from_implications(
@@ -335,7 +335,7 @@ class PocGraph:
             >>> g.implications(Sensorium(["door", "motion"]))
             [('door', 'motion')]
         """
-        self._check(sensorium)
+        self.check_names(sensorium)
         pairs = np.argwhere(self.hasse()).tolist()
         return [(sensorium.name(a), sensorium.name(b)) for a, b in pairs if a <= b ^ 1]
 
@@ -355,7 +355,7 @@ class PocGraph:
         """
         import networkx
 
-        self._check(sensorium)
+        self.check_names(sensorium)
         graph: networkx.DiGraph[str] = networkx.DiGraph()
         graph.add_nodes_from(map(sensorium.name, range(len(self))))
         graph.add_edges_from(
@@ -364,7 +364,12 @@ class PocGraph:
         )
         return graph
 
-    def _check(self, sensorium: Sensorium) -> None:
+    def check_names(self, sensorium: Sensorium) -> None:
+        """Refuse names of another number of sensors.
+
+        Raises:
+            ShapeError: They are.
+        """
         if len(sensorium) != self.sensors:
             rule = f"must have {self.sensors} sensors"
             raise ShapeError("sensorium", rule, len(sensorium))
@@ -384,12 +389,13 @@ class PocGraph:
         """The same as lists."""
         return {}
 
-    def _refuse_contradiction(self) -> None:
-        """Raise if a literal and its complement are below each other."""
-        closed = from_words(self._order.closed, len(self))
-        literals = np.arange(len(self))
-        negligible = closed[literals, literals ^ 1]
-        both = (negligible[::2] & negligible[1::2]).nonzero()[0]
+    def refuse_contradiction(self) -> None:
+        """Refuse a literal that is equivalent to its own complement.
+
+        Raises:
+            InvalidValueError: There is one.
+        """
+        both = (self.representative[::2] == self.representative[1::2]).nonzero()[0]
         if both.size:
             rule = "must not be equivalent to its own complement"
             raise InvalidValueError("literal", rule, int(2 * both[0]))

@@ -70,13 +70,11 @@ def spread(rows: Words, reached: Words) -> int:
         found[:] = 0
         for word in range(width):
             pending = frontier[word]
-            literal = 64 * word
             while pending:
-                if pending & _ONE:
-                    for k in range(width):
-                        found[k] |= rows[literal, k]
-                pending >>= _ONE
-                literal += 1
+                literal = 64 * word + lowest(pending)
+                for k in range(width):
+                    found[k] |= rows[literal, k]
+                pending &= pending - _ONE
         more = False
         for k in range(width):
             frontier[k] = found[k] & ~reached[k]

@@ -19,10 +19,10 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.errors import InvalidValueError, ShapeError
+from neurosnap.errors import InvalidValueError
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.literals import Literals, as_literal, as_literals
-from neurosnap.sensorium import Sensorium
+from neurosnap.sensorium import Sensorium, complement
 
 Element: TypeAlias = int | str
 """An element by its number, or a literal by its name."""
@@ -127,15 +127,10 @@ class PocSet:
         """
         if not isinstance(graph, PocGraph):
             raise InvalidValueError("graph", "must be a PocGraph", graph)
-        both = (graph.representative[::2] == graph.representative[1::2]).nonzero()[0]
-        if both.size:
-            rule = "must not be equivalent to its own complement"
-            raise InvalidValueError("literal", rule, int(2 * both[0]))
+        graph.refuse_contradiction()
         if sensorium is None:
             sensorium = Sensorium.of(graph.sensors)
-        if len(sensorium) != graph.sensors:
-            rule = f"must have {graph.sensors} sensors"
-            raise ShapeError("sensorium", rule, len(sensorium))
+        graph.check_names(sensorium)
         new = cls.__new__(cls)
         new._sensorium = sensorium  # noqa: SLF001 - its own class
         new._graph = graph  # noqa: SLF001 - its own class
@@ -216,7 +211,7 @@ class PocSet:
     @property
     def ubiquitous(self) -> NDArray[np.bool_]:
         """``(2N,)`` bool: the complements of the negligible literals."""
-        return self.negligible.reshape(-1, 2)[:, ::-1].reshape(-1)
+        return complement(self.negligible)
 
     @property
     def proper(self) -> NDArray[np.bool_]:
@@ -269,7 +264,7 @@ class PocSet:
             ('a', 'b')
         """
         chosen = as_literals("literals", literals, self.minimum)
-        against = chosen.reshape(-1, 2)[:, ::-1].reshape(-1)
+        against = complement(chosen)
         for a in np.flatnonzero(chosen).tolist():
             hit = np.flatnonzero(self.order[a] & against)
             if hit.size:
