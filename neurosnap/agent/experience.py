@@ -1,5 +1,6 @@
 """Records which states followed each action, for the imagining planner."""
 
+from collections.abc import Collection
 from typing import Final
 
 import numpy as np
@@ -91,9 +92,7 @@ class Experience:
         unsaid = ~said & self._own(self.looked_at)
         if not self.ends or not unsaid.any() or (unsaid & ~self.hopeless[action]).any():
             return _packed(here) in self.ends
-        packed = np.frombuffer(b"".join(self.ends), np.uint8).reshape(
-            len(self.ends), -1
-        )
+        packed = _rows(self.ends, (here.size + 7) // 8)
         ends = np.unpackbits(packed, axis=1, count=here.size).astype(np.bool_)
         return bool(((ends & said) == here).all(axis=1).any())
 
@@ -196,16 +195,12 @@ class Experience:
         size = len(self.met)
         plan = self.plan or Plan((), np.zeros((0, size), np.bool_), "")
         octets = (size + 7) // 8
-        ends, tried = b"".join(sorted(self.ends)), b"".join(at for at, _ in self.tried)
-        raised = np.frombuffer(b"".join(self.raised), np.uint8)
         return {
             "met": self.met,
-            "ends": np.frombuffer(ends, np.uint8).reshape(
-                len(self.ends), (self.hopeless.shape[1] + 7) // 8
-            ),
-            "tried": np.frombuffer(tried, np.uint8).reshape(len(self.tried), octets),
+            "ends": _rows(sorted(self.ends), (self.hopeless.shape[1] + 7) // 8),
+            "tried": _rows([at for at, _ in self.tried], octets),
             "taken": np.array([action for _, action in self.tried], np.int64),
-            "raised": raised.reshape(len(self.raised), octets),
+            "raised": _rows(self.raised, octets),
             "heights": np.array(list(self.raised.values()), np.int64),
             "surprises": self.surprises,
             "plan": np.array(plan.actions, np.int64),
@@ -246,6 +241,11 @@ class Experience:
         places = entry(arrays, "places", (steps, size), np.bool_)
         why = str(entry(arrays, "why", (), np.str_).item())
         self.plan = Plan(tuple(actions), places, why) if steps else None
+
+
+def _rows(places: Collection[bytes], octets: int) -> NDArray[np.uint8]:
+    """Return packed places as an array, a row each."""
+    return np.frombuffer(b"".join(places), np.uint8).reshape(len(places), octets)
 
 
 def _packed(place: NDArray[np.bool_]) -> bytes:

@@ -101,12 +101,7 @@ class ImaginingPlanner:
             self._greedy.grow(body)
 
     def decide(self, tick: int, state: NDArray[np.bool_]) -> Deliberation:
-        """Follow the plan, or ask for the consequences of actions until there is one.
-
-        Args:
-            tick: The tick whose state is known.
-            state: ``(2N,)``, the coherent state.
-        """
+        """Follow the plan, or ask what actions lead to until there is one."""
         draws, known = self._random.at(tick), self._experience
         if draws[1] < self._explore:
             known.plan = None

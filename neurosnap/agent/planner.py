@@ -79,12 +79,7 @@ class Planner:
         self._goals[list(self._target)] = True
 
     def decide(self, tick: int, state: NDArray[np.bool_]) -> Deliberation:
-        """Ask for the consequences of every action, and of the target; take the best.
-
-        Args:
-            tick: The tick whose state is known.
-            state: ``(2N,)``, the coherent state.
-        """
+        """Ask for the consequences of every action and of the target; take the best."""
         *closures, above = yield [*self._actions.signals(state), self._target]
         draws = self._random.at(tick)
         if draws[1] < self._explore:

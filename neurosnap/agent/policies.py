@@ -54,10 +54,6 @@ class Walker:
 
         The sensation is drawn anew each tick: a wave that has to travel, where a state
         wave finds every cell fired already. Where the state is empty nothing is asked.
-
-        Args:
-            tick: The tick whose state is known.
-            state: ``(2N,)``, the coherent state.
         """
         on, draws = np.flatnonzero(state), self._random.at(tick)
         if len(on):
@@ -96,12 +92,7 @@ class Excited:
         self._random = RandomNumbers(seed)
 
     def decide(self, tick: int, state: NDArray[np.bool_]) -> Deliberation:
-        """Ask for the consequences of every action, and take the best.
-
-        Args:
-            tick: The tick whose state is known.
-            state: ``(2N,)``, the coherent state.
-        """
+        """Ask for the consequences of every action, and take the best."""
         bound = guaranteed((yield self._actions.signals(state)))
         draws = self._random.at(tick)
         options = np.flatnonzero(bound[:, self._better])

@@ -11,7 +11,7 @@ import asyncio
 import contextlib
 import functools
 import time
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Sequence
 from typing import Self
 
@@ -36,7 +36,8 @@ class MemoryHub:
     def __init__(self) -> None:
         self.description: bytes | None = None
         """What the coordinator describes the run as."""
-        self._links: dict[tuple[str, str], deque[wire.Delivery]] = {}
+        self._links: defaultdict[tuple[str, str], deque[wire.Delivery]]
+        self._links = defaultdict(deque)
         self._queue: deque[tuple[str, str]] = deque()
         self._routes: dict[str, dict[str, list[Handler]]] = {}
         self._by_topic: dict[str, list[tuple[str, str, Handler]]] = {}
@@ -127,10 +128,7 @@ class MemoryHub:
             link = (sender, receiver)
             if self._loses(link):
                 continue
-            waiting = self._links.get(link)
-            if waiting is None:
-                waiting = self._links[link] = deque()
-            waiting.append(delivery)
+            self._links[link].append(delivery)
             self._queue.append(link)
         self._pump_soon()
 

@@ -114,7 +114,8 @@ class AnomalyDetector:
         if self._held is not None and tick > self._until:
             self._held = self._since = None
         order = graph if self._held is None else self._held
-        found = contradiction(order, seen, self._suspicion(seen))
+        still = ~(seen ^ self._calm)[::2]
+        found = contradiction(order, seen, self._blame + _STILL * still)
         anomaly: wire.Anomaly | None = None
         if found.coherent:
             self._calm = seen
@@ -130,10 +131,6 @@ class AnomalyDetector:
         if self._history is not None:
             self._history.record(seen[::2], seen[::2] | seen[1::2])
         return anomaly
-
-    def _suspicion(self, seen: NDArray[np.bool_]) -> NDArray[np.float64]:
-        still = ~(seen ^ self._calm)[::2]
-        return self._blame + _STILL * still
 
     def _anomaly(
         self,

@@ -24,6 +24,8 @@ Its invariants:
 A thousand cell processes import this file: it needs neither numpy nor numba.
 """
 
+import msgspec
+
 from neurosnap import wire
 from neurosnap.errors import MessageError
 from neurosnap.protocol.host import Host, check_number
@@ -31,40 +33,23 @@ from neurosnap.protocol.part_history import PartHistory
 from neurosnap.protocol.wave import DEEPEST, split_evenly
 
 
-class _Wave:
+class _Wave(msgspec.Struct):
     """What a cell knows of one wave."""
 
-    __slots__ = (
-        "asked",
-        "credit",
-        "due",
-        "fence",
-        "fired",
-        "held",
-        "hops",
-        "literals",
-        "number",
-        "part",
-        "pulses",
-        "seen",
-        "start",
-    )
-
-    def __init__(self, number: int, fence: int) -> None:
-        self.number = number
-        self.fence = fence
-        self.start: wire.WaveStart | None = None
-        self.held: list[wire.Pulse] = []
-        self.seen: set[tuple[int, int]] = set()  # (source, target) of pulses that came
-        self.asked = False  # the signal's own literals have fired
-        self.due = 0  # pulses that are sure to come, and a report waits for
-        self.fired: set[int] = set()
-        self.part = 0
-        # The next report, gathered over a batch.
-        self.literals: list[int] = []
-        self.hops: list[int] = []
-        self.credit: list[int] = []
-        self.pulses = 0
+    number: int
+    fence: int
+    start: wire.WaveStart | None = None
+    held: list[wire.Pulse] = []
+    seen: set[tuple[int, int]] = set()  # (source, target) of pulses that came
+    asked: bool = False  # the signal's own literals have fired
+    due: int = 0  # pulses that are sure to come, and a report waits for
+    fired: set[int] = set()
+    part: int = 0
+    # The next report, gathered over a batch.
+    literals: list[int] = []
+    hops: list[int] = []
+    credit: list[int] = []
+    pulses: int = 0
 
 
 class Cell(Host[_Wave, wire.Observation]):

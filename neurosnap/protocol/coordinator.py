@@ -236,10 +236,6 @@ class Coordinator:
         learning = () if self._learning.under_way is None else (0,)
         return *self._control.in_flight, *asked, *learning
 
-    @property
-    def _grows(self) -> bool:
-        return self._mind.memory.body.room > 0
-
     # How a run begins and ends --------------------------------------------------------
 
     def begin(self) -> list[wire.Message]:
@@ -451,13 +447,14 @@ class Coordinator:
             return self._settle_planning(wave, reached)
         state = reached & ~complement(reached)
         self.snapshot.adopt(state)
-        report_on_it = self._state(wave, reached, state)
-        self._count(report_on_it)
-        return [report_on_it, *self._answer(state)]
+        said = self._state(wave, reached, state)
+        self.totals.height, self.totals.edges = said.height, said.edges
+        self.totals.incoherent += said.incoherent
+        return [said, *self._answer(state)]
 
     def _receive_recalled(self, message: wire.Recalled) -> list[wire.Message]:
         """Receive what a part answers from its histories; go on once all have."""
-        if not self._grows:
+        if not self._mind.memory.body.room:
             return [_fault(f"recalled: must be asked, got {message.who:.40}")]
         try:
             heard = self.questions.receive(message, self._mind.memory.history)
@@ -533,11 +530,6 @@ class Coordinator:
             edges=(len(self.graph.wire_list()) + 1) // 2,
             pulses=wave.pulses,
         )
-
-    def _count(self, state: wire.State) -> None:
-        self.totals.height = state.height
-        self.totals.edges = state.edges
-        self.totals.incoherent += state.incoherent
 
     def _count_grown(self) -> None:
         body = self._mind.memory.body

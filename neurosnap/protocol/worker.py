@@ -14,6 +14,7 @@ the invariants are those of `neurosnap.protocol.cell`, with a few differences in
 
 from collections.abc import Sequence
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,29 +35,17 @@ from neurosnap.protocol.worker_learning import WorkerLearning
 _HELD = 1 << 24  # pulses that may wait for what their waves take
 
 
-class _WorkerWave:
+class _WorkerWave(msgspec.Struct):
     """What a worker knows of one wave."""
 
-    __slots__ = (
-        "held",
-        "number",
-        "part",
-        "parts",
-        "reached",
-        "seen",
-        "start",
-        "waiting",
-    )
-
-    def __init__(self, number: int) -> None:
-        self.number = number
-        self.start: wire.WaveStart | None = None  # until its signal has fired
-        self.reached: Ints | None = None  # hops of what fired; None until it is open
-        self.seen: set[tuple[int, int]] = set()  # (worker, part) of batches that came
-        self.waiting: list[Pulses] = []
-        self.held = 0  # pulses that came and wait
-        self.part = 0  # of the next report
-        self.parts: dict[int, int] = {}  # of the next batch to each worker
+    number: int
+    start: wire.WaveStart | None = None  # until its signal has fired
+    reached: Ints | None = None  # hops of what fired; None until it is open
+    seen: set[tuple[int, int]] = set()  # (worker, part) of batches that came
+    waiting: list[Pulses] = []
+    held: int = 0  # pulses that came and wait
+    part: int = 0  # of the next report
+    parts: dict[int, int] = {}  # of the next batch to each worker
 
 
 class Worker(Host[_WorkerWave, Ints]):
@@ -128,10 +117,7 @@ class Worker(Host[_WorkerWave, Ints]):
 
     def _wave(self, number: int) -> _WorkerWave:
         """Return what is known of a wave, which may be nothing yet."""
-        wave = self._waves.get(number)
-        if wave is None:
-            wave = self._waves[number] = _WorkerWave(number)
-        return wave
+        return self._waves.setdefault(number, _WorkerWave(number))
 
     def _start(self, start: wire.WaveStart) -> None:
         if start.cell >= 0:

@@ -95,18 +95,14 @@ class World:
                     rule = f"must come after the state of tick {self._tick}"
                     got = f"that of {self._recorded}"
                     raise MessageError(f"decision: {rule}, got {got}")
-                self._grow(message)
+                body = body_after(self._body, message)
+                if body is not self._body:
+                    self._body, self._senses = body, Senses(body)
                 self._answered = message.tick
                 return message
             case _:
                 pass
         return None
-
-    def _grow(self, decision: wire.Decision) -> None:
-        """Read from now on what the decision says is read."""
-        body = body_after(self._body, decision)
-        if body is not self._body:
-            self._body, self._senses = body, Senses(body)
 
     def answer(self, decision: wire.Decision) -> wire.Observation | None:
         """Return the observation that follows a decision; None if the source is over.
