@@ -176,9 +176,6 @@ class Sensorium:
 def pack(bits: ArrayLike) -> bytes:
     r"""Return `bits` eight to a byte, the lowest bit first, the rest filled with 0.
 
-    Args:
-        bits: ``(n,)``; bool, or numbers that are all 0 or 1.
-
     Raises:
         ShapeError: It has more than one axis.
         InvalidValueError: An entry is not 0 or 1.
@@ -222,10 +219,7 @@ def unpack_readings(
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_] | None]:
     """Return what `count` sensors read, and which of the readings are known.
 
-    Args:
-        bits: The readings, as `pack` made them.
-        known: Which of them are known, likewise; empty if all are.
-        count: How many sensors there are.
+    Both as `pack` made them; `known` is empty if all are.
 
     Returns:
         ``(N,)`` each, the second None where all readings are known.
@@ -237,13 +231,7 @@ def unpack_readings(
 
 
 def complement(literals: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the complements of a set of literals.
-
-    Args:
-        literals: ``(2N,)`` bool.
-
-    Returns:
-        ``(2N,)`` bool, a new array.
+    """Return the complements of a set of literals: ``(2N,)`` bool, a new array.
 
     Raises:
         ShapeError: It does not hold two literals a sensor.
@@ -260,11 +248,7 @@ def complement(literals: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def complete(bits: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return the complete *-selection of an observation: one literal a sensor.
 
-    Args:
-        bits: ``(N,)`` bool, as `Sensorium.observation` gives it.
-
-    Returns:
-        ``(2N,)`` bool, a new array.
+    It is ``(2N,)`` bool, a new array; `Sensorium.observation` gives an observation.
 
     Raises:
         ShapeError: It has more than one axis.
@@ -286,13 +270,8 @@ def selection(
 ) -> NDArray[np.bool_]:
     """Return the literals observed, one of each sensor whose reading is known.
 
-    Args:
-        bits: ``(N,)``.
-        known: ``(N,)``; None: all.
-
-    Returns:
-        ``(2N,)``, a *-selection ([GK] "Observation Model for DBAs"), complete where all
-        are known.
+    It is a *-selection, ``(2N,)`` ([GK] "Observation Model for DBAs"), complete where
+    all are known.
     """
     literals = complete(bits)
     return literals if known is None else literals & np.repeat(known, 2)

@@ -73,9 +73,6 @@ class Experience:
 
         It is what is said there of the sensors that some action has a foreseeable
         effect on. Any other reading, a coin's say, is never part of an imagined place.
-
-        Args:
-            place: ``(2N,)``.
         """
         return _packed(place & self._foreseen)
 
@@ -97,13 +94,9 @@ class Experience:
         return bool(((ends & said) == here).all(axis=1).any())
 
     def by_chance(self, place: NDArray[np.bool_], action: int) -> bool:
-        """Return whether an imagined place is left to chance in part.
+        """Return whether a place that an action may lead to is left to chance in part.
 
         What every action leaves to chance, a coin say, tells no place from another.
-
-        Args:
-            place: ``(2N,)``.
-            action: What is imagined to lead there.
         """
         unsaid = ~self._own(place).reshape(-1, 2).any(axis=1).repeat(2)
         telling = self._own(self.looked_at & self._foreseen)
@@ -124,11 +117,9 @@ class Experience:
             }
 
     def is_whole(self, place: NDArray[np.bool_], action: int) -> bool:
-        """Return whether all is said of an imagined place that can be said beforehand.
+        """Return whether all is said of a place that can be said before an action.
 
-        Args:
-            place: ``(2N,)`` or ``(2n,)``.
-            action: What is imagined to lead there.
+        It is ``(2N,)``, or the ``(2n,)`` of the world's own.
         """
         said = self._own(place) | self.hopeless[action] | self._unread
         return bool(said.reshape(-1, 2).any(axis=1).all())
@@ -140,13 +131,10 @@ class Experience:
         foretold: NDArray[np.bool_],
         came: NDArray[np.bool_],
     ) -> None:
-        """Count an action as a trial, if it was one, before `leave`.
+        """Count an action in a state, ``(2N,)``, as a trial, if it was one.
 
-        Args:
-            action: The one taken.
-            state: ``(2N,)``, where.
-            foretold: ``(2n,)``, what it guaranteed of the world's own sensors.
-            came: ``(2n,)``, what was read of them.
+        Before `leave`. What it guaranteed of the world's own sensors, and what came, is
+        ``(2n,)`` each.
         """
         here = self.key(state & self.looked_at)
         if (here, action) not in self.tried and self.is_whole(foretold, action):

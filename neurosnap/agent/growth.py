@@ -131,12 +131,7 @@ class Growth:
 
 
 def apply_change(body: Body, decision: Decision, snapshot: Snapshot) -> None:
-    """Let a snapshot go on as a decision says.
-
-    Args:
-        body: That follows from the decision.
-        decision: The decision.
-        snapshot: As it was when the decision was taken.
+    """Let a snapshot go on as a decision says; the body is the one after it.
 
     Raises:
         MessageError: What is said of a newborn is not of the sensors before it.

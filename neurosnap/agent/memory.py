@@ -189,11 +189,7 @@ class AgentMemory:
 
 
 def body_in(body: Body, data: bytes) -> Body:
-    """Return the body that a key-frame's agent has.
-
-    Args:
-        body: The run's at first.
-        data: The key-frame's.
+    """Return the body that a key-frame's agent has, in a run that began with `body`.
 
     Raises:
         ValueError: It is damaged, or of another agent.

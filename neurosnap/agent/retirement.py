@@ -16,14 +16,9 @@ from neurosnap.poc.order.graph import PocGraph
 
 
 def is_needless(body: Body, place: int, snapshot: Snapshot) -> Search[bool]:
-    """Tell whether a grown sensor is to retire.
+    """Tell whether a grown sensor, by its place among these, is to retire.
 
     It costs some `PocGraph.up`, and rings of the history.
-
-    Args:
-        body: What is sensed.
-        place: Of the sensor, among those that were grown.
-        snapshot: Knows what is believed, and how often the sensor was on.
     """
     graph = snapshot.poc_graph()
     alone = _guarantees_alone(body, place, graph)
@@ -53,14 +48,9 @@ def _not_covered(
     graph: PocGraph,
     snapshot: Snapshot,
 ) -> Search[list[int]]:
-    """Return which results others did not always guarantee when it was on.
+    """Return which results of a sensor others did not always guarantee when it was on.
 
-    Args:
-        body: What is sensed.
-        place: Of a grown sensor.
-        results: Literals that it guarantees.
-        graph: What is believed.
-        snapshot: Who believes, and has counted how often the sensor was on.
+    The snapshot has counted how often the sensor was on.
     """
     mine = 2 * (body.first_grown + place)
     others = [a for a in Actions(body).literals_of(body.grown[place][0]) if a != mine]

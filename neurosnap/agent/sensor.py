@@ -123,17 +123,9 @@ class Trajectory:
         return self._enter((deepcopy(state),) * self._length, 0.0)
 
     def extend(self, state: object, reward: float = 0.0) -> NDArray[np.bool_]:
-        """Enter the next state; the very first one is a beginning.
+        """Enter the next state, by a step with that reward; the very first one begins.
 
-        Args:
-            state: Which.
-            reward: Of the step that led to it.
-
-        Returns:
-            ``(N,)``, the reading of every sensor. O(N) calls.
-
-        Raises:
-            InvalidValueError: As for `Sensor.__call__`.
+        Readings and errors are those of `begin`.
         """
         if not self._states:
             return self.begin(state)
@@ -173,11 +165,6 @@ def thresholds(
 ) -> tuple[Sensor, ...]:
     """Return a chain of state sensors ``name<v``, on iff ``of(state) < v``.
 
-    Args:
-        name: Of the quantity.
-        values: Where to divide it.
-        of: The quantity.
-
     Examples:
         >>> [sensor.name for sensor in thresholds("row", range(1, 4))]
         ['row<1', 'row<2', 'row<3']
@@ -190,12 +177,7 @@ def thresholds(
 def one_hot(
     name: str, values: Iterable[Any], of: Callable[[Any], Any] = itself
 ) -> tuple[Sensor, ...]:
-    """Return state sensors ``name=v`` that exclude each other.
-
-    Args:
-        name: Of the quality.
-        values: Which of its values have a sensor, on iff ``of(state) == v``.
-        of: The quality.
+    """Return state sensors ``name=v``, on iff ``of(state) == v``, so one at a time.
 
     Examples:
         >>> [sensor("b") for sensor in one_hot("letter", "abc")]
@@ -207,31 +189,17 @@ def one_hot(
 
 
 def decreased(name: str, of: Callable[[Any], Any] = itself) -> Sensor:
-    """Return the transition sensor that is on iff ``of(state)`` fell in the last step.
-
-    Args:
-        name: Of the sensor.
-        of: The quantity.
-    """
+    """Return a transition sensor that is on iff ``of(state)`` fell in the last step."""
     return Sensor(name, _Changed(of, operator.lt), order=1)
 
 
 def increased(name: str, of: Callable[[Any], Any] = itself) -> Sensor:
-    """Return the transition sensor that is on iff ``of(state)`` rose in the last step.
-
-    Args:
-        name: Of the sensor.
-        of: The quantity.
-    """
+    """Return a transition sensor that is on iff ``of(state)`` rose in the last step."""
     return Sensor(name, _Changed(of, operator.gt), order=1)
 
 
 def rewarded(name: str = "rewarded", above: float = 0.0) -> Sensor:
     """Return the sensor that is on iff the last step's reward was above a value.
-
-    Args:
-        name: Of the sensor.
-        above: The value.
 
     Examples:
         >>> Trajectory([rewarded()]).extend("goal", reward=1.0)

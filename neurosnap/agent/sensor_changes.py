@@ -29,12 +29,7 @@ class Changed(msgspec.Struct, frozen=True):
 
 
 def changes_in(decision: Decision, body: "Body") -> Iterator[Changed]:
-    """Yield what a decision says of sensors that come or go.
-
-    Args:
-        decision: The decision.
-        body: What is sensed after it.
-    """
+    """Yield what a decision says of sensors that come or go; the body is that after."""
     for sensor, retires in ((decision.born, False), (decision.retires, True)):
         if 0 <= sensor < body.size:
             yield Changed(decision.tick, sensor, body.sensors[sensor], retires)
@@ -42,10 +37,6 @@ def changes_in(decision: Decision, body: "Body") -> Iterator[Changed]:
 
 def body_after(body: "Body", decision: Decision) -> "Body":
     """Return the body that is read from the observation on that follows a decision.
-
-    Args:
-        body: That which is read up to the decision.
-        decision: Says what changes, if anything does.
 
     Raises:
         MessageError: It cannot be said of this body.

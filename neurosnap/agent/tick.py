@@ -105,13 +105,7 @@ def tick(mind: Mind, sensed: Sensed) -> Steps:
 
 
 def answered_at_once(request: Request, mind: Mind, sensed: Sensed) -> object:
-    """Do in this process what a tick needs done; return the answer.
-
-    Args:
-        request: What the tick has yielded.
-        mind: Whose tick it is.
-        sensed: Its observation.
-    """
+    """Do in this process what a tick has yielded; return the answer."""
     if request is Step.LEARN:
         return mind.snapshot.learn(sensed.bits, sensed.known)
     if request is Step.STATE_WAVE:

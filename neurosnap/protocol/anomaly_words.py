@@ -73,11 +73,7 @@ class NamedAnomaly(msgspec.Struct, frozen=True):
 
 
 def named_anomaly(anomaly: wire.Anomaly, sensors: Sequence[str]) -> NamedAnomaly:
-    """Return what people are told of an anomaly.
-
-    Args:
-        anomaly: As it came, not checked yet.
-        sensors: The names of the sensors.
+    """Return what people are told of an anomaly, as it came, not checked yet.
 
     Raises:
         MessageError: It is no anomaly of such sensors.
@@ -140,13 +136,7 @@ def evidence(link: Link) -> str:
 
 
 def few(names: Sequence[str], comma: str = ", ", more: int = 0) -> str:
-    """Return the first eight names, and how many others there are.
-
-    Args:
-        names: What to name.
-        comma: What stands between two.
-        more: How many there are beyond `names`.
-    """
+    """Return the first eight names, and how many there are besides, `more` included."""
     more += max(0, len(names) - _NAMES)
     rest = f" and {more} more" if more else ""
     return comma.join(names[:_NAMES]) + rest

@@ -40,12 +40,7 @@ W = TypeVar("W", bound=HostWave)
 
 
 def is_far(number: int, heard: int) -> bool:
-    """Tell whether a wave or a wiring is too far ahead to have come about.
-
-    Args:
-        number: Its number.
-        heard: The last number heard of; 0: none.
-    """
+    """Tell whether a wave or a wiring is too far beyond the last heard of (0: none)."""
     return 0 < heard < number - AHEAD
 
 

@@ -61,12 +61,7 @@ class LearnControl:
     def ask_to_learn(
         self, observation: wire.Observation, anomaly: wire.Anomaly | None
     ) -> list[wire.Message]:
-        """Return the message that tells the workers to learn an observation.
-
-        Args:
-            observation: What they learn.
-            anomaly: What is to be weighed before that, if anything.
-        """
+        """Return what tells the workers to learn; first they weigh what is broken."""
         links = () if anomaly is None else anomaly.links
         pairs = dict.fromkeys((link.source, link.target) for link in links)
         # None weighs what is of one sensor.
@@ -85,10 +80,7 @@ class LearnControl:
     def ask_bands(self, tick: int) -> list[wire.Message]:
         """Return the message that makes them send the bands of a key-frame.
 
-        They answer behind these, with what they learned last.
-
-        Args:
-            tick: That of the key-frame, and of what they learned last.
+        They answer behind these, with what they learned last, at the same tick.
         """
         last = self._last if self._last.tick == tick else wire.Learn(tick)
         begins = self.begins
@@ -178,11 +170,7 @@ class LearnControl:
 
 
 def pairs_in(message: wire.Learned, share: range) -> Pairs:
-    """Return what a message says changed.
-
-    Args:
-        message: A worker's.
-        share: The sensors whose pairs with those before them the worker has.
+    """Return what the message of a worker with a share of the pairs says changed.
 
     Raises:
         MessageError: It cannot be right.

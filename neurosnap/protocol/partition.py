@@ -9,10 +9,6 @@ from neurosnap.errors import InvalidValueError
 def shares(cells: int, workers: int) -> list[range]:
     """Divide `cells` among `workers`: runs of neighbours, as even as they can be.
 
-    Args:
-        cells: How many cells there are.
-        workers: How many share them; at least 1, at most one a cell.
-
     Returns:
         The cells of each worker, ascending; sizes differ by at most one, larger first.
 
@@ -37,10 +33,6 @@ def learning_shares(sensors: int, workers: int) -> list[range]:
     A row is the pairs of a sensor with those before it, so the first worker has the
     most rows.
 
-    Args:
-        sensors: How many sensors there are.
-        workers: How many share them; at least 1.
-
     Returns:
         The sensors of each worker, ascending; some may have none.
 
@@ -55,9 +47,7 @@ def learning_shares(sensors: int, workers: int) -> list[range]:
 def hosts(cells: int, workers: int) -> list[str]:
     """Return the names of the parts that cells are, or are hosted by, in order.
 
-    Args:
-        cells: How many cells there are.
-        workers: How many share them; 0 if every cell is a part by itself.
+    Without workers every cell is a part by itself.
 
     Examples:
         >>> hosts(3, 0), hosts(3, 2)

@@ -40,11 +40,7 @@ class ResumePoint(msgspec.Struct, frozen=True):
     """What a live source had received up to that tick."""
 
     def body(self, first: "Body") -> "Body":
-        """Return what was sensed up to that tick's decision.
-
-        Args:
-            first: What was sensed when the run began.
-        """
+        """Return the body up to that tick's decision, from the one at the beginning."""
         grown, retired = self.grown, self.retired
         return msgspec.structs.replace(first, grown=grown, retired=retired)
 

@@ -382,10 +382,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
         return WorkerLearning(worker, snapshot, shares, self.band)
 
     def new_snapshot(self, share: range | None = None) -> Snapshot:
-        """Return the snapshot the run starts with.
-
-        Args:
-            share: As of `Snapshot`.
+        """Return the snapshot the run starts with; a share is as of `Snapshot`.
 
         Raises:
             InvalidValueError: The threshold or the decay is out of range, or a decay is

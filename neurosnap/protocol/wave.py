@@ -62,10 +62,7 @@ class Wave:
     def start(self, settled_below: int, fence: int, cell: int = -1) -> wire.WaveStart:
         """Return the message that begins it, for one cell or for all.
 
-        Args:
-            settled_below: As in the message.
-            fence: The last wave announced to all; this one where `cell` is -1.
-            cell: The cell the copy is for.
+        The fence is the last wave announced to all; this one where `cell` is -1.
         """
         return wire.WaveStart(
             wave=self.number,
@@ -195,10 +192,6 @@ def split_evenly(credit: int, parts: int) -> list[int]:
 
     They are the leaf depths of a complete binary tree, so they differ by at most one
     and nothing is left over.
-
-    Args:
-        credit: The exponent to split.
-        parts: How many shares, at least 1.
 
     Returns:
         The exponents of the shares, larger shares first.

@@ -78,13 +78,9 @@ class WaveControl:
         self.wiring.start_at(epochs)
 
     def rewire(self, edges: Edges) -> list[wire.Message]:
-        """Return the messages that turn the cells' wiring into `edges`.
-
-        Args:
-            edges: As of `SentWiring.rewire`.
-        """
+        """Return the messages of `SentWiring.rewire`; the next wave is their fence."""
         messages = self.wiring.rewire(edges)
-        self._stale = self._stale or bool(messages)  # the next wave is a fence
+        self._stale = self._stale or bool(messages)
         return messages
 
     def start(

@@ -147,13 +147,9 @@ def pairs(name: str, data: bytes) -> Ints:
 
 
 def joined(edges: Ints) -> NDArray[np.int64]:
-    """Return edges as one number each, in the order of source, then target.
+    """Return edges, ``(e, 2)``, as numbers, ``(e,)``, that sort as they do.
 
-    Args:
-        edges: ``(e, 2)``, literals.
-
-    Returns:
-        ``(e,)``, the source above the 32nd bit, the target below.
+    The source is above the 32nd bit, the target below.
     """
     return edges[:, 0].astype(np.int64) << 32 | edges[:, 1]
 

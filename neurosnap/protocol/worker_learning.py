@@ -132,10 +132,7 @@ class WorkerLearning:
             self._bands[band.array, band.offset] = band
 
     def begin(self, head: bytes) -> None:
-        """Begin with the bands that have come.
-
-        Args:
-            head: The snapshot of their key-frame.
+        """Begin with the bands that have come; the head is of their key-frame.
 
         Raises:
             MessageError: Some have not, or they make no snapshot.

@@ -128,9 +128,6 @@ class Cubing:
         [GK] lemma:flipping leaves out that they are proper: a ubiquitous literal may
         have nothing below it in `u`, but its complement is in no vertex.
 
-        Args:
-            u: A vertex.
-
         Returns:
             ``(2N,)`` bool; equal literals are in it together.
         """

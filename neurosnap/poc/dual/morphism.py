@@ -121,12 +121,9 @@ class PocMorphism:
         return self.after(first)
 
     def dual(self, u: Literals) -> NDArray[np.bool_]:
-        """Return the dual map of a vertex: the literals that are sent into it.
+        """Return the dual map of a vertex of the target's dual: what is sent into it.
 
         [GK] defn:dual map; preserves medians, and turns compositions around.
-
-        Args:
-            u: ``(2M,)``, a vertex of the target's dual.
 
         Returns:
             ``(2N,)`` bool, a vertex of the source's dual.

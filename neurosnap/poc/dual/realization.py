@@ -174,10 +174,6 @@ class Realization:
 def corners(poc: PocSet, vertices: Iterable[NDArray[np.bool_]]) -> NDArray[np.bool_]:
     """Return vertices as corners of a cube with one direction for each proper element.
 
-    Args:
-        poc: The poc set.
-        vertices: ``(2N,)`` bool each.
-
     Returns:
         ``(vertices, n)`` bool, as `CellComplex.cubical` takes them: neighbours differ
         in one place, however many sensors are equal.

@@ -87,12 +87,7 @@ class Persistence:
         self._last = np.full(sensors, _NOTHING, np.uint8)
 
     def count(self, bits: NDArray[np.uint8], known: NDArray[np.uint8]) -> None:
-        """Count an observation. O(N) time.
-
-        Args:
-            bits: ``(N,)``, 0 or 1.
-            known: ``(N,)``, 0 or 1.
-        """
+        """Count an observation; see `count_readings`. O(N) time."""
         count_readings(bits, known, self._last, self.spells)
 
     def arrays(self) -> Arrays:

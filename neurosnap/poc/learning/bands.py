@@ -63,12 +63,9 @@ def stretches_of(
 
 
 def count_of(snapshot: Snapshot, most: int, shares: Sequence[range]) -> int:
-    """Return how many stretches all who share the learning yield together.
+    """Return how many stretches all who share the learning yield; see `stretches_of`.
 
-    Args:
-        snapshot: Of any of them.
-        most: As for `stretches_of`.
-        shares: Likewise.
+    The snapshot is that of any of them.
     """
     arrays = snapshot.arrays()
     rows = sum(
@@ -78,14 +75,10 @@ def count_of(snapshot: Snapshot, most: int, shares: Sequence[range]) -> int:
 
 
 def lacking(head: bytes, share: range) -> int:
-    """Return how many bytes of numbers of pairs a head lacks.
-
-    Args:
-        head: From `head_of`.
-        share: The sensors whose pairs with those before them count.
+    """Return how many bytes a head lacks: the numbers of pairs that are of a share.
 
     Raises:
-        InvalidValueError: It is none.
+        InvalidValueError: It is no head.
     """
     arrays = _arrays_in(head)
     return len(pairs_of(share)) * sum(

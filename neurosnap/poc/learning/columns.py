@@ -128,11 +128,7 @@ class Columns:
 
 
 class GrowingColumns:
-    """Columns that are filled from the top, some rows at a time.
-
-    Args:
-        sensorium: The names of the sensors.
-    """
+    """Columns that are filled from the top, some rows at a time."""
 
     def __init__(self, sensorium: Sensorium) -> None:
         self._sensorium = sensorium

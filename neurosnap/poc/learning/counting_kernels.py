@@ -333,14 +333,7 @@ def _pending(i: int, clock: int, lag: Lag) -> np.uint64:
 
 @njit()
 def settle(i: int, joint: NDArray[np.uint32], clock: int, lag: Lag) -> None:
-    """Bring the counts of one row up to date.
-
-    Args:
-        i: The row.
-        joint: ``(i,)``, updated.
-        clock: The clock.
-        lag: Updated.
-    """
+    """Bring the counts of row `i`, ``(i,)``, up to date."""
     mine = _pending(i, clock, lag)
     lag.upto[i] = clock
     if mine == 0:

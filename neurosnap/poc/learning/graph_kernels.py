@@ -141,11 +141,9 @@ def end_of(first: int, pairs: int) -> int:
 
 @njit()
 def difference(fresh: NDArray[np.uint8], codes: NDArray[np.uint8]) -> np.uint8:
-    """Return the bits in which any code is not what it is to be.
+    """Return the bits in which any code, ``(i,)``, is not what it is to be.
 
-    Args:
-        fresh: ``(i,)`` or longer, what the codes are to be; they may have a `MARK`.
-        codes: ``(i,)``, without any.
+    What it is to be may have a `MARK`, and be longer.
     """
     differ = np.uint8(0)
     for j in range(codes.shape[0]):
@@ -157,11 +155,7 @@ def difference(fresh: NDArray[np.uint8], codes: NDArray[np.uint8]) -> np.uint8:
 def rewire(i: int, fresh: NDArray[np.uint8], pairs: Pairs, tick: int) -> None:
     """Bring the codes of one row, some of which change, and the graph up to date.
 
-    Args:
-        i: The row, a sensor.
-        fresh: ``(i,)`` or longer: what the codes are to be.
-        pairs: Updated.
-        tick: Now; below ``2**32``.
+    What they are to be is ``(i,)`` or longer; the tick is now, and below ``2**32``.
     """
     start = place_of(i, pairs.first)
     codes, since = pairs.codes[start : start + i], pairs.since[start : start + i]
@@ -191,13 +185,7 @@ def flip(i: int, j: int, flips: np.uint8, rows: Words) -> None:
 
 @njit()
 def draw(codes: NDArray[np.uint8], rows: Words, first: int) -> None:
-    """Add the edges that codes stand for to a graph that has none of these pairs.
-
-    Args:
-        codes: Of the pairs from row `first` on.
-        rows: ``(2N, w)``, updated.
-        first: A row.
-    """
+    """Add the edges of the codes from row `first` on to a graph without any there."""
     for i in range(first, end_of(first, codes.shape[0])):
         start = place_of(i, first)
         for j in range(i):
@@ -212,14 +200,7 @@ def relate(
     codes: NDArray[np.uint8],
     rows: Words,
 ) -> None:
-    """Make the edges of some pairs what their codes say.
-
-    Args:
-        latter: ``(C,)``, the pairs' latter sensors.
-        former: ``(C,)``, their former ones.
-        codes: ``(C,)``.
-        rows: ``(2N, w)``, updated.
-    """
+    """Make the edges of some pairs what their codes say; see `Snapshot.relate`."""
     for k in range(codes.shape[0]):
         i, j = latter[k], former[k]
         was = np.uint8(0)
@@ -253,13 +234,7 @@ def pick_changes(
 ) -> None:
     """Write the pairs of some rows whose codes changed at a tick, and these codes.
 
-    Args:
-        rows: The rows.
-        pairs: All pairs.
-        tick: When.
-        latter: ``(C,)``, overwritten with the latter sensors of these pairs.
-        former: ``(C,)``, overwritten with their former ones.
-        picked: ``(C,)``, overwritten with the codes.
+    ``(C,)`` each: the latter sensors of these pairs, their former ones, and the codes.
     """
     place = 0
     for i in rows:

@@ -73,12 +73,7 @@ class History:
     def record(
         self, bits: NDArray[np.bool_], known: NDArray[np.bool_] | None = None
     ) -> None:
-        """Record an observation in the place of the oldest. O(N) time.
-
-        Args:
-            bits: ``(N,)``.
-            known: ``(N,)``; if None, all.
-        """
+        """Record an observation, ``(N,)``, in the place of the oldest. O(N) time."""
         word, place = self.tick // 64 % len(self.on), np.uint64(self.tick % 64)
         off = ~bits
         if known is not None:
@@ -177,14 +172,9 @@ class History:
 
 
 def following(ring: Words, ticks: int) -> Words:
-    """Return the ticks that follow those of a ring.
+    """Return the ticks that follow those of a ring, after so many ticks in all.
 
-    Args:
-        ring: ``(W,)`` or ``(W, n)``.
-        ticks: How many there were so far.
-
-    Returns:
-        As `ring`. The oldest tick that is kept follows one that is not known.
+    ``(W,)`` or ``(W, n)``. The oldest tick that is kept follows one that is not known.
     """
     later: Words = (ring << _ONE) | np.roll(ring >> _TOP, 1, axis=0)
     return _without_oldest(later, ticks)

@@ -66,16 +66,14 @@ class Evidence:
     it never did.
 
     That is when it began to hold, or no longer did, unless an implication became an
-    equivalence or the other way round, which is a change too. Also 0 if it changed
-    before the snapshot was saved by a version that kept no account of this.
+    equivalence or the other way round, which is a change too.
     """
 
 
 class Weights:
     """The weights of the pairs of `N` sensors, ``P = N (N - 1) / 2`` of them.
 
-    What all weights of a
-    narrow square add up to is its caller's to know, and given as `total`.
+    What the weights of a narrow square add up to is for its caller to know: `total`.
 
     Args:
         joints: ``(P,)``: what ``w_ij`` is at first.
@@ -119,12 +117,7 @@ class Weights:
         return 0 if self.joints.dtype.kind == "u" else 0.25
 
     def set(self, pairs: slice | list[int], squares: NDArray[Any] | float) -> None:
-        """Set the weights of some pairs of a wide store.
-
-        Args:
-            pairs: Their numbers.
-            squares: ``(4, pairs)``, or one number for all.
-        """
+        """Set some pairs of a wide store to ``(4, pairs)`` weights, or all to one."""
         if self.squares is None:
             raise RuntimeError("weights: must be wide where sensors come or go")
         self.squares[:, pairs] = squares
@@ -211,15 +204,7 @@ def leads(code: int, a: int, b: int) -> bool:
 
 
 def rows_of(codes: NDArray[np.uint8], sensors: int) -> Words:
-    """Return the packed edges that codes stand for.
-
-    Args:
-        codes: ``(N (N - 1) / 2,)``.
-        sensors: ``N``.
-
-    Returns:
-        ``(2N, w)``, the out-edges of every literal.
-    """
+    """Return the edges that the codes of all pairs stand for, packed: ``(2N, w)``."""
     rows: Words = np.zeros((2 * sensors, (2 * sensors + 63) // 64), np.uint64)
     draw(codes, rows, 0)
     return rows

@@ -205,9 +205,7 @@ def _judge_some(
 def _surprise(share: Floats, chance: Floats) -> Floats:
     """Return the exponent of Chernoff's bound for one test; 0 if nothing is odd.
 
-    Args:
-        share: ``(p,)``: of the tests that failed.
-        chance: ``(p,)``: of those that would fail by chance.
+    Given is the share of the tests that failed, and that of those to fail by chance.
     """
     return np.where(share < chance, _divergence(share, chance), 0.0)
 

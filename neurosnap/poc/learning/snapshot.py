@@ -267,12 +267,9 @@ class Snapshot(abc.ABC):
         former: NDArray[np.intp],
         codes: NDArray[np.uint8],
     ) -> bool:
-        """Let the graph have what others learned.
+        """Let the graph have what others learned: pairs that are related anew.
 
-        Args:
-            latter: ``(C,)``, the latter sensors of the pairs that are related anew.
-            former: ``(C,)``, their former ones.
-            codes: ``(C,)``, what relates them.
+        ``(C,)`` each: their latter sensors, their former ones, and what relates them.
 
         Returns:
             Whether there is anything. O(C) time.
@@ -421,17 +418,10 @@ class Snapshot(abc.ABC):
         Only what is known is projected: an unknown sensor is in the state as what the
         known ones imply of it, or not at all.
 
-        Args:
-            bits: ``(N,)``, one bit a sensor.
-            known: ``(N,)`` bool, which of them are known; if None, all.
+        Arguments and errors are those of `learn`.
 
         Returns:
             The new state: ``(2N,)`` bool, a copy.
-
-        Raises:
-            ShapeError: Another number of bits.
-            InvalidValueError: An entry is not 0 or 1, `known` is not bool, or the
-                clock is at its end.
 
         Examples:
             >>> from neurosnap import EmpiricalSnapshot
@@ -446,9 +436,6 @@ class Snapshot(abc.ABC):
 
     def project(self, known: ArrayLike | None = None) -> NDArray[np.bool_]:
         """Adopt the coherent projection of the observation learned last as the state.
-
-        Args:
-            known: As it was learned.
 
         Returns:
             The new state: ``(2N,)`` bool, a copy.
@@ -494,9 +481,8 @@ class Snapshot(abc.ABC):
     ) -> tuple[NDArray[Any], NDArray[np.uint8]]:
         """Return the weights and codes of a sensor's pairs with those before it.
 
-        Args:
-            counts: ``(4, sensor)``: at how many ticks each joint reading was.
-            ticks: How long the history is.
+        ``(4, sensor)`` counts say at how many ticks of the history each joint reading
+        was.
         """
 
     @abc.abstractmethod
@@ -508,13 +494,7 @@ class Snapshot(abc.ABC):
         """Return what four weights add up to, without the errors of rounding."""
 
     def _limit(self, a: int, b: int, square: Sequence[float]) -> float:
-        """Return what the weight against ``a -> b`` must be less than.
-
-        Args:
-            a: A literal.
-            b: One of another sensor.
-            square: The weights ``w_ab, w_ab*, w_a*b, w_a*b*``.
-        """
+        """Return what the weight against ``a -> b`` must be below, by its square."""
         return float(self._threshold * self._whole(*square))
 
     @classmethod
@@ -604,11 +584,7 @@ class Snapshot(abc.ABC):
 
     @classmethod
     def from_arrays(cls, arrays: Arrays, share: range | None = None) -> Self:
-        """Return the snapshot that has these arrays.
-
-        Args:
-            arrays: As `arrays` gave them.
-            share: As of the class.
+        """Return the snapshot that has these arrays, as `arrays` gave them.
 
         Raises:
             ValueError: They make no sense.

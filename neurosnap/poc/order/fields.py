@@ -52,10 +52,7 @@ def as_fields(
 
 
 def inclusions(fields: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which literals are on only where which others are.
-
-    Args:
-        fields: ``(N, points)`` bool.
+    """Return which fields, of ``(N, points)`` bool, are in which others.
 
     Returns:
         ``(2N, 2N)`` bool; true at ``[a, b]`` iff the field of `a` is in that of `b`.

@@ -255,15 +255,9 @@ class PocGraph:
     def wires(self, kind: WiringKind = "hasse") -> Words:
         """Return `wiring`, packed: a 64th of the work where few edges are looked at.
 
-        Args:
-            kind: ``"hasse"`` or ``"derived"``.
-
         Returns:
             ``(2N, w)``, read-only, as in `neurosnap.poc.order.literals`; the same array
             every time. The first call takes O(N²/16) time, if the order is known.
-
-        Raises:
-            InvalidValueError: Another `kind`.
         """
         if kind not in ("hasse", "derived"):
             raise InvalidValueError("kind", 'must be "hasse" or "derived"', kind)
@@ -280,14 +274,8 @@ class PocGraph:
     def wire_list(self, kind: WiringKind = "hasse") -> NDArray[np.int64]:
         """Return the edges of `wiring` as ``source << 32 | target``, ascending.
 
-        Args:
-            kind: ``"hasse"`` or ``"derived"``.
-
         Returns:
             ``(e,)``, read-only; the same array every time.
-
-        Raises:
-            InvalidValueError: Another `kind`.
 
         Examples:
             >>> g = PocGraph.from_implications(2, [(0, 2)])
@@ -303,12 +291,8 @@ class PocGraph:
     def depth(self, signal: Literals, kind: WiringKind = "hasse") -> int:
         """Return the hops over a wiring until the last of ``up(signal)`` is reached.
 
-        Args:
-            signal: Any set; 0 hops from itself.
-            kind: ``"hasse"`` or ``"derived"``.
-
         Returns:
-            At most ``height() + 2``.
+            At most ``height() + 2``; any literal is 0 hops from itself.
 
         Raises:
             InvalidValueError: Another `kind`, or an entry that is no literal.

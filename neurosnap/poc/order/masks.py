@@ -12,10 +12,7 @@ from numpy.typing import NDArray
 
 
 def to_mask(literals: NDArray[np.bool_]) -> int:
-    """Return a set of literals as a number.
-
-    Args:
-        literals: ``(n,)`` bool.
+    """Return a set of literals, ``(n,)`` bool, as a number.
 
     Examples:
         >>> to_mask(np.array([True, False, True]))
@@ -50,9 +47,7 @@ def positive(total: int) -> int:
 def starred(mask: int, even: int) -> int:
     """Return the complements of a set: neighbouring bits change places.
 
-    Args:
-        mask: The set.
-        even: `positive` of the number of literals.
+    `even` is `positive` of the number of literals.
 
     Examples:
         >>> starred(0b0110, positive(4))
