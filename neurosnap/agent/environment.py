@@ -91,7 +91,7 @@ def _sensors(name: str, env: gymnasium.Env[Any, Any]) -> tuple[str, ...]:
         )
         raise InvalidValueError(f"{name}: observation space", rule, space)
     count = space.shape[0]
-    names = _attribute(env, "sensors")
+    names = attribute(env, "sensors")
     if names is None:
         return Sensorium.of(count).names
     if not isinstance(names, Sequence) or len(names) != count:
@@ -108,7 +108,7 @@ def _ready(env: gymnasium.Env[Any, Any]) -> str:
 
 
 def _actions(name: str, env: gymnasium.Env[Any, Any], count: int) -> tuple[str, ...]:
-    names = _attribute(env, "actions")
+    names = attribute(env, "actions")
     # Other people's environments have attributes of that name that are no names.
     if (
         isinstance(names, Sequence)
@@ -127,7 +127,7 @@ def _checked(name: str, names: Sequence[str]) -> tuple[str, ...]:
 
 
 def _orders(name: str, env: gymnasium.Env[Any, Any], count: int) -> tuple[int, ...]:
-    orders = _attribute(env, "orders")
+    orders = attribute(env, "orders")
     if orders is None:
         return (0,) * count
     if (
@@ -140,8 +140,8 @@ def _orders(name: str, env: gymnasium.Env[Any, Any], count: int) -> tuple[int, .
     raise InvalidValueError(f"{name}: orders", rule, orders)
 
 
-def _attribute(env: gymnasium.Env[Any, Any], name: str) -> object:
-    """Return an attribute of the environment or a wrapper around it; None without."""
+def attribute(env: gymnasium.Env[Any, Any], name: str) -> Any:  # noqa: ANN401
+    """Return what an environment or a wrapper around it says of itself; else None."""
     return env.get_wrapper_attr(name) if env.has_wrapper_attr(name) else None
 
 

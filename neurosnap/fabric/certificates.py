@@ -259,23 +259,17 @@ def read_credentials(folder: Path, who: str) -> Credentials:
     return found
 
 
-def near(until: datetime, now: datetime) -> str:
-    """Return what to say of a certificate that expires soon; empty: nothing yet."""
-    left = until - now
-    if left > SOON:
-        return ""
-    return (
-        f"expires on {until:%F %H:%M} UTC, in {max(left.days, 0)} days; make new keys"
-        " with `neurosnap init keys`"
-    )
-
-
 def _warn(folder: Path, until: datetime, now: datetime) -> None:
     """Warn of a certificate that expires soon: one of a folder is enough."""
-    text = near(until, now)
-    if text and folder not in _warned:
+    if until - now <= SOON and folder not in _warned:
         _warned.add(folder)
-        _LOG.warning("keys in %s: %s", folder, text)
+        _LOG.warning(
+            "keys in %s: expires on %s UTC, in %d days; make new keys with"
+            " `neurosnap init keys`",
+            folder,
+            f"{until:%F %H:%M}",
+            max((until - now).days, 0),
+        )
 
 
 def _read(path: Path, forbidden: int, rule: str) -> bytes:

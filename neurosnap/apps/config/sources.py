@@ -19,14 +19,11 @@ Opening: TypeAlias = tuple[str, dict[str, Argument]]
 """The name and the arguments that `neurosnap.sources.open.open_source` takes."""
 
 
-class WorldTable(
-    msgspec.Struct,
-    frozen=True,
-    kw_only=True,
-    forbid_unknown_fields=True,
-    tag_field="kind",
-    tag="world",
-):
+class _Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind"):
+    """What sources that end have in common."""
+
+
+class WorldTable(_Table, frozen=True, kw_only=True, tag="world"):
     """A Gymnasium environment."""
 
     id: Text
@@ -39,14 +36,7 @@ class WorldTable(
         return self.id, dict(self.arguments)
 
 
-class CsvTable(
-    msgspec.Struct,
-    frozen=True,
-    kw_only=True,
-    forbid_unknown_fields=True,
-    tag_field="kind",
-    tag="csv",
-):
+class CsvTable(_Table, frozen=True, kw_only=True, tag="csv"):
     """A CSV file of readings."""
 
     # Whatever has this ending is opened as a file, whether it is there or not.

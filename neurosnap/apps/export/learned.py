@@ -132,11 +132,7 @@ class Findings:
             InvalidValueError: A file is there already, or no folder for it.
             OSError: It cannot be written.
         """
-        cells = [self.cells(row) for row in self.rows]
-        if form_of(out) == ".csv":
-            text = self._csv()
-        else:
-            text = relations_page(self.source, self.title, HEADS, cells, self.rows)
+        text = self._csv() if form_of(out) == ".csv" else self._page()
         with placed(out, force=force, reads=part_paths(reads).values()) as draft:
             draft.write_text(text, encoding="utf-8")
 
@@ -153,6 +149,20 @@ class Findings:
                 {k: as_text(v) if isinstance(v, str) else v for k, v in fields}
             )
         return buffer.getvalue()
+
+    def _page(self) -> str:
+        cells = [self.cells(row) for row in self.rows]
+        return _PAGE.format(
+            title=escape(visible(self.source)),
+            summary=escape(visible(self.title)),
+            style=_STYLE,
+            figure=_figure(self.rows),
+            heads="".join(f"<th>{escape(head)}</th>" for head in HEADS),
+            rows="\n".join(
+                "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>"
+                for row in cells
+            ),
+        )
 
     def _fields(self, row: Relation) -> dict[str, object]:
         """Return the attributes of a row, and the moments of its ticks, if known."""
@@ -276,35 +286,6 @@ _PAGE = """<!DOCTYPE html>
 </body>
 </html>
 """
-
-
-def relations_page(
-    title: str,
-    summary: str,
-    heads: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    relations: Sequence[Relation],
-) -> str:
-    """Return the page.
-
-    Args:
-        title: What it is of.
-        summary: A line below.
-        heads: The heads of the table.
-        rows: Its cells.
-        relations: What the rows say, for the picture.
-    """
-    return _PAGE.format(
-        title=escape(visible(title)),
-        summary=escape(visible(summary)),
-        style=_STYLE,
-        figure=_figure(relations),
-        heads="".join(f"<th>{escape(head)}</th>" for head in heads),
-        rows="\n".join(
-            "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>"
-            for row in rows
-        ),
-    )
 
 
 def _figure(relations: Sequence[Relation]) -> str:

@@ -82,7 +82,9 @@ def plot_order(
     covers = [(number[a], number[b]) for a, b in poc.hasse()]
     names = [visible(_element_name(poc, a)) for a in heads]
     wide = np.array([max(32.0, _LETTER * len(name) + 16) for name in names])
-    rank = _ranks(covers, len(heads))
+    heights = graph.heights()
+    # The longest chain downwards is that of the complement upwards.
+    rank = np.array([(heights[a ^ 1] - heights[a]) / 2 for a in heads])
     across, lines = _Rows(covers, rank, wide + _GAP).place()
     low, high = rank.min(initial=0), rank.max(initial=0)
     height = float(high - low) * _STEP + _HIGH + 2 * _EDGE
@@ -128,24 +130,6 @@ def _element_name(poc: PocSet, literal: int) -> str:
         name if len(name) <= _LONGEST else f"{name[: half - 1]}…{name[-half:]}"
         for name in names
     )
-
-
-def _ranks(covers: list[tuple[int, int]], count: int) -> Floats:
-    """Return the ranks of elements, in steps of a half.
-
-    Args:
-        covers: Each pair is an element and one directly above it.
-        count: How many elements there are.
-    """
-    low, high = np.array(covers, np.int64).reshape(-1, 2).T
-    below, above = np.zeros((2, count))
-    for _ in range(count):
-        before = below.copy()
-        np.maximum.at(below, high, below[low] + 1)
-        np.maximum.at(above, low, above[high] + 1)
-        if (below == before).all():
-            break
-    return np.asarray((below - above) / 2)
 
 
 class _Rows:

@@ -35,7 +35,6 @@ _HEADERS = {
 }
 Strangers: TypeAlias = dict[tuple[str, int] | None, asyncio.Transport]
 """Connections by where they come from, the oldest first."""
-_DEFAULTS = {"cache-control": "no-store"}
 
 
 class Address(msgspec.Struct, frozen=True):
@@ -82,8 +81,7 @@ class Guard:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
                 headers.update(_HEADERS)
-                for name, value in _DEFAULTS.items():
-                    headers.setdefault(name, value)
+                headers.setdefault("cache-control", "no-store")
             await send(message)
 
         app = self._refused(scope) or self._greeted(scope) or self._app

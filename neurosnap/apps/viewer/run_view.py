@@ -120,9 +120,7 @@ class RunView:
     def at_once(self, most: int) -> int:
         """Return how many ticks to read before others have their turn.
 
-        Args:
-            most: How many of a run of few sensors. With many, each tick takes longer,
-                and there are fewer.
+        With many sensors each tick takes longer, and there are fewer than `most`.
         """
         return max(5, min(most, _READINGS // max(1, self.options.body.count)))
 

@@ -152,11 +152,9 @@ def literals_of(sensors: Sequence[int]) -> NDArray[np.intp]:
 
 
 def restricted(graph: PocGraph, literals: NDArray[np.intp]) -> PocGraph:
-    """Return the order among some literals of a graph, in their order.
+    """Return the order among some literals of a graph, in their order. O(N²) time.
 
-    Args:
-        graph: Over ``2N`` literals.
-        literals: ``(2M,)``, each literal beside its complement. O(N²) time.
+    They are ``(2M,)``, each literal beside its complement.
     """
     if np.array_equal(literals, np.arange(len(graph))):
         return graph

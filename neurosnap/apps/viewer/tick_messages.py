@@ -92,14 +92,8 @@ class Ticks:
         """Return which sensors are contradicted: a state has neither of their literals.
 
         Such a sensor was read; or it was not, and the wave reached both of its
-        literals, as far as reports on it were read.
-
-        Args:
-            state: The state of one of these ticks.
-            held: ``(2N,)``, the literals it holds.
-
-        Returns:
-            ``(N,)``.
+        literals, as far as reports on it were read. ``(N,)``; the state, of one of
+        these ticks, holds ``(2N,)``.
         """
         reached = np.zeros(2 * self._sensors, np.bool_)
         if self._waves is not None:

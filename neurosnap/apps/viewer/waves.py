@@ -26,13 +26,12 @@ from neurosnap.errors import MessageError
 from neurosnap.protocol.wave import DEEPEST
 
 
-class _FoundWave:
+class _FoundWave(msgspec.Struct):
     """What was reported on one wave."""
 
-    def __init__(self) -> None:
-        self.hops: dict[int, int] = {}
-        self.credit: list[int] = []
-        self.pulses = 0
+    hops: dict[int, int] = {}
+    credit: list[int] = []
+    pulses: int = 0
 
 
 class Waves:
@@ -155,12 +154,7 @@ def first_shown(waves: Sequence[WaveView]) -> list[WaveView]:
 
 
 def plan_of(decision: wire.Decision | None, actions: Sequence[str]) -> PlanView | None:
-    """Return the plan that a decision follows; None if it follows none.
-
-    Args:
-        decision: A tick's, if there is one.
-        actions: What the actions are called.
-    """
+    """Return the plan that a decision follows; None if it follows none."""
     told = None if decision is None else plan_told(decision.why, actions)
     if told is None or decision is None or decision.action != told.actions[0]:
         return None

@@ -17,6 +17,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap.agent.environment import attribute
 from neurosnap.apps.viewer.api import Stage
 from neurosnap.errors import MissingExtraError
 from neurosnap.protocol.run_options import RunOptions
@@ -71,10 +72,10 @@ class Scene:
         return place is not None and self._aims is not None and bool(self._aims[place])
 
     def _survey(self, env: gymnasium.Env[Any, Any], options: RunOptions) -> None:
-        names = tuple(_attribute(env, "sensors") or ())
+        names = tuple(attribute(env, "sensors") or ())
         if names != options.body.own:
             return
-        fields = np.asarray(_attribute(env, "fields"), np.bool_)
+        fields = np.asarray(attribute(env, "fields"), np.bool_)
         self._count = len(fields)
         if not 0 < self._count <= len(names):
             return
@@ -115,7 +116,7 @@ def _aims(
     env: gymnasium.Env[Any, Any], options: RunOptions, fields: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """Return which places are wanted: the world's target, or where a planner's is."""
-    target = _attribute(env, "target")
+    target = attribute(env, "target")
     if target is not None:
         there: NDArray[np.bool_] = np.arange(fields.shape[1]) == target
         return there
@@ -137,7 +138,7 @@ def _stage(
     kind = _KINDS.get(options.source)
     if kind is None:
         return None
-    there = _attribute(env, "coordinates")
+    there = attribute(env, "coordinates")
     if there is None:
         there = np.stack([np.arange(places), np.zeros(places, np.int64)], axis=1)
     width, height = (np.max(there, axis=0) + 1).tolist()
@@ -149,8 +150,3 @@ def _stage(
         height=height,
         target=int(aims.argmax()) if aims.sum() == 1 else None,
     )
-
-
-def _attribute(env: gymnasium.Env[Any, Any], name: str) -> Any:  # noqa: ANN401
-    """Return what an environment or a wrapper around it says of itself; else None."""
-    return env.get_wrapper_attr(name) if env.has_wrapper_attr(name) else None
