@@ -158,10 +158,6 @@ class Target(
     ) -> tuple[NDArray[np.int8], dict[str, Any]]:
         """Reset the world, then draw the target where it is to be drawn.
 
-        Args:
-            seed: Starts the world's random numbers over; None goes on with them.
-            options: The world's.
-
         Returns:
             The observation, with ``better`` and ``worse`` off, and the info.
         """
@@ -174,18 +170,7 @@ class Target(
     def step(
         self, action: np.int64
     ) -> tuple[NDArray[np.int8], SupportsFloat, bool, bool, dict[str, Any]]:
-        """Move in the world.
-
-        Args:
-            action: Which move; counts from 0.
-
-        Returns:
-            What the world returns, with ``better`` and ``worse``.
-
-        Raises:
-            InvalidValueError: There is no such action.
-            ResetNeeded: There was no reset before.
-        """
+        """Move in the world, and observe ``better`` and ``worse``; its errors stay."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         observation, info = self._sensed(observation, info)
         return observation, reward, terminated, truncated, info

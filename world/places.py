@@ -96,15 +96,7 @@ class PlacesWorld(gymnasium.Env[NDArray[np.int8], np.int64]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.int8], dict[str, Any]]:
-        """Put the agent at a place drawn uniformly.
-
-        Args:
-            seed: Starts the world's random numbers over; None goes on with them.
-            options: There are none.
-
-        Returns:
-            The observation and the info.
-        """
+        """Put the agent at a place drawn uniformly; a seed starts the numbers over."""
         super().reset(seed=seed, options=options)
         self._begin(seeded=seed is not None)
         self._place = int(self.np_random.integers(self.moves.shape[1]))
@@ -113,14 +105,7 @@ class PlacesWorld(gymnasium.Env[NDArray[np.int8], np.int64]):
     def step(
         self, action: SupportsInt
     ) -> tuple[NDArray[np.int8], float, bool, bool, dict[str, Any]]:
-        """Move.
-
-        Args:
-            action: Which move; counts from 0.
-
-        Returns:
-            The observation at the new place, reward 0.0, not terminated, not
-            truncated, and the info.
+        """Move: actions count from 0; nothing is rewarded, nor ever ends.
 
         Raises:
             InvalidValueError: There is no such action.
@@ -132,13 +117,8 @@ class PlacesWorld(gymnasium.Env[NDArray[np.int8], np.int64]):
             rule = f"must be a whole number in 0..{len(self.moves) - 1}"
             raise InvalidValueError("action", rule, action)
         self._place = int(self.moves[int(action), self._place])
-        return (
-            self._observation(self._place),
-            0.0,
-            False,
-            False,
-            self._info(self._place),
-        )
+        seen, info = self._observation(self._place), self._info(self._place)
+        return seen, 0.0, False, False, info
 
     def _begin(self, *, seeded: bool) -> None:
         """Prepare a run; called by every reset before the start is drawn."""

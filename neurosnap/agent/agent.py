@@ -144,14 +144,7 @@ class Agent:
         """Explore an environment: go where the outcome of an action is unknown.
 
         Whatever its policy is, it is as before afterwards; what was learned stays.
-
-        Args:
-            env: As in `run`.
-            steps: How many actions to take.
-            seed: For the reset.
-
-        Raises:
-            InvalidValueError: The environment is not fit for it.
+        Arguments and errors are those of `run`.
         """
         return self._sent(env, (), steps, seed, explore=TRIES)
 

@@ -157,9 +157,6 @@ class Continuing(Autoreset):
     or of one the environment says so of; `episode`, counted from 0 since the last reset
     by the caller; and `cut`, whether the episode before was cut off by a limit, and did
     not come to its own end.
-
-    Args:
-        env: Whose episodes are to follow each other.
     """
 
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:

@@ -21,9 +21,6 @@ BEGINNING: Final = -1
 class Experience:
     """The sensations an agent has met, and the places where its episodes ended.
 
-    Args:
-        body: What is sensed and done.
-
     Attributes:
         met: ``(2N,)``: the literals that were in a state.
         looked_at: ``(2N,)``: the literals of a state that make a *place*: what tells

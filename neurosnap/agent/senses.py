@@ -13,9 +13,6 @@ from neurosnap.sensorium import complement
 class Contexts:
     """Tells which contexts hold in a state, for all contextual sensors at once.
 
-    Args:
-        body: Which sensors there are.
-
     Attributes:
         action: ``(contexts,)``: the action of each; of one not yet grown, 0.
         in_use: ``(contexts,)``: whether it is read at all.
@@ -68,11 +65,7 @@ class Contexts:
 
 
 class Senses:
-    """Turns what the world shows into what the agent observes.
-
-    Args:
-        body: Which sensors there are.
-    """
+    """Turns what the world shows into what the agent observes."""
 
     def __init__(self, body: Body) -> None:
         own, felt = len(body.own), len(body.actions) * body.senses_actions

@@ -34,16 +34,10 @@ def option(
     default: str = "",
     **bounds: float,
 ) -> msgspec.Meta:
-    """Return the annotation of a field that is an option.
+    """Return the annotation of a field that is an option, with the fields of `Shown`.
 
-    Args:
-        text: Its help: when to use it, and what to put. Other options are named as
-            their fields are.
-        at: See `Shown`.
-        flag: See `Shown`.
-        unit: See `Shown`.
-        default: See `Shown`.
-        **bounds: The range of its values, as `msgspec.Meta` takes it: gt, ge, lt, le.
+    The text says when to use it, and what to put; other options are named there as
+    their fields are. The bounds are those of `msgspec.Meta`: gt, ge, lt, le.
 
     Examples:
         >>> option("Where to record.", unit="FILE").description

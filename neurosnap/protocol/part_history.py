@@ -17,12 +17,7 @@ from neurosnap.errors import MessageError
 
 
 class PartHistory:
-    """The histories of those cells of a part that were asked for one.
-
-    Args:
-        who: The part's name.
-        cells: Its cells.
-    """
+    """The histories of those cells of a part that were asked for one."""
 
     def __init__(self, who: str, cells: range) -> None:
         self._who = who
@@ -34,9 +29,7 @@ class PartHistory:
     def observe(self, tick: int, literals: Iterable[int]) -> None:
         """Add what was read at a tick. O(length) bits are copied for each cell.
 
-        Args:
-            tick: The tick.
-            literals: The part's that were on; none of a cell whose reading is unknown.
+        Of a cell whose reading is unknown neither literal is among those read.
         """
         if tick <= self._tick or not self._tick:
             return

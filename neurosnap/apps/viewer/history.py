@@ -143,11 +143,7 @@ def _with(so_far: api.ReadSoFar, part: T) -> T:
 
 
 class HealthView:
-    """The health of a run's sensors, as far as its readings were read.
-
-    Args:
-        run_view: The view that is read.
-    """
+    """The health of a run's sensors, as far as its readings were read."""
 
     def __init__(self, run_view: RunView) -> None:
         self._run_view = run_view

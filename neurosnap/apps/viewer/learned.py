@@ -27,12 +27,7 @@ _A_PAIR = 12
 
 
 class SnapshotCache:
-    """What was learned, by tick. To be used by one thread at a time.
-
-    Args:
-        tick_index: The recording.
-        options: The run's.
-    """
+    """What was learned, by tick. To be used by one thread at a time."""
 
     def __init__(self, tick_index: TickIndex, options: RunOptions) -> None:
         self.tick_index = tick_index

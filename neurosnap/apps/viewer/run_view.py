@@ -96,11 +96,7 @@ class RunView:
         return "; ".join(lost) or None
 
     def run(self, live: bool) -> api.Run:
-        """Return what is being looked at.
-
-        Args:
-            live: Whether it still grows.
-        """
+        """Return what is being looked at; it still grows if it is live."""
         options = self.options
         return api.Run(
             log=self.path.name,

@@ -127,12 +127,7 @@ async def serving(*sessions: ViewSession, port: int = 0) -> AsyncIterator[Addres
 
 
 def _application(sessions: Sequence[ViewSession], stop: asyncio.Event) -> ASGIApp:
-    """Return what answers requests.
-
-    Args:
-        sessions: The recordings, one or more.
-        stop: Ends what would go on for ever.
-    """
+    """Return what answers requests; `stop` ends what would go on for ever."""
 
     async def page(_: Request) -> Response:
         return FileResponse(_STATIC / "index.html")
@@ -334,12 +329,7 @@ def _answer(found: msgspec.Struct) -> Response:
 
 
 def whole(query: QueryParams, name: str, default: int | None = None) -> int:
-    """Return a whole number from 0 up that was asked with.
-
-    Args:
-        query: What stands behind the question mark.
-        name: What it is called there.
-        default: What it is where it is not there; None if it has to be.
+    """Return a whole number from 0 up that was asked with; else the default, if any.
 
     Raises:
         InvalidValueError: It is not there, or something else.

@@ -47,11 +47,7 @@ _KINDS: dict[Column, tuple[int, ...]] = {
 
 
 class TimeSeries:
-    """The columns of a run, as far as they have been read.
-
-    Args:
-        run_view: The view that is read.
-    """
+    """The columns of a run, as far as they have been read."""
 
     def __init__(self, run_view: RunView) -> None:
         self._run_view = run_view
@@ -142,11 +138,7 @@ class TimeSeries:
 
 
 class Raster:
-    """What every sensor was at every tick, as far as that has been read.
-
-    Args:
-        run_view: The view that is read.
-    """
+    """What every sensor was at every tick, as far as that has been read."""
 
     def __init__(self, run_view: RunView) -> None:
         self._run_view = run_view

@@ -35,11 +35,7 @@ class _FoundWave(msgspec.Struct):
 
 
 class Waves:
-    """Waves by tick, filled with what was recorded, in any order.
-
-    Args:
-        sensors: How many there are.
-    """
+    """Waves by tick, filled with what was recorded, in any order."""
 
     def __init__(self, sensors: int) -> None:
         self._literals = range(2 * sensors)
@@ -112,11 +108,7 @@ class Waves:
 
 
 class Imagined:
-    """Tells planning waves that start in the present state from imagined ones.
-
-    Args:
-        body: What is sensed and done when the run starts.
-    """
+    """Tells planning waves that start in the present state from imagined ones."""
 
     def __init__(self, body: Body) -> None:
         own, felt = len(body.own), len(body.actions) * body.senses_actions
@@ -132,9 +124,7 @@ class Imagined:
     def marked(self, wave: WaveView, state: NDArray[np.bool_]) -> WaveView:
         """Return a wave with the action it is about, and whether it was imagined.
 
-        Args:
-            wave: One of a tick.
-            state: ``(2N,)``, the tick's.
+        The state is that of its tick, ``(2N,)``.
         """
         taken = [self._action[a] for a in wave.signal if a in self._action]
         if wave.kind == "state" or len(taken) != 1:

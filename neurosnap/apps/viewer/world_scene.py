@@ -39,11 +39,7 @@ _SEEDS = ("layout_seed", "target")
 
 
 class Scene:
-    """What is known of a run's world; nothing, if it is none of ours.
-
-    Args:
-        options: The run's.
-    """
+    """What is known of a run's world; nothing, if it is none of ours."""
 
     def __init__(self, options: RunOptions) -> None:
         self.stage: Stage | None = None

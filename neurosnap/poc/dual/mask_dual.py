@@ -33,9 +33,6 @@ LISTABLE = 1_000_000
 class Dual:
     """The order of a poc set as masks, and the walks over its vertices.
 
-    Args:
-        poc: The poc set.
-
     Attributes:
         poc: As given.
         total: The number of literals.

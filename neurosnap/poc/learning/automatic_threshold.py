@@ -74,9 +74,6 @@ class Persistence:
     ticks were counted. Unknown readings in between are left out. A sensor that is grown
     has none before it is read, whatever its history.
 
-    Args:
-        sensors: How many there are.
-
     Attributes:
         spells: The counts.
     """

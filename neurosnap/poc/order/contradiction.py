@@ -448,12 +448,9 @@ def forced(
     all its neighbours would have to be in the cover. (A rule of S. Buss, see Downey and
     Fellows, Parameterized Complexity, 1999.)
 
-    Args:
-        rows: As in `greedy`, and so are the next two.
-        degrees: Changed.
-        alive: Changed.
-        part: ``(k,)``, of each vertex, as `labels` says.
-        most: ``(k,)``: for each part, a number of vertices that suffice; changed.
+    `part` and `most` are ``(k,)``: the part of each vertex, as `labels` says, and for
+    each part a number of vertices that suffice. The rest is as in `greedy`; all but
+    `rows` and `part` is changed.
     """
     changed = True
     while changed:
