@@ -24,6 +24,7 @@ from neurosnap.agent.senses import Senses
 from neurosnap.agent.tick import Mind, Sensed, answered_at_once, tick
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
+from neurosnap.poc.learning.search import answered
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.sensorium import Sensorium, as_known, complete
 from neurosnap.wire import Decision
@@ -311,13 +312,8 @@ class Agent:
         self._known = sure
         seen = Sensed(observation, known, begins)
         steps = tick(self._mind, seen)
-        answer: object = None
-        try:
-            while True:
-                answer = answered_at_once(steps.send(answer), self._mind, seen)
-        except StopIteration as end:
-            if end.value:
-                self._senses = Senses(self.body)
+        if answered(steps, lambda asked: answered_at_once(asked, self._mind, seen)):
+            self._senses = Senses(self.body)
         return self.decision
 
     def consequences(self, action: int | str) -> NDArray[np.bool_]:

@@ -213,7 +213,7 @@ def test_a_grown_sensor_is_as_it_was_after_it_is_saved() -> None:
         snapshot.observe(bits, known)
         history.record(bits, known)
     on, off = history.ticks_of(0), history.ticks_of(1)
-    newborn = answered(snapshot.newborn(2, history.ticks, on, off), history)
+    newborn = answered(snapshot.newborn(2, history.ticks, on, off), history.answer)
     # Nothing is tolerated of it before it is read.
     assert newborn.codes.tolist() == [3, 0]
     snapshot.grow(2, "new", newborn, None)

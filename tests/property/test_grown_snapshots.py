@@ -95,7 +95,7 @@ def newborn_of(
     rings = conjunction(read, *members, history.tick)
     history.set_readings(sensor, *rings)
     search = snapshot.newborn(sensor, history.ticks, *rings, unread)
-    return answered(search, history)
+    return answered(search, history.answer)
 
 
 @examples(60)
@@ -245,7 +245,7 @@ def test_what_cannot_be_grown_is_refused() -> None:
     with pytest.raises(ShapeError, match="newborn: must be of 1 pairs, got"):
         snapshot.grow(1, "new", newborn, None)
     with pytest.raises(InvalidValueError, match=r"literal: must be a literal.* got 6"):
-        answered(snapshot.newborn(3, *nothing), history)
+        answered(snapshot.newborn(3, *nothing), history.answer)
     with pytest.raises(ShapeError, match="history: must be of 3 sensors, got 4"):
         History(4, 64).check(3)
     with pytest.raises(InvalidValueError, match="history: must be a multiple of 64"):

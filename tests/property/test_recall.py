@@ -260,7 +260,7 @@ def test_a_cover_is_what_a_plain_search_finds(shown: list[Row], seed: int) -> No
         held[1][first] = False  # what was before is not known
     names = np.concatenate([one.literals for one in several])
     expected = plain_cover(wanted, np.hstack(held))
-    found = answered(cover(against, several, len(shown)), history)
+    found = answered(cover(against, several, len(shown)), history.answer)
     if expected is None:
         assert found is None
     else:

@@ -1,11 +1,12 @@
 """Test policies whose questions are answered by fixed values or by a graph."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.agent.policy import Deliberation, Policy, Signal
+from neurosnap.agent.policy import Policy, Signal
+from neurosnap.poc.learning.search import answered
 from neurosnap.poc.order.graph import PocGraph
 
 Bits = NDArray[np.bool_]
@@ -30,16 +31,3 @@ def decided_by(
     return answered(
         policy.decide(tick, state), lambda signals: [graph.up(one) for one in signals]
     )
-
-
-def answered(
-    deliberation: Deliberation, answer: Callable[[list[Signal]], list[Bits]]
-) -> tuple[int, str]:
-    """Return the action and the reason of a policy whose rounds are answered."""
-    try:
-        signals = next(deliberation)
-        while True:
-            signals = deliberation.send(answer(signals))
-    except StopIteration as end:
-        action, why = end.value
-        return action, why

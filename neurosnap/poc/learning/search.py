@@ -4,14 +4,16 @@ A search is a coroutine that yields a question and is sent the answer. So it doe
 matter who has the history: one object, or the cells, each that of its own sensor.
 """
 
-from collections.abc import Generator, Sequence
-from typing import Any, NamedTuple, Protocol, TypeAlias, TypeVar
+from collections.abc import Callable, Generator, Sequence
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.poc.order.literals import Words
 
+A = TypeVar("A")
+Q = TypeVar("Q")
 T = TypeVar("T")
 Numbers: TypeAlias = NDArray[np.intp]
 
@@ -47,20 +49,12 @@ Search: TypeAlias = Generator[Question, Answer, T]
 """Asks a history, and returns what it has found."""
 
 
-class Answering(Protocol):
-    """Answers questions about a history."""
-
-    def answer(self, question: Question) -> Answer:
-        """Answer a question."""
-        ...
-
-
-def answered(search: Search[T], history: Answering) -> T:
-    """Return what a search of one history finds."""
+def answered(asking: Generator[Q, A, T], answer: Callable[[Q], A]) -> T:
+    """Return what a search, or another generator that asks, finds by the answers."""
     try:
-        question = next(search)
+        question = next(asking)
         while True:
-            question = search.send(history.answer(question))
+            question = asking.send(answer(question))
     except StopIteration as end:
         found: T = end.value
         return found

@@ -51,7 +51,7 @@ class Watched:
         foretold[[2 * NAMES.index(name) for name in said.split()]] = True
         came = complete(observation[: len(NAMES)])
         search = self.grower.notice(action, state, foretold, came, self.history.tick)
-        found = answered(search, self.history)
+        found = answered(search, self.history.answer)
         if found is not None:
             self.births.append(found)
             self.body = self.body.grow(found)
