@@ -82,10 +82,7 @@ class Fabric(Protocol):
         ...
 
     async def watch(self, handler: PresenceHandler) -> None:
-        """Call ``handler(who, alive)`` for every part that is there, comes or goes.
-
-        The second of a name is ``who/instance``.
-        """
+        """Call ``handler(who, alive)`` of each part; a second is ``who/instance``."""
         ...
 
     async def serve(self, stop: asyncio.Event) -> None:

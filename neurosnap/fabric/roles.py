@@ -65,9 +65,7 @@ RIGHTS: dict[Role, Rights] = {
         reads=("state", "decision", f"{READING}/**"),
         announces=True,
     ),
-    "recorder": Rights(
-        publishes=("fault", "leave"), reads=_ALL, announces=True, watches=True
-    ),
+    "recorder": Rights(("fault", "leave"), _ALL, announces=True, watches=True),
     "cell": Rights(
         publishes=("pulse", "cellreport", "recalled", "fault", "leave"),
         reads=wire.cell_keys("*"),

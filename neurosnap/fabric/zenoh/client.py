@@ -283,8 +283,7 @@ class ZenohFabric:
                 keys[key] = None
                 if not alive:
                     del keys[key]
-                # The second of a name takes the place of the first, once that is gone.
-                after = name if alive else next(iter(keys), name)
+                after = name if alive else next(iter(keys), name)  # in its place
                 handler(after if is_first else key, alive)
 
         inbox: Inbox[tuple[str, bool]] = Inbox(self.who, deliver, self._failure.set)

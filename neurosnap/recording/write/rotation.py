@@ -380,8 +380,8 @@ class SplitWriter:
         with contextlib.suppress(RecordingError):
             self.abandon()
         balances = [*self._closed, *(file.balance(expected) for file in files)]
-        vanished = dict.fromkeys((*self._harmed, *(str(file.path) for file in files)))
-        return msgspec.structs.replace(added_up(balances), vanished=tuple(vanished))
+        vanished = {*self._harmed, *(str(file.path) for file in files)}
+        return msgspec.structs.replace(added_up(balances), vanished=(*vanished,))
 
     def abandon(self) -> None:
         """Close without totals and index; see `Writer.abandon`."""

@@ -300,7 +300,6 @@ class _Presence:
         self._missing = set(parts)
         self._parts = frozenset(parts)
         self._seconds: set[str] = set()
-        self._refused: set[str] = set()
         self._fabric = fabric
         self._shell = shell
         self._complete = asyncio.Event()
@@ -318,16 +317,12 @@ class _Presence:
             self._refuse_seconds()
 
     def _refuse_seconds(self) -> None:
-        """Name who is the second of its name: its service hears that, and ends it.
-
-        The run begins once none is there. Later, both may have answered.
-        """
-        for who in sorted(self._seconds - self._refused):
-            self._refused.add(who)
+        """Name who is the second of its name: its service hears that, and ends it."""
+        for who in sorted(self._seconds):
             what = f"{who}: must be there once, is the second of its name"
             self._fabric.publish(wire.Fault(self._fabric.who, what))
             if self._complete.is_set() or who.startswith(f"{self._fabric.who}/"):
-                self._fabric.fail(PartDiedError(what))
+                self._fabric.fail(PartDiedError(what))  # both may have answered
         if not self._seconds:
             self._complete.set()
 

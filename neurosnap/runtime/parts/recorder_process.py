@@ -29,8 +29,6 @@ from neurosnap.runtime.recorded_source import recordable
 from neurosnap.sources.live.journal import cut, journal_of
 from neurosnap.system.distribution import version
 
-_log = logging.getLogger(__name__)
-
 _PACKAGES = ("eclipse-zenoh", "mcap", "msgspec", "numpy", "numba")
 _POLL = 0.02  # seconds messages may wait before they are written into a chunk
 _LAST_WORD = 0.5  # seconds a last word may arrive after its part has gone
@@ -142,7 +140,7 @@ async def run_recorder(
         await first_of(fabric.serve(listener.all_left), seconds=grace)
         return writer.finish({"ticks": str(listener.ticks)}, listener.expected())
     except RecordingError as error:
-        _log.error("%s", error)
+        logging.getLogger(__name__).log(logging.ERROR, "%s", error)
         # Then the coordinator ends the run, and does not wait for the recorder.
         fabric.publish(wire.Fault(fabric.who, str(error)), wire.Leave(fabric.who))
         return writer.give_up(listener.expected())
