@@ -1,5 +1,6 @@
 """A swarm of processes ends in order when it is interrupted, killed or out of disk."""
 
+import json
 import os
 import signal
 import tempfile
@@ -104,9 +105,9 @@ def test_a_full_disk_is_named_and_what_is_there_is_readable(
     arguments = ("run", endless, "--out", log, "--format", "json")
     with started(*arguments, folder=tmp_path, largest=most) as process:
         code, stdout, stderr = finish(process)
-    assert code == 1, stderr
-    assert stdout == ""
-    assert str(log) in flat(stderr)
+    assert code == 3, stderr
+    assert not json.loads(stdout.splitlines()[-1])["complete"]
+    assert "must take what is recorded, got File too large for" in flat(stderr)
     assert "Traceback" not in stderr
     assert log.stat().st_size <= most
     assert not sound(log).complete

@@ -88,7 +88,7 @@ def test_a_run_goes_on(log: Path, tmp_path: Path, whole: bool) -> None:
 
 
 def test_a_run_that_cannot_go_on_says_why(log: Path, tmp_path: Path, csv: Path) -> None:
-    first, out, again = (tmp_path / name for name in ("log", "out", "again"))
+    first, out, again = (tmp_path / f"{name}.mcap" for name in ("log", "out", "again"))
     happy("run", csv, "--cells", "inline", "--ticks", 10, "--out", first)
     assert f"would read the file '{csv}'" in refused("resume", first, "--out", out)
     every = happy("resume", first, csv, "--out", out)

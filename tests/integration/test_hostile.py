@@ -245,7 +245,8 @@ async def check(
     assert said == stranger.expected
     assert outcome.totals.faults == sum(stranger.expected.values())
     assert outcome.completeness is not None
-    assert outcome.completeness.whole
+    assert not outcome.completeness.missing
+    assert outcome.completeness.gaps  # who speaks as another under its numbers is named
     assert outcome.completeness.foreign == stranger.foreign
     again = stranger.replayed + len(OUT_OF_RANGE) - 2
     assert outcome.completeness.duplicates == again
