@@ -158,12 +158,7 @@ class Coordinator:
         frame: wire.KeyFrame,
         bands: Iterable[wire.Band] = (),
     ) -> Self:
-        """Return the core of a run that has just published a key-frame.
-
-        Args:
-            options: The run's.
-            frame: The key-frame.
-            bands: What belongs to it.
+        """Return the core of a run that has just published a key-frame and its bands.
 
         Raises:
             InvalidValueError: What the key-frame holds cannot be of such a run.
@@ -254,10 +249,7 @@ class Coordinator:
     def resume(self, ticks: int, bands: Iterable[wire.Band] = ()) -> None:
         """Let a run that ended run on to `ticks`.
 
-        Args:
-            ticks: The last one.
-            bands: Of the tick that the run is at: `begin` passes them on to workers
-                that share the learning.
+        Workers that share the learning are passed the bands of the tick it is at.
         """
         self._ticks = ticks
         self.finished = self._stopping = self._ending = False

@@ -72,12 +72,7 @@ def order_of(
 ) -> Snapshot:
     """Return the snapshot in a key-frame with its graph, and without its pairs.
 
-    There is one share of the pairs in memory at a time.
-
-    Args:
-        frame: The key-frame.
-        bands: Those that belong to it.
-        shares: The sensors whose pairs with those before them each of the bands is of.
+    There is one share of the pairs in memory at a time; each band is of one of them.
 
     Raises:
         InvalidValueError: They make no snapshot.

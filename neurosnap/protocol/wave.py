@@ -171,9 +171,7 @@ class Wave:
     ) -> list[int]:
         """Return the cells that owe a report, for the error that names them.
 
-        Args:
-            signal: The literals that were asked to fire.
-            targets: The out-edges of a literal; what fired must have pulsed these.
+        They were asked to fire, or are the targets of what fired.
         """
         expected = set(signal)
         for literal in self.hops:

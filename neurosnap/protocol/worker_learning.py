@@ -153,13 +153,9 @@ class WorkerLearning:
 def pieces_of(
     worker: int, tick: int, changes: Changes | None, most: int = PIECE
 ) -> list[wire.Learned]:
-    """Return what changed; one message at least.
+    """Return what changed, if anything did; one message at least.
 
-    Args:
-        worker: The number of the worker that learned.
-        tick: When.
-        changes: What did; None if nothing.
-        most: Bytes of codes in a message.
+    A message has so many bytes of codes at most, but for a row that has more.
     """
     pieces: list[wire.Learned] = []
     if changes is not None:

@@ -57,10 +57,7 @@ class Origin:
     ) -> ConfigFault:
         """Return what is wrong with the value of a key, with the place it stands in.
 
-        Args:
-            keys: The way to it; what is not there itself stands where its table does.
-            rule: What it must be.
-            value: What it is; `UNSET`: nothing to show.
+        What is not there itself stands where its table does.
         """
         said = said_of(rule, value)
         for length in range(len(keys), 0, -1):

@@ -117,8 +117,7 @@ class ViewSession:
     async def look(self, *, anew: bool = False) -> None:
         """See whether the recording has grown, if it is time to.
 
-        Args:
-            anew: In any case: where it had ended there may be another now.
+        With `anew` in any case: where it had ended there may be another now.
 
         Raises:
             RecordingError: It cannot be read any more.

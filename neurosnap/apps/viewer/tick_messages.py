@@ -152,15 +152,9 @@ class Ticks:
 
 
 def conditions(tick_index: TickIndex, ticks: Ticks, tick: int) -> NDArray[np.uint8]:
-    """Return what each sensor was at a tick.
+    """Return what each sensor was at a tick: ``(N,)``, of this module's constants.
 
-    Args:
-        tick_index: The recording; it is asked for the wave where only that can tell.
-        ticks: Messages of the run, of this tick, too.
-        tick: Which.
-
-    Returns:
-        ``(N,)``, one of the constants of this module for each sensor.
+    The recording is asked for the wave where only that can tell.
     """
     count = ticks.options.body.count
     found = np.full(count, NOT_RECORDED, np.uint8)

@@ -93,14 +93,8 @@ async def follow_links(
 ) -> None:
     """Report each hub that is linked to this one, or is not any more, until `stop`.
 
-    After two seconds it is reported, once, which hubs are waited for.
-
-    Args:
-        session: The hub's.
-        links: Where it looks for others.
-        stop: Ends it.
-        report: Gets a line for people.
-        credentials: The hub's; what is linked and no hub is named.
+    After two seconds it is reported, once, which hubs are waited for. With credentials
+    what is linked and no hub is named.
     """
     loop, changed = asyncio.get_running_loop(), asyncio.Event()
 

@@ -57,12 +57,7 @@ def configuration(mode: str, **more: object) -> zenoh.Config:
 
 
 def connecting(hub: HubAddress, patience: float) -> zenoh.Config:
-    """Return the configuration of a session that connects to a hub.
-
-    Args:
-        hub: Where it listens.
-        patience: Seconds to go on trying until it answers.
-    """
+    """Return that of a session that goes on trying to connect, for some seconds."""
     guard: dict[str, object] = {}
     if hub.credentials is not None:
         guard["transport__link__tls"] = hub.credentials.to_connect()
@@ -87,13 +82,8 @@ async def reach(
 ) -> zenoh.Session | None:
     """Return a session with a hub, as soon as that answers; None if `stop` was set.
 
-    After two seconds it is logged, once, that the hub is waited for.
-
-    Args:
-        who: Who wants to reach it.
-        hub: Where the hub listens.
-        stop: Ends the wait at once.
-        patience: Seconds to go on trying.
+    It goes on trying for `patience` seconds. After two it is logged, once, that the hub
+    is waited for.
 
     Raises:
         FabricError: The hub cannot be reached.

@@ -28,7 +28,7 @@ from neurosnap.poc.learning.counting_kernels import (
 from neurosnap.poc.learning.pair_counts import OnProgress
 from neurosnap.poc.learning.pairs import Weights
 from neurosnap.poc.learning.snapshot import Snapshot
-from neurosnap.sensorium import Sensorium, complete
+from neurosnap.sensorium import Sensorium
 
 _BATCH = 64
 """Rows that are observed between two reports of progress."""
@@ -133,9 +133,7 @@ class EmpiricalSnapshot(Snapshot):
             snapshot.learn(*columns.row(tick))
             if on_progress is not None and tick % _BATCH == 0:
                 on_progress(pairs * tick // columns.ticks, pairs)
-        known = (snapshot._known > 0).repeat(2)
-        read_last = complete(snapshot._bits.view(np.bool_)) & known
-        snapshot.adopt(snapshot.poc_graph().coherent_projection(read_last))
+        snapshot.project(snapshot._known > 0)
         if on_progress is not None:
             on_progress(pairs, pairs)
         return snapshot
