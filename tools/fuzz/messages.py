@@ -6,7 +6,7 @@ word here; a new type of field is refused until it has a way to be drawn.
 
 import random
 import struct
-from typing import Any, TypeVar
+from typing import Any
 
 import msgspec
 from msgspec import inspect
@@ -14,13 +14,11 @@ from msgspec import inspect
 from neurosnap import wire
 from neurosnap.protocol.wave import DEEPEST
 
-M = TypeVar("M", bound=wire.Message)
-
-_TYPES: dict[type[object], list[tuple[str, inspect.Type]]] = {}
-for _kind in dict.fromkeys(wire.TOPICS.values()):
-    _info = inspect.type_info(_kind)
-    if isinstance(_info, inspect.StructType):
-        _TYPES[_kind] = [(field.name, field.type) for field in _info.fields]
+_TYPES = {
+    kind.cls: kind
+    for kind in inspect.multi_type_info(wire.TOPICS.values())
+    if isinstance(kind, inspect.StructType)
+}
 _EDGES = (0, 1, 2, 4095, 4097, 8193, DEEPEST, DEEPEST + 1, 2**20, 2**31 - 2, 2**31 - 1)
 
 
@@ -64,12 +62,8 @@ def value(kind: inspect.Type, chance: random.Random) -> Any:  # noqa: ANN401
 
 def message(chance: random.Random) -> wire.Message:
     """Draw any valid message."""
-    return drawn(chance.choice(list(wire.TOPICS.values())), chance)
-
-
-def drawn(kind: type[M], chance: random.Random) -> M:
-    """Draw a valid message of one kind."""
-    return kind(**{name: value(of, chance) for name, of in _TYPES[kind]})
+    drawn: wire.Message = value(chance.choice([*_TYPES.values()]), chance)
+    return drawn
 
 
 def altered(message: wire.Message, chance: random.Random) -> wire.Message:
@@ -84,19 +78,16 @@ def altered(message: wire.Message, chance: random.Random) -> wire.Message:
         masked = bytes(a & b for a, b in zip(message.bits, known, strict=True))
         bits = message.bits if chance.random() < 0.3 else masked
         return msgspec.structs.replace(message, bits=bits, known=known)
-    packed = [name for name, of in _TYPES[type(message)] if _packs(of)]
+    fields = _TYPES[type(message)].fields
+    packs = inspect.BytesType | inspect.MemoryViewType
+    packed = [field.name for field in fields if isinstance(field.type, packs)]
     if packed and chance.random() < 0.6:
         name = chance.choice(packed)
         data = _repacked(getattr(message, name), chance)
         return msgspec.structs.replace(message, **{name: data})
-    fields = _TYPES[type(message)]
     chosen = chance.sample(fields, min(len(fields), chance.choice((1, 1, 2))))
-    changes = {name: value(of, chance) for name, of in chosen}
+    changes = {field.name: value(field.type, chance) for field in chosen}
     return msgspec.structs.replace(message, **changes)
-
-
-def _packs(kind: inspect.Type) -> bool:
-    return isinstance(kind, inspect.BytesType | inspect.MemoryViewType)
 
 
 def _repacked(data: bytes | memoryview, chance: random.Random) -> bytes:

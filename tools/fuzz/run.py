@@ -4,7 +4,6 @@ A small swarm in memory, a function of nothing: each run says the same in the sa
 order, and its recording has the same bytes.
 """
 
-import asyncio
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,10 +15,7 @@ from neurosnap.fabric.in_memory import matches
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
-from neurosnap.runtime.parts.recorder_process import describe
-from neurosnap.runtime.request import RunRequest
-from neurosnap.runtime.run import run
-from tests.support.inline_runs import InlineSite
+from tests.support.inline_runs import recorded_run
 
 SENSORS = 4
 """Sensors of the run, and so its cells."""
@@ -74,12 +70,7 @@ def honest_run(folder: Path, workers: int = 0, ticks: int = 12) -> Honest:
         learning="spread" if workers else "coordinator",
         keyframe_every=5,
     )
-
-    async def once() -> None:
-        describe(options)
-        await run(RunRequest(options, log, site=InlineSite()), asyncio.Event())
-
-    asyncio.run(once())
+    recorded_run(options, log)
     deliveries = [recorded.delivery for recorded in Recording.open(log).messages()]
     again = folder / f"again-{workers}.mcap"
     with Writer(again, chunk=4096) as writer:
