@@ -26,6 +26,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 # Run as a folder, that is on the path and the project's is not.
@@ -33,34 +34,34 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import psutil
 
-from tools.fuzz.disk import DiskTarget
+from tools.fuzz.disk import disk_target
 from tools.fuzz.run import WORKERS, honest_run
 from tools.fuzz.targets import (
-    CellTarget,
-    CoordinatorTarget,
     Count,
-    Decode,
     FuzzError,
-    RecordingTarget,
     Target,
-    WorkerTarget,
+    cell,
+    coordinator,
+    decode,
+    recording,
+    worker,
 )
 
 _GROWTH = 128 * 2**20  # bytes a target may grow by
 _SHOWN = 2000  # characters of an input that failed
 
 TARGETS: dict[str, tuple[float, Callable[[Path], Target]]] = {
-    "decode": (0.5, lambda folder: Decode(honest_run(folder))),
-    "cell": (0.2, lambda folder: CellTarget(honest_run(folder))),
+    "decode": (0.5, lambda folder: partial(decode, honest_run(folder))),
+    "cell": (0.2, lambda folder: partial(cell, honest_run(folder))),
     "coordinator": (
         0.12,
-        lambda folder: CoordinatorTarget(
-            honest_run(folder), honest_run(folder, WORKERS)
+        lambda folder: partial(
+            coordinator, [honest_run(folder), honest_run(folder, WORKERS)]
         ),
     ),
-    "recording": (0.03, lambda folder: RecordingTarget(honest_run(folder), folder)),
-    "worker": (0.2, lambda folder: WorkerTarget(honest_run(folder, WORKERS))),
-    "disk": (0.002, lambda folder: DiskTarget(honest_run(folder, ticks=60), folder)),
+    "recording": (0.03, lambda folder: partial(recording, honest_run(folder), folder)),
+    "worker": (0.2, lambda folder: partial(worker, honest_run(folder, WORKERS))),
+    "disk": (0.002, lambda folder: disk_target(honest_run(folder, ticks=60), folder)),
 }
 """The share of the inputs of each target, and how it is made in a folder of its own."""
 
@@ -79,7 +80,7 @@ def rounds(
     while True:
         began = time.perf_counter()
         try:
-            target.round(random.Random(f"{seed}/{name}/{index}"), count)
+            target(random.Random(f"{seed}/{name}/{index}"), count)
         except Exception as error:
             again = f"--seed {seed} --only {name} --round {index}"
             shown = f"{type(error).__name__}: {error}"
@@ -126,15 +127,6 @@ def fuzz(
     return counts
 
 
-def line(name: str, count: Count) -> str:
-    """Return what came of a target."""
-    rate = count.inputs / max(count.seconds, 1e-9)
-    return (
-        f"{name:<12} {count.inputs:,} inputs, {rate:,.0f} a second, {count.rejected:,}"
-        f" rejected, slowest {count.slowest * 1e3:.1f} ms, grew {count.grown >> 20} MiB"
-    )
-
-
 def main() -> int:
     """Fuzz as the command line says; return the exit code."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
@@ -153,7 +145,12 @@ def main() -> int:
         print(error, file=sys.stderr)
         return 1
     for name, count in counts.items():
-        print(line(name, count))
+        rate = count.inputs / max(count.seconds, 1e-9)
+        print(
+            f"{name:<12} {count.inputs:,} inputs, {rate:,.0f} a second,"
+            f" {count.rejected:,} rejected, slowest {count.slowest * 1e3:.1f} ms,"
+            f" grew {count.grown >> 20} MiB"
+        )
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(f"peak {peak:,.0f} MiB")
     return 0

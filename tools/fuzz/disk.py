@@ -7,6 +7,7 @@ replay finds no difference, and nothing damaged is called whole.
 """
 
 import random
+import shutil
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -20,7 +21,7 @@ from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.errors import NeurosnapError, RecordingError
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.recording.read.chunk_messages import Recorded
-from neurosnap.recording.read.recording import Recording, part_path, part_paths
+from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
@@ -29,7 +30,7 @@ from neurosnap.recording.write.rotation import Split, SplitWriter
 from neurosnap.recording.write.writer import Writer
 from tools.fuzz.altered_bytes import DISK_WAYS, damage
 from tools.fuzz.run import Honest
-from tools.fuzz.targets import Count, FuzzError
+from tools.fuzz.targets import Count, FuzzError, Target
 
 _CHUNK = 3000
 _SPLIT = 10_000  # bytes; smaller than one can ask for
@@ -92,32 +93,26 @@ def _written(folder: Path, recording: Recording, state: str) -> dict[str, bytes]
     return {path.name: path.read_bytes() for path in part_paths(log).values()}
 
 
-class DiskTarget:
-    """All that reads a recording: nothing is given out that is not so.
+def disk_target(honest: Honest, folder: Path) -> Target:
+    """Return the rounds of all that reads a recording; damaged copies go to a folder.
 
-    Args:
-        honest: The undamaged run.
-        folder: Where its damaged copies are.
+    Each damages one file in each state and way.
     """
+    truth, damaged = _true_run(honest, folder), folder / "damaged"
 
-    def __init__(self, honest: Honest, folder: Path) -> None:
-        self._truth = _true_run(honest, folder)
-        self._folder = folder / "damaged"
-        self._folder.mkdir()
-
-    def round(self, chance: random.Random, count: Count) -> None:
-        """Damage one file in each state and way."""
+    def each_way(chance: random.Random, count: Count) -> None:
         for state, way in product(_STATES, DISK_WAYS):
-            files = dict(self._truth.files[state])
+            files = dict(truth.files[state])
             name = chance.choice(sorted(files))
             files[name] = damage(files[name], b"", chance, (way,))
-            for path in self._folder.iterdir():
-                path.unlink()
+            shutil.rmtree(damaged, ignore_errors=True)
+            damaged.mkdir()
             for each, content in files.items():
-                (self._folder / each).write_bytes(content)
-            log = part_path(self._folder / "run.mcap", 0)
-            judge = partial(_judge, self._truth, log)
+                (damaged / each).write_bytes(content)
+            judge = partial(_judge, truth, damaged / "run.mcap")
             count.rejected += not count.timed(f"{state}, way {way}", judge)
+
+    return each_way
 
 
 def _judge(truth: _Truth, log: Path) -> bool:

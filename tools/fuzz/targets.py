@@ -37,6 +37,7 @@ from tools.fuzz.run import SENSORS, WORKERS, Honest
 
 _SLOWEST = 2.0  # seconds of computing an input may cost
 _LONGEST = 1000  # characters of a fault
+_KEYS = (*wire.TOPICS, "wavestart/1", "pulse/0/cell/1", "wiring/3", "x" * 9000, "/")
 _GAP = re.compile(r"(wiring|workerwiring): must build on epoch")
 
 
@@ -77,62 +78,44 @@ class Count:
         return result
 
 
-class Target(Protocol):
-    """Something that reads what others wrote."""
-
-    def round(self, chance: random.Random, count: Count) -> None:
-        """Try some hundred inputs drawn from `chance`."""
-        ...
+Target = Callable[[random.Random, Count], None]
+"""A round of something that reads what others wrote: some hundred drawn inputs."""
 
 
-class Decode:
-    """The decoder as parts call it: a message or one fault comes of a payload."""
+def decode(honest: Honest, chance: random.Random, count: Count) -> None:
+    """Decode damaged payloads as parts do: a message or one fault comes of each."""
+    hub = MemoryHub()
+    part = hub.fabric("cell/1")
+    faults: list[wire.Delivery] = []
+    hub.fabric("ear").listen(("fault/**",), faults.extend)
+    for _ in range(250):
+        first, other = (wire.encode(message(chance)) for _ in range(2))
+        if chance.random() < 0.3:
+            first = chance.choice(honest.deliveries).payload
+        payload = damage_json(first, other, chance)
+        key = chance.choice(_KEYS)
+        tag = re.search(rb'"type":"(\w+)"', payload)
+        if tag is not None and chance.random() < 0.8:
+            key = _own_key(tag[1].decode(), payload, key)
+        delivery = wire.Delivery(key, 0, 0, payload)
+        read = count.timed(delivery, partial(decoded, part, [delivery]))
+        run_out(hub)
+        said = [wire.decode(fault.key, fault.payload) for fault in faults]
+        faults.clear()
+        if len(read) + len(said) != 1:
+            raise FuzzError(f"made {len(read)} messages, {len(said)} faults of one")
+        check_readable([*read, *said])
+        count.rejected += len(said)
 
-    def __init__(self, honest: Honest) -> None:
-        self._honest = honest.deliveries
-        self._keys = [
-            *wire.TOPICS,
-            "wavestart/1",
-            "pulse/0/cell/1",
-            "wiring/3",
-            "x" * 9000,
-            "/",
-        ]
 
-    def round(self, chance: random.Random, count: Count) -> None:
-        """Damage payloads, and hand them over under some key."""
-        hub = MemoryHub()
-        part = hub.fabric("cell/1")
-        faults: list[wire.Delivery] = []
-        hub.fabric("ear").listen(("fault/**",), faults.extend)
-        for _ in range(250):
-            first, other = (wire.encode(message(chance)) for _ in range(2))
-            if chance.random() < 0.3:
-                first = chance.choice(self._honest).payload
-            payload = damage_json(first, other, chance)
-            key = chance.choice(self._keys)
-            tag = re.search(rb'"type":"(\w+)"', payload)
-            if tag is not None and chance.random() < 0.8:
-                key = self._own_key(tag[1].decode(), payload, key)
-            delivery = wire.Delivery(key, 0, 0, payload)
-            read = count.timed(delivery, partial(decoded, part, [delivery]))
-            run_out(hub)
-            said = [wire.decode(fault.key, fault.payload) for fault in faults]
-            faults.clear()
-            if len(read) + len(said) != 1:
-                raise FuzzError(f"made {len(read)} messages, {len(said)} faults of one")
-            check_readable([*read, *said])
-            count.rejected += len(said)
-
-    def _own_key(self, tag: str, payload: bytes, otherwise: str) -> str:
-        """Return the key the payload would have to come under."""
-        for topic, kind in wire.TOPICS.items():
-            if kind.__struct_config__.tag == tag:
-                try:
-                    return msgspec.json.decode(payload, type=kind).key
-                except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
-                    return topic
+def _own_key(topic: str, payload: bytes, otherwise: str) -> str:
+    """Return the key the payload would have to come under."""
+    if topic not in wire.TOPICS:
         return otherwise
+    try:
+        return msgspec.json.decode(payload, type=wire.TOPICS[topic]).key
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+        return topic
 
 
 class Core(Protocol):
@@ -225,94 +208,63 @@ class Twins:
         return core
 
 
-class CellTarget:
-    """A cell, among what it heard in the run."""
-
-    def __init__(self, honest: Honest) -> None:
-        self._scripts = [
-            honest.heard_by(wire.cell_keys(cell)) for cell in range(SENSORS)
-        ]
-
-    def round(self, chance: random.Random, count: Count) -> None:
-        """Take one cell through the run."""
-        cell = chance.randrange(SENSORS)
-        script = self._scripts[cell]
-        Twins(Cell(cell), script, lambda m: [m]).play(chance, count, 16)
+def cell(honest: Honest, chance: random.Random, count: Count) -> None:
+    """Take a cell through what it heard in the run."""
+    number = chance.randrange(SENSORS)
+    script = honest.heard_by(wire.cell_keys(number))
+    Twins(Cell(number), script, lambda m: [m]).play(chance, count, 16)
 
 
-class WorkerTarget:
-    """A worker, among what it heard in a run where workers shared the learning, too.
+def worker(honest: Honest, chance: random.Random, count: Count) -> None:
+    """Take a worker through what it heard in a run that shared the learning, too.
 
     Compiled loops do not look where they index. With ``NUMBA_BOUNDSCHECK=1`` they do,
     and ``NUMBA_CACHE_DIR`` then has to name a folder of its own.
     """
-
-    def __init__(self, honest: Honest) -> None:
-        self._options = honest.options
-        self._scripts = [
-            honest.heard_by((*wire.worker_keys(worker), *wire.LEARNING_KEYS))
-            for worker in range(WORKERS)
-        ]
-
-    def round(self, chance: random.Random, count: Count) -> None:
-        """Take one worker through the run."""
-        worker = chance.randrange(WORKERS)
-        learning = self._options.new_worker_learning(worker)
-        core = Worker(worker, shares(SENSORS, WORKERS), learning)
-        script = self._scripts[worker]
-        # A burst ahead of its wave is not looked at more closely until that begins.
-        twins = Twins(core, script, lambda m: [m], after=len(script))
-        twins.play(chance, count, 16)
+    number = chance.randrange(WORKERS)
+    script = honest.heard_by((*wire.worker_keys(number), *wire.LEARNING_KEYS))
+    learning = honest.options.new_worker_learning(number)
+    core = Worker(number, shares(SENSORS, WORKERS), learning)
+    # A burst ahead of its wave is not looked at more closely until that begins.
+    twins = Twins(core, script, lambda m: [m], after=len(script))
+    twins.play(chance, count, 16)
 
 
-class CoordinatorTarget:
-    """The coordinator, among what it heard in a run in cells, or in workers."""
-
-    _TOPICS = ("observation", "cellreport", "workerreport", "learned")
-
-    def __init__(self, *runs: Honest) -> None:
-        self._runs = [(run.options, run.heard_by(self._TOPICS)) for run in runs]
-
-    def round(self, chance: random.Random, count: Count) -> None:
-        """Take the coordinator through a run."""
-        options, script = chance.choice(self._runs)
-        core = Coordinator(options)
-        core.begin()
-        Twins(core, script).play(chance, count, 40)
+def coordinator(runs: Sequence[Honest], chance: random.Random, count: Count) -> None:
+    """Take the coordinator through what it heard in a run of cells, or of workers."""
+    honest = chance.choice(runs)
+    topics = ("observation", "cellreport", "workerreport", "learned")
+    core = Coordinator(honest.options)
+    core.begin()
+    Twins(core, honest.heard_by(topics)).play(chance, count, 40)
 
 
-class RecordingTarget:
-    """The reader: every file is read to its end or refused by name."""
+def recording(
+    honest: Honest, folder: Path, chance: random.Random, count: Count
+) -> None:
+    """Read damaged recordings: each to its end, or it is refused by name."""
+    path, whole = folder / "hostile.mcap", honest.recording
+    for _ in range(25):
+        if chance.random() < 0.3:
+            file = damage(whole, whole, chance)
+        else:  # below its checksums
+            file = damage_recording(whole, chance)
+        path.write_bytes(file)
+        try:
+            count.timed(file, partial(_read, path))
+        except RecordingError:
+            count.rejected += 1
 
-    def __init__(self, honest: Honest, folder: Path) -> None:
-        self._whole = honest.recording
-        self._path = folder / "hostile.mcap"
 
-    def round(self, chance: random.Random, count: Count) -> None:
-        """Damage the run's recording, above and below its checksums."""
-        for _ in range(25):
-            if chance.random() < 0.3:
-                file = damage(self._whole, self._whole, chance)
-            else:
-                file = damage_recording(self._whole, chance)
-            self._path.write_bytes(file)
-            try:
-                count.timed(file, self._read)
-            except RecordingError:
-                count.rejected += 1
-
-    def _read(self) -> None:
-        self._look()
-        recording = Recording.open(self._path)
-        list(render(describe(recording)))
-        recording.balance(recording.sequences())
-        for topic in wire.TOPICS:  # what lacks it is skipped, by the indexes
-            list(recording.messages((topic,)))
-        _ = recording.files[0].share, recording.closing
-
-    def _look(self) -> None:
-        """Look at the file as a viewer does, which shows what it can."""
-        with suppress(RecordingError), opened(self._path) as file:
-            for chunk in scan_index(self._path).chunks:
-                with suppress(RecordingError):
-                    unpack(self._path, file, chunk)
+def _read(path: Path) -> None:
+    # As a viewer does, which shows what it can.
+    with suppress(RecordingError), opened(path) as file:
+        for chunk in scan_index(path).chunks:
+            with suppress(RecordingError):
+                unpack(path, file, chunk)
+    found = Recording.open(path)
+    list(render(describe(found)))
+    found.balance(found.sequences())
+    for topic in wire.TOPICS:  # what lacks it is skipped, by the indexes
+        list(found.messages((topic,)))
+    _ = found.files[0].share, found.closing

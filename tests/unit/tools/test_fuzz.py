@@ -54,7 +54,7 @@ class Broken:
     def __init__(self) -> None:
         self._rounds = 0
 
-    def round(self, chance: random.Random, count: Count) -> None:
+    def __call__(self, chance: random.Random, count: Count) -> None:
         count.timed("the input", lambda: 1 // (2 - self._rounds))
         self._rounds += 1
 
