@@ -24,7 +24,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from multiprocessing.connection import Connection
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import zenoh
 
@@ -49,39 +49,42 @@ def main() -> None:
     _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
     _context.set_forkserver_preload(["tools.bench.bare"])
-    if given.what == "spawn":
-        measured = measure_spawn(given.count, memory=given.memory)
-    else:
-        measured = measure_ring(given.count, given.laps)
+    start(time.sleep, 0).join()  # the fork server's imports are not what is measured
+    with tempfile.TemporaryDirectory(prefix="bench-") as folder:
+        endpoint = f"unixsock-stream/{folder}/hub"
+        if given.what == "spawn":
+            measured = measure_spawn(endpoint, given.count, memory=given.memory)
+        else:
+            measured = measure_ring(endpoint, given.count, given.laps)
     print(json.dumps(measured))
 
 
-def measure_spawn(count: int, *, memory: bool = False) -> dict[str, float]:
+def measure_spawn(
+    endpoint: str, count: int, *, memory: bool = False
+) -> dict[str, float]:
     """Return the seconds from the start of the hub until `count` processes are up."""
-    with _Family() as family:
-        up, say_up = _context.Pipe(duplex=False)
-        began = time.perf_counter()
-        endpoint = family.open_hub(count)
-        pids = [family.start(be_bare, endpoint, i, say_up) for i in range(count)]
-        _await(up, count)
-        measured = {"seconds": time.perf_counter() - began}
-        if memory:
-            measured["pss"] = mean_pss(pids)
+    up, say_up = _context.Pipe(duplex=False)
+    began = time.perf_counter()
+    open_hub(endpoint, count)
+    processes = [start(be_bare, endpoint, i, say_up) for i in range(count)]
+    _await(up, count)
+    measured = {"seconds": time.perf_counter() - began}
+    if memory:
+        measured["pss"] = mean_pss([process.pid or 0 for process in processes])
     return measured
 
 
-def measure_ring(count: int, laps: int) -> dict[str, float]:
+def measure_ring(endpoint: str, count: int, laps: int) -> dict[str, float]:
     """Return the median seconds a hop of `laps` laps round `count` processes."""
-    with _Family() as family:
-        endpoint = family.open_hub(count)
-        up, say_up = _context.Pipe(duplex=False)
-        line, line_end = _context.Pipe()
-        for number in range(count):
-            end = line_end if number == 0 else None
-            family.start(be_relay, endpoint, number, count, laps, say_up, end)
-        _await(up, count)
-        line.send_bytes(b"go")
-        took = json.loads(_await(line, 1))
+    open_hub(endpoint, count)
+    up, say_up = _context.Pipe(duplex=False)
+    line, line_end = _context.Pipe()
+    for number in range(count):
+        end = line_end if number == 0 else None
+        start(be_relay, endpoint, number, count, laps, say_up, end)
+    _await(up, count)
+    line.send_bytes(b"go")
+    took = json.loads(_await(line, 1))
     return {"hop": statistics.median(took) / count}
 
 
@@ -92,41 +95,18 @@ def mean_pss(pids: list[int]) -> float:
     return statistics.fmean(psutil.Process(pid).memory_full_info().pss for pid in pids)
 
 
-class _Family:
-    """Processes from one warm fork server; leaving it kills them all."""
+def start(work: Callable[..., None], *arguments: object) -> "ForkServerProcess":
+    """Start a process that does `work`, and that ends with this one."""
+    process = _context.Process(target=work, args=arguments, daemon=True)
+    process.start()
+    return process
 
-    def __init__(self) -> None:
-        self._processes: list[ForkServerProcess] = []
-        self._folder = tempfile.TemporaryDirectory(prefix="bench-")
 
-    def __enter__(self) -> Self:
-        """Start the fork server: its imports are not what is measured."""
-        self.start(time.sleep, 0)
-        self._processes[0].join()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Kill what is left."""
-        for process in self._processes:
-            process.kill()
-        for process in self._processes:
-            process.join()
-        self._folder.cleanup()
-
-    def start(self, work: Callable[..., None], *arguments: object) -> int:
-        """Start a process that does `work`; return its id."""
-        process = _context.Process(target=work, args=arguments)
-        process.start()
-        self._processes.append(process)
-        return process.pid or 0
-
-    def open_hub(self, sessions: int) -> str:
-        """Start the hub in a process of its own; return its endpoint once it is up."""
-        endpoint = f"unixsock-stream/{self._folder.name}/hub"
-        up, say_up = _context.Pipe(duplex=False)
-        self.start(be_hub, endpoint, sessions, say_up)
-        _await(up, 1)
-        return endpoint
+def open_hub(endpoint: str, sessions: int) -> None:
+    """Start the hub in a process of its own; return once it is up."""
+    up, say_up = _context.Pipe(duplex=False)
+    start(be_hub, endpoint, sessions, say_up)
+    _await(up, 1)
 
 
 def _await(line: Connection, count: int) -> bytes:
