@@ -41,7 +41,18 @@ ROWS = {
 
 def main(arguments: list[str] | None = None) -> None:
     """Measure the rows asked for and print each as soon as it is measured."""
-    given = _parser().parse_args(arguments)
+    parser = argparse.ArgumentParser(
+        prog="bench",
+        description="Measure speed; print a Markdown table.",
+        epilog="\n".join(f"  {name:12} {what}" for name, (_, what) in ROWS.items()),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "--only", nargs="+", choices=ROWS, default=tuple(ROWS), help="rows to measure"
+    )
+    parser.add_argument("--quick", action="store_true", help="small sizes, as a trial")
+    parser.add_argument("--json", action="store_true", help="add one object, last")
+    given = parser.parse_args(arguments)
     # The table alone goes to stdout.
     waiting = Console(stderr=True)
     print(f"{markdown(HEAD)}\n{markdown(('---',) * len(HEAD))}")
@@ -52,7 +63,7 @@ def main(arguments: list[str] | None = None) -> None:
         for line in rows[name]:
             print(markdown(line.cells()), flush=True)
     if given.json:
-        print(json.dumps({"machine": _machine(), "rows": _plain(rows)}))
+        print(json.dumps({"machine": _machine(), "rows": rows}, default=asdict))
 
 
 def measure(name: str, sizes: Sizes) -> list[Line]:
@@ -79,25 +90,6 @@ def _machine() -> dict[str, object]:
         "platform": platform.platform(),
         "python": platform.python_version(),
     }
-
-
-def _plain(rows: dict[str, list[Line]]) -> dict[str, list[dict[str, object]]]:
-    return {name: [asdict(line) for line in lines] for name, lines in rows.items()}
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="bench",
-        description="Measure speed; print a Markdown table.",
-        epilog="\n".join(f"  {name:12} {what}" for name, (_, what) in ROWS.items()),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument(
-        "--only", nargs="+", choices=ROWS, default=tuple(ROWS), help="rows to measure"
-    )
-    parser.add_argument("--quick", action="store_true", help="small sizes, as a trial")
-    parser.add_argument("--json", action="store_true", help="add one object, last")
-    return parser
 
 
 if __name__ == "__main__":
