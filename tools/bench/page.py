@@ -4,19 +4,20 @@ import asyncio
 import random
 import statistics
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
 from playwright.async_api import CDPSession
 
-from neurosnap.agent.body import Body
 from neurosnap.apps.viewer.server import serving
 from neurosnap.apps.viewer.session import ViewSession
-from neurosnap.protocol.run_options import RunOptions
-from neurosnap.runtime.request import RunRequest
-from neurosnap.runtime.run import run
+from tests.support.run_options import options_for
+from tests.support.sources import written
 from tools.bench.report import Line, Sizes
+from tools.bench.run import run_once
 from tools.browser import NO_BROWSER, browsing, chromium, wait_shown
 
 _SPEED = 60
@@ -55,39 +56,18 @@ class Shown(NamedTuple):
     """What it showed."""
 
 
-class Played(NamedTuple):
-    """What came of playing a recording."""
-
-    shown: list[Shown]
-    busy: float
-    """Seconds that the page's own thread worked meanwhile."""
-
-
 def page(sizes: Sizes) -> list[Line]:
-    """Play recordings at sixty ticks a second, and time the browser's frames.
-
-    Raises:
-        FileNotFoundError: There is no Chromium.
-    """
-    if chromium() is None:
-        raise FileNotFoundError(NO_BROWSER)
+    """Play recordings at sixty ticks a second, and time the browser's frames."""
     small, large = sizes.sensors[0], sizes.crowd
-    with tempfile.TemporaryDirectory() as folder:
-        few, many = (
-            asyncio.run(walks(Path(folder), sensors, sizes.ticks))
-            for sensors in (small, large)
-        )
+    crowd = f"{large} sensors, those around one drawn"
+    with _walks(sizes.ticks, small, large) as (few, many):
         return [
-            _line(f"{small} sensors", asyncio.run(_played(few))),
-            _line(
-                f"{large} sensors, those around one drawn",
-                asyncio.run(_played(many, f"&sensor=w0_below_{large // 10}")),
-            ),
+            asyncio.run(_played(f"{small} sensors", few)),
+            asyncio.run(_played(crowd, many, f"&sensor=w0_below_{large // 10}")),
         ]
 
 
-def _line(what: str, played: Played) -> Line:
-    seen = played.shown
+def _line(what: str, seen: list[Shown], busy: float) -> Line:
     # From the first frame of one tick to the first of another: how long the frame lasts
     # that is there when it starts, or when it ends, says nothing of the page.
     begins = [now for before, now in pairwise(seen) if now.tick != before.tick]
@@ -96,7 +76,7 @@ def _line(what: str, played: Played) -> Line:
     drawn = len(begins) / (last.tick - first.tick + 1)
     gaps = [after.time - before.time for before, after in pairwise(seen)]
     frames = 1000 / statistics.mean(gaps)
-    work = played.busy / len(seen) * 1000
+    work = busy / len(seen) * 1000
     return Line(
         f"replay in the page, {what}",
         f"{rate:.1f} ticks/s, {drawn:.0%} of them drawn",
@@ -113,29 +93,38 @@ def _line(what: str, played: Played) -> Line:
     )
 
 
-async def walks(folder: Path, sensors: int, ticks: int) -> Path:
+@contextmanager
+def _walks(ticks: int, *sizes: int) -> Iterator[list[Path]]:
+    """Record readings of so many sensors each, which are there within the block.
+
+    Raises:
+        FileNotFoundError: There is no Chromium to show them.
+    """
+    if chromium() is None:
+        raise FileNotFoundError(NO_BROWSER)
+    with tempfile.TemporaryDirectory() as folder:
+        yield [_walk(Path(folder), sensors, ticks) for sensors in sizes]
+
+
+def _walk(folder: Path, sensors: int, ticks: int) -> Path:
     """Record readings of five chains of thresholds, each of a walk of its own."""
     chance = random.Random(0)
-    names = [f"w{k % 5}_below_{k // 5}" for k in range(sensors)]
+    lines = [",".join(f"w{k % 5}_below_{k // 5}" for k in range(sensors))]
     places = [sensors // 10] * 5
-    lines = [",".join(names)]
     for _ in range(ticks):
         places = [x + chance.choice((-1, 0, 1)) for x in places]
         lines.append(",".join(f"{places[k % 5] < k // 5:d}" for k in range(sensors)))
-    readings = folder / f"{sensors}.csv"
-    readings.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    options = RunOptions(
-        source=str(readings), body=Body(own=tuple(names)), ticks=ticks, cells="inline"
-    )
+    readings = written(folder, "\n".join(lines) + "\n", f"{sensors}.csv")
     log = folder / f"{sensors}.mcap"
-    await run(RunRequest(options, log), asyncio.Event())
+    run_once(options_for(str(readings), 0, ticks=ticks, cells="inline"), log)
     return log
 
 
-async def _played(log: Path, link: str = "") -> Played:
+async def _played(what: str, log: Path, link: str = "") -> Line:
     """Play a recording in a browser.
 
     Args:
+        what: What the table calls it.
         log: What to play.
         link: What else the address says.
     """
@@ -146,7 +135,7 @@ async def _played(log: Path, link: str = "") -> Played:
         await session.send("Performance.enable")
         before = await _busy(session)
         shown = [Shown(*frame) for frame in await opened.evaluate(_PLAY, _SPEED)]
-        return Played(shown, await _busy(session) - before)
+        return _line(what, shown, await _busy(session) - before)
 
 
 async def _busy(session: CDPSession) -> float:
@@ -157,23 +146,14 @@ async def _busy(session: CDPSession) -> float:
 
 
 def seek(sizes: Sizes) -> list[Line]:
-    """Go to ticks far from any that was looked at, each in a server of its own.
-
-    Raises:
-        FileNotFoundError: There is no Chromium.
-    """
-    if chromium() is None:
-        raise FileNotFoundError(NO_BROWSER)
-    lines = []
-    with tempfile.TemporaryDirectory() as folder:
-        for sensors in (sizes.crowd, 4 * sizes.crowd):
-            log = asyncio.run(walks(Path(folder), sensors, sizes.ticks))
-            times = [
-                asyncio.run(_sought(log, tick))
-                for tick in (sizes.ticks, sizes.ticks // 2, sizes.ticks * 3 // 4)
-            ]
-            lines.append(_seek_line(sensors, times))
-    return lines
+    """Go to ticks far from any that was looked at, each in a server of its own."""
+    crowds, last = (sizes.crowd, 4 * sizes.crowd), sizes.ticks
+    ticks = (last, last // 2, last * 3 // 4)
+    with _walks(last, *crowds) as logs:
+        return [
+            _seek_line(sensors, [asyncio.run(_sought(log, tick)) for tick in ticks])
+            for sensors, log in zip(crowds, logs, strict=True)
+        ]
 
 
 def _seek_line(sensors: int, times: list[float]) -> Line:

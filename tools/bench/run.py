@@ -9,10 +9,10 @@ from msgspec.structs import replace
 
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.replay.verify import verify as check
-from neurosnap.runtime.fit_agent import body_of
-from neurosnap.runtime.request import Outcome, RunRequest
+from neurosnap.runtime.request import SILENT, Outcome, RunRequest, Watcher
 from neurosnap.runtime.run import run
-from neurosnap.sources.open import open_source
+from tests.support.run_options import options_for
+from tests.support.sources import written
 from tools.bench.report import Line, Sizes, ratio_of_pairs
 
 _SOURCE = "neurosnap/Path-v0"
@@ -23,12 +23,12 @@ _KINDS: tuple[CellKind, ...] = ("process", "worker", "inline")
 
 def recording(sizes: Sizes) -> list[Line]:
     """Time a tick with the recorder on and off, in turns."""
-    options = path_options(sizes.ticks)
+    options = options_for(_SOURCE, 0, ticks=sizes.ticks)
     with tempfile.TemporaryDirectory(prefix="bench-") as folder:
-        run_once(path_options(5), None)
+        run_once(options_for(_SOURCE, 0, ticks=5))
         off, on, whole, messages = [], [], True, 0
         for turn in range(sizes.pairs):
-            off.append(run_once(options, None).seconds)
+            off.append(run_once(options).seconds)
             recorded = run_once(options, Path(folder) / f"{turn}.mcap")
             on.append(recorded.seconds)
             if recorded.completeness is None:
@@ -61,7 +61,7 @@ def verify(sizes: Sizes) -> list[Line]:
     """Time `verify` against the run whose recording it checks."""
     with tempfile.TemporaryDirectory(prefix="bench-") as folder:
         log = Path(folder) / "run.mcap"
-        made = run_once(path_options(sizes.ticks), log)
+        made = run_once(options_for(_SOURCE, 0, ticks=sizes.ticks), log)
         verdicts = [check(log) for _ in range(sizes.pairs + 1)][1:]
     best = min(verdict.seconds for verdict in verdicts)
     ticks, same = verdicts[0].ticks, all(verdict.same for verdict in verdicts)
@@ -123,25 +123,16 @@ def line_options(count: int, ticks: int, folder: Path) -> RunOptions:
     for _ in range(ticks):
         at = int(np.clip(at + rng.integers(-1, 2), 0, count))
         rows.append(",".join(map(str, (places < at).astype(int).tolist())))
-    path = folder / f"{count}.csv"
-    path.write_text("\n".join(rows) + "\n")
-    source = open_source(str(path), 0)
-    source.close()
-    body = body_of(source, "walker")
-    return RunOptions(source=str(path), body=body, ticks=ticks, workers=_WORKERS)
+    path = written(folder, "\n".join(rows) + "\n", f"{count}.csv")
+    return options_for(str(path), 0, ticks=ticks, workers=_WORKERS)
 
 
-def path_options(ticks: int) -> RunOptions:
-    """Return the run of a walker on the path."""
-    source = open_source(_SOURCE, 0)
-    source.close()
-    return RunOptions(source=_SOURCE, body=body_of(source, "walker"), ticks=ticks)
-
-
-def run_once(options: RunOptions, log: Path | None = None) -> Outcome:
+def run_once(
+    options: RunOptions, log: Path | None = None, watcher: Watcher = SILENT
+) -> Outcome:
     """Make a run, recorded if a file is named."""
 
     async def once() -> Outcome:
-        return await run(RunRequest(options, log), asyncio.Event())
+        return await run(RunRequest(options, log), asyncio.Event(), watcher)
 
     return asyncio.run(once())

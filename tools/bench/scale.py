@@ -6,11 +6,9 @@ part is taken to spend so much a tick, so much a sensor and so much a pair of se
 The three are found at some sizes, and what they say of others is held against runs.
 """
 
-import asyncio
 import shutil
 import tempfile
 from collections import Counter
-from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
 
@@ -20,11 +18,10 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from neurosnap.protocol.run_options import LearningKind
-from neurosnap.runtime.request import RunRequest, Watcher
-from neurosnap.runtime.run import run
+from neurosnap.runtime.request import Watcher
 from tests.support.swarm_processes import parts_of
 from tools.bench.report import Line, Sizes
-from tools.bench.run import line_options
+from tools.bench.run import line_options, run_once
 
 _WORKERS = 2
 _BEGIN, _TICKS = 32, 160  # several blocks of 64 observations lie between
@@ -105,9 +102,7 @@ def _spent(count: int, learning: LearningKind, folder: Path) -> dict[str, float]
         keyframe_every=1 << 20,
     )
     spent = _Spent(_BEGIN)
-    asyncio.run(
-        run(RunRequest(options, at / "run.mcap"), asyncio.Event(), Watcher(spent.look))
-    )
+    run_once(options, at / "run.mcap", Watcher(spent.look))
     shutil.rmtree(at)
     found = spent.a_tick(ticks // 2)
     return found | {"worker": found["worker"] / _WORKERS}
@@ -149,7 +144,11 @@ def _foretold(
     learning: str,
 ) -> Line:
     """Hold what the model says of a size against what was spent."""
-    shown = [*_columns(count, spent, model)]
+    shown = []
+    for part in _PARTS:  # each in milliseconds
+        several = 1e3 * (_WORKERS if part == "worker" else 1)
+        foretold = several * float(model[part] @ _terms(count))
+        shown.append((part, foretold, several * spent[part]))
     said, was = sum(s for _, s, _ in shown), sum(w for *_, w in shown)
     parts = ", ".join(f"{part} {s:.1f} and {w:.1f}" for part, s, w in shown)
     return Line(
@@ -158,13 +157,3 @@ def _foretold(
         f"{parts} ms",
         figures={"foretold": said * 1e-3, "measured": was * 1e-3},
     )
-
-
-def _columns(
-    count: int, spent: dict[str, float], model: dict[str, NDArray[np.float64]]
-) -> Iterator[tuple[str, float, float]]:
-    """Yield each part, what was foretold, and what was measured, in milliseconds."""
-    for part in _PARTS:
-        several = _WORKERS if part == "worker" else 1
-        said = several * float(model[part] @ _terms(count))
-        yield part, said * 1e3, several * spent[part] * 1e3
