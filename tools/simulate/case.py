@@ -21,14 +21,14 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.write.rotation import Split
-from neurosnap.runtime.parts.recorder_process import describe
 from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.sources.open import open_source
+from tests.support.lamp import lamp_options
+from tests.support.sources import written
 from tools.simulate.check import WrongError, check
 from tools.simulate.disk import Disk
-from tools.simulate.lamp import NAME, Lamp
 from tools.simulate.swarm import Life
-from tools.simulate.weather import Tally, Weather, random_weather
+from tools.simulate.weather import Case, Tally, Weather, random_weather
 
 if TYPE_CHECKING:
     from neurosnap.sources.protocol import Argument
@@ -65,16 +65,16 @@ def live_on(
     tally, past = Tally(schedules=1), None
     bad = chance.choice([1, 2, 4, 8])
     split = chance.choice([None, Split(500), Split(5000)])
-    facts = {**describe(options), "swarm": "simulated"}
     log = folder / "run.mcap"
-    lives, disk = new_lives(log), Disk(log, chance, tally)
+    case = Case(options, log, split, weather, chance, tally)
+    lives, disk = new_lives(log), Disk(case)
     while True:
-        current = weather if tally.restarts < bad else _CALM
+        if tally.restarts >= bad:
+            case.weather = _CALM
         try:
-            life = Life(options, facts, log, past, split, current, chance, tally, disk)
-            completeness, sent = life.live()
+            completeness, sent = Life(case, past, disk).live()
         except SwarmError:
-            disk.decay(current)
+            disk.decay()
             found = lives.furthest(options)
             if not (tally.flips or tally.truncated or tally.twice or tally.deaf):
                 _check_resumed(log, options, found)
@@ -200,8 +200,7 @@ def _readings(chance: random.Random, folder: Path) -> RunOptions:
         names,
         *(["" if bit is None else str(int(bit)) for bit in row] for row in rows),
     ]
-    path = folder / "readings.csv"
-    path.write_text("\n".join(map(",".join, table)) + "\n", encoding="utf-8")
+    path = written(folder, "\n".join(map(",".join, table)) + "\n")
     ticks = chance.choice([len(rows), 5, 25])  # with 25, it may be the source that ends
     return RunOptions(source=str(path), body=Body(own=names), ticks=ticks)
 
@@ -236,11 +235,4 @@ def _path(chance: random.Random) -> RunOptions:
 def _growing(chance: random.Random) -> RunOptions:
     """A lamp: what it takes to light it is grown after some 20 to 40 ticks."""
     room = chance.randint(1, 3)
-    return RunOptions(
-        source=NAME,
-        body=Body.full(Lamp.sensors, Lamp.actions, room=room),
-        agent="planner",
-        explore=0.4,
-        imagine=8,
-        ticks=chance.randint(40, 50),
-    )
+    return lamp_options(grow=room, ticks=chance.randint(40, 50))

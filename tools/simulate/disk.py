@@ -2,20 +2,19 @@
 
 A disk may be full at any write, and flip bits in what was written. A power cut may take
 all that was not synced, or leave zeros for it; a file may be taken away by somebody, or
-be cut short while it is written.
-What was damaged is remembered, since nobody may delete it.
+be cut short while it is written. What was damaged is remembered, since nobody may
+delete it.
 """
 
 import errno
 import os
-import random
 from collections.abc import Iterator
 from pathlib import Path
 
 from neurosnap.errors import RecordingError
 from neurosnap.recording.read.file import RecordingFile
 from neurosnap.recording.read.recording import part_paths
-from tools.simulate.weather import Tally, Weather
+from tools.simulate.weather import Case
 
 _TORN = [0, 10, 20, 2000]  # bytes; fewer than what a run says of itself
 
@@ -24,22 +23,21 @@ class Disk:
     """Damages the files of one run.
 
     Args:
-        log: The recording; of several files the first.
-        chance: Draws what happens.
-        tally: Takes note of it.
+        case: The run.
     """
 
-    def __init__(self, log: Path, chance: random.Random, tally: Tally) -> None:
-        self._log = log
-        self._chance = chance
-        self._tally = tally
+    def __init__(self, case: Case) -> None:
+        self._case = case
+        self._log = case.log
+        self._chance = case.chance
+        self._tally = case.tally
         self.damaged: list[bytes] = []
         """What is in each file that has a flipped bit in a chunk: in a tick."""
 
-    def lose(self, weather: Weather) -> None:
+    def lose(self) -> None:
         """Leave of each file without end any beginning, and maybe zeros behind it."""
         chance, paths = self._chance, list(part_paths(self._log).values())
-        power = chance.random() < weather.power
+        power = chance.random() < self._case.weather.power
         self._tally.powercuts += power
         for path in paths:
             try:
@@ -53,7 +51,7 @@ class Disk:
             before = path.stat().st_size
             size = chance.choice([*torn, *_ends(path)])
             if 0 < paths.index(path) == len(paths) - 1:
-                if chance.random() < weather.begun:
+                if chance.random() < self._case.weather.begun:
                     size = chance.choice(_TORN)
                 self._tally.begun += size in _TORN
             with path.open("r+b") as file:
@@ -61,23 +59,23 @@ class Disk:
                 if power and chance.random() < 0.5:
                     file.truncate(before)
 
-    def truncate(self, weather: Weather) -> None:
+    def truncate(self) -> None:
         """Cut the last file short, maybe, while it is written."""
         chance = self._chance
-        if chance.random() < weather.truncate:
+        if chance.random() < self._case.weather.truncate:
             self._tally.truncated += 1
             path = [*part_paths(self._log).values()][-1]
             size = chance.randrange(path.stat().st_size + 1)
             os.truncate(path, chance.choice([0, size]))
 
-    def decay(self, weather: Weather) -> None:
+    def decay(self) -> None:
         """Flip a bit, or take a file away."""
         chance, paths = self._chance, list(part_paths(self._log).values())
-        if paths and chance.random() < weather.vanish:
+        if paths and chance.random() < self._case.weather.vanish:
             self._tally.vanished += 1
             self._forget(path := paths.pop())
             path.unlink()
-        if paths and chance.random() < weather.flip:
+        if paths and chance.random() < self._case.weather.flip:
             self._flip(chance.choice(paths))
 
     def _flip(self, path: Path) -> None:
@@ -104,13 +102,13 @@ class Disk:
         there = {path.read_bytes() for path in self._log.parent.glob("run*")}
         return [content for content in self.damaged if content not in there]
 
-    def check_space(self, weather: Weather) -> None:
+    def check_space(self) -> None:
         """Be full, maybe.
 
         Raises:
             OSError: It is.
         """
-        if self._chance.random() < weather.full:
+        if self._chance.random() < self._case.weather.full:
             self._tally.full += 1
             raise OSError(errno.ENOSPC, "No space left on device")
 

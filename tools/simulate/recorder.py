@@ -1,6 +1,6 @@
 """The recorder of a simulated swarm: real files, flushed without a clock."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -9,10 +9,11 @@ from neurosnap import wire
 from neurosnap.errors import RecordingError, SwarmError
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.write.rotation import Split, SplitWriter
+from neurosnap.recording.write.rotation import SplitWriter
 from neurosnap.recording.write.writer import Writer
+from neurosnap.runtime.parts.recorder_process import describe
 from tools.simulate.disk import Disk
-from tools.simulate.weather import Weather
+from tools.simulate.weather import Case
 
 
 class _Writer(Writer):
@@ -44,38 +45,31 @@ class Recorder:
     """Writes down what it hears, as `neurosnap.runtime.parts.recorder_process` does.
 
     Args:
-        log: Where; must not exist yet.
-        facts: What the recording says of the run.
+        case: The run; its recording must not exist yet.
         past: What it takes over, where the run goes on from something.
         parts: Whose last word is awaited.
         chunk: Bytes after which a chunk is written.
-        split: How it is spread over files; None: it is one.
         disk: What it writes to.
-        weather: How bad that is.
     """
 
     def __init__(
         self,
-        log: Path,
-        facts: Mapping[str, str],
+        case: Case,
         past: ResumePoint | None,
         parts: Collection[str],
         chunk: int,
-        split: Split | None,
         disk: Disk,
-        weather: Weather,
     ) -> None:
         self.failed = False
         self._disk = disk
-        self._weather = weather
         self._parts = parts
         self._left: set[str] = set()
         self._time = 0
-        full = partial(disk.check_space, weather)
-        new_writer = partial(_Writer, full, chunk=chunk)
+        facts = {**describe(case.options), "swarm": "simulated"}
+        new_writer = partial(_Writer, disk.check_space, chunk=chunk)
         with self._failing():
             self._writer = SplitWriter(
-                log, facts, past, split=split, new_writer=new_writer
+                case.log, facts, past, split=case.split, new_writer=new_writer
             )
 
     def hear(self, deliveries: list[wire.Delivery]) -> None:
@@ -88,7 +82,7 @@ class Recorder:
             self._time += 1
             with self._failing():
                 message = self._writer.add(delivery, self._time)
-            self._disk.truncate(self._weather)
+            self._disk.truncate()
             if isinstance(message, wire.Leave):
                 self._left.add(message.who)
 
@@ -113,11 +107,6 @@ class Recorder:
         except RecordingError as error:
             self.failed = True
             raise SwarmError(f"recorder: {error}") from error
-
-    def lose(self, weather: Weather) -> None:
-        """Die: what was on the disk is left, any beginning of each file without end."""
-        self._writer.abandon()
-        self._disk.lose(weather)
 
     def close(self) -> None:
         """Close the files, unless they are."""

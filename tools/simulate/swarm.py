@@ -6,26 +6,18 @@ deadline, a death that is noticed, a chunk that is written) is an event of the s
 and every event is drawn from one generator.
 """
 
-import random
 from collections.abc import Callable, Mapping, Sequence
 from itertools import combinations, product
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from neurosnap import wire
-from neurosnap.errors import (
-    AnswerLostError,
-    MessageError,
-    SwarmError,
-)
+from neurosnap.errors import AnswerLostError, MessageError, SwarmError
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.partition import shares
 from neurosnap.protocol.resume_point import ResumePoint
-from neurosnap.protocol.run_options import RunOptions
 from neurosnap.protocol.worker import Worker
 from neurosnap.protocol.world import World
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.write.rotation import Split
 from neurosnap.runtime.parts import coordinator_process
 from neurosnap.runtime.parts.job import decoded
 from neurosnap.sources.protocol import Source
@@ -34,7 +26,7 @@ from tools.simulate.disk import Disk
 from tools.simulate.recorder import Recorder
 from tools.simulate.simulated_hub import Faults, SimulatedHub
 from tools.simulate.source import source_of
-from tools.simulate.weather import Tally, Weather
+from tools.simulate.weather import Case
 
 if TYPE_CHECKING:
     from neurosnap.fabric.in_memory import MemoryFabric
@@ -53,34 +45,18 @@ class Life:
     """One life of a swarm.
 
     Args:
-        options: What to run.
-        facts: What the recording says of it.
-        log: Where it is recorded; must not exist yet.
+        case: The run; its recording must not exist yet.
         past: Where it goes on from, if it does.
-        split: How the recording is spread over files; None: it is one.
-        weather: What goes wrong, and how often.
-        chance: Draws all that happens.
-        tally: Takes note of it.
         disk: What it is recorded on.
     """
 
-    def __init__(
-        self,
-        options: RunOptions,
-        facts: Mapping[str, str],
-        log: Path,
-        past: ResumePoint | None,
-        split: Split | None,
-        weather: Weather,
-        chance: random.Random,
-        tally: Tally,
-        disk: Disk,
-    ) -> None:
-        self._options = options
+    def __init__(self, case: Case, past: ResumePoint | None, disk: Disk) -> None:
+        self._options = options = case.options
         self._past = past
-        self._weather = weather
-        self._chance = chance
-        self._tally = tally
+        self._disk = disk
+        self._weather = weather = case.weather
+        self._chance = chance = case.chance
+        self._tally = case.tally
         self._hosts = options.host_names()
         self._parts = ("coordinator", "world", *self._hosts)
         # The recorder is at the first hub.
@@ -96,9 +72,7 @@ class Life:
         self._twin = ""  # the part that is there twice
         self._core = coordinator_process.coordinator_for(options, past)
         chunk = chance.choice([100, 1000])
-        self._recorder = Recorder(
-            log, facts, past, self._parts, chunk, split, disk, weather
-        )
+        self._recorder = Recorder(case, past, self._parts, chunk, disk)
 
     def _breakable(self) -> tuple[list[Link], list[Link]]:
         """Return what may be cut between two parts, and between two hubs."""
@@ -358,13 +332,14 @@ class Life:
         for who in (*self._parts, f"{self._twin}{_AGAIN}"):
             self._hub.leave(who)
         if self._recorder.failed:
-            self._recorder.close()
-        elif {"hub", "recorder"}.isdisjoint(self._dead):
+            return
+        if {"hub", "recorder"}.isdisjoint(self._dead):
             while self._hub.step():
                 self._tally.deliveries += 1
             self._recorder.finish()
         else:
-            self._recorder.lose(self._weather)
+            self._recorder.close()
+            self._disk.lose()
 
 
 def between(hub: int, at: Mapping[str, int], parts: Sequence[str]) -> Link:

@@ -1,8 +1,12 @@
 """The faults that may happen to a simulated swarm, and those that did."""
 
 import random
+from pathlib import Path
 
 import msgspec
+
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.write.rotation import Split
 
 
 class Weather(msgspec.Struct, frozen=True, kw_only=True):
@@ -84,6 +88,21 @@ class Tally(msgspec.Struct):
         """Add what happened elsewhere."""
         for name in self.__struct_fields__:
             setattr(self, name, getattr(self, name) + getattr(other, name))
+
+
+class Case(msgspec.Struct):
+    """A run, and what may and does happen to it in all its lives."""
+
+    options: RunOptions
+    log: Path
+    """Its recording; of several files the first."""
+    split: Split | None
+    """How that is spread over files; None: it is one."""
+    weather: Weather
+    """Of the life that it is in."""
+    chance: random.Random
+    """Draws all that happens."""
+    tally: Tally
 
 
 def random_weather(chance: random.Random) -> Weather:
