@@ -1,8 +1,8 @@
 """A simulated network: messages overtake each other, come twice, or are lost.
 
-With a seed the hub draws which link delivers next, so that messages of different
-senders overtake each other while each link keeps its own order, as the protocol
-promises; it can also repeat and lose messages, be slow on some links and cut others.
+The hub draws which link delivers next, so that messages of different senders overtake
+each other while each link keeps its own order, as the protocol promises; it can also
+repeat and lose messages, be slow on some links and cut others.
 What is lost is counted, and leaves the trace the protocol promises: a gap in the
 sender's numbers.
 """
@@ -35,16 +35,15 @@ class SimulatedHub(MemoryHub):
     """A hub whose deliveries are drawn.
 
     Args:
-        seed: Draws the order of deliveries and the faults; None: first come, first
-            served, and no faults.
+        seed: Draws the order of deliveries and the faults.
         faults: What goes wrong, and how often.
     """
 
-    def __init__(self, seed: int | None = None, faults: Faults | None = None) -> None:
+    def __init__(self, seed: int, faults: Faults | None = None) -> None:
         super().__init__()
         self.lost: Counter[tuple[str, str]] = Counter()
         """Deliveries that faults and cuts took, by sender and receiver."""
-        self._random = None if seed is None else random.Random(seed)
+        self._random = random.Random(seed)
         self._faults = faults or Faults()
         self._cut: set[frozenset[str]] = set()
 
@@ -62,8 +61,12 @@ class SimulatedHub(MemoryHub):
         self._cut.discard(frozenset((a, b)))
 
     def _next_link(self) -> tuple[str, str]:
-        if self._random is not None:
-            self._turn(self._random)
+        # Any that waits may be next; which of its own messages it is does not matter,
+        # because a link keeps its order.
+        for _ in range(_TRIES):
+            self._queue.rotate(self._random.randrange(len(self._queue)))
+            if self._queue[0] not in self._faults.slow:
+                break
         return super()._next_link()
 
     def _next_on(self, link: tuple[str, str]) -> wire.Delivery:
@@ -72,17 +75,6 @@ class SimulatedHub(MemoryHub):
             self._links[link].append(delivery)
             self._queue.append(link)
         return delivery
-
-    def _turn(self, chance: random.Random) -> None:
-        """Bring forward the link that delivers next.
-
-        Any that waits may be; which of its own messages it is does not matter, because
-        a link keeps its order.
-        """
-        for _ in range(_TRIES):
-            self._queue.rotate(chance.randrange(len(self._queue)))
-            if self._queue[0] not in self._faults.slow:
-                return
 
     def _loses(self, link: tuple[str, str]) -> bool:
         cut = bool(self._cut) and frozenset(link) in self._cut
@@ -93,8 +85,4 @@ class SimulatedHub(MemoryHub):
         return lost
 
     def _chance(self, probability: float) -> bool:
-        return (
-            self._random is not None
-            and probability > 0.0
-            and self._random.random() < probability
-        )
+        return probability > 0.0 and self._random.random() < probability

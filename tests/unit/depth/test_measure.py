@@ -15,7 +15,7 @@ from neurosnap import wire
 from neurosnap.depth.measure import COLUMNS, Sweep, draw, fit, measure, write_csv
 from neurosnap.depth.probe import Measured, Probe, ProbePlan
 from neurosnap.errors import InvalidValueError, SwarmError
-from neurosnap.fabric.in_memory import MemoryFabric
+from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
 from neurosnap.poc.order.graph import WiringKind
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.partition import hosts, shares
@@ -167,7 +167,7 @@ def probed(
     """
     seconds = itertools.count(1)
     probe = Probe(plan, clock=lambda: float(next(seconds)))
-    hub = SimulatedHub(seed)
+    hub = MemoryHub() if seed is None else SimulatedHub(seed)
     conducting = hub.fabric("coordinator")
 
     def say(messages: list[wire.Message]) -> None:
