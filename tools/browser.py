@@ -85,16 +85,13 @@ async def new_page(
 
 
 @asynccontextmanager
-async def browsing(scheme: Scheme = "light") -> AsyncIterator[Page]:
+async def browsing() -> AsyncIterator[Page]:
     """Open an empty page in a browser of its own.
-
-    Args:
-        scheme: The colours the system is said to have.
 
     Raises:
         FileNotFoundError: There is no Chromium.
     """
-    async with started() as browser, new_page(browser, scheme) as page:
+    async with started() as browser, new_page(browser) as page:
         yield page
 
 

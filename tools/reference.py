@@ -10,7 +10,6 @@ import argparse
 import inspect
 import re
 import sys
-import types
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
@@ -296,14 +295,12 @@ def _code(text: str) -> str:
     return f"`{text}`"
 
 
-MADE = types.MappingProxyType(
-    {
-        "commands.md": commands,
-        "reference/toml.md": toml,
-        "reference/messages.md": messages,
-        "../examples/swarm.schema.json": schema_text,
-    }
-)
+MADE = {
+    "commands.md": commands,
+    "reference/toml.md": toml,
+    "reference/messages.md": messages,
+    "../examples/swarm.schema.json": schema_text,
+}
 
 
 def main() -> None:

@@ -59,7 +59,13 @@ def _memory(sizes: Sizes) -> Line:
     """Measure the cells' memory once waves have passed through them."""
     plan = ProbePlan(sensors=sizes.cells, heights=(1,), wiring="hasse", waves=_ENDLESS)
     found: list[float] = []
-    probe(plan, lambda: found.append(_cells_pss()))
+
+    def weigh() -> None:
+        children = multiprocessing.active_children()
+        cells = [one.pid for one in children if one.pid and one.name[:5] == "cell/"]
+        found.append(mean_pss(cells))
+
+    probe(plan, weigh)
     ours = found[0] / _MB
     theirs = run_bare("spawn", sizes.cells, "--memory")["pss"] / _MB
     return Line(
@@ -69,13 +75,6 @@ def _memory(sizes: Sizes) -> Line:
         f"≤ {_MEMORY:g} MB",
         ours <= _MEMORY,
         {"pss": ours * _MB, "bare_pss": theirs * _MB},
-    )
-
-
-def _cells_pss() -> float:
-    children = multiprocessing.active_children()
-    return mean_pss(
-        [child.pid for child in children if child.pid and child.name[:5] == "cell/"]
     )
 
 

@@ -25,9 +25,7 @@ HERE = Path(__file__).resolve().parents[2]
 TREE = HERE / "build" / "mutants"
 """Always the same place: compiled code is kept by where its source is."""
 TABLE = Path(__file__).with_name("mutants.toml")
-_LONGEST = (
-    120.0  # seconds for the tests of a mutant, the compilation of kernels included
-)
+_LONGEST = 120.0  # seconds for the tests of a mutant, the kernels' compiling included
 
 Outcome: TypeAlias = Literal["caught", "NOT CAUGHT", "NO LONGER APPLIES"]
 
@@ -73,15 +71,15 @@ def copy_tree() -> None:
 def passes(tests: list[str]) -> bool:
     """Tell whether tests are there, and pass in the copy."""
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider"]
+    command += ["--no-header", "--hypothesis-profile=quick", *tests]
     environment = {
         **os.environ,
         "PYTHONPATH": str(TREE),
         "PYTHONDONTWRITEBYTECODE": "1",  # what is changed within a second is not seen
     }
-    options = ["--no-header", "--hypothesis-profile=quick", *tests]
     try:
         done = subprocess.run(
-            [*command, *options],
+            command,
             cwd=TREE,
             env=environment,
             capture_output=True,
@@ -96,9 +94,7 @@ def passes(tests: list[str]) -> bool:
 def outcome(mutant: Mutant) -> Outcome:
     """Plant a bug, run its tests, and take it away again."""
     path = TREE / mutant.file
-    if not path.exists():
-        return "NO LONGER APPLIES"
-    text = path.read_text(encoding="utf-8")
+    text = path.read_text(encoding="utf-8") if path.exists() else ""
     if text.count(mutant.old) != 1:
         return "NO LONGER APPLIES"
     path.write_text(text.replace(mutant.old, mutant.new), encoding="utf-8")

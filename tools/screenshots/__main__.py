@@ -22,7 +22,14 @@ from tools.screenshots.recordings import recorded
 from tools.screenshots.states import STATES, enter
 
 
-async def _main(given: argparse.Namespace) -> None:
+async def _main() -> None:
+    parser = argparse.ArgumentParser(prog="screenshots", description="Take pictures.")
+    parser.add_argument(
+        "--only", nargs="+", choices=STATES, default=list(STATES), help="which of them"
+    )
+    parser.add_argument("--out", type=Path, default=Path("docs"), help="where they go")
+    parser.add_argument("--dark", action="store_true", help="in dark colours")
+    given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     scheme: Scheme = "dark" if given.dark else "light"
     with tempfile.TemporaryDirectory() as folder:
@@ -40,15 +47,5 @@ async def _main(given: argparse.Namespace) -> None:
                     print(path)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="screenshots", description="Take pictures.")
-    parser.add_argument(
-        "--only", nargs="+", choices=STATES, default=list(STATES), help="which of them"
-    )
-    parser.add_argument("--out", type=Path, default=Path("docs"), help="where they go")
-    parser.add_argument("--dark", action="store_true", help="in dark colours")
-    return parser
-
-
 if __name__ == "__main__":
-    asyncio.run(_main(_parser().parse_args()))
+    asyncio.run(_main())
