@@ -47,15 +47,6 @@ def simulated(
     return total
 
 
-def table(total: Tally, seconds: float) -> str:
-    """Return what happened, a line each."""
-    lines = [
-        f"{name.replace('_', ' '):<12}{getattr(total, name):>14,}"
-        for name in total.__struct_fields__
-    ]
-    return "\n".join([*lines, f"{'seconds':<12}{seconds:>14,.1f}"])
-
-
 def main(arguments: list[str] | None = None) -> int:
     """Simulate as the command line says; return the exit code."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
@@ -66,7 +57,9 @@ def main(arguments: list[str] | None = None) -> int:
     seeds = range(given.seed, given.seed + given.schedules)
     began = time.perf_counter()
     total = simulated(seeds if given.only is None else [given.only])
-    print(table(total, time.perf_counter() - began))
+    for name in total.__struct_fields__:
+        print(f"{name.replace('_', ' '):<12}{getattr(total, name):>14,}")
+    print(f"{'seconds':<12}{time.perf_counter() - began:>14,.1f}")
     return 0
 
 
