@@ -66,7 +66,7 @@ def test_culprits_are_the_smallest_set_by_the_rule(
 ) -> None:
     graph, seen, doubts = drawn
     sets = smallest(order_of(graph), seen)
-    found = contradiction(graph, seen, doubts)
+    found = contradiction(graph, seen, np.array(doubts))
     assert found.exact
     assert found.coherent == graph.is_coherent(seen)
     assert found.culprits == min(
@@ -82,7 +82,8 @@ def test_chains_explain_whatever_is_broken(
     graph, seen, _ = drawn
     wires, known = edges_of(graph.hasse()), {a // 2 for a in seen}
     inner = {(a, b) for a, b in wires if b // 2 not in known}
-    found, broken = contradiction(graph, seen), broken_in(order_of(graph), seen)
+    found = contradiction(graph, seen, np.zeros(graph.sensors))
+    broken = broken_in(order_of(graph), seen)
     assert found.more == 0
     explained = {}
     for chain in found.chains:
@@ -112,8 +113,8 @@ def test_without_patience_culprits_still_help_and_none_is_spare(
 ) -> None:
     graph, seen, doubts = drawn
     order = order_of(graph)
-    found = contradiction(graph, seen, doubts, patience=patience)
-    best = contradiction(graph, seen, doubts)
+    found = contradiction(graph, seen, np.array(doubts), patience=patience)
+    best = contradiction(graph, seen, np.array(doubts))
     left = {a for a in seen if a // 2 not in found.culprits}
     assert coherent(order, left)
     assert len(found.culprits) >= len(best.culprits)

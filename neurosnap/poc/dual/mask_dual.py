@@ -92,18 +92,6 @@ class Dual:
             pending.append(closed | self.up[a ^ 1])
             pending.append(closed | self.up[a])
 
-    def limited(self, closed: int, limit: int | None) -> Iterator[int]:
-        """Yield `walk`.
-
-        Raises:
-            InvalidValueError: It yields more than `limit` vertices.
-        """
-        for number, vertex in enumerate(self.walk(closed)):
-            if number == limit:
-                rule = f"must have at most {limit} vertices, or set limit=None"
-                raise InvalidValueError("dual", rule, "more")
-            yield vertex
-
     def flip(self, vertex: int, a: int) -> int:
         """Return a set with `a`, and all equal to it, replaced by complements."""
         same = self.up[a] & self.down[a]

@@ -71,8 +71,12 @@ class ConvexSet:
             InvalidValueError: There are more than `limit`.
         """
         if self.mask is None:
-            return iter(())
-        return map(self.dual.array, self.dual.limited(self.mask, limit))
+            return
+        for number, vertex in enumerate(self.dual.walk(self.mask)):
+            if number == limit:
+                rule = f"must have at most {limit} vertices, or set limit=None"
+                raise InvalidValueError("dual", rule, "more")
+            yield self.dual.array(vertex)
 
     def count(self) -> int:
         """Return the number of vertices, without listing them."""

@@ -7,13 +7,14 @@ the dual has none.
 """
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.dual.homology import CellComplex
-from neurosnap.poc.order.fields import as_fields, inclusions
+from neurosnap.poc.order.fields import inclusions
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.literals import Literals, as_literals
 from neurosnap.poc.order.pocset import PocSet
@@ -45,7 +46,19 @@ class Realization:
         sensors: Iterable[str] | Sensorium | None = None,
         points: Iterable[str] | None = None,
     ) -> None:
-        self._fields, self._sensorium = as_fields(rows, sensors)
+        if isinstance(rows, str):
+            raise InvalidValueError("fields", "must be one row of bits a sensor", rows)
+        listed = [np.asarray(row) for row in rows]
+        if not isinstance(sensors, Sensorium):
+            sensors = (
+                Sensorium.of(len(listed)) if sensors is None else Sensorium(sensors)
+            )
+        if len(sensors) != len(listed):
+            raise ShapeError(
+                "fields", f"must be {len(sensors)}, one a sensor", len(listed)
+            )
+        self._sensorium = sensors
+        self._fields = self._checked_fields(listed)
         self._fields.flags.writeable = False
         count = self._fields.shape[1]
         names = map(str, range(count)) if points is None else points
@@ -55,6 +68,23 @@ class Realization:
             raise ShapeError("points", rule, len(self._points))
         if len(set(self._points)) != count:
             raise InvalidValueError("points", "must have different names", self._points)
+
+    def _checked_fields(self, rows: list[NDArray[Any]]) -> NDArray[np.bool_]:
+        """Return fields of equal length as one array."""
+        points = len(rows[0]) if rows and rows[0].ndim == 1 else 0
+        fields = np.zeros((len(rows), points), np.bool_)
+        for row, field, sensor in zip(rows, fields, self._sensorium, strict=True):
+            name = f"field of {sensor}"
+            if row.shape != field.shape:
+                rule = f"must have {points} points as the first has"
+                raise ShapeError(name, rule, row.shape)
+            if row.dtype.kind not in "biuf" or not np.isin(row, (0, 1)).all():
+                rule = "must be made of bits, 0 or 1"
+                raise InvalidValueError(name, rule, row.tolist())
+            field[:] = row == 1
+        if rows and not points:
+            raise ShapeError("fields", "must be over at least one point", fields.shape)
+        return fields
 
     @property
     def fields(self) -> NDArray[np.bool_]:

@@ -27,9 +27,8 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.kernels import lowest
 from neurosnap.poc.order.literals import Literals, Words, as_literals, to_words
@@ -80,7 +79,7 @@ class Contradiction:
 def contradiction(
     graph: PocGraph,
     observed: Literals,
-    suspicion: ArrayLike | None = None,
+    suspicion: NDArray[np.float64],
     *,
     patience: int = PATIENCE,
 ) -> Contradiction:
@@ -90,33 +89,22 @@ def contradiction(
         graph: The order.
         observed: A *-selection: one literal of every sensor that has a reading.
         suspicion: ``(N,)``, finite: of several smallest sets of culprits, the one with
-            the largest sum is returned; of several of those, the first in order. If
-            None, all are alike.
+            the largest sum is returned; of several of those, the first in order.
         patience: As for `smallest_cover`: beyond it, culprits are found greedily.
 
     Cost:
         O(N²/64) time if it is coherent. If not, O(k N/64) for ``k`` literals in
         conflict, O(1) for each two of them, and the search for the culprits.
 
-    Raises:
-        ShapeError: `observed` or `suspicion` has another shape.
-        InvalidValueError: `observed` holds a literal and its complement, or an entry
-            that is no literal; or `suspicion` is not finite.
-
     Examples:
         >>> g = PocGraph.from_implications(3, [(0, 2), (2, 4)])
-        >>> found = contradiction(g, [0, 3, 5])
+        >>> found = contradiction(g, [0, 3, 5], np.zeros(3))
         >>> found.chains, found.culprits
         (((0, 2),), (0,))
-        >>> contradiction(g, [0, 5]).chains
+        >>> contradiction(g, [0, 5], np.zeros(3)).chains
         ((0, 2, 4),)
     """
     seen = as_literals("observed", observed, len(graph))
-    both = seen[::2] & seen[1::2]
-    if both.any():
-        rule = "must not hold a literal and its complement"
-        raise InvalidValueError("observed", rule, int(2 * both.argmax()))
-    worth = _checked(suspicion, graph.sensors)
     # Whatever is below the complement of something seen has it above its own.
     clashing = (seen & complement(graph.up(seen))).nonzero()[0]
     if not len(clashing):
@@ -129,7 +117,7 @@ def contradiction(
         rows &= ~to_words(alone)
         rows[alone] = 0
     sensors = clashing >> 1
-    cover = smallest_cover(rows, worth[sensors], patience)
+    cover = smallest_cover(rows, suspicion[sensors], patience)
     edges = graph.wire_list("hasse")
     literals, ends, more = shortest_chains(
         np.searchsorted(edges, np.arange(len(graph) + 1) << 32),
@@ -147,19 +135,6 @@ def contradiction(
         candidates=tuple(sensors[list(members(mask | cover.candidates))].tolist()),
         exact=cover.exact,
     )
-
-
-def _checked(suspicion: ArrayLike | None, sensors: int) -> NDArray[np.float64]:
-    """Return the suspicion as an array."""
-    if suspicion is None:
-        return np.zeros(sensors)
-    worth = np.asarray(suspicion, np.float64)
-    if worth.shape != (sensors,):
-        raise ShapeError("suspicion", f"must be ({sensors},)", worth.shape)
-    if not np.isfinite(worth).all():
-        value = worth[~np.isfinite(worth)][0].item()
-        raise InvalidValueError("suspicion", "must be finite", value)
-    return worth
 
 
 class Cover(NamedTuple):
