@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.health.alarm import News, news
+from neurosnap.health.alarm import News
 from neurosnap.health.budget import NEVER
 from neurosnap.health.monitor import Follower
 from neurosnap.poc.learning.columns import GrowingColumns
@@ -71,13 +71,9 @@ def alarms_of(recording: Recording) -> Iterator[tuple[int, News]]:
     if options.alarms == NEVER:
         return
     follower = Follower(options.body.own, options.alarms)
-    before = follower.standing
     for tick, (at, on, known, begins) in observations(recording):
-        follower.observe(on, known, at, begins=begins)
-        now = follower.standing
-        for each in news(before, now):
+        for each in follower.observe(on, known, at, begins=begins):
             yield tick, each
-        before = now
 
 
 def readings_of(recording: Recording, sensorium: Sensorium, last: int) -> Readings:

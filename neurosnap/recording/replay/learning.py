@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Self
 
 from neurosnap import wire
-from neurosnap.agent.body import Body
 from neurosnap.agent.growth import apply_change
 from neurosnap.agent.memory import body_in
 from neurosnap.agent.sensor_changes import body_after
@@ -48,10 +47,21 @@ class Learning:
         """Be at the tick of a key-frame, with the bands that belong to it.
 
         Raises:
-            RecordingError: As from `snapshot_in`.
+            RecordingError: It holds no snapshot, no agent, or one of other sensors.
         """
-        self.body = _body_in(frame, self._options, self._path)
-        self.snapshot = snapshot_in(frame, bands, self._options, self._path)
+        place = f"{self._path}: key-frame of tick {frame.tick}"
+        try:
+            if self.grows:
+                self.body = body_in(self._options.body, frame.agent)
+        except ValueError as error:
+            raise RecordingError(f"{place}: must hold an agent, {error}") from error
+        try:
+            self.snapshot = snapshot_of(frame, bands)
+        except ValueError as error:
+            raise RecordingError(f"{place}: must hold a snapshot, {error}") from error
+        if tuple(self.snapshot.sensorium) != self.body.sensors:
+            found = len(self.snapshot.sensorium)
+            raise RecordingError(f"{place}: must be of the run's sensors, got {found}")
         self.tick = frame.tick
 
     def learn(
@@ -118,40 +128,6 @@ class Learning:
     def _lacks(self, tick: int) -> RecordingError:
         rule = f"must hold the observation of tick {tick}"
         return RecordingError(f"{self._path}: {rule}, got none")
-
-
-def snapshot_in(
-    frame: wire.KeyFrame, bands: Iterable[wire.Band], options: RunOptions, path: Path
-) -> Snapshot:
-    """Return the snapshot of a key-frame.
-
-    Args:
-        frame: The key-frame.
-        bands: What belongs to it.
-        options: The run's.
-        path: The recording, for errors.
-
-    Raises:
-        RecordingError: It holds none, or one of other sensors.
-    """
-    place = f"{path}: key-frame of tick {frame.tick}"
-    try:
-        snapshot = snapshot_of(frame, bands)
-    except ValueError as error:
-        raise RecordingError(f"{place}: must hold a snapshot, {error}") from error
-    if tuple(snapshot.sensorium) != _body_in(frame, options, path).sensors:
-        found = len(snapshot.sensorium)
-        raise RecordingError(f"{place}: must be of the run's sensors, got {found}")
-    return snapshot
-
-
-def _body_in(frame: wire.KeyFrame, options: RunOptions, path: Path) -> Body:
-    """Return what was sensed after a key-frame's tick."""
-    try:
-        return body_in(options.body, frame.agent) if options.body.room else options.body
-    except ValueError as error:
-        place = f"{path}: key-frame of tick {frame.tick}"
-        raise RecordingError(f"{place}: must hold an agent, {error}") from error
 
 
 def snapshot_at(recording: Recording, tick: int | None = None) -> tuple[int, Snapshot]:

@@ -19,7 +19,6 @@ from itertools import chain
 from typing import NoReturn, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.senses import Senses
@@ -88,10 +87,11 @@ class Replay:
         frame, bands = (None, ()) if start is None else (start.frame, start.bands)
         try:
             if frame is None:
-                self.core, self._known = Coordinator(self.options), None
+                self.core = Coordinator(self.options)
             else:
                 self.core = Coordinator.from_key_frame(self.options, frame, bands)
-                self._known = known_in(frame, self.options)
+            known = b"" if frame is None else frame.known
+            self._known = unpack(known, self.options.body.count) if known else None
         except ValueError as error:
             raise RecordingError(
                 f"{recording.path}: keyframe: must be of this run, got {error}"
@@ -498,12 +498,3 @@ def _workers(
         if worker is not None:
             found.append(worker)
     return found
-
-
-def known_in(frame: wire.KeyFrame, options: RunOptions) -> NDArray[np.bool_] | None:
-    """Return which readings of a key-frame's tick were known, ``(N,)``; None if all.
-
-    Raises:
-        ShapeError: It is of another number of sensors.
-    """
-    return unpack(frame.known, options.body.count) if frame.known else None

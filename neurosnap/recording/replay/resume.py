@@ -358,7 +358,12 @@ def _counts(
     lacking = {
         sender: count
         for sender, ranges in gaps.items()
-        if (count := _below(ranges, counts.get(sender, 0)))
+        if (
+            count := sum(
+                max(0, min(stop, counts.get(sender, 0)) - start)
+                for start, stop in ranges
+            )
+        )
     }
     if lacking:
         raise RecordingError(
@@ -387,11 +392,6 @@ def _begun_after(recording: Recording) -> dict[str, int]:
         with suppress(RecordingError):
             return Recording.open_file(part_path(log, number + 1)).files[0].share or {}
     return {}
-
-
-def _below(ranges: list[tuple[int, int]], end: int) -> int:
-    """Return how many numbers there are in half-open ranges that are below `end`."""
-    return sum(max(0, min(stop, end) - start) for start, stop in ranges)
 
 
 def restore(past: ResumePoint, ticks: int) -> Coordinator:
