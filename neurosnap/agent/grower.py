@@ -118,7 +118,6 @@ class Grower:
     Args:
         body: What is sensed and done, with room for what is grown; each action in the
             context of every literal that may be in a cover.
-        confirmations: How often a cover must hold before its sensor is born.
 
     Attributes:
         hopeless: ``(actions, own literals)``: which results seem to be left to chance.
@@ -127,13 +126,12 @@ class Grower:
         InvalidValueError: The body's actions are not sensed in context.
     """
 
-    def __init__(self, body: Body, confirmations: int = CONFIRMATIONS) -> None:
+    def __init__(self, body: Body) -> None:
         if not body.context:
             rule = "must come with actions sensed in context"
             raise InvalidValueError("grow", rule, body.actions)
         self._own = len(body.own)
         self._room = body.room
-        self._confirmations = confirmations
         self.fit(body)
         # For each action: the literals in whose context it is sensed, and that sensor.
         which, literals = np.array(body.context, np.intp).T
@@ -218,7 +216,7 @@ class Grower:
                     continue
                 if came[result]:
                     trial.held += 1
-                    if trial.held >= self._confirmations and not foretold[result]:
+                    if trial.held >= CONFIRMATIONS and not foretold[result]:
                         self._ready.append(trial)
                         trials.remove(trial)
                 else:

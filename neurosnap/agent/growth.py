@@ -26,7 +26,6 @@ class Growth:
 
     Args:
         body: What is sensed and done, with room for what is grown.
-        length: Ticks of the history.
 
     Attributes:
         history: The last readings of every sensor.
@@ -36,9 +35,9 @@ class Growth:
         InvalidValueError: As for `Grower`.
     """
 
-    def __init__(self, body: Body, length: int = wire.HISTORY) -> None:
+    def __init__(self, body: Body) -> None:
         self._grower = Grower(body)
-        self.history = History(len(body.sensors), length)
+        self.history = History(len(body.sensors), wire.HISTORY)
         self._own = len(body.own)
         self._body = body
         self.changes: dict[str, Any] = {}
@@ -125,8 +124,7 @@ class Growth:
         Raises:
             ValueError: They make no sense.
         """
-        self.history = History.from_arrays(arrays)
-        self.history.check(len(self._body.sensors))
+        self.history = History.from_arrays(arrays, len(self._body.sensors))
         self._grower.restore(arrays)
 
 

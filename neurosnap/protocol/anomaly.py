@@ -17,7 +17,7 @@ from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
@@ -25,7 +25,7 @@ from neurosnap.poc.learning.history import History
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.order.contradiction import Contradiction, contradiction
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.sensorium import Sensorium, as_known, complete
+from neurosnap.sensorium import selection
 
 MOST = 64
 """Broken implications that one anomaly lists; a thousand sensors may break as many as
@@ -55,7 +55,7 @@ class AnomalyDetector:
         >>> from neurosnap.poc.learning.empirical import EmpiricalSnapshot
         >>> watcher, snapshot = AnomalyDetector(2), EmpiricalSnapshot(2, 0.25)
         >>> for tick, bits in enumerate([(0, 0), (0, 1), (1, 1), (1, 0)]):
-        ...     found = watcher.watch(tick, snapshot.poc_graph(), bits)
+        ...     found = watcher.watch(tick, snapshot.poc_graph(), np.array(bits) > 0)
         ...     state = snapshot.observe(bits)
         >>> [(one.source, one.target) for one in found.links], found.candidates
         ([(0, 2)], (0, 1))
@@ -68,25 +68,24 @@ class AnomalyDetector:
         *,
         occasions: bool = False,
     ) -> None:
-        self._names = Sensorium.of(sensors)
+        self._sensors = sensors
         self._hold = hold
         self._history = History(sensors, wire.HISTORY) if occasions else None
         self._begin()
 
     def _begin(self) -> None:
-        count = len(self._names)
         self._held: PocGraph | None = None
         self._until = 0
         self._since: int | None = None
         self._tick = -1
-        self._blame = np.zeros(count)
-        self._calm = np.zeros(2 * count, np.bool_)
+        self._blame = np.zeros(self._sensors)
+        self._calm = np.zeros(2 * self._sensors, np.bool_)
 
     def watch(
         self,
         tick: int,
         graph: PocGraph,
-        bits: ArrayLike,
+        bits: NDArray[np.bool_],
         known: NDArray[np.bool_] | None = None,
         snapshot: Snapshot | None = None,
     ) -> wire.Anomaly | None:
@@ -99,16 +98,10 @@ class AnomalyDetector:
             known: ``(N,)`` bool, which of them are known; None if all are.
             snapshot: Where to find evidence; it did not learn the observation yet.
 
-        Raises:
-            ShapeError: There is another number of bits.
-            InvalidValueError: A bit is not 0 or 1, or `known` is not bool.
-
         Cost:
             O(N²/64) time where nothing is wrong; otherwise as `contradiction`.
         """
-        seen = complete(self._names.observation(bits))
-        if known is not None:
-            seen &= as_known(known, len(self._names)).repeat(2)
+        seen = selection(bits, known)
         self._blame *= (1 - _FADING) ** (tick - self._tick)
         self._tick = tick
         if self._held is not None and tick > self._until:
@@ -173,9 +166,7 @@ class AnomalyDetector:
             ValueError: It is damaged, or of other sensors.
         """
         if self._history is not None:
-            history = History.from_arrays(unpack_arrays(data))
-            history.check(self._history.on.shape[1])
-            self._history = history
+            self._history = History.from_arrays(unpack_arrays(data), len(self._blame))
 
 
 def _weighed(

@@ -94,7 +94,6 @@ class Coordinator:
         options: The run's.
         snapshot: Learns; None for a new one, as the options say.
         policy: Decides; None for a new one.
-        memory: What the agent knows besides the snapshot; None for nothing.
         repeats: How often a wave that does not settle is sent again, and a question
             that is not answered is asked again.
 
@@ -110,7 +109,6 @@ class Coordinator:
         options: RunOptions,
         snapshot: Snapshot | None = None,
         policy: Policy | None = None,
-        memory: AgentMemory | None = None,
         *,
         repeats: int = 2,
     ) -> None:
@@ -121,7 +119,7 @@ class Coordinator:
             snapshot = options.new_snapshot(range(0) if shares else None)
         elif shares and len(snapshot.share):
             snapshot = snapshot.without_pairs()
-        memory = options.new_memory() if memory is None else memory
+        memory = options.new_memory()
         policy = options.new_policy(memory) if policy is None else policy
         self._mind = Mind(snapshot, policy, memory)
         self._options = options

@@ -49,13 +49,12 @@ def canvas_type(what: str) -> "type[Figure]":
     return Figure
 
 
-def encoded(figure: "Figure", kind: str, dpi: int = 150) -> bytes:
+def encoded(figure: "Figure", kind: str) -> bytes:
     """Return a picture as the bytes of a file.
 
     Args:
         figure: What is drawn.
         kind: One of `KINDS`.
-        dpi: Pixels an inch, of a PNG.
     """
     from matplotlib import rc_context
 
@@ -70,5 +69,5 @@ def encoded(figure: "Figure", kind: str, dpi: int = 150) -> bytes:
     with style, warnings.catch_warnings():
         # A sensor's name may be in a script the font lacks: it shows as boxes.
         warnings.filterwarnings("ignore", message="Glyph")
-        figure.savefig(buffer, dpi=dpi, format=kind, metadata=_UNDATED[kind])
+        figure.savefig(buffer, dpi=150, format=kind, metadata=_UNDATED[kind])
     return buffer.getvalue()

@@ -231,7 +231,7 @@ def test_a_history_keeps_the_last_ticks_in_order() -> None:
         for ring, flags in (history.on, bits & known), (history.off, ~bits & known):
             read = ring >> (kept % 64).astype(np.uint64)[:, np.newaxis] & np.uint64(1)
             assert read.astype(np.bool_).tolist() == flags[kept].tolist()
-    again = History.from_arrays(history.arrays())
+    again = History.from_arrays(history.arrays(), 3)
     assert again.ticks == history.ticks == 64
     assert again.on.tolist() == history.on.tolist()
 
@@ -246,8 +246,8 @@ def test_what_cannot_be_grown_is_refused() -> None:
         snapshot.grow(1, "new", newborn, None)
     with pytest.raises(InvalidValueError, match=r"literal: must be a literal.* got 6"):
         answered(snapshot.newborn(3, *nothing), history.answer)
-    with pytest.raises(ShapeError, match="history: must be of 3 sensors, got 4"):
-        History(4, 64).check(3)
+    with pytest.raises(ValueError, match=r"on: must be uint64 \(1, 3\)"):
+        History.from_arrays(History(4, 64).arrays(), 3)
     with pytest.raises(InvalidValueError, match="history: must be a multiple of 64"):
         History(2, 100)
     assert snapshot.sensorium.names == ("s0", "s1", "s2")

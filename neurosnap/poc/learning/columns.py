@@ -7,7 +7,7 @@ Two bits are kept of a reading, for it may be on, off or unknown: 2,000 sensors 
 from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import date
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +40,7 @@ class Columns:
     off: Words
 
     @classmethod
-    def of(cls, data: Any, names: Iterable[str] | None = None) -> Self:  # noqa: ANN401
+    def of(cls, data: Any, names: Iterable[str] | None = None) -> "Columns":  # noqa: ANN401
         """Return the columns of a table in memory.
 
         Args:
@@ -81,11 +81,7 @@ class Columns:
         for start in range(0, len(array), _CHUNK):
             bits, known = _readings(array[start : start + _CHUNK], start)
             growing.extend(bits, known)
-        return cls(*growing.columns().parts())
-
-    def parts(self) -> tuple[Sensorium, int, Words, Words]:
-        """Return what it is made of."""
-        return self.sensorium, self.ticks, self.on, self.off
+        return growing.columns()
 
     def ticks_of(self, literal: int) -> Words:
         """Return ``(W,)``, the ticks at which a literal was read; a view."""

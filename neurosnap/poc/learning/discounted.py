@@ -265,7 +265,7 @@ class DiscountedSnapshot(Snapshot):
         if not 0 <= decay < 1:
             raise InvalidValueError("decay", "must be in [0, 1)", decay)
         self._decay = float(decay)
-        self._weights = Weights.starting(
+        self._weights = Weights(
             len(self.sensorium), np.float64(0.25), np.float64(0.5), self._share
         )
 

@@ -78,7 +78,7 @@ class EmpiricalSnapshot(Snapshot):
         auto = threshold == AUTO
         super().__init__(sensors, SHARE if auto else threshold, share)
         count, zero = len(self.sensorium), np.uint32(0)
-        self._weights = Weights.starting(count, zero, zero, self._share)
+        self._weights = Weights(count, zero, zero, self._share)
         self._persistence = Persistence(count) if auto else None
         self._lag: Lag | None = None
 

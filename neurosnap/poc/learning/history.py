@@ -14,8 +14,8 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.poc.learning.archive import Arrays, entry
+from neurosnap.errors import InvalidValueError
+from neurosnap.poc.learning.archive import Arrays, entry, rows_in
 from neurosnap.poc.learning.search import Answer, Count, Question
 from neurosnap.poc.order.literals import Words
 
@@ -142,16 +142,13 @@ class History:
         return {"on": self.on, "off": self.off, "next": np.array(self.tick, np.int64)}
 
     @classmethod
-    def from_arrays(cls, arrays: Arrays) -> Self:
-        """Return the history that has these arrays.
+    def from_arrays(cls, arrays: Arrays, sensors: int) -> Self:
+        """Return the history of so many sensors that has these arrays.
 
         Raises:
             ValueError: They make no sense.
         """
-        on = arrays.get("on")
-        words, sensors = on.shape if on is not None and on.ndim == 2 else (0, 0)
-        if not words:
-            raise ValueError("on: must be (W, N)")
+        words = rows_in(arrays, "on")
         history = cls(sensors, 64 * words)
         history.on[:] = entry(arrays, "on", (words, sensors), np.uint64)
         history.off[:] = entry(arrays, "off", (words, sensors), np.uint64)
@@ -159,16 +156,6 @@ class History:
         if history.tick < 0 or (history.on & history.off).any():
             raise ValueError("on, off: must exclude each other")
         return history
-
-    def check(self, sensors: int) -> None:
-        """Refuse a history of another number of sensors.
-
-        Raises:
-            ShapeError: It is.
-        """
-        if self.on.shape[1] != sensors:
-            rule = f"must be of {sensors} sensors"
-            raise ShapeError("history", rule, self.on.shape[1])
 
 
 def following(ring: Words, ticks: int) -> Words:

@@ -76,8 +76,9 @@ class Weights:
     What the weights of a narrow square add up to is for its caller to know: `total`.
 
     Args:
-        joints: ``(P,)``: what ``w_ij`` is at first.
-        marginals: ``(N,)``: what ``w_i`` is at first; of the same type.
+        count: ``N``.
+        joint: What each ``w_ij`` is at first.
+        marginal: What each ``w_i`` is at first; of the same type.
         share: The sensors whose pairs with those before them are stored; others are
             not.
 
@@ -88,20 +89,12 @@ class Weights:
     """
 
     def __init__(
-        self, joints: NDArray[Any], marginals: NDArray[Any], share: range
+        self, count: int, joint: np.generic, marginal: np.generic, share: range
     ) -> None:
-        self.joints = joints
-        self.marginals = marginals
+        self.joints: NDArray[Any] = np.full(len(pairs_of(share)), joint)
+        self.marginals: NDArray[Any] = np.full(count, marginal)
         self._share = share
         self.squares: NDArray[Any] | None = None
-
-    @classmethod
-    def starting(
-        cls, count: int, joint: np.generic, marginal: np.generic, share: range
-    ) -> "Weights":
-        """Return the weights of `count` sensors that are all alike."""
-        joints = np.full(len(pairs_of(share)), joint)
-        return cls(joints, np.full(count, marginal), share)
 
     def widen(self, total: float) -> None:
         """Store the four weights of each pair from now on; none changes."""

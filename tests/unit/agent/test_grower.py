@@ -27,11 +27,10 @@ class Watched:
     """A grower that is shown steps one by one, and told that nothing is believed."""
 
     room: int = 200
-    confirmations: int = 5
 
     def __post_init__(self) -> None:
         self.body = Body.full(NAMES, ["go", "stay"], room=self.room)
-        self.grower = Grower(self.body, self.confirmations)
+        self.grower = Grower(self.body)
         self.history = History(len(self.body.sensors), 64)
         self.senses = Senses(self.body)
         self.births: list[Context] = []
@@ -93,7 +92,7 @@ def test_what_two_sensations_guarantee_together_is_grown_while_there_is_room() -
 
 @pytest.mark.parametrize("said", ["", "hit"])
 def test_a_cover_is_not_born_before_it_is_confirmed_and_needed(said: str) -> None:
-    watched = Watched(confirmations=3)
+    watched = Watched()
     for before in BEFORE[:-1]:
         watched.show(before, "hit" if before == "a b" else "")
     found = [watched.show("a b", "hit", said=said) for _ in range(10)]
@@ -101,7 +100,7 @@ def test_a_cover_is_not_born_before_it_is_confirmed_and_needed(said: str) -> Non
         assert watched.births == []
         assert watched.show("a b", "hit") == grown("a", "b")
     else:
-        assert [one is not None for one in found].index(True) >= 2
+        assert [one is not None for one in found].index(True) >= 4
         assert grown("a", "b") in watched.births
 
 

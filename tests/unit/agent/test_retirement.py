@@ -84,7 +84,8 @@ def needless(
 def test_they_are_those_that_others_make_needless() -> None:
     env = cliff_walking()
     agent = Agent.of(env, "walker", grow=True, seed=1)
-    growth = Watched(agent.body, length=256)
+    growth = Watched(agent.body)
+    growth.history = History(len(agent.body.sensors), 256)
     agent._mind.memory._growth = growth
     why: list[str] = []
     ever: dict[int, set[int]] = {}  # ticks at which each grown sensor was on
