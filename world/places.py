@@ -17,7 +17,7 @@ from gymnasium.spaces import Discrete, MultiBinary
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.order.fields import inclusions
+from neurosnap.poc.dual.realization import inclusions
 
 _MUCH = 1 << 28  # bytes that any machine has
 

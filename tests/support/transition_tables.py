@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from neurosnap.agent.binary_sensors import Environment
 from neurosnap.agent.body import Body
 from neurosnap.agent.sensor import Sensor
-from neurosnap.poc.order.fields import inclusions
+from neurosnap.poc.dual.realization import inclusions
 from neurosnap.sensorium import complete
 
 Situation: TypeAlias = tuple[int, bool]  # a state, and whether the episode is over

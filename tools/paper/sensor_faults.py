@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.poc.order.fields import inclusions
+from neurosnap.poc.dual.realization import inclusions
 from neurosnap.poc.order.graph import PocGraph
 from tools.paper.walks import follow, world_of
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
-from neurosnap.poc.order.fields import inclusions
+from neurosnap.poc.dual.realization import inclusions
 from neurosnap.sources.gymnasium_source import import_worlds
 
 _SLACK = 1e-12

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.dual.homology import CellComplex
-from neurosnap.poc.order.fields import inclusions
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.literals import Literals, as_literals
 from neurosnap.poc.order.pocset import PocSet
@@ -211,3 +210,20 @@ def corners(poc: PocSet, vertices: Iterable[NDArray[np.bool_]]) -> NDArray[np.bo
     own = [a for a in poc.heads.tolist() if not a & 1]
     rows = [vertex[own] for vertex in vertices]
     return np.array(rows, np.bool_).reshape(len(rows), len(own))
+
+
+def inclusions(fields: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which fields, of ``(N, points)`` bool, are in which others.
+
+    Returns:
+        ``(2N, 2N)`` bool; true at ``[a, b]`` iff the field of `a` is in that of `b`.
+
+    Examples:
+        >>> inclusions(np.array([[True, False], [True, True]]))[0, 2]
+        np.True_
+    """
+    sensors, points = fields.shape
+    literals = np.stack([fields, ~fields], axis=1).reshape(2 * sensors, points)
+    # Sums of zeros and ones: at least one cannot round to none.
+    outside = literals.astype(np.float32) @ (~literals).astype(np.float32).T
+    return np.asarray(outside == 0, np.bool_)
