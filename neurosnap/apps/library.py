@@ -14,8 +14,8 @@ from neurosnap.apps.config.load import described, named_source
 from neurosnap.apps.config.prepare import prepare
 from neurosnap.apps.export.table import Cell, Table
 from neurosnap.apps.new_files import free_log, new_path
-from neurosnap.depth.measure import Sweep, from_recording, measure
-from neurosnap.depth.probe import Measured
+from neurosnap.depth.measure import from_recording, measure
+from neurosnap.depth.probe import Measured, Sweep
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.relation_table import Relation, tabulate
 from neurosnap.poc.learning.snapshot import Snapshot

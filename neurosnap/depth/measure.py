@@ -9,18 +9,14 @@ import csv
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import msgspec
 import numpy as np
 
 from neurosnap import wire
-from neurosnap.depth.given_orders import check_layers
-from neurosnap.depth.probe import Measured, ProbeJob, ProbePlan
-from neurosnap.errors import InvalidValueError, MissingExtraError, RecordingError
-from neurosnap.protocol.option import option
-from neurosnap.protocol.partition import shares
-from neurosnap.protocol.run_options import HostKind, WiringKind
+from neurosnap.depth.probe import Measured, ProbeJob, Sweep
+from neurosnap.errors import MissingExtraError, RecordingError
 from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime.compilation import compile_first
 from neurosnap.runtime.launch import Jobs, host_jobs, launch
@@ -40,75 +36,6 @@ class FittedLine(msgspec.Struct, frozen=True):
     """Seconds a wave takes without hops."""
     r2: float
     """The share of the variance it explains, in [0, 1]."""
-
-
-class Sweep(msgspec.Struct, frozen=True, kw_only=True):
-    """Which waves to measure: one swarm for each number of sensors.
-
-    In each the order has one height after the other, and a wave starts at its bottom.
-    """
-
-    heights: tuple[int, ...]
-    """Edges on the longest chain, one after another."""
-    sensors: tuple[int, ...] = ()
-    """Cells in each swarm; empty: what the longest chain takes, and twice as many. If
-    only height counts, both take as long."""
-    wiring: Annotated[
-        WiringKind,
-        option(
-            "Which implications are connections between cells. Hasse: only those that do"
-            " not follow from others. Derived: all."
-        ),
-    ] = "hasse"
-    waves: Annotated[int, option("How many waves to start at each height.")] = 10
-    cells: Annotated[
-        HostKind,
-        option(
-            "Where the cells are. Process: each cell is a process of its own. Worker: a"
-            " few processes share them."
-        ),
-    ] = "process"
-    workers: Annotated[
-        int, option("With cells in workers: how many processes share them.", ge=1)
-    ] = 2
-    edges: Annotated[
-        int,
-        option(
-            "Measure random orders with so many implications instead of chains.",
-            default="0: chains",
-        ),
-    ] = 0
-    seed: Annotated[int, option("Seed of the random orders.")] = 0
-
-    def __post_init__(self) -> None:
-        heights = self.heights
-        if not heights or min(heights) < 0 or not any(heights):
-            rule = "must be numbers from 0 up, one of them at least 1"
-            raise InvalidValueError("heights", rule, list(heights))
-        if min(self.sizes) <= max(heights):
-            rule = f"must be more than the largest height, {max(heights)}"
-            raise InvalidValueError("sensors", rule, list(self.sizes))
-        if self.waves < 1:
-            raise InvalidValueError("waves", "must be at least 1", self.waves)
-        if self.edges and self.wiring != "hasse":
-            rule = 'must be "hasse" for a random order'
-            raise InvalidValueError("wiring", rule, self.wiring)
-        for count in self.sizes:
-            if self.cells == "worker":
-                shares(count, self.workers)
-            for height in heights if self.edges else ():
-                check_layers(count, height, self.edges)
-
-    @property
-    def sizes(self) -> tuple[int, ...]:
-        """Cells in each swarm."""
-        least = max(self.heights) + 1
-        return self.sensors or (least, 2 * least)
-
-    @property
-    def total(self) -> int:
-        """How many waves are started."""
-        return len(self.sizes) * len(self.heights) * self.waves
 
 
 async def measure(
@@ -132,16 +59,8 @@ async def measure(
     for count in sweep.sizes:
         if stop.is_set():
             break
-        probe = ProbePlan(
-            count,
-            sweep.heights,
-            sweep.wiring,
-            sweep.waves,
-            workers=sweep.workers if sweep.cells == "worker" else 0,
-            edges=sweep.edges,
-            seed=sweep.seed,
-        )
-        jobs = Jobs(partial(ProbeJob, probe), host_jobs(count, probe.workers))
+        hosts = host_jobs(count, sweep.sharing)
+        jobs = Jobs(partial(ProbeJob, sweep, count), hosts)
 
         def report(waves: int, before: int = len(rows)) -> None:
             on_progress(before + waves)

@@ -6,14 +6,17 @@ pulses are from their reports, the time is from the wave's start to its last cre
 
 import time
 from collections.abc import Callable, Iterator
+from typing import Annotated
 
 import msgspec
 import numpy as np
 
 from neurosnap import wire
-from neurosnap.depth.given_orders import GivenOrder, chain, layered
-from neurosnap.errors import MessageError, SwarmError
-from neurosnap.protocol.run_options import WiringKind
+from neurosnap.depth.given_orders import GivenOrder, chain, check_layers, layered
+from neurosnap.errors import InvalidValueError, MessageError, SwarmError
+from neurosnap.protocol.option import option
+from neurosnap.protocol.partition import shares
+from neurosnap.protocol.run_options import HostKind, WiringKind
 from neurosnap.protocol.wave import Wave
 from neurosnap.protocol.wave_control import WaveControl
 from neurosnap.runtime.parts.coordinator_loop import Deadlines, run_coordinator
@@ -41,52 +44,111 @@ class Measured(msgspec.Struct, frozen=True):
     """`state` waves start in every cell at once, so nothing has to travel."""
 
 
-class ProbePlan(msgspec.Struct, frozen=True):
-    """What a probe does."""
+class Sweep(msgspec.Struct, frozen=True, kw_only=True):
+    """Which waves to measure: one swarm for each number of sensors.
 
-    sensors: int
-    """Cells in the swarm."""
+    In each the order has one height after the other, and a wave starts at its bottom.
+    """
+
     heights: tuple[int, ...]
-    """One after the other, the order has this height."""
-    wiring: WiringKind
-    """Which edges carry the pulses."""
-    waves: int
-    """Waves timed at each height."""
+    """Edges on the longest chain, one after another."""
+    sensors: tuple[int, ...] = ()
+    """Cells in each swarm; empty: what the longest chain takes, and twice as many. If
+    only height counts, both take as long."""
+    wiring: Annotated[
+        WiringKind,
+        option(
+            "Which implications are connections between cells. Hasse: only those that do"
+            " not follow from others. Derived: all."
+        ),
+    ] = "hasse"
+    waves: Annotated[int, option("How many waves to start at each height.")] = 10
+    cells: Annotated[
+        HostKind,
+        option(
+            "Where the cells are. Process: each cell is a process of its own. Worker: a"
+            " few processes share them."
+        ),
+    ] = "process"
+    workers: Annotated[
+        int, option("With cells in workers: how many processes share them.", ge=1)
+    ] = 2
+    edges: Annotated[
+        int,
+        option(
+            "Measure random orders with so many implications instead of chains.",
+            default="0: chains",
+        ),
+    ] = 0
+    seed: Annotated[int, option("Seed of the random orders.")] = 0
     warmup: int = 1
     """Waves before those, not timed: the first pays for routes being made."""
-    workers: int = 0
-    """How many workers share the cells; 0 if every cell is a part."""
-    edges: int = 0
-    """0: the order is a chain on the first cells. Else a random one on all of them, of
-    so many covering edges, contrapositives counted."""
-    seed: int = 0
-    """Draws random orders."""
 
-    def order(self, height: int) -> GivenOrder:
-        """Return the order of one height."""
+    def __post_init__(self) -> None:
+        heights = self.heights
+        if not heights or min(heights) < 0 or not any(heights):
+            rule = "must be numbers from 0 up, one of them at least 1"
+            raise InvalidValueError("heights", rule, list(heights))
+        if min(self.sizes) <= max(heights):
+            rule = f"must be more than the largest height, {max(heights)}"
+            raise InvalidValueError("sensors", rule, list(self.sizes))
+        if self.waves < 1:
+            raise InvalidValueError("waves", "must be at least 1", self.waves)
+        if self.edges and self.wiring != "hasse":
+            rule = 'must be "hasse" for a random order'
+            raise InvalidValueError("wiring", rule, self.wiring)
+        for count in self.sizes:
+            if self.cells == "worker":
+                shares(count, self.workers)
+            for height in heights if self.edges else ():
+                check_layers(count, height, self.edges)
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """Cells in each swarm."""
+        least = max(self.heights) + 1
+        return self.sensors or (least, 2 * least)
+
+    @property
+    def sharing(self) -> int:
+        """How many workers share the cells; 0 if every cell is a part."""
+        return self.workers if self.cells == "worker" else 0
+
+    @property
+    def total(self) -> int:
+        """How many waves are timed."""
+        return len(self.sizes) * len(self.heights) * self.waves
+
+    def order(self, sensors: int, height: int) -> GivenOrder:
+        """Return the order of one height in a swarm of so many cells."""
         if self.edges:
-            return layered(self.sensors, height, self.edges, self.seed)
-        return chain(self.sensors, height, self.wiring)
+            return layered(sensors, height, self.edges, self.seed)
+        return chain(sensors, height, self.wiring)
 
 
 class Probe:
     """The sans-I/O core; see `neurosnap.runtime.parts.coordinator_loop.Core`.
 
     Args:
-        plan: What to do.
+        sweep: What to do.
+        sensors: Cells in the swarm.
         clock: Seconds, for the times measured.
     """
 
     def __init__(
-        self, plan: ProbePlan, clock: Callable[[], float] = time.perf_counter
+        self,
+        sweep: Sweep,
+        sensors: int,
+        clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self.finished = False
         self.rows: list[Measured] = []
-        self._plan = plan
+        self._sweep = sweep
+        self._sensors = sensors
         self._clock = clock
-        self._control = WaveControl(plan.sensors, workers=plan.workers)
+        self._control = WaveControl(sensors, workers=sweep.sharing)
         self._waves = self._schedule()
-        self._order = GivenOrder(plan.sensors, np.empty(0, np.int64), (), 0)
+        self._order = GivenOrder(sensors, np.empty(0, np.int64), (), 0)
         self._above = self._order.reach()
         self._timed = False
         self._began = 0.0
@@ -103,10 +165,11 @@ class Probe:
 
     def _schedule(self) -> Iterator[tuple[GivenOrder, bool]]:
         """Yield the order of each wave to send, and whether it is timed."""
-        for height in self._plan.heights:
-            order = self._plan.order(height)
-            for number in range(self._plan.warmup + self._plan.waves):
-                yield order, number >= self._plan.warmup
+        sweep = self._sweep
+        for height in sweep.heights:
+            order = sweep.order(self._sensors, height)
+            for number in range(sweep.warmup + sweep.waves):
+                yield order, number >= sweep.warmup
 
     def begin(self) -> list[wire.Message]:
         """Wire the first order and send the first wave."""
@@ -145,8 +208,8 @@ class Probe:
         if self._timed:
             self.rows.append(
                 Measured(
-                    sensors=self._plan.sensors,
-                    wiring=self._plan.wiring,
+                    sensors=self._sensors,
+                    wiring=self._sweep.wiring,
                     height=self._order.height,
                     depth=wave.depth,
                     longest=self._order.height,
@@ -179,13 +242,15 @@ class Probe:
 class ProbeJob(msgspec.Struct, frozen=True):
     """Conducts a swarm as a probe."""
 
-    plan: ProbePlan
+    sweep: Sweep
+    sensors: int
+    """Cells in the swarm."""
     parts: tuple[str, ...]
     """Who must be there."""
 
     async def run(self, part: PartContext) -> None:
         """Send every wave, and bring the rows home."""
-        core, count = Probe(self.plan), len(self.parts)
+        core, count = Probe(self.sweep, self.sensors), len(self.parts)
         async with part.connection.fabric(swift=True) as fabric:
             await take_part(
                 fabric,

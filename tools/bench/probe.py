@@ -7,21 +7,22 @@ from functools import partial
 
 import msgspec
 
-from neurosnap.depth.probe import Measured, ProbeJob, ProbePlan
+from neurosnap.depth.probe import Measured, ProbeJob, Sweep
 from neurosnap.runtime.launch import Jobs, host_jobs, launch
 from neurosnap.runtime.request import Site, Watcher
 
 
 def probe(
-    plan: ProbePlan, weigh: Callable[[], None] | None = None
+    sweep: Sweep, weigh: Callable[[], None] | None = None
 ) -> tuple[float, list[Measured]]:
     """Return after how many seconds a swarm was up, and each wave that it passed.
 
     Args:
-        plan: Its cells and waves.
+        sweep: Its cells and waves.
         weigh: Called once some waves have passed; the swarm is stopped after it.
     """
-    jobs = Jobs(partial(ProbeJob, plan), host_jobs(plan.sensors, plan.workers))
+    (count,) = sweep.sizes
+    jobs = Jobs(partial(ProbeJob, sweep, count), host_jobs(count, sweep.sharing))
     stop, began, seconds = asyncio.Event(), time.perf_counter(), list[float]()
 
     def on_wave(passed: int) -> None:

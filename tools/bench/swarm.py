@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from neurosnap.depth.probe import Measured, ProbePlan
+from neurosnap.depth.probe import Measured, Sweep
 from neurosnap.runtime.child_processes import allow_files
 from tools.bench.bare import mean_pss
 from tools.bench.probe import probe
@@ -26,11 +26,9 @@ def spawn(sizes: Sizes) -> list[Line]:
     takes is told apart, since the bare processes pass none.
     """
     allow_files(sizes.cells + 10)  # the fork server keeps the limit it started with
-    probe(ProbePlan(sensors=2, heights=(1,), wiring="hasse", waves=1))
+    probe(Sweep(sensors=(2,), heights=(1,), waves=1))
     height = sizes.cells - 1
-    plan = ProbePlan(
-        sensors=sizes.cells, heights=(height,), wiring="hasse", waves=1, warmup=0
-    )
+    plan = Sweep(sensors=(sizes.cells,), heights=(height,), waves=1, warmup=0)
     theirs, ours, waves = [], [], []
     for _ in range(sizes.pairs):
         theirs.append(run_bare("spawn", sizes.cells)["seconds"])
@@ -57,7 +55,7 @@ def spawn(sizes: Sizes) -> list[Line]:
 
 def _memory(sizes: Sizes) -> Line:
     """Measure the cells' memory once waves have passed through them."""
-    plan = ProbePlan(sensors=sizes.cells, heights=(1,), wiring="hasse", waves=_ENDLESS)
+    plan = Sweep(sensors=(sizes.cells,), heights=(1,), waves=_ENDLESS)
     found: list[float] = []
 
     def weigh() -> None:
@@ -81,12 +79,8 @@ def _memory(sizes: Sizes) -> Line:
 def hop(sizes: Sizes) -> list[Line]:
     """Time one hop of a wave along a chain, against a bare relay ring."""
     low, high = sizes.chain // 10, sizes.chain - 1
-    plan = ProbePlan(
-        sensors=sizes.chain,
-        heights=(low, high),
-        wiring="hasse",
-        waves=sizes.waves,
-        warmup=3,
+    plan = Sweep(
+        sensors=(sizes.chain,), heights=(low, high), waves=sizes.waves, warmup=3
     )
     theirs, slopes, quotients = [], [], []
     ring = "ring", sizes.chain, str(sizes.waves)

@@ -20,8 +20,7 @@ from neurosnap.apps.cli.shared import (
     unwinding,
 )
 from neurosnap.apps.new_files import free_path
-from neurosnap.depth.measure import Sweep
-from neurosnap.depth.probe import Measured
+from neurosnap.depth.probe import Measured, Sweep
 from neurosnap.errors import InvalidValueError, NeurosnapError, NothingBegunError
 from neurosnap.system.picture import KINDS
 

@@ -12,8 +12,8 @@ import msgspec
 import pytest
 
 from neurosnap import wire
-from neurosnap.depth.measure import COLUMNS, Sweep, draw, fit, measure, write_csv
-from neurosnap.depth.probe import Measured, Probe, ProbePlan
+from neurosnap.depth.measure import COLUMNS, draw, fit, measure, write_csv
+from neurosnap.depth.probe import Measured, Probe, Sweep
 from neurosnap.errors import InvalidValueError, SwarmError
 from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
 from neurosnap.poc.order.graph import WiringKind
@@ -157,8 +157,17 @@ def test_a_stop_before_the_first_swarm_measures_nothing() -> None:
 Lost = Callable[[wire.Message], bool]
 
 
+def swarm(
+    sensors: int, heights: tuple[int, ...], workers: int = 0, **more: Any
+) -> Sweep:
+    """Return a sweep of one swarm."""
+    if workers:
+        more |= {"cells": "worker", "workers": workers}
+    return Sweep(heights=heights, sensors=(sensors,), **more)
+
+
 def probed(
-    plan: ProbePlan, seed: int | None = None, lost: Lost = lambda _: False
+    sweep: Sweep, seed: int | None = None, lost: Lost = lambda _: False
 ) -> Probe:
     """Let a probe conduct cells or workers over a hub without a loop, to its end.
 
@@ -166,7 +175,8 @@ def probed(
     `lost` took a message from it is declared late.
     """
     seconds = itertools.count(1)
-    probe = Probe(plan, clock=lambda: float(next(seconds)))
+    (count,) = sweep.sizes
+    probe = Probe(sweep, count, clock=lambda: float(next(seconds)))
     hub = MemoryHub() if seed is None else SimulatedHub(seed)
     conducting = hub.fabric("coordinator")
 
@@ -187,9 +197,9 @@ def probed(
         end.listen(keys, handle)
 
     conducting.listen(("cellreport/**", "workerreport/**"), hear)
-    for number, who in enumerate(hosts(plan.sensors, plan.workers)):
-        if plan.workers:
-            worker = Worker(number, shares(plan.sensors, plan.workers))
+    for number, who in enumerate(hosts(count, sweep.sharing)):
+        if sweep.sharing:
+            worker = Worker(number, shares(count, sweep.sharing))
             join(worker, hub.fabric(who), wire.worker_keys(number))
         else:
             join(Cell(number), hub.fabric(who), wire.cell_keys(number))
@@ -213,7 +223,7 @@ def test_a_wave_is_as_deep_as_the_chain_or_takes_one_hop_over_derived_edges(
 ) -> None:
     if (wiring, workers) == ("derived", 0):
         seed = None  # out of order it is deeper
-    rows = probed(ProbePlan(12, HEIGHTS, wiring, waves=3, workers=workers), seed).rows
+    rows = probed(swarm(12, HEIGHTS, workers, wiring=wiring, waves=3), seed).rows
     assert [row.height for row in rows] == [h for h in HEIGHTS for _ in range(3)]
     for row in rows:
         h = row.height
@@ -226,7 +236,7 @@ def test_a_wave_is_as_deep_as_the_chain_or_takes_one_hop_over_derived_edges(
 
 @pytest.mark.parametrize("seed", range(2))
 def test_out_of_order_a_derived_wave_is_deeper_and_reaches_the_same(seed: int) -> None:
-    rows = probed(ProbePlan(12, (11,), "derived", waves=4), seed).rows
+    rows = probed(swarm(12, (11,), wiring="derived", waves=4), seed).rows
     assert len(rows) == 4
     assert all(1 <= measured.depth <= 11 for measured in rows)
     assert all(measured.pulses == 66 for measured in rows)
@@ -234,7 +244,7 @@ def test_out_of_order_a_derived_wave_is_deeper_and_reaches_the_same(seed: int) -
 
 
 def test_waves_to_warm_up_are_not_in_the_rows() -> None:
-    plan = ProbePlan(4, (2, 3), "hasse", waves=2, warmup=3)
+    plan = swarm(4, (2, 3), waves=2, warmup=3)
     numbers = set()
 
     def count(message: wire.Message) -> bool:
@@ -253,13 +263,13 @@ def test_a_wave_that_lost_a_pulse_is_sent_again_and_measured_right() -> None:
     def lost(message: wire.Message) -> bool:
         return isinstance(message, wire.Pulse) and bool(left) and left.pop()
 
-    rows = probed(ProbePlan(4, (3,), "hasse", waves=2, warmup=0), lost=lost).rows
+    rows = probed(swarm(4, (3,), waves=2, warmup=0), lost=lost).rows
     assert not left
     assert [(r.depth, r.pulses, r.seconds) for r in rows] == [(3, 3, 1.0)] * 2
 
 
 def test_a_wave_that_reaches_less_than_the_order_says_is_an_error() -> None:
-    probe = Probe(ProbePlan(3, (2,), "hasse", waves=1))
+    probe = Probe(swarm(3, (2,), waves=1), 3)
     start = probe.begin()[-1]
     assert isinstance(start, wire.WaveStart)
     lie = wire.CellReport(start.wave, 0, 0, (0,), (0,), (start.credit,), 0, epoch=1)
@@ -269,7 +279,7 @@ def test_a_wave_that_reaches_less_than_the_order_says_is_an_error() -> None:
 
 
 def test_a_report_that_cannot_be_right_is_a_fault() -> None:
-    probe = Probe(ProbePlan(3, (2,), "hasse", waves=1))
+    probe = Probe(swarm(3, (2,), waves=1), 3)
     probe.begin()
     twice = wire.CellReport(1, 0, 0, (0,), (0,), (0, 0), 0)
     (fault,) = probe.receive(twice)
@@ -282,7 +292,7 @@ def test_a_report_that_cannot_be_right_is_a_fault() -> None:
 
 @pytest.mark.parametrize("workers", [0, 1, 3])
 def test_a_wave_through_a_random_order_fires_every_cell(workers: int) -> None:
-    plan = ProbePlan(30, (4, 9), "hasse", 2, workers=workers, edges=90, seed=3)
+    plan = swarm(30, (4, 9), workers, waves=2, edges=90, seed=3)
     rows = probed(plan, seed=8).rows
     assert [row.depth for row in rows] == [row.longest for row in rows] == [4, 4, 9, 9]
     assert {row.pulses for row in rows} == {45}  # along half of the edges
@@ -298,7 +308,7 @@ def test_workers_that_were_cut_off_get_their_wiring_whole() -> None:
                 return True
         return False
 
-    plan = ProbePlan(6, (2, 5), "hasse", waves=2, workers=2)
+    plan = swarm(6, (2, 5), 2, waves=2)
     rows = probed(plan, lost=lost).rows
     assert len(cut) == 1 + 2
     assert [(row.depth, row.pulses) for row in rows] == [(2, 2)] * 2 + [(5, 5)] * 2
