@@ -15,8 +15,6 @@ from neurosnap.poc.order.contradiction import (
     smallest_cover,
 )
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.poc.order.literals import Words, to_words
-from neurosnap.poc.order.masks import from_mask
 from tests.support.edges import edges_of
 from tests.support.oracles import Edges, below_or_equal, coherent
 from tests.support.strategies import graphs
@@ -126,19 +124,13 @@ def test_without_patience_culprits_still_help_and_none_is_spare(
         assert found == best
 
 
-def rows_of(neighbours: Mapping[int, int], count: int) -> Words:
-    """Return a graph packed, given the mask of the vertices next to each."""
-    masks = [neighbours.get(v, 0) for v in range(count)]
-    return to_words(np.array([from_mask(mask, count) for mask in masks]))
-
-
 def cover_of(
     neighbours: Mapping[int, int],
     worth: Sequence[float],
     patience: int = PATIENCE,
 ) -> Cover:
-    rows = rows_of(neighbours, len(worth))
-    return smallest_cover(rows, np.array(worth), patience)
+    masks = [neighbours.get(v, 0) for v in range(len(worth))]
+    return smallest_cover(masks, np.array(worth), patience)
 
 
 @given(st.integers(2, 24), st.floats(0.05, 0.6), st.integers(0, 2**32 - 1))

@@ -14,13 +14,12 @@ undecided, part by connected part: paths, cliques and nested neighbourhoods are 
 The exact routines at hand (`networkx.max_weight_clique` of the complement) have no
 bound, and want whole weights.
 
-Sets are packed as in `neurosnap.poc.order.literals`. The graph has a vertex for each
-literal that clashes, in ascending order; its rows are packed the same way, a bit for
-each vertex.
+The graph has a vertex for each literal that clashes, in ascending order. Sets of
+vertices are masks, as in `neurosnap.poc.order.masks`.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from itertools import pairwise
@@ -30,9 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.poc.order.kernels import lowest
-from neurosnap.poc.order.literals import Literals, Words, as_literals, to_words
-from neurosnap.poc.order.masks import members, to_mask
+from neurosnap.poc.order.literals import Literals, as_literals
+from neurosnap.poc.order.masks import from_mask, members
 from neurosnap.sensorium import complement
 from neurosnap.system.compiled import njit
 
@@ -42,8 +40,8 @@ greedily: about as many microseconds."""
 CHAINS = 1_024
 """The most chains that are listed."""
 _LOOKS = 20_000  # literals looked at on the way of chains
+_ROWS = 256  # literals that clash whose conflicts are found at a time
 Ints = NDArray[np.int64]
-_ONE = np.uint64(1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,8 +91,8 @@ def contradiction(
         patience: As for `smallest_cover`: beyond it, culprits are found greedily.
 
     Cost:
-        O(N²/64) time if it is coherent. If not, O(k N/64) for ``k`` literals in
-        conflict, O(1) for each two of them, and the search for the culprits.
+        O(N²/64) time if it is coherent. If not, O(1) for each two of the literals in
+        conflict, and the search for the culprits.
 
     Examples:
         >>> g = PocGraph.from_implications(3, [(0, 2), (2, 4)])
@@ -109,15 +107,12 @@ def contradiction(
     clashing = (seen & complement(graph.up(seen))).nonzero()[0]
     if not len(clashing):
         return Contradiction((), 0, (), (), exact=True)
-    rows = conflict_rows(graph.closed, clashing, to_words(complement(seen)))
-    vertices = np.arange(len(rows))
+    neighbours = conflicts(graph, clashing)
     # A literal below its own complement is to blame by itself.
-    alone = rows[vertices, vertices >> 6] >> (vertices & 63).astype(np.uint64) & 1 > 0
-    if alone.any():
-        rows &= ~to_words(alone)
-        rows[alone] = 0
+    mask = sum(1 << v for v, around in enumerate(neighbours) if around >> v & 1)
+    left = [0 if mask >> v & 1 else n & ~mask for v, n in enumerate(neighbours)]
     sensors = clashing >> 1
-    cover = smallest_cover(rows, suspicion[sensors], patience)
+    cover = smallest_cover(left, suspicion[sensors], patience)
     edges = graph.wire_list("hasse")
     literals, ends, more = shortest_chains(
         np.searchsorted(edges, np.arange(len(graph) + 1) << 32),
@@ -127,7 +122,7 @@ def contradiction(
         CHAINS,
         _LOOKS,
     )
-    mask, way, stops = to_mask(alone), literals.tolist(), [0, *ends.tolist()]
+    way, stops = literals.tolist(), [0, *ends.tolist()]
     return Contradiction(
         chains=tuple(tuple(way[low:high]) for low, high in pairwise(stops)),
         more=int(more),
@@ -156,52 +151,58 @@ _NOTHING = Cover(0, 0, exact=True)
 
 
 def smallest_cover(
-    rows: Words, worth: NDArray[np.float64], patience: int = PATIENCE
+    neighbours: Sequence[int], worth: NDArray[np.float64], patience: int = PATIENCE
 ) -> Cover:
     """Return a smallest vertex cover.
 
     Args:
-        rows: ``(k, ceil(k / 64))``, packed: which vertices are next to each; symmetric,
-            and no vertex is next to itself.
+        neighbours: ``(k,)``: which vertices are next to each, as masks; symmetric, and
+            no vertex is next to itself.
         worth: ``(k,)``, finite: the more, the rather a vertex is chosen.
         patience: How many vertices to look at.
 
     Cost:
-        O(k²) time and O(1) an edge, compiled; and a few operations on masks for each
-        vertex looked at.
+        O(k²) time; and a few operations on masks for each vertex looked at.
 
     Examples:
-        >>> rows = np.array([[0b10], [0b101], [0b10]], np.uint64)
-        >>> smallest_cover(rows, np.zeros(3))
+        >>> smallest_cover([0b10, 0b101, 0b10], np.zeros(3))
         Cover(chosen=2, candidates=2, exact=True)
-        >>> smallest_cover(rows[:2] & np.uint64(0b11), np.array([0.0, 1.0]))
+        >>> smallest_cover([0b10, 0b01], np.array([0.0, 1.0]))
         Cover(chosen=2, candidates=3, exact=True)
     """
-    count = len(rows)
-    degrees = np.bitwise_count(rows).sum(axis=1, dtype=np.int64)
-    order = np.lexsort((-np.arange(count), worth))
-    rank = np.empty(count, np.int64)
-    rank[order] = np.arange(count)
-    alive = degrees > 0
-    part = labels(rows, alive)
-    taken = greedy(rows, degrees.copy(), alive.copy(), rank)
-    most = np.bincount(part[taken], minlength=max(1, count)).astype(np.int64)
-    forced(rows, degrees, alive, part, most)
-    needed = to_mask((part >= 0) & ~alive)
-    alive &= degrees > 0
-    part = labels(rows, alive)
+    count = len(neighbours)
+    order = np.lexsort((np.arange(count), -worth))  # the first are chosen first
+    search = _Search(neighbours, worth)
+    taken = greedy(neighbours, order)
+    needed = 0
+    for part in search.parts((1 << count) - 1):
+        needed |= search.forced(part, (taken & part).bit_count())
     cover = Cover(needed, needed, exact=True)
-    for first in np.unique(part[alive]).tolist():
-        inside = part == first
-        search = _Search(rows, worth, inside)
-        patience = search.solve(patience)
+    for part in search.parts(((1 << count) - 1) & ~needed):
+        patience = search.solve(part, patience)
         if patience >= 0:
-            cover = _joined(cover, search.best[search.wanted])
+            cover = _joined(cover, search.best[part])
             continue
         patience = 0
-        chosen = without_spares(rows, inside, taken[inside[taken]], order)
-        cover = _joined(cover, Cover(to_mask(chosen), search.wanted, exact=False))
+        chosen = search.without_spares(part, taken & part, order[::-1].tolist())
+        cover = _joined(cover, Cover(chosen, part, exact=False))
     return cover
+
+
+def greedy(neighbours: Sequence[int], order: NDArray[np.int64]) -> int:
+    """Cover all edges by what meets most of those left, again and again.
+
+    Of those that meet as many it is the first in order. O(k) time for each.
+    """
+    taken, count = 0, len(neighbours)
+    keys = np.array([count * around.bit_count() for around in neighbours], np.int64)
+    keys[order] += np.arange(count)[::-1]
+    while keys.max(initial=0) >= max(count, 1):
+        best = int(keys.argmax())
+        taken |= 1 << best
+        keys[best] = 0
+        keys[from_mask(neighbours[best], count) & (keys >= count)] -= count
+    return taken
 
 
 def _joined(one: Cover, other: Cover) -> Cover:
@@ -214,28 +215,50 @@ def _joined(one: Cover, other: Cover) -> Cover:
 
 
 class _Search:
-    """The covers of a connected part; `best` has that of each set solved."""
+    """The covers of connected parts; `best` has that of each set solved."""
 
-    def __init__(
-        self, rows: Words, worth: NDArray[np.float64], inside: NDArray[np.bool_]
-    ) -> None:
-        self.wanted = to_mask(inside)
+    def __init__(self, neighbours: Sequence[int], worth: NDArray[np.float64]) -> None:
         self.best: dict[int, Cover] = {0: _NOTHING}
         self._worth = worth.tolist()
-        self._rows = rows
-        self._neighbours: dict[int, int] = {}
+        self._neighbours = neighbours
 
-    def solve(self, patience: int) -> int:
+    def forced(self, part: int, most: int) -> int:
+        """Return what every smallest cover of a part has, for which `most` suffice.
+
+        That is what meets more edges than the part needs vertices: without it, all its
+        neighbours would have to be in the cover. (A rule of S. Buss, see Downey and
+        Fellows, Parameterized Complexity, 1999.)
+        """
+        left = part
+        while True:
+            over = [
+                v
+                for v in members(left)
+                if (self._neighbours[v] & left).bit_count() > most
+            ]
+            if not over:
+                return part & ~left
+            most -= len(over)
+            left &= ~sum(1 << v for v in over)
+
+    def without_spares(self, part: int, chosen: int, order: Sequence[int]) -> int:
+        """Return a cover without those of it whose neighbours are all in it.
+
+        The first in order are given up first.
+        """
+        for v in order:
+            if chosen >> v & 1 and not self._neighbours[v] & part & ~chosen:
+                chosen ^= 1 << v
+        return chosen
+
+    def solve(self, wanted: int, patience: int) -> int:
         """Enter the best cover; return the patience left, below 0 if it ran out.
 
         An explicit stack: a chain of decisions is as long as there are vertices.
         """
-        if self.wanted.bit_count() > patience:
+        if wanted.bit_count() > patience:
             return -1
-        for v in members(self.wanted):
-            around = int.from_bytes(self._rows[v].tobytes(), "little")
-            self._neighbours[v] = around & self.wanted
-        pending = [self.wanted]
+        pending = [wanted]
         while pending:
             free = pending[-1]
             if free in self.best:
@@ -244,7 +267,7 @@ class _Search:
             patience -= free.bit_count()
             if patience < 0:
                 break
-            parts = list(self._parts(free))
+            parts = list(self.parts(free))
             if len(parts) == 1:
                 pending += self._branch(free, parts[0])
                 continue
@@ -255,7 +278,7 @@ class _Search:
             pending += missing
         return patience
 
-    def _parts(self, free: int) -> Iterator[int]:
+    def parts(self, free: int) -> Iterator[int]:
         """Yield the connected parts of a set that have an edge."""
         while free:
             part = ring = free & -free
@@ -301,172 +324,18 @@ class _Search:
         return len(chosen), -math.fsum(self._worth[v] for v in chosen), chosen
 
 
-@njit()
-def conflict_rows(closed: Words, clashing: Ints, denied: Words) -> Words:
-    """Return which of the literals that clash are in conflict with each other.
+def conflicts(graph: PocGraph, clashing: NDArray[np.int64]) -> list[int]:
+    """Return which of the literals that clash each is in conflict with, as masks.
 
-    Args:
-        closed: ``(2N, w)``: bit ``b`` of row ``a`` iff ``a <= b``.
-        clashing: ``(k,)``, ascending: literals seen that are below one denied.
-        denied: ``(w,)``: the complements of what was seen.
-
-    Returns:
-        ``(k, ceil(k / 64))``, symmetric; a bit on the diagonal is a literal below its
-        own complement. O(k w) time, and O(1) for each bit.
+    ``(k,)``, ascending: each is below the complement of another. O(k²) time.
     """
-    count, width = clashing.shape[0], denied.shape[0]
-    place = np.full(64 * width, -1, np.int64)
-    for vertex in range(count):
-        place[clashing[vertex] ^ 1] = vertex
-    rows = np.zeros((count, (count + 63) // 64), np.uint64)
-    for vertex in range(count):
-        a = clashing[vertex]
-        for k in range(width):
-            found = closed[a, k] & denied[k]
-            while found:
-                other = place[64 * k + lowest(found)]
-                rows[vertex, other >> 6] |= _ONE << np.uint64(other & 63)
-                found &= found - _ONE
-    return rows
-
-
-@njit()
-def labels(rows: Words, alive: NDArray[np.bool_]) -> Ints:
-    """Return the connected part of each vertex, named by its first; -1 if not alive.
-
-    Args:
-        rows: ``(k, w)``, symmetric.
-        alive: ``(k,)``: the vertices there are.
-
-    Returns:
-        ``(k,)``. O(k w) time.
-    """
-    count, width = rows.shape
-    part = np.full(count, -1, np.int64)
-    fresh = _packed(alive, width)
-    queue = np.empty(count, np.int64)
-    for root in range(count):
-        if not (fresh[root >> 6] >> np.uint64(root & 63)) & _ONE:
-            continue
-        fresh[root >> 6] ^= _ONE << np.uint64(root & 63)
-        queue[0], first, last = root, 0, 1
-        while first < last:
-            v = queue[first]
-            first += 1
-            part[v] = root
-            for k in range(width):
-                found = rows[v, k] & fresh[k]
-                fresh[k] ^= found
-                while found:
-                    queue[last] = 64 * k + lowest(found)
-                    last += 1
-                    found &= found - _ONE
-    return part
-
-
-@njit()
-def greedy(rows: Words, degrees: Ints, alive: NDArray[np.bool_], rank: Ints) -> Ints:
-    """Cover all edges by what meets most of those left, again and again.
-
-    Args:
-        rows: ``(k, w)``, symmetric, no bit on the diagonal.
-        degrees: ``(k,)``, of the vertices alive, among these; changed.
-        alive: ``(k,)``; what is taken is no longer.
-        rank: ``(k,)``: of two that meet as many, the one of higher rank is taken.
-
-    Returns:
-        What was taken, in order. O(k) time for each, and O(1) an edge.
-    """
-    count = rows.shape[0]
-    taken = np.empty(count, np.int64)
-    number = 0
-    while True:
-        best = -1
-        for v in range(count):
-            if not alive[v] or degrees[v] == 0:
-                continue
-            more = 1 if best < 0 else degrees[v] - degrees[best]
-            if more > 0 or (more == 0 and rank[v] > rank[best]):
-                best = v
-        if best < 0:
-            return taken[:number]
-        taken[number] = best
-        number += 1
-        remove_vertex(rows, degrees, alive, best)
-
-
-@njit()
-def remove_vertex(rows: Words, degrees: Ints, alive: NDArray[np.bool_], v: int) -> None:
-    """Remove a vertex and its edges from a graph; see `greedy`."""
-    alive[v] = False
-    degrees[v] = 0
-    for k in range(rows.shape[1]):
-        found = rows[v, k]
-        while found:
-            u = 64 * k + lowest(found)
-            found &= found - _ONE
-            if alive[u]:
-                degrees[u] -= 1
-
-
-@njit()
-def forced(
-    rows: Words,
-    degrees: Ints,
-    alive: NDArray[np.bool_],
-    part: Ints,
-    most: Ints,
-) -> None:
-    """Take out what every smallest cover has.
-
-    That is what meets more edges than its connected part needs vertices: without it,
-    all its neighbours would have to be in the cover. (A rule of S. Buss, see Downey and
-    Fellows, Parameterized Complexity, 1999.)
-
-    `part` and `most` are ``(k,)``: the part of each vertex, as `labels` says, and for
-    each part a number of vertices that suffice. The rest is as in `greedy`; all but
-    `rows` and `part` is changed.
-    """
-    changed = True
-    while changed:
-        changed = False
-        for v in range(rows.shape[0]):
-            if alive[v] and degrees[v] > most[part[v]]:
-                most[part[v]] -= 1
-                remove_vertex(rows, degrees, alive, v)
-                changed = True
-
-
-@njit()
-def without_spares(
-    rows: Words, inside: NDArray[np.bool_], taken: Ints, order: Ints
-) -> NDArray[np.bool_]:
-    """Return a cover without those of it whose neighbours are all in it.
-
-    Args:
-        rows: ``(k, w)``, symmetric.
-        inside: ``(k,)``: the vertices to be looked at, taken or not.
-        taken: The cover.
-        order: ``(k,)``, all vertices: the first are given up first.
-
-    Returns:
-        ``(k,)``. O(k w) time.
-    """
-    count, width = rows.shape
-    chosen = np.zeros(count, np.bool_)
-    for v in taken:
-        chosen[v] = True
-    outside = _packed(inside & ~chosen, width)
-    for v in order:
-        if not chosen[v]:
-            continue
-        spare = True
-        for k in range(width):
-            spare &= not rows[v, k] & outside[k]
-        if spare:
-            chosen[v] = False
-            outside[v >> 6] |= _ONE << np.uint64(v & 63)
-    return chosen
+    octets, bits = (clashing ^ 1) >> 3, ((clashing ^ 1) & 7).astype(np.uint8)
+    closed, masks = graph.closed.view(np.uint8), list[int]()
+    for start in range(0, len(clashing), _ROWS):
+        block = closed[np.ix_(clashing[start : start + _ROWS], octets)] >> bits & 1
+        packed = np.packbits(block, axis=1, bitorder="little")
+        masks += (int.from_bytes(row.tobytes(), "little") for row in packed)
+    return masks
 
 
 @njit()
@@ -541,12 +410,3 @@ def shortest_chains(
                 ends[listed] = length
                 listed += 1
     return literals[:length], ends[:listed], more
-
-
-@njit()
-def _packed(chosen: NDArray[np.bool_], width: int) -> Words:
-    words = np.zeros(width, np.uint64)
-    for v in range(chosen.shape[0]):
-        if chosen[v]:
-            words[v >> 6] |= _ONE << np.uint64(v & 63)
-    return words
