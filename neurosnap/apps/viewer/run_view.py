@@ -26,7 +26,6 @@ from neurosnap.errors import (
     RecordingError,
     ShapeError,
 )
-from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.anomaly_words import evidence, named_anomaly, with_support
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.tick_index import TickIndex
@@ -69,7 +68,6 @@ class RunView:
         """How often there was more."""
         self._names = self.options.body.actions
         self._imagined = Imagined(self.options.body)
-        self._identified: tuple[PocGraph, Body, str] | None = None
 
     def grow(self) -> bool:
         """Look at what the file has gained; return whether that is anything.
@@ -232,18 +230,11 @@ class RunView:
             try:
                 for learned in self.recall.walk(tick, last):
                     tick = learned.tick + 1
-                    name = self._id_of(learned.snapshot.poc_graph(), learned.body)
+                    name = graph_id(learned.snapshot.poc_graph(), learned.body)
                     yield learned.tick, (name, learned.body)
             except RecordingError:
                 # Behind the gap it is known again from the next key-frame on.
                 tick = self.tick_index.keyframe_after(tick)
-
-    def _id_of(self, graph: PocGraph, body: Body) -> str:
-        """Return `graph_id`; worked out once for each of a row of ticks."""
-        known = self._identified
-        if known is None or known[0] is not graph or known[1] is not body:
-            self._identified = known = (graph, body, graph_id(graph, body))
-        return known[2]
 
     def _frame(
         self,
