@@ -15,8 +15,7 @@ from typing import BinaryIO, Literal, TypeAlias, TypeVar
 import msgspec
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
-from mcap.opcode import Opcode
-from mcap.records import Header, Metadata
+from mcap.records import Metadata
 
 from neurosnap.errors import NoRecordingError, RecordingError
 
@@ -197,28 +196,6 @@ def damaged(path: Path, offset: int, rule: str, got: object) -> RecordingError:
 def damaged_in(path: Path, chunk: Chunk, rule: str, got: object) -> RecordingError:
     """Return the error for a chunk that holds what was not written."""
     return damaged(path, chunk.offset, f"chunk {chunk.number}: {rule}", got)
-
-
-def check_start(path: Path, magic: bytes, record: tuple[int, bytes]) -> None:
-    """Refuse a file by its first bytes, and kind and body of its first record.
-
-    Raises:
-        RecordingError: It is no MCAP file, or no recording of ours.
-    """
-    if magic != MAGIC:
-        raise RecordingError(f"log: must be an MCAP recording, got {str(path)!r}")
-    opcode, body = record
-    if opcode != Opcode.HEADER:
-        rule = "the file must start with a whole header"
-        raise damaged(path, len(MAGIC), rule, "none")
-    try:
-        header: Header = parse(Header.read, body)
-    except ValueError as error:
-        rule = "the header must be well-formed"
-        raise damaged(path, len(MAGIC), rule, error) from error
-    if header.profile != PROFILE:
-        rule = f"must be {PROFILE!r}"
-        raise RecordingError(f"{path}: profile: {rule}, got {header.profile!r}")
 
 
 def parse(read: Callable[[ReadDataStream], _Record], body: bytes) -> _Record:

@@ -22,6 +22,7 @@ from typing import BinaryIO
 
 import msgspec
 from mcap.opcode import Opcode
+from mcap.records import Header
 
 from neurosnap.errors import RecordingError
 from neurosnap.recording.format.chunks import (
@@ -37,14 +38,16 @@ from neurosnap.recording.format.records import (
     HEAD,
     MAGIC,
     MALFORMED,
+    PROFILE,
     Chunk,
     Cut,
     Damage,
     Gap,
     Layout,
-    check_start,
+    damaged,
     heads,
     opened,
+    parse,
     read_facts,
 )
 from neurosnap.system.durable import checksum_of
@@ -56,7 +59,6 @@ _INDEX_ENTRY = 16
 _DATA_END = HEAD.size + CRC.size
 """Bytes of the record that ends the data."""
 _ZEROS = 8  # bytes that no packed chunk ends with, if all of them are 0
-_TORN = 0, b""  # no record has this kind
 _FACTS = (Opcode.METADATA,)
 
 
@@ -93,8 +95,7 @@ def scan_growth(path: Path, layout: Layout) -> bool:
 def _read_start(path: Path, file: BinaryIO, layout: Layout) -> int:
     """Read magic and header; return where the first record behind them starts."""
     try:
-        file.seek(0)
-        check_start(path, file.read(len(MAGIC)), _first_record(file, layout.size))
+        _check_start(path, file, layout.size)
         return file.tell()
     except RecordingError:  # ours all the same, if something in it is
         if find_record(path, file, layout, 0, only=_FACTS) is None:
@@ -105,12 +106,26 @@ def _read_start(path: Path, file: BinaryIO, layout: Layout) -> int:
     return found
 
 
-def _first_record(file: BinaryIO, size: int) -> tuple[int, bytes]:
-    """Return kind and body of the first record; `_TORN` if it is not whole."""
+def _check_start(path: Path, file: BinaryIO, size: int) -> None:
+    """Refuse what is no MCAP file, or no recording of ours."""
+    file.seek(0)
+    if file.read(len(MAGIC)) != MAGIC:
+        raise RecordingError(f"log: must be an MCAP recording, got {str(path)!r}")
+    first = None
     with suppress(ValueError):
-        for opcode, body, after in heads(file, len(MAGIC), size):
-            return opcode, file.read(after - body)
-    return _TORN
+        first = next(heads(file, len(MAGIC), size), None)
+    if first is None or first[0] != Opcode.HEADER:
+        rule = "the file must start with a whole header"
+        raise damaged(path, len(MAGIC), rule, "none")
+    _, body, after = first
+    try:
+        header: Header = parse(Header.read, file.read(after - body))
+    except ValueError as error:
+        rule = "the header must be well-formed"
+        raise damaged(path, len(MAGIC), rule, error) from error
+    if header.profile != PROFILE:
+        rule = f"must be {PROFILE!r}"
+        raise RecordingError(f"{path}: profile: {rule}, got {header.profile!r}")
 
 
 def _walk_on(path: Path, file: BinaryIO, layout: Layout) -> None:
