@@ -48,17 +48,10 @@ class Actions(Contexts):
             ``c`` is one literal, or the several of a grown sensor.
         """
         holds = self.hold(state)
-        return [self._signal(action, holds) for action in self._actions]
+        return [self.signal(action, holds) for action in self._actions]
 
-    def signal(self, action: int, state: NDArray[np.bool_]) -> tuple[int, ...]:
-        """Return what one action would switch on here, as in `signals`."""
-        return self._signal(action, self.hold(state))
-
-    def literals_of(self, action: int) -> tuple[int, ...]:
-        """Return what one action may switch on anywhere, as in `signals`."""
-        return self._signal(action, self.in_use)
-
-    def _signal(self, action: int, holds: NDArray[np.bool_]) -> tuple[int, ...]:
+    def signal(self, action: int, holds: NDArray[np.bool_]) -> tuple[int, ...]:
+        """Return what one action would switch on where these contexts hold."""
         contexts = np.flatnonzero(holds & (self.action == action))
         on = 2 * (self._first + contexts)
         return (2 * (self._own + action), *on.tolist())

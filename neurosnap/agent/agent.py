@@ -330,7 +330,7 @@ class Agent:
             rule = f"must be one of {', '.join(names)}"
             raise InvalidValueError("action", rule, action)
         number = names.index(action) if isinstance(action, str) else action
-        signal = Actions(self.body).signal(number, self.state)
+        signal = Actions(self.body).signals(self.state)[number]
         closure = self.snapshot.poc_graph().up(signal)
         bound: NDArray[np.bool_] = guaranteed([closure])[0]
         return bound

@@ -95,7 +95,7 @@ class Growth:
         asked = dict.fromkeys(b for a in (*now, *before) for b in (a, a ^ 1))
         read = (yield Question(readings=tuple(asked))).readings
         on, off = conjunction(read, now, before, self.history.tick)
-        self.history.set_readings(sensor, on, off)
+        self.history.on[:, sensor], self.history.off[:, sensor] = on, off
         ticks = self.history.ticks
         unread = [body.first_grown + place for place in body.retired]
         newborn = yield from snapshot.newborn(sensor, ticks, on, off, unread)

@@ -102,7 +102,8 @@ class AgentMemory:
         own, told, state = 2 * len(self.body.own), self.experience, snapshot.state
         foretold = np.zeros(own, np.bool_)
         if self._actions is not None and action >= 0 and not begins:
-            closure = snapshot.poc_graph().up(self._actions.signal(action, state))
+            signal = self._actions.signal(action, self._actions.hold(state))
+            closure = snapshot.poc_graph().up(signal)
             foretold = guaranteed([closure])[0, :own]
             if told is not None:
                 came = selection(observation, known)[:own]

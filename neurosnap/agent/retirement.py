@@ -53,7 +53,9 @@ def _not_covered(
     The snapshot has counted how often the sensor was on.
     """
     mine = 2 * (body.first_grown + place)
-    others = [a for a in Actions(body).literals_of(body.grown[place][0]) if a != mine]
+    actions = Actions(body)
+    may_be_on = actions.signal(body.grown[place][0], actions.in_use)
+    others = [a for a in may_be_on if a != mine]
     by: dict[int, list[int]] = {}
     for result in results:
         # a -> r if and only if r* -> a*

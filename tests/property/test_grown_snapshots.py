@@ -93,7 +93,7 @@ def newborn_of(
     sensor = len(snapshot.sensorium) - 1
     read = {literal: history.ticks_of(literal) for literal in range(2 * sensor)}
     rings = conjunction(read, *members, history.tick)
-    history.set_readings(sensor, *rings)
+    history.on[:, sensor], history.off[:, sensor] = rings
     search = snapshot.newborn(sensor, history.ticks, *rings, unread)
     return answered(search, history.answer)
 

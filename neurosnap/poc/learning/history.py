@@ -133,10 +133,6 @@ class History:
         counted: NDArray[Any] = np.bitwise_count(rings).sum(axis=0)
         return counted
 
-    def set_readings(self, sensor: int, on: Words, off: Words) -> None:
-        """Let a sensor have read on and off at the ticks given, ``(W,)`` each."""
-        self.on[:, sensor], self.off[:, sensor] = on, off
-
     def arrays(self) -> Arrays:
         """Return its whole state as arrays, by name."""
         return {"on": self.on, "off": self.off, "next": np.array(self.tick, np.int64)}

@@ -14,7 +14,7 @@ is refused ([GK] example:generators and relations).
 import re
 from collections.abc import Iterable, Sequence
 from functools import cached_property
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,18 +39,9 @@ _SIGNS: dict[str, Sign] = {"<": "<", "<=": "<=", "≤": "<=", "=": "="}
 _SPLIT = re.compile(r"(<=|≤|<|=)")
 
 
-class OrderRelation(NamedTuple):
-    """One relation between two literals.
-
-    Attributes:
-        low: The literal on the left.
-        sign: ``"<"`` (below, and not equal), ``"<="`` or ``"="``.
-        high: The literal on the right.
-    """
-
-    low: int
-    sign: Sign
-    high: int
+OrderRelation: TypeAlias = tuple[int, Sign, int]
+"""Two literals, and between them ``"<"`` (below, and not equal), ``"<="`` or ``"="``.
+"""
 
 
 class PocSet:
@@ -415,9 +406,9 @@ def read_relations(
 
     Examples:
         >>> read_relations(Sensorium(["a", "b"]), ["a < b*"])
-        [OrderRelation(low=0, sign='<', high=3)]
+        [(0, '<', 3)]
         >>> read_relations(Sensorium(["a", "b"]), [(2, 0)])
-        [OrderRelation(low=2, sign='<=', high=0)]
+        [(2, '<=', 0)]
     """
     if isinstance(relations, str):
         rule = "must be several, not one text; PocSet.parse reads one"
@@ -428,7 +419,7 @@ def read_relations(
             if sign not in _SIGNS:
                 raise InvalidValueError("relation sign", "must be <, <= or =", sign)
             pair = element(sensorium, low), element(sensorium, high)
-            found.append(OrderRelation(pair[0], _SIGNS[sign], pair[1]))
+            found.append((pair[0], _SIGNS[sign], pair[1]))
     return found
 
 
