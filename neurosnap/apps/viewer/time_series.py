@@ -36,7 +36,6 @@ MOST_SENSORS = 500
 MOST_COLUMNS = 2000
 _RASTER_ROOM = 64 * 2**20
 """Bytes of values, at most: of a longer run only every so many ticks are kept."""
-_STARTS_WITH = 1024
 _KINDS: dict[Column, tuple[int, ...]] = {
     "on": (ON, ON_PREDICTED),
     "predicted": (OFF_PREDICTED, ON_PREDICTED),
@@ -54,8 +53,7 @@ class TimeSeries:
         self.births = Births(run_view.options.body)
         """The sensors that were grown."""
         self._first = run_view.first
-        self._filled = 0
-        self._values = np.full((len(COLUMNS), _STARTS_WITH), np.nan, np.float32)
+        self._values: list[NDArray[np.float32]] = []  # of the stretches read
 
     def read(
         self, ticks: Ticks | None, what: NDArray[np.uint8], first: int, last: int
@@ -68,7 +66,7 @@ class TimeSeries:
             first: The first of them.
             last: The last.
         """
-        if not self._filled:
+        if not self._values:
             self._first = first
         found = np.full((len(COLUMNS), last - first + 1), np.nan, np.float32)
         if ticks is not None:
@@ -78,13 +76,7 @@ class TimeSeries:
                 stated = [getattr(state, name) for name in STATED]
                 counted = self._counts(what[tick - first], tick)
                 found[:, tick - first] = [*stated, *counted]
-        needed = self._filled + found.shape[1]
-        if needed > self._values.shape[1]:
-            room = np.full((len(COLUMNS), 2 * needed), np.nan, np.float32)
-            room[:, : self._filled] = self._values[:, : self._filled]
-            self._values = room
-        self._values[:, self._filled : needed] = found
-        self._filled = needed  # last: a reader in between sees whole ticks
+        self._values.append(found)  # last: a reader in between sees whole ticks
 
     def curves(self, first: int, last: int, points: int) -> dict[Column, Points]:
         """Return all columns from one tick to another, thinned out.
@@ -97,8 +89,7 @@ class TimeSeries:
         first = max(first, self._first)
         last = min(last, self._run_view.last)
         curves = {}
-        for number, column in enumerate(COLUMNS):
-            row = self._values[number, : self._filled]
+        for row, column in zip(self._all(), COLUMNS, strict=True):
             values = row[first - self._first : max(0, last - self._first + 1)]
             places = thinned(values, points)
             known = [
@@ -110,9 +101,14 @@ class TimeSeries:
 
     def missing(self) -> list[int]:
         """Return the ticks of which no state was recorded, as far as it was read."""
-        gone = np.isnan(self._values[0, : self._filled])
+        gone = np.isnan(self._all()[0])
         found: list[int] = (np.flatnonzero(gone) + self._first).tolist()
         return found
+
+    def _all(self) -> NDArray[np.float32]:
+        """Return a row a column, as far as they have been read."""
+        none = np.zeros((len(COLUMNS), 0), np.float32)
+        return np.concatenate([none, *self._values], axis=1)
 
     def _counts(self, what: NDArray[np.uint8], tick: int) -> list[float]:
         """Return how many sensors are what, in the order of `COUNTED`."""
