@@ -277,12 +277,14 @@ def scan(path: Path) -> Layout:
         layout.sure = noted is not None and noted != 0 and noted == computed
         if not layout.sure:
             _prove(path, file, layout)
-            if noted and noted != computed and not _explained(layout):
+            end = layout.data_end or 0
+            explained = any(one.start < end for one in layout.damage)
+            if noted and noted != computed and not explained:
                 why = (
                     f"the data must have checksum {noted:#010x}, got {computed:#010x}:"
                     " all messages are whole, what is written of them may not be"
                 )
-                _add_damage(layout, Damage(0, layout.data_end or 0, why, "nothing"))
+                _add_damage(layout, Damage(0, end, why, "nothing"))
     return layout
 
 
@@ -342,9 +344,3 @@ def _cut_behind(file: BinaryIO, layout: Layout) -> None:
 
 def _add_damage(layout: Layout, damage: Damage) -> None:
     bisect.insort(layout.damage, damage, key=lambda one: one.start)
-
-
-def _explained(layout: Layout) -> bool:
-    """Tell whether some damage before the end of the data was found."""
-    end = layout.data_end or 0
-    return any(one.start < end for one in layout.damage)

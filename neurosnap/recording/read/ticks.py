@@ -26,8 +26,6 @@ class Tick(msgspec.Struct):
     sent: int = 0
     """When the observation was sent, nanoseconds since the epoch."""
     state: wire.State | None = None
-    settled: int = 0
-    """When the state was recorded, likewise."""
     decision: wire.Decision | None = None
 
     @property
@@ -64,7 +62,7 @@ def ticks(recording: Recording) -> Iterator[Tick]:
             case wire.Observation():
                 tick.observation, tick.sent = message, recorded.sent
             case wire.State():
-                tick.state, tick.settled = message, recorded.log_time
+                tick.state = message
             case wire.Decision():
                 tick.decision = message
         while under_way:

@@ -1,6 +1,6 @@
 """Lists the sensors that a run has grown, from its decisions and key-frames."""
 
-from collections.abc import Iterator
+from itertools import chain
 
 import msgspec
 
@@ -148,18 +148,14 @@ def births_of(recording: Recording) -> Births:
     """
     births = Births(recording.options.body)
     if births.body.room:
-        for message in _messages(recording):
+        closing = () if recording.closing is None else (recording.closing,)
+        several = (one.message for one in recording.messages(("decision", "keyframe")))
+        for message in chain(several, closing):
+            if not isinstance(message, wire.Decision | wire.KeyFrame):
+                continue
             try:
                 births.follow(message)
             except ValueError as error:
                 place = f"{recording.path}: key-frame of tick {message.tick}"
                 raise RecordingError(f"{place}: must hold an agent, {error}") from error
     return births
-
-
-def _messages(recording: Recording) -> Iterator[wire.Decision | wire.KeyFrame]:
-    for recorded in recording.messages(("decision", "keyframe")):
-        if isinstance(recorded.message, wire.Decision | wire.KeyFrame):
-            yield recorded.message
-    if recording.closing is not None:
-        yield recording.closing

@@ -45,7 +45,8 @@ class FsyncThread:
         self.check()
         if self._syncing is not None:
             return False
-        opened = [(file.duplicate(), file.path) for file in files]
+        # A writer's own may be closed meanwhile, and its number be another file's.
+        opened = [(os.dup(file.file.fileno()), file.path) for file in files]
         self._syncing = self._thread.submit(self._sync, opened)
         return True
 
@@ -67,7 +68,7 @@ class FsyncThread:
             for descriptor, _ in opened:
                 os.close(descriptor)
 
-    def save(self, file: Writer, then: Callable[[], None] = lambda: None) -> None:
+    def save(self, file: Writer, then: Callable[[], None]) -> None:
         """Let a file be saved; wait first until the one before is.
 
         Args:
@@ -77,8 +78,13 @@ class FsyncThread:
         Raises:
             RecordingError: As `wait`.
         """
+
+        def saved() -> None:
+            file.save()
+            then()
+
         self.wait()
-        self._under_way = self._thread.submit(_save, file, then)
+        self._under_way = self._thread.submit(saved)
 
     def check(self) -> bool:
         """Tell whether all is saved; raise what `wait` and `close` would, by now."""
@@ -112,8 +118,3 @@ class FsyncThread:
         self._thread.shutdown()
         self.wait()
         self._wait_for_sync()
-
-
-def _save(file: Writer, then: Callable[[], None]) -> None:
-    file.save()
-    then()

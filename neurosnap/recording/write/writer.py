@@ -353,13 +353,6 @@ class Writer:
         except OSError as error:
             raise self._failed(error) from error
 
-    def duplicate(self) -> int:
-        """Return a descriptor of the file for a thread to sync, and to close then.
-
-        The writer's own may be closed meanwhile, and its number be another file's.
-        """
-        return os.dup(self._stream.fileno())
-
     @property
     def harm(self) -> str:
         """What was done to the file by others, or by its disk; empty: nothing."""
