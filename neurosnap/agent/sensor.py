@@ -78,7 +78,8 @@ class Sensor:
         except Exception as error:
             rule = f"must not raise (it did: {error!r})"
             raise InvalidValueError(f"sensor {self.name}", rule, states) from error
-        if not _is_bit(answer):
+        is_number = isinstance(answer, int | np.integer | np.bool_)
+        if not is_number or answer not in (0, 1):
             rule = f"must answer with a bool, 0 or 1 (it did with {answer!r})"
             raise InvalidValueError(f"sensor {self.name}", rule, states)
         return bool(answer)
@@ -232,10 +233,3 @@ class _Changed:
 
     def __call__(self, before: object, after: object) -> object:
         return self.relation(self.of(after), self.of(before))
-
-
-def _is_bit(answer: object) -> bool:
-    """Return whether it is a bool, 0 or 1, in Python's or in numpy's types."""
-    if isinstance(answer, bool | np.bool_):
-        return True
-    return isinstance(answer, int | np.integer) and answer in (0, 1)

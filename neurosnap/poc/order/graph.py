@@ -96,10 +96,7 @@ class PocGraph:
             >>> PocGraph.from_implications(2, [(0, 2)]).edges.nonzero()
             (array([0, 3]), array([2, 1]))
         """
-        if isinstance(sensors, bool) or not isinstance(sensors, int | np.integer):
-            raise InvalidValueError("sensors", "must be a whole number", sensors)
-        if sensors < 0:
-            raise InvalidValueError("sensors", "must be 0 or more", sensors)
+        sensors = len(Sensorium.of(sensors))
         edges = np.zeros((2 * sensors, 2 * sensors), np.bool_)
         for pair in implications:
             try:
