@@ -67,7 +67,7 @@ class Discovery:
     Args:
         swarm: The id.
         hub: Where the hub listens.
-        stop: Ends the wait for the hub; then no swarm is seen. None if nothing does.
+        stop: Ends the wait for the hub; then no swarm is seen.
         patience: Seconds to go on trying until the hub answers.
     """
 
@@ -76,12 +76,12 @@ class Discovery:
         swarm: str,
         hub: HubAddress,
         *,
-        stop: asyncio.Event | None = None,
-        patience: float = 60.0,
+        stop: asyncio.Event,
+        patience: float,
     ) -> None:
         self._swarm = swarm
         self._hub = hub
-        self._stop = stop or asyncio.Event()
+        self._stop = stop
         self._patience = patience
         self._there: dict[str, FoundSwarm] = {}  # by name, in the order they came
         # The last that came, until it was returned.

@@ -344,9 +344,7 @@ def settle(i: int, joint: NDArray[np.uint32], clock: int, lag: Lag) -> None:
 
 
 @njit()
-def settle_all(
-    joints: NDArray[np.uint32], clock: int, lag: Lag, first: int = 0
-) -> None:
+def settle_all(joints: NDArray[np.uint32], clock: int, lag: Lag, first: int) -> None:
     """Bring the counts of all rows up to date, of which `first` is the first."""
     for i in range(first, end_of(first, joints.shape[0])):
         start = place_of(i, first)

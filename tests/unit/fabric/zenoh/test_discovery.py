@@ -26,7 +26,8 @@ def test_what_only_looks_like_an_incarnation_is_none(name: str) -> None:
 
 def looking() -> Discovery:
     """A lookout that is told what to see."""
-    return Discovery("demo", HubAddress("tcp/127.0.0.1:1"))
+    hub = HubAddress("tcp/127.0.0.1:1")
+    return Discovery("demo", hub, stop=asyncio.Event(), patience=60.0)
 
 
 async def test_the_last_that_came_is_returned_once() -> None:
