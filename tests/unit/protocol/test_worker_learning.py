@@ -94,11 +94,8 @@ def test_it_begins_with_the_bands_of_its_share_whatever_their_order() -> None:
         (wire.Learn(1, b"\0\0"), "learn: packed bits: must be 1 bytes long"),
         (learn(1, known=b"\0"), "must hold a reading that is known"),
         (learn(1, sources=(1,)), "must have as many sources as targets, got 1 and 0"),
-        (
-            learn(1, sources=(1,), targets=(12,)),
-            r"must be of two of 6 sensors, got \(1",
-        ),
-        (learn(1, sources=(1,), targets=(0,)), r"must be of two of 6 sensors, got \(1"),
+        (learn(1, sources=(1,), targets=(12,)), "must be of two of 6 sensors, got"),
+        (learn(1, sources=(1,), targets=(0,)), "must be of two of 6 sensors, got"),
     ],
 )
 def test_what_cannot_be_right_is_refused(message: wire.Learn, rule: str) -> None:

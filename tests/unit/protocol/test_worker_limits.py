@@ -17,84 +17,44 @@ from tests.support.worker_messages import (
     wired,
 )
 
+
+def changed(**fields: object) -> wire.PulseBatch:
+    return msgspec.structs.replace(batch((0, 6, 1, 1)), **fields)
+
+
 WRONG: list[tuple[wire.Message, str]] = [
     (wire.Pulse(1, 0, 6, 1, 0), "pulse: is not for a worker"),
     (wire.WorkerWiring(0, 2, 1), "workerwiring: must be for this worker, got 0"),
-    (
-        wire.WorkerWiring(ME, 4098, 0),
-        "workerwiring: epoch must be at most 4096 beyond 1, got 4098",
-    ),
-    (
-        wire.WorkerWiring(ME, 2, 1, packed(6)),
-        "workerwiring: add: must be eight bytes an edge, got 4",
-    ),
-    (
-        wire.WorkerWiring(ME, 2, 1, b"", packed(4, 6)),
-        "workerwiring: drop must lead from 6 to 11, got 4 to 4",
-    ),
-    (
-        wire.WorkerWiring(ME, 2, 1, packed(6, 18)),
-        "workerwiring: add must lead to 0 to 17, got 18 to 18",
-    ),
-    (
-        wire.WorkerWiring(ME, 2, 1, packed(6, -1)),
-        "workerwiring: add must lead to 0 to 17, got -1 to -1",
-    ),
-    (
-        wire.WorkerWiring(ME, 2, 1, packed(6, 8, 6, 8)),
-        "workerwiring: add must be ascending, got a step that is not",
-    ),
-    (
-        wire.WaveStart(2, 0, "signal", 0, 1, (6,), cell=3),
-        "wavestart: must be for all, got one for cell 3",
-    ),
+    (wire.WorkerWiring(ME, 4098, 0), "workerwiring: epoch must be at most 4096 bey"),
+    (wire.WorkerWiring(ME, 2, 1, packed(6)), "workerwiring: add: must be eight byt"),
+    (wire.WorkerWiring(ME, 2, 1, b"", packed(4, 6)), "workerwiring: drop must lead f"),
+    (wire.WorkerWiring(ME, 2, 1, packed(6, 18)), "workerwiring: add must lead to 0 to"),
+    (wire.WorkerWiring(ME, 2, 1, packed(6, -1)), "workerwiring: add must lead to 0"),
+    (wire.WorkerWiring(ME, 2, 1, packed(6, 8, 6, 8)), "workerwiring: add must be asc"),
+    (wire.WaveStart(2, 0, "signal", 0, 1, (6,), cell=3), "wavestart: must be for all"),
     (start(2, 6, credit=DEEPEST + 1), "wavestart: must have credit up to"),
     (
         start(2, 6, below=3),
         "wavestart: must settle only what is before wave 2, got all",
     ),
     (start(10_000, 6), "wavestart: wave must be at most 4096 beyond 1, got 10000"),
-    (
-        state_wave(2, 50, credit=4),
-        "wavestart: tick must be at most 8 ticks after 1, got 50",
-    ),
+    (state_wave(2, 50, credit=4), "wavestart: tick must be at most 8 ticks after 1"),
     (observation(50), "observation: tick must be at most 8 ticks after 1, got 50"),
     (wire.Observation(2, b"\0"), "observation: must hold 2 bytes, got 1"),
-    (
-        wire.Observation(2, b"\1\0", known=b"\2\0"),
-        "observation: must be 0 where it is not known, got sensor 0 on",
-    ),
-    (
-        msgspec.structs.replace(batch((0, 6, 1, 1)), to=2),
-        "pulsebatch: must be for this worker, got 2",
-    ),
+    (wire.Observation(2, b"\1\0", known=b"\2\0"), "observation: must be 0 where it"),
+    (changed(to=2), "pulsebatch: must be for this worker, got 2"),
     (batch((6, 6, 1, 1), worker=1), "pulsebatch: must be another worker's, got 1"),
     (batch((0, 6, 1, 1), worker=3), "pulsebatch: must be another worker's, got 3"),
     (batch((12, 6, 1, 1)), "pulsebatch: sources must be 0 to 5, got 12 to 12"),
-    (
-        batch((0, 6, 1, 1), (0, 12, 1, 1)),
-        "pulsebatch: targets must be 6 to 11, got 6 to 12",
-    ),
+    (batch((0, 6, 1, 1), (0, 12, 1, 1)), "pulsebatch: targets must be 6 to 11, got"),
     (batch((0, 6, 0, 1)), "pulsebatch: hops must be 1 to"),
     (batch((0, 6, DEEPEST + 1, 1)), "pulsebatch: hops must be 1 to"),
     (batch((0, 6, 1, -1)), "pulsebatch: credit must be 0 to"),
     (batch((0, 6, 1, DEEPEST + 1)), "pulsebatch: credit must be 0 to"),
-    (
-        batch((0, 6, 1, 1), wave=10_000),
-        "pulsebatch: wave must be at most 4096 beyond 1",
-    ),
-    (
-        msgspec.structs.replace(batch((0, 6, 1, 1)), hops=packed(1, 1)),
-        "pulsebatch: must be whole pulses, got [1, 2]",
-    ),
-    (
-        wire.PulseBatch(1, 0, ME, 0, b"", b"", b"", b""),
-        "pulsebatch: must be whole pulses, got [0]",
-    ),
-    (
-        msgspec.structs.replace(batch((0, 6, 1, 1)), hops=b"\1"),
-        "pulsebatch: hops: must be four bytes a number, got 1",
-    ),
+    (batch((0, 6, 1, 1), wave=10_000), "pulsebatch: wave must be at most 4096 beyond"),
+    (changed(hops=packed(1, 1)), "pulsebatch: must be whole pulses, got [1, 2]"),
+    (wire.PulseBatch(1, 0, ME, 0, b"", b"", b"", b""), "pulsebatch: must be whole pul"),
+    (changed(hops=b"\1"), "pulsebatch: hops: must be four bytes a number, got 1"),
 ]
 
 
