@@ -50,10 +50,7 @@ def test_a_starter_is_found_by_its_name() -> None:
     [
         (Placement(place="elsewhere"), r"^kind: must be 'worker', got 'process'"),
         (Placement(place="moon"), r"^place: must be one of here, elsewhere, gone, got"),
-        (
-            Placement(address="HOST:1"),
-            r"^address: must come with the name of a starter",
-        ),
+        (Placement(address="HOST:1"), "^address: must come with the name of a starter"),
     ],
 )
 def test_what_cannot_be_placed_is_refused(placement: Placement, rule: str) -> None:

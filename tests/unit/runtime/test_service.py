@@ -114,6 +114,7 @@ def said(sequence: int, message: wire.Message) -> wire.Delivery:
 
 FAULT = wire.Fault("coordinator", "ValueError: no")
 LEAVE = wire.Leave("coordinator")
+VANISHED = "its coordinator vanished without a word"
 
 
 @pytest.mark.parametrize(
@@ -123,12 +124,9 @@ LEAVE = wire.Leave("coordinator")
         ([said(7, FAULT), said(8, LEAVE)], "ValueError: no"),
         ([said(5, FAULT), said(8, LEAVE)], ""),  # a message that it dropped
         ([said(7, wire.Fault("cell/0", "no")), said(8, LEAVE)], ""),
-        ([said(7, FAULT)], "its coordinator vanished without a word"),
-        ([said(8, wire.Leave("cell/0"))], "its coordinator vanished without a word"),
-        (
-            [wire.Delivery("leave", 0, 0, b"{")],
-            "its coordinator vanished without a word",
-        ),
+        ([said(7, FAULT)], VANISHED),
+        ([said(8, wire.Leave("cell/0"))], VANISHED),
+        ([wire.Delivery("leave", 0, 0, b"{")], VANISHED),
     ],
 )
 async def test_the_last_words_tell_how_a_run_ended(

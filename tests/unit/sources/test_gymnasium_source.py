@@ -45,6 +45,7 @@ def test_a_world_is_a_function_of_name_seed_and_actions(name: str) -> None:
 
 
 ANY = "source: must be a registered environment id or a CSV file"
+NO_IMPORT = "source: must be an environment that can be imported"
 NO_MODULE = "source: must have a module before its colon"
 
 
@@ -64,8 +65,7 @@ NO_MODULE = "source: must have a module before its colon"
         (
             "nowhere_at_all:Path-v0",
             0,
-            "source: must be an environment that can be imported"
-            " (No module named 'nowhere_at_all')",
+            f"{NO_IMPORT} (No module named 'nowhere_at_all')",
         ),
     ],
 )

@@ -326,12 +326,18 @@ def test_time_is_a_sensor_like_any_other_when_it_is_not_first(tmp_path: Path) ->
     assert source.sensors == ("door", "time")
 
 
+NUMBER = f'{RULE} (or learn with --when "b > NUMBER")'
+NO_UTF8 = "{}: must be UTF-8 text, got b'"
+BLANK = "must not be blank before the end of the file, got ''"
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "{}: must have a header of sensor names, got 'no text'"),
-        ("\n\n", "{}: must have a header of sensor names, got 'no text'"),
-        ("\ufeff", "{}: must have a header of sensor names, got 'no text'"),
+        *(
+            (text, "{}: must have a header of sensor names, got 'no text'")
+            for text in ("", "\n\n", "\ufeff")
+        ),
         ("a,b\n", "{}: must hold readings, got 'none'"),
         ("a,b\n,\n", "{}: must hold readings, got 'none that is known'"),
         ("time\n1\n", "{}:1: must be a header of sensor names, got ['time']"),
@@ -339,41 +345,20 @@ def test_time_is_a_sensor_like_any_other_when_it_is_not_first(tmp_path: Path) ->
         ("a,,b\n0,1,1\n", "{}:1: sensor name: must not be empty, got ''"),
         ("a,b,a\n0,1,1\n", "{}:1: names: must be unique, got 'a'"),
         ("a,b*\n0,1\n", "{}:1: sensor name: must not end with *, got 'b*'"),
-        (
-            "a,b\n0,1\n0,2\n",
-            f"{{}}:3: b: {RULE} (or learn with --when \"b > NUMBER\"), got '2'",
-        ),
-        (
-            "a,b\n0,1.5\n",
-            f"{{}}:2: b: {RULE} (or learn with --when \"b > NUMBER\"), got '1.5'",
-        ),
+        ("a,b\n0,1\n0,2\n", f"{{}}:3: b: {NUMBER}, got '2'"),
+        ("a,b\n0,1.5\n", f"{{}}:2: b: {NUMBER}, got '1.5'"),
         ("a,b\n0,１\n", f"{{}}:2: b: {RULE}, got '１'"),
         ("time,a,b\n0,1,x\n", f"{{}}:2: b: {RULE}, got 'x'"),
         ("a,b\n0;1\n", "{}:2: must have 2 cells, as many as the header, got 1"),
         ("a,b\n0,1\n0\n", "{}:3: must have 2 cells, as many as the header, got 1"),
         ("a,b\n0,1,\n", "{}:2: must have 2 cells, as many as the header, got 3"),
-        (
-            "a,b\n" + 898 * "0,1\n" + "0,7\n1,1\n",
-            f"{{}}:900: b: {RULE} (or learn with --when \"b > NUMBER\"), got '7'",
-        ),
-        (
-            "a,b\n0,1\n\n\n0,1\n",
-            "{}:3: must not be blank before the end of the file, got ''",
-        ),
-        (
-            "\na,b\n0,1\n",
-            "{}:1: must not be blank before the end of the file, got ''",
-        ),
-        (
-            'a,b\n0,1\n0,"1\n',
-            "{}:3: must be CSV, got 'unexpected end of data'",
-        ),
-        ("Tür,b\n0,1\n".encode("latin-1"), "{}: must be UTF-8 text, got b'"),
-        (README.encode("utf-16"), "{}: must be UTF-8 text, got b'"),
-        (
-            README.encode() + 999 * b"1,1\n" + b"\xff,1\n",
-            "{}: must be UTF-8 text, got b'",
-        ),
+        ("a,b\n" + 898 * "0,1\n" + "0,7\n1,1\n", f"{{}}:900: b: {NUMBER}, got '7'"),
+        ("a,b\n0,1\n\n\n0,1\n", f"{{}}:3: {BLANK}"),
+        ("\na,b\n0,1\n", f"{{}}:1: {BLANK}"),
+        ('a,b\n0,1\n0,"1\n', "{}:3: must be CSV, got 'unexpected end of data'"),
+        ("Tür,b\n0,1\n".encode("latin-1"), NO_UTF8),
+        (README.encode("utf-16"), NO_UTF8),
+        (README.encode() + 999 * b"1,1\n" + b"\xff,1\n", NO_UTF8),
     ],
 )
 def test_a_bad_file_is_refused_with_row_and_column(

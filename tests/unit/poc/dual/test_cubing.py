@@ -98,11 +98,7 @@ def test_convex_sets_are_values() -> None:
     ("u", "message"),
     [
         ([0], "u: must be complete, with one literal of every sensor, got"),
-        (
-            [0, 3],
-            "u: must be coherent, without a literal below another's complement, got "
-            "'a and b*, although a <= b'",
-        ),
+        ([0, 3], "u: must be coherent, without a literal below another's complement"),
         ([0, 4], "u: must be a literal, a whole number in [0, 4), got 4"),
         (np.ones(3, bool), "u: must be (4,), got (3,)"),
     ],

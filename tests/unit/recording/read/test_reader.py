@@ -185,7 +185,7 @@ def read_all(log: Path) -> None:
         ),
         (
             {"profile": "ros2", "schema": None},
-            r"profile: must be 'neurosnap', got 'ros2'$",
+            "profile: must be 'neurosnap', got 'ros2",
         ),
         ({"schema": None}, r"metadata: must hold neurosnap.run, got"),
         *(
