@@ -1,5 +1,6 @@
 """One cell, message by message."""
 
+from collections import defaultdict
 from fractions import Fraction
 
 import pytest
@@ -291,41 +292,20 @@ def test_what_it_sends_for_what_it_receives(name: str) -> None:
         assert "; ".join(map(shown, said)) == expected, batch
 
 
-@given(
-    st.lists(
-        st.builds(
-            wire.Pulse,
-            st.integers(1, 4),
-            st.integers(0, 9),
-            st.integers(0, 9),
-            st.integers(1, 9),
-            st.integers(0, 9),
-            st.integers(0, 4),
-        )
-        | st.builds(
-            wire.WaveStart,
-            st.integers(1, 4),
-            st.integers(0, 3),
-            st.sampled_from(["state", "signal"]),
-            st.integers(0, 5),
-            st.integers(1, 4),
-            st.lists(st.integers(0, 9)).map(tuple),
-            st.just(0),
-            st.integers(0, 4),
-            st.sampled_from([-1, 1]),
-        )
-        | st.builds(wire.Observation, st.integers(1, 12), st.binary(max_size=2))
-        | st.builds(
-            wire.Wiring,
-            st.integers(0, 2),
-            st.integers(1, 5),
-            st.integers(0, 4),
-            st.lists(st.integers(0, 9)).map(tuple),
-            st.lists(st.integers(0, 9)).map(tuple),
-        ),
-        max_size=30,
+few, some, any_number = st.integers(0, 4), st.integers(1, 4), st.integers(0, 9)
+literals, to = st.lists(any_number).map(tuple), st.sampled_from([-1, 1])
+kinds = st.sampled_from(["state", "signal"])
+messages = (
+    st.builds(wire.Pulse, some, any_number, any_number, some, any_number, few)
+    | st.builds(
+        *(wire.WaveStart, some, few, kinds, few, some, literals, st.just(0), few, to)
     )
+    | st.builds(wire.Observation, st.integers(1, 12), st.binary(max_size=2))
+    | st.builds(wire.Wiring, st.integers(0, 2), some, few, literals, literals)
 )
+
+
+@given(st.lists(messages, max_size=30))
 @example(
     [
         wire.WaveStart(2, 0, "state", 2, 3),
@@ -336,34 +316,30 @@ def test_what_it_sends_for_what_it_receives(name: str) -> None:
 def test_no_message_is_an_exception_and_no_credit_is_made(
     messages: list[wire.Message],
 ) -> None:
-    cell = Cell(1)
-    came: dict[int, Fraction] = {}
-    went: dict[int, Fraction] = {}
-    starts: dict[int, wire.WaveStart] = {}
-    ways = set()
+    cell, starts, ways = Cell(1), set[int](), set[tuple[int, int, int]]()
+    came, went = (
+        defaultdict[int, Fraction](Fraction),
+        defaultdict[int, Fraction](Fraction),
+    )
     for message in messages:
         if isinstance(message, wire.Pulse):
             way = (message.wave, message.source, message.target)
             if way not in ways:
                 ways.add(way)
-                came[message.wave] = came.get(message.wave, Fraction(0)) + share(
-                    message.credit
-                )
+                came[message.wave] += share(message.credit)
         elif (
             isinstance(message, wire.WaveStart)
             and message.wave not in starts
             and message.settled_below <= message.wave  # else it is refused
         ):
-            starts[message.wave] = message
-            came[message.wave] = came.get(message.wave, Fraction(0)) + 2 * share(
-                message.credit
-            )
+            starts.add(message.wave)
+            came[message.wave] += 2 * share(message.credit)
         for sent in cell.receive([message]):
             match sent:
                 case wire.Pulse(wave=wave, credit=credit):
-                    went[wave] = went.get(wave, Fraction(0)) + share(credit)
+                    went[wave] += share(credit)
                 case wire.CellReport(wave=wave, credit=back):
-                    went[wave] = went.get(wave, Fraction(0)) + sum(map(share, back))
+                    went[wave] += sum(map(share, back))
                 case _:
                     pass
     assert all(went[wave] <= came[wave] for wave in went)

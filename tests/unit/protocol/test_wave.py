@@ -54,13 +54,6 @@ def test_every_seed_gets_the_same_share_of_one(seeds: int, credit: int) -> None:
     assert wave.missing == Fraction(seeds, 2**credit) <= 1
 
 
-def test_its_start_says_what_it_repeats_and_can_be_for_one_cell() -> None:
-    wave = Wave(7, 3, "signal", 2, (4, 9), repeats=6)
-    assert wave.start(7, 7) == wire.WaveStart(7, 3, "signal", 1, 7, (4, 9), 6, 7)
-    start = wave.start(5, 6, cell=2)
-    assert start == wire.WaveStart(7, 3, "signal", 1, 5, (4, 9), 6, 6, cell=2)
-
-
 def spread(seeds: int, chance: random.Random, most: int) -> list[wire.CellReport]:
     """Return the reports of a made-up wave: shares split until all are given back."""
     start = max(seeds - 1, 0).bit_length()

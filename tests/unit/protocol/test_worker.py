@@ -137,20 +137,6 @@ def shown(message: wire.Message) -> str:
     return f"{message.wave}.{message.part} by {message.epoch}:{fired}"
 
 
-def test_batches_to_a_worker_are_numbered_by_wave() -> None:
-    worker = wired((6, 0), (8, 0), (10, 12))
-    messages: list[wire.Message] = []
-    for some in ([start(1, 6)], [batch((0, 8, 1, 1)), batch((0, 10, 1, 1), part=1)]):
-        messages += worker.receive(some)
-    messages += worker.receive([start(2, 6)])
-    numbered = [
-        (m.wave, m.to, m.part) for m in messages if isinstance(m, wire.PulseBatch)
-    ]
-    assert numbered == [(1, 0, 0), (1, 0, 1), (1, 2, 0), (2, 0, 0)]
-    reports = [(m.wave, m.part) for m in messages if isinstance(m, wire.WorkerReport)]
-    assert reports == [(1, 0), (1, 1), (2, 0)]
-
-
 def test_a_chain_of_thousands_splits_its_credit_to_the_end() -> None:
     length = 5000
     worker = Worker(0, shares(length, 1))
