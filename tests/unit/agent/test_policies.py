@@ -55,6 +55,13 @@ def test_each_is_had_by_its_name_and_acts_at_random_as_often_as_it_is_told(
         ("planner", BODY, {}, "target: must name a sensation to achieve, got"),
         ("planer", BODY, {}, "kind: must be walker, excited or planner (did you mean"),
         *(
+            ("planner", body, {"target": ["a"]}, "agent: must have actions that are s")
+            for body in (
+                Body(own=("a",), senses_actions=True),
+                Body(own=("a",), actions=("go",), context=((0, 0),)),
+            )
+        ),
+        *(
             (kind, BODY, {"explore": "planned", **target_of(kind)}, rule)
             for kind in KINDS
             for rule in ["explore: must go with a planner that imagines "]

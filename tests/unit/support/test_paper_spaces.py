@@ -48,23 +48,3 @@ def test_contexts_add_a_flap_each() -> None:
     """[GK] fig:interval with motion, slight expansion, and the full one; L = 5."""
     assert Cubing(path_with_two_contexts().poc).face_vector() == (28, 44, 17)
     assert Cubing(path_with_all_contexts().poc).face_vector() == (42, 66, 25)
-
-
-def test_contexts_predict_where_an_action_leads() -> None:
-    """[GK] consequences of an action: what an action guarantees is the closure."""
-    poc = path_with_all_contexts().poc
-    for place in range(6):
-        for action, step in (("fwd", 1), ("back", -1)):
-            held = [f"a{k}{'*' * (place >= k)}" for k in range(1, 6)]
-            names = [f"({action}∧{literal})" for literal in held]
-            known = [n for n in names if n in poc.sensorium.names]
-            sure = poc.graph.up([poc.element(n) for n in [action, *known]])
-            goal = min(max(place + step, 0), 5)
-            said = {f"a{k}{'*' * (goal >= k)}" for k in range(1, 6)}
-            guaranteed = {poc.name(a) for a in sure.nonzero()[0].tolist()}
-            positions = {
-                n for n in guaranteed if n.strip("*") in poc.sensorium.names[:5]
-            }
-            assert positions <= said
-            step_seen = f"a{goal}*" if step > 0 else f"a{goal + 1}"
-            assert step_seen in positions

@@ -8,9 +8,7 @@ from importlib import metadata
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from neurosnap.apps.cli import app
 from neurosnap.system import distribution
 
 ROOT = Path(__file__).parents[3]
@@ -75,12 +73,6 @@ def test_a_bare_copy_of_the_sources_has_a_version(
     assert distribution.version.__wrapped__() == "0+unknown"
 
 
-def test_the_version_is_printed() -> None:
-    done = CliRunner().invoke(app, ["--version"])
-    assert done.exit_code == 0
-    assert done.output == f"neurosnap {distribution.version()}\n"
-
-
 def test_no_text_tells_to_install_the_namesake() -> None:
     texts = [*ROOT.glob("*.md"), *(ROOT / "examples").iterdir(), *PACKAGE.rglob("*.py")]
     # The extras of another project, or that project itself.
@@ -91,9 +83,3 @@ def test_no_text_tells_to_install_the_namesake() -> None:
         path.name: wrong.findall(path.read_text()) for path in texts if path.is_file()
     }
     assert {name: each for name, each in found.items() if each} == {}
-
-
-def test_a_missing_package_is_named_with_the_command_that_brings_it() -> None:
-    assert distribution.must_have("uvicorn", "view") == (
-        "must have uvicorn installed (run `pip install 'neurosnap-uma[view]'`)"
-    )

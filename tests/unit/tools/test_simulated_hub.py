@@ -2,7 +2,6 @@
 
 import asyncio
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -83,39 +82,20 @@ def test_what_is_under_way_to_whoever_leaves_is_for_nobody_of_its_name() -> None
     assert stays == [("sender", 0), ("sender", 1)]
 
 
-def test_an_answer_that_never_ends_is_noticed() -> None:
-    hub = MemoryHub()
-    end = hub.fabric("echo")
-    end.listen(("leave/**",), lambda _: end.publish(wire.Leave("echo")))
-    end.publish(wire.Leave("echo"))
-    with pytest.raises(
-        RuntimeError, match=r"^hub: must fall silent within 50 deliveries$"
-    ):
-        run_out(hub, 50)
-
-
 # Faults -------------------------------------------------------------------------------
 
 
-def test_a_duplicate_comes_later_and_nothing_is_missing() -> None:
-    hub = SimulatedHub(5, Faults(duplicate=0.3))
-    log = listener(hub)
-    chatter(hub, senders=2, each=200)
-    run_out(hub)
-    assert len(log) > 450
-    for who in ("s0", "s1"):
-        firsts = list(dict.fromkeys(numbers(log, who)))
-        assert firsts == list(range(200))
-
-
-def test_what_is_dropped_leaves_a_gap_in_the_numbers() -> None:
-    hub = SimulatedHub(5, Faults(drop=0.3))
-    log = listener(hub)
-    chatter(hub, senders=1, each=300)
-    run_out(hub)
-    heard = numbers(log, "s0")
-    assert 150 < len(heard) < 270
-    assert heard == sorted(set(heard))
+def test_a_duplicate_comes_later_and_what_is_dropped_leaves_a_gap() -> None:
+    twice, lossy = Faults(duplicate=0.3), Faults(drop=0.3)
+    for faults, least, most in ((twice, 340, 440), (lossy, 150, 270)):
+        hub = SimulatedHub(5, faults)
+        log = listener(hub)
+        chatter(hub, senders=1, each=300)
+        run_out(hub)
+        heard = numbers(log, "s0")
+        assert least < len(heard) < most
+        firsts = list(dict.fromkeys(heard))
+        assert firsts == (sorted({*heard}) if faults is lossy else [*range(300)])
 
 
 def test_a_cut_link_loses_what_was_under_way_and_what_comes() -> None:

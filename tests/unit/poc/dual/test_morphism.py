@@ -103,11 +103,3 @@ def test_splitting_puts_actions_and_observations_side_by_side() -> None:
     assert Cubing(poc).count() == 5
     with pytest.raises(UnknownSensorError):
         splitting(poc, ["stop"])
-
-
-def test_a_morphism_shows_what_it_does() -> None:
-    f = PocMorphism.named(PocSet.parse("a"), PocSet.parse("a, b"))
-    assert repr(f) == "PocMorphism('a' → 'a, b', a ↦ a)"
-    assert f != PocMorphism(PocSet.parse("a"), PocSet.parse("a, b"), ["b"])
-    assert f != "f"
-    assert hash(f) == hash(PocMorphism.named(f.source, f.target))
