@@ -8,6 +8,7 @@ from typing import TypeAlias
 import msgspec
 
 from neurosnap import wire
+from neurosnap.recording.format.records import Chunk
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
@@ -68,6 +69,21 @@ def flipped(data: bytes, bit: int = 0) -> bytes:
     changed = bytearray(data)
     changed[bit // 8] ^= 1 << bit % 8
     return bytes(changed)
+
+
+def spoil(log: Path, tick: int, *, cut: bool = False) -> Chunk:
+    """Damage the chunk in which a tick was observed, and perhaps the end; return it."""
+    (file,) = Recording.open_file(log).files
+    found = next(
+        chunk
+        for chunk in file.layout.chunks
+        for one in file.chunk(chunk).all("observation", wire.Observation)
+        if one.tick == tick
+    )
+    data = bytearray(log.read_bytes())
+    data[found.offset + found.packed // 2] ^= 1
+    log.write_bytes(data[: -200 if cut else None])
+    return found
 
 
 def changing(

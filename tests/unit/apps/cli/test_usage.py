@@ -31,19 +31,14 @@ ROWS = {
     # Options of a run.
     f"{FILE} --speed 3": "No such option",
     f"{FILE} --threshold 0.7": f"{SHARE}, got 0.7",
-    f"{FILE} --snapshot discounted --threshold auto": (
-        "threshold: must be a number for a discounted snapshot, got 'auto'"
-    ),
-    f"{FILE} --ticks -5": "got -5",
+    f"{FILE} --snapshot discounted --threshold auto": "threshold: must be a number for",
     f"{FILE} --ticks 1{30 * '0'}": "ticks: must be a whole number in [1, 2147483647], got 1000",
     f"run {WORLD} --set places=1000000": "12 bytes for every pair are 12,000.0 GB",
     f"{FILE} --ticks many": "Invalid value for '--ticks'",
     f"{FILE} --set places=4": "arguments: must not be given for a file",
     "run readings.csv --cells threads": "'threads' is not one of 'auto'",
     f"{SPLIT}=63KiB": "must be 0, or at least 65536 bytes, got 64512",
-    f"{PATH} --set recording.split=64KiB --set recording.keep=2": (
-        "keep: must go with a source that"
-    ),
+    f"{PATH} --set recording.split=64KiB --set recording.keep=2": "keep: must go with",
     f"{UNRECORDED} --out x.mcap": f"out: {NO_RECORDING}",
     f"{UNRECORDED} --set recording.split=1MiB": f"recording.split: {NO_RECORDING}",
     f"{PATH} --set recording.frames=1": (f"the render mode rgb_array, got '{WORLD}'"),
@@ -54,42 +49,23 @@ ROWS = {
     f"{FILE} --out ''": "out: must be text, and not empty, got ''",
     # Agents, and workers.
     f"{FILE} --agent planner --target a": "agent: must have actions that are sensors",
-    f"{PATH} --agent planner --target below_1,below_1*": (
-        "target: must not hold a literal and its complement, got 'below_1'"
-    ),
-    f"{PATH} --set snapshot.learning=spread": (
-        "learning: must go with cells in workers (worker), got 'spread with inline'"
-    ),
-    f"{GROWS} --cells worker --set snapshot.learning=spread": (
-        "learning: must be coordinator where sensors grow, got 'spread'"
-    ),
+    f"{PATH} --set snapshot.learning=spread": "learning: must go with cells in workers",
+    f"{GROWS} --cells worker --set snapshot.learning=spread": "learning: must be coord",
     # A swarm on a network, and its parts as services.
     f"run {WORLD} --listen tcp/0.0.0.0:7447": "listen: must be tcp/ on loopback",
     f"run {WORLD} --listen tls/127.0.0.1:7447": "listen: must come with keys (--tls)",
-    f"run {WORLD} --listen tls/127.0.0.1:7447 --tls none": (
-        "none/ca.pem: must be a file that can be read"
-    ),
-    f"run {WORLD} --tls keys": "tls: must come with an endpoint to listen on",
     f"run {WORLD} --connect tcp/192.0.2.1:7447": "connect: must be tcp/ on loopback",
-    f"run {WORLD} --connect {NEAR} --listen {NEAR}": (
-        "connect: must not come with an endpoint to listen on"
-    ),
     f"run {WORLD} --swarm a/b": "swarm: must be letters and digits, got 'a/b'",
     f"run {WORLD} --elsewhere 1": "elsewhere: must come with --swarm ID",
     f"{SHARED} 9": "elsewhere: must be cells of the swarm, 0 to 5, got '9'",
-    f"{SHARED} x": (
-        "elsewhere: must be like 0-499 or 3,7,9-12, of at most six digits, got 'x'"
-    ),
+    f"{SHARED} x": "elsewhere: must be like 0-499 or 3,7,9-12, of at most six digits",
     f"serve cells a/b 0 --connect {NEAR}": "swarm: must be letters and digits",
     f"serve cells a --connect {NEAR}": "Missing argument 'RANGES'",
     f"serve cells a 3,3 --connect {NEAR}": "cells: must name each once, got '3,3'",
     f"serve recorder a --out none/x --connect {NEAR}": "out: must be in a folder that",
-    f"serve coordinator {WORLD} --swarm '' --connect {NEAR}": (
-        "swarm: must be letters and digits"
-    ),
+    f"serve coordinator {WORLD} --swarm '' --connect {NEAR}": "swarm: must be letters",
     # Depth.
     "depth --heights 1,two": "heights: must be whole numbers, got '1,two'",
-    "depth --heights ''": "heights: must be whole numbers, got ''",
     "depth --heights 4 --sensors x": "sensors: must be whole numbers",
     "depth --wiring wired": "'wired' is not one of 'hasse'",
     # Data, and recordings.
@@ -103,7 +79,6 @@ ROWS = {
     "learn log.mcap --time then": "must not go with a recording",
     "learn log.mcap -o log.html --at 3 --threshold sure --format png": "'png' is not",
     "learn log.mcap --at 31": "tick: must be in [0, 30], got 31",
-    "learn log.mcap --at -1": "tick: must be in [0, 30], got -1",
     "health readings.csv": "data: must say when each reading was",
     "health readings.csv --alarms often": "alarms: must be a number a hour, day, week",
     "export log.mcap -o a.xls": "out: must end with one of .csv, ",

@@ -28,6 +28,7 @@ from tests.support.inline_runs import (
 from tests.support.lamp import BIRTH, GROWN, lamp_options
 from tests.support.recorded_messages import of_type
 from tests.support.recorded_runs import recorded as run_recorded
+from tests.support.recorded_runs import without_states
 from tests.support.scripted_sources import Scripted
 
 TICKS = 40
@@ -137,14 +138,7 @@ def test_what_is_grown_has_a_column_by_its_formula(tmp_path: Path) -> None:
 
 
 def test_what_a_recording_lacks_is_told(log: Path, tmp_path: Path) -> None:
-    old = Recording.open(log)
-    with Writer(tmp_path / "log.mcap") as writer:
-        writer.start(old.metadata)
-        for each in old.messages():
-            message = each.message
-            if not (isinstance(message, wire.State) and message.tick in (5, 8)):
-                writer.add(each.delivery, each.log_time, message)
-        writer.finish({}, {})
+    without_states(log, tmp_path / "log.mcap", (5, 8))
     done = exported(tmp_path / "log.mcap", tmp_path / "out.csv")
     assert (done.ticks, done.incomplete, done.whole) == (TICKS, 2, False)
     lacking = [row for row in table(tmp_path / "out.csv") if not row["state"]]

@@ -28,6 +28,7 @@ from tests.support.recorded_runs import (
     recorded,
     told,
 )
+from tests.support.rewritten_recordings import spoil
 from tests.support.run_options import options_for
 
 pytestmark = pytest.mark.slow
@@ -213,11 +214,12 @@ def test_behind_a_damaged_chunk_a_key_frame_helps(
     path_log: Path, tmp_path: Path
 ) -> None:
     derived = told(path_log)
-    small = in_chunks(path_log, tmp_path / "small.mcap", 2000)
-    hurt, lacking = damage(small)
+    small = in_chunks(path_log, tmp_path / "small.mcap", 4000)
+    hurt = spoil(small, 17)  # between two key-frames
+    lacking = {*derived} - {one.tick for one in of_type(small, wire.Observation)}
     run_view = RunView(small)
     frames = {frame.tick: frame for frame in run_view.frames(1, TICKS)}
-    assert f"chunk {hurt}" in (run_view.cut(live=False) or "")
+    assert f"chunk {hurt.number}" in (run_view.cut(live=False) or "")
     assert 0 < len(frames) < TICKS
     assert all(frame.state == derived[tick].state for tick, frame in frames.items())
     for tick in range(1, TICKS + 1):
@@ -229,29 +231,6 @@ def test_behind_a_damaged_chunk_a_key_frame_helps(
                 run_view.graph(tick)
         if tick in frames:
             assert bool(frames[tick].graph) == lacking.isdisjoint(since)
-
-
-def damage(log: Path) -> tuple[int, set[int]]:
-    """Change a byte of a chunk that has an observation, a state and no key-frame.
-
-    Return its number, and the ticks whose observations it had.
-    """
-    recording = Recording.open(log)
-    channels = {topic: 1 + k for k, topic in enumerate(wire.TOPICS)}
-    hurt = next(
-        chunk
-        for chunk in recording.files[0].layout.chunks[
-            len(recording.files[0].layout.chunks) // 3 :
-        ]
-        if {channels["observation"], channels["state"]} <= chunk.counts.keys()
-        and channels["keyframe"] not in chunk.counts
-    )
-    had = recording.files[0].chunk(hurt).all("observation", wire.Observation)
-    ticks = {seen.tick for seen in had}
-    data = bytearray(log.read_bytes())
-    data[hurt.offset + hurt.packed // 2] ^= 255
-    log.write_bytes(data)
-    return hurt.number, ticks
 
 
 def test_a_growing_recording_is_followed(small: bytes, tmp_path: Path) -> None:

@@ -22,7 +22,8 @@ from neurosnap.recording.write.copying import salvage
 from neurosnap.recording.write.rotation import Split, SplitWriter
 from tests.support.inline_runs import recorded_run
 from tests.support.recorded_runs import csv_run, in_chunks, path_run, recorded
-from tests.support.rewritten_recordings import changing, overtaken, write_again
+from tests.support.rewritten_recordings import changing, overtaken, spoil, write_again
+from tests.support.split_runs import SplitRun
 
 EVERY = 7  # ticks from key-frame to key-frame
 TICKS = 40
@@ -40,26 +41,6 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def log(whole: Path, tmp_path: Path) -> Path:
     return Path(shutil.copy(whole, tmp_path / "run.mcap"))
-
-
-def flip(log: Path, chunk: Chunk, *, end: int | None = None) -> None:
-    """Change a byte of a chunk, and leave out what is behind `end`."""
-    data = bytearray(log.read_bytes())
-    data[chunk.offset + chunk.packed // 2] ^= 1
-    log.write_bytes(data[:end])
-
-
-def spoil(log: Path, tick: int, *, cut: bool = False) -> Chunk:
-    """Damage the chunk in which a tick was observed, and perhaps the end; return it."""
-    recording = Recording.open(log)
-    found = next(
-        chunk
-        for chunk in recording.files[0].layout.chunks
-        for one in recording.files[0].chunk(chunk).all("observation", wire.Observation)
-        if one.tick == tick
-    )
-    flip(log, found, end=-200 if cut else None)
-    return found
 
 
 @pytest.fixture(scope="module")
@@ -220,20 +201,16 @@ def test_what_is_salvaged_is_all_there_is_and_says_what_is_missing(
 
 @pytest.fixture
 def split(whole: Path, tmp_path: Path) -> Path:
-    recording, log = Recording.open(whole), tmp_path / "parts.mcap"
-    with SplitWriter(log, recording.metadata, split=Split(1)) as writer:
-        for each in recording.messages():
-            writer.add(each.delivery, each.log_time)
-        writer.finish({}, recording.noted().expected)
-    assert len(part_paths(log)) == TICKS // EVERY + 2
-    return log
+    run = SplitRun(whole, [*Recording.open(whole).messages()], tmp_path / "parts.mcap")
+    assert len(run.write()) == TICKS // EVERY + 2
+    return run.log
 
 
 def test_a_file_without_its_key_frame_is_not_joined_to_the_one_before(
     split: Path,
 ) -> None:
     path = part_paths(split)[2]
-    flip(path, Recording.open(path).files[0].layout.chunks[0])
+    assert spoil(path, 2 * EVERY + 1).number == 1  # in which its key-frame is
     verdict = verify(split)
     assert verdict.same
     assert verdict.ranges[0] == (1, 2 * EVERY)
