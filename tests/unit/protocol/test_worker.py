@@ -109,11 +109,6 @@ EARLY = batch((0, 6, 1, 1))
                 "1.0 by 4: 6@0 10@1 8@1",
             ],
         ),
-        # A change of a wiring that was replaced is a gap.
-        (
-            [[changed(2, 1, (6, 10))], [changed(3, 1, (6, 4))]],
-            ["workerwiring: must build on epoch 2, got 1"],
-        ),
         # What came before changes nothing.
         (
             [[changed(2, 1, (10, 9)), observation(1, 3), state_wave(1, 1), EARLY]] * 2,
