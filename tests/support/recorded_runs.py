@@ -32,10 +32,6 @@ def path_run(ticks: int = TICKS, **changes: object) -> RunOptions:
     return msgspec.structs.replace(options, **changes)
 
 
-def drawn_run(ticks: int = TICKS) -> RunOptions:
-    return _options("neurosnap/RandomFields-v0", {"places": 8}, ticks)
-
-
 def planner_run(ticks: int = TICKS) -> RunOptions:
     size = {"width": 3, "height": 3}
     target = ("x_below_1", "y_below_2*")

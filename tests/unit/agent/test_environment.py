@@ -145,15 +145,6 @@ def test_where_it_is_there_with_sensors_the_refusal_names_it() -> None:
         describe("FrozenLake-v1", lake)
 
 
-def test_actions_are_steps_and_nothing_else_is() -> None:
-    said = describe("w", Said(acts=Discrete(3, start=-2)))
-    assert [said.step(action) for action in range(3)] == [-2, -1, 0]
-    for action in (-1, 3):
-        says = f"^action: must be a whole number in 0..2, got {action}$"
-        with pytest.raises(InvalidValueError, match=says):
-            said.step(action)
-
-
 # Agents that act by themselves --------------------------------------------------------
 
 

@@ -166,15 +166,6 @@ def test_what_cannot_be_made_is_refused(
 # Reading ------------------------------------------------------------------------------
 
 
-def test_what_was_made_can_be_read(made: Path) -> None:
-    folder = made / "keys"
-    for role in ROLES:
-        ca, pem, key = (
-            f"{folder}/{name}" for name in ("ca.pem", f"{role}.pem", f"{role}.key")
-        )
-        assert read_credentials(folder, role) == Credentials(role, ca, pem, key)
-
-
 NONSENSE = b"-----BEGIN NONSENSE-----\n"
 MISSING = "must be a file that can be read, got 'No such"
 PEM = "must be a certificate in PEM"
@@ -203,7 +194,8 @@ def test_what_is_wrong_with_keys_is_said(
 ) -> None:
     """The file is gone, has another mode, another content, or is another's."""
     (keys / "cell.pem").chmod(0o644)  # which is no harm
-    assert read_credentials(keys, "cell/3").role == "cell"
+    files = (str(keys / name) for name in ("ca.pem", "cell.pem", "cell.key"))
+    assert read_credentials(keys, "cell/3") == Credentials("cell", *files)
     match becomes:
         case None:
             (keys / name).unlink()

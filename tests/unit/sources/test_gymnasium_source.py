@@ -171,8 +171,9 @@ def test_after_the_end_of_an_episode_the_next_begins(
     # An ended episode is not stepped on: every other action is ignored.
     assert made.actions == [0, 1]
     source.step(0)
-    with pytest.raises(InvalidValueError, match=r"^action: must be a whole number"):
-        source.step(2)  # it is ignored, and must be one all the same
+    for wrong in (-1, 2):  # it is ignored, and must be one all the same
+        with pytest.raises(InvalidValueError, match=r"^action: must be a whole number"):
+            source.step(wrong)
 
 
 def test_a_limit_of_steps_ends_an_episode_too_and_first_starts_over() -> None:

@@ -11,12 +11,6 @@ def test_a_page_is_what_the_code_says(name: str) -> None:
     assert written == reference.MADE[name](), "run tools/reference.py"
 
 
-def test_a_key_of_a_list_of_tables_stands_under_its_own_heading() -> None:
-    text = reference.toml()
-    assert "## `[[source.sensors]]`" in text
-    assert "| `ticks` | a whole number, 1 or more |" in text
-
-
 @pytest.mark.parametrize("name", sorted(reference.MADE))
 def test_no_code_in_a_table_has_a_bar(name: str) -> None:
     """Some programs show it with the stroke before it, others need that."""

@@ -113,22 +113,9 @@ def test_more_lines_than_the_sensors_can_count_are_told_apart() -> None:
     assert found == Lines(lost=3, doubled=1, exact=False)
 
 
-FINE = Soaked(
-    ticks=9,
-    killed={},
-    restarts=0,
-    redone=0,
-    repeated=0,
-    lost=0,
-    doubled=0,
-    equal=True,
-    verified=True,
-    born=0,
-    files=1,
-    recorded=1,
-    left=[],
-    seconds=1.0,
-)
+NONE = {each.name: 0 for each in msgspec.structs.fields(Soaked) if each.required}
+WELL: dict[str, Any] = {"killed": {}, "equal": True, "verified": True, "left": []}
+FINE = msgspec.convert({**NONE, **WELL}, Soaked)
 
 
 @pytest.mark.parametrize(

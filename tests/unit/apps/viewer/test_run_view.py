@@ -21,7 +21,6 @@ from tests.support.recorded_runs import (
     TICKS,
     Told,
     csv_run,
-    drawn_run,
     in_chunks,
     path_run,
     planner_run,
@@ -253,11 +252,6 @@ def test_a_growing_recording_is_followed(small: bytes, tmp_path: Path) -> None:
     assert (run_view.last, run_view.cut(live=False)) == (TICKS, None)
     assert run_view.recording.cut is None
     assert run_view.frames(1, TICKS) == RunView(growing).frames(1, TICKS)
-
-
-def test_a_world_that_draws_its_fields_can_be_looked_at(tmp_path: Path) -> None:
-    run_view = RunView(recorded(drawn_run(), tmp_path / "run.mcap"))
-    assert run_view.frames(1, TICKS)[-1].tick == TICKS
 
 
 # The images of an environment ---------------------------------------------------------

@@ -16,24 +16,10 @@ def options(sensors: int = 3) -> RunOptions:
     return RunOptions(source="readings.csv", body=Body(own=names))
 
 
-def observed(*ticks: int) -> list[wire.Observation]:
-    """Return readings of three sensors, which change from tick to tick."""
-    return [wire.Observation(tick, bytes((tick % 8,))) for tick in ticks]
-
-
-@pytest.mark.parametrize("ticks", [(1, 2, 4), (1, 2)])
-def test_an_observation_that_is_missing_is_an_error(ticks: tuple[int, ...]) -> None:
-    learning = Learning(LOG, options())
-    rule = r"^run\.mcap: must hold the observation of tick 3, got none$"
-    with pytest.raises(RecordingError, match=rule):
-        list(learning.learn_to(4, observed(*ticks), {}))
-    assert learning.tick == 2
-
-
 def test_an_observation_of_other_sensors_is_an_error() -> None:
     learning = Learning(LOG, options(20))
     with pytest.raises(RecordingError, match=r"^run\.mcap: tick 1: /observation: "):
-        learning.learn(observed(1)[0])
+        learning.learn(wire.Observation(1, b"\1"))
 
 
 def test_a_key_frame_of_another_run_is_an_error() -> None:

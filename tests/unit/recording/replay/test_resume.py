@@ -58,14 +58,6 @@ def test_a_run_that_got_no_further_says_once_where_it_went_on(tmp_path: Path) ->
     assert Recording.open(tmp_path / "end.mcap").resumed == (15, 25)
 
 
-@pytest.mark.parametrize("tick", [1, 9, 10, 11])
-def test_it_goes_on_from_any_tick(log: Path, tick: int) -> None:
-    driven = drive(OPTIONS, Scripted(ROWS), until=tick)
-    record(driven, OPTIONS, log)
-    _, past = find_resume_point(log, tick)
-    assert (past.tick, past.resumed) == (tick, (tick,))
-
-
 @pytest.mark.parametrize(("last", "start"), [(20, 0), (21, 10), (40, 10), (41, 20)])
 def test_a_key_frame_counts_once_every_cell_has_reported_on_a_later_wave(
     last: int, start: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

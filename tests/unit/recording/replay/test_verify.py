@@ -78,18 +78,6 @@ def test_a_live_run_with_unknown_readings_goes_on_and_says_that_it_begins(
     assert begins == [1, TICKS + 1]
 
 
-def test_a_report_by_a_wiring_not_in_force_is_left_out_again(
-    whole: Path, log: Path
-) -> None:
-    change = changing(
-        wire.CellReport,
-        lambda one: one.wave == 15 and one.cell == 1,
-        lambda _: {"epoch": 10**6},
-    )
-    difference = str(verify(rewritten(whole, log, change)).difference)
-    assert "derived nothing" in difference
-
-
 def test_what_was_refused_of_a_wave_that_settled_is_refused_again(
     whole: Path, log: Path
 ) -> None:
