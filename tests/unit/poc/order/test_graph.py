@@ -42,6 +42,8 @@ def test_what_a_graph_hands_out_cannot_change_it() -> None:
 
 
 PAIR = "implication: must be a pair of literals, got"
+RANGE = "must be a literal, a whole number in"
+RELATED = PocGraph.from_implications
 
 
 @pytest.mark.parametrize(
@@ -53,32 +55,17 @@ PAIR = "implication: must be a pair of literals, got"
         ),
         (PocGraph, (np.zeros((2, 2)),), "edges: must be bool, got dtype"),
         *(
-            (PocGraph.from_implications, (sensors, [pair]), rule)
-            for sensors, pair, rule in [
-                *(
-                    (
-                        2,
-                        pair,
-                        "implication: must be a literal, a whole number in [0, 4)",
-                    )
-                    for pair in [(0, 4), (-1, 0), (0.0, 1), (True, 0)]
-                ),
-                (2, 3, f"{PAIR} 3"),
-                (2, (0, 1, 2), f"{PAIR} (0, 1, 2)"),
-                (-1, (0, 1), "sensors: must be 0 or more, got -1"),
-                (1.5, (0, 1), "sensors: must be a whole number"),
-            ]
+            (RELATED, (2, [pair]), f"implication: {RANGE} [0, 4)")
+            for pair in [(0, 4), (-1, 0), (0.0, 1), (True, 0)]
         ),
-        *(
-            (closure, (given,), f"literals: must be {rule}")
-            for closure in (CHAIN.up,)
-            for given, rule in [
-                (np.zeros(4, np.bool_), "(6,), got (4,)"),
-                ([6], "a literal, a whole number in [0, 6), got 6"),
-                ([True, False], "a literal, a whole number in [0, 6), got T"),
-                (0, "(6,) bool or "),
-            ]
-        ),
+        (RELATED, (2, [3]), f"{PAIR} 3"),
+        (RELATED, (2, [(0, 1, 2)]), f"{PAIR} (0, 1, 2)"),
+        (RELATED, (-1, [(0, 1)]), "sensors: must be 0 or more, got -1"),
+        (RELATED, (1.5, [(0, 1)]), "sensors: must be a whole number"),
+        (CHAIN.up, (np.zeros(4, np.bool_),), "literals: must be (6,), got (4,)"),
+        (CHAIN.up, ([6],), f"literals: {RANGE} [0, 6), got 6"),
+        (CHAIN.up, ([True, False],), f"literals: {RANGE} [0, 6), got T"),
+        (CHAIN.up, (0,), "literals: must be (6,) bool or "),
         (CHAIN.wiring, ("all",), 'kind: must be "hasse" or "derived", got \'all\''),
     ],
 )

@@ -79,41 +79,32 @@ FORM = "relation: must be (a, b), (a, sign, b) or text, got"
 
 
 @pytest.mark.parametrize(
-    ("make", "given", "message"),
+    ("given", "message"),
     [
-        *(
-            (PocSet.parse, text, message)
-            for text, message in [
-                ("a, b : a < b, b < a", CYCLE),
-                ("a, b : a < b, b <= a", CYCLE),
-                ("a : a < a", f"{CYCLE} 'a < a'"),
-                ("a, b, c : a <= b < c, c <= a", f"{CYCLE} 'b < c'"),
-                ("a, b : a <= b, b < a*, a* <= b*, b* <= a", f"{EQUAL} 'a'"),
-                ("a : a = a*", EQUAL),
-                ("a, b : a <", f"{JOINED} 'a <'"),
-                ("a, b : a b", f"{JOINED} 'a b'"),
-                ("a, b : a < < b", JOINED),
-                ("a < b", "generator: must hold no <, ≤ or =; relations follow a colo"),
-                ("a, , b", "sensor name: must not be empty, got ''"),
-                ("a, a*", "sensor name: must not end with *, got 'a*'"),
-                ("a, a", "names: must be unique, got 'a'"),
-            ]
-        ),
-        *(
-            (PocSet, (2, relations), message)
-            for relations, message in [
-                ([(0, ">", 2)], "relation sign: must be <, <= or =, got '>'"),
-                ([(0,)], f"{FORM} (0,)"),
-                ([7], f"{FORM} 7"),
-                ("a < b", "relations: must be several, not one text"),
-                ([(0, 4)], "literal: must be a literal"),
-            ]
-        ),
+        ("a, b : a < b, b < a", CYCLE),
+        ("a, b : a < b, b <= a", CYCLE),
+        ("a : a < a", f"{CYCLE} 'a < a'"),
+        ("a, b, c : a <= b < c, c <= a", f"{CYCLE} 'b < c'"),
+        ("a, b : a <= b, b < a*, a* <= b*, b* <= a", f"{EQUAL} 'a'"),
+        ("a : a = a*", EQUAL),
+        ("a, b : a <", f"{JOINED} 'a <'"),
+        ("a, b : a b", f"{JOINED} 'a b'"),
+        ("a, b : a < < b", JOINED),
+        ("a < b", "generator: must hold no <, ≤ or =; relations follow a colo"),
+        ("a, , b", "sensor name: must not be empty, got ''"),
+        ("a, a*", "sensor name: must not end with *, got 'a*'"),
+        ("a, a", "names: must be unique, got 'a'"),
+        # Relations between two sensors.
+        ((2, [(0, ">", 2)]), "relation sign: must be <, <= or =, got '>'"),
+        ((2, [(0,)]), f"{FORM} (0,)"),
+        ((2, [7]), f"{FORM} 7"),
+        ((2, "a < b"), "relations: must be several, not one text"),
+        ((2, [(0, 4)]), "literal: must be a literal"),
     ],
 )
-def test_what_makes_no_poc_set_is_refused(make: Any, given: Any, message: str) -> None:
+def test_what_makes_no_poc_set_is_refused(given: Any, message: str) -> None:
     with pytest.raises(InvalidValueError, match=f"^{re.escape(message)}"):
-        make(*given) if isinstance(given, tuple) else make(given)
+        PocSet(*given) if isinstance(given, tuple) else PocSet.parse(given)
 
 
 def test_unknown_names_and_numbers_are_refused() -> None:

@@ -197,11 +197,6 @@ def test_options_say_how_files_are_split_and_which_are_kept() -> None:
 # Where messages go that are late, lost or repeated ------------------------------------
 
 
-def test_what_comes_again_to_another_file_is_the_same_message(run: SplitRun) -> None:
-    heard = [*run.upto(3 * EVERY), run.messages[0], run.messages[-1]]
-    assert ended(run, heard).gaps == 0
-
-
 def test_what_is_lost_is_missing_once_and_what_comes_again_is_left_out(
     run: SplitRun,
 ) -> None:
@@ -217,7 +212,8 @@ def test_what_is_lost_is_missing_once_and_what_comes_again_is_left_out(
     frames = sum(isinstance(one.message, wire.KeyFrame) for one in run.messages)
     assert len(paths) == TICKS // EVERY + 1
     recording = Recording.open(run.log)
-    assert recording.noted().completeness.duplicates == 1 + frames
+    completeness = recording.noted().completeness
+    assert (completeness.duplicates, completeness.gaps) == (1 + frames, 0)
     assert content(recording.messages()) == content(run.messages)
     assert verify(run.log).same
     lacking = run.log.with_name("lost.mcap")
@@ -331,18 +327,6 @@ def test_a_key_frame_begins_a_file_with_what_follows_it(
         added(writer, said(*messages))
         writer.finish({}, {"coordinator": len(messages)})
     assert len(part_paths(log)) == files
-
-
-def test_a_key_frame_that_comes_twice_begins_no_file_the_second_time(
-    log: Path,
-) -> None:
-    """Its file would lack it."""
-    first, *_ = heard = said(frame(9))
-    with SplitWriter(log, {}, split=Split(10**6)) as writer:
-        added(writer, heard)
-        writer._split = SMALL
-        added(writer, [first])
-    assert len(part_paths(log)) == 1
 
 
 def test_faults_go_where_their_sender_is(run: SplitRun) -> None:

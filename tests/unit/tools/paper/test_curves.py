@@ -31,7 +31,9 @@ def falling(half_life: float, steps: int = 400, floor: float = 0) -> Curve:
     return curve((top * 2.0 ** (-np.arange(steps) / half_life) + floor).tolist())
 
 
-def test_a_curve_is_the_mean_of_its_runs() -> None:
+def test_a_curve_is_the_mean_of_its_runs_its_level_that_of_the_last_tenth() -> None:
+    assert curve([100] * 18 + [6, 2]).level == 4
+    assert curve([8, 2]).level == 2
     found = curve([4, 2, 2, 0], [4, 4, 0, 0])
     assert found.mean.tolist() == [4, 3, 1, 0]
     assert (found.woken, found.peak, found.halved) == (2, 1, 3)
@@ -45,11 +47,6 @@ def test_the_peak_is_its_last_step_and_the_wait_is_counted_from_it() -> None:
     assert found.halved == 8
     flat = curve([6] * 20)
     assert (flat.peak, flat.halved, flat.woken) == (20, None, None)
-
-
-def test_the_level_is_the_mean_of_the_last_tenth() -> None:
-    assert curve([100] * 18 + [6, 2]).level == 4
-    assert curve([8, 2]).level == 2
 
 
 @given(st.floats(5, 40))
