@@ -98,19 +98,19 @@ def path_with_motion(length: int = 5) -> Example:
     which leaves the agent where it is, or an action. (As sets of transitions alone the
     actions would not exclude each other: at the ends moving is waiting.)
     """
-    return _motion(length, [])
-
-
-def path_with_two_contexts(length: int = 5) -> Example:
-    """Return [GK] fig:interval with motion, slight expansion: two contexts."""
-    return _motion(length, [("fwd", 2), ("back", 4)])
-
-
-def path_with_all_contexts(length: int = 5) -> Example:
-    """Return [GK] fig:interval with motion, full expansion: all contextual sensors."""
-    contexts = [("fwd", k) for k in range(1, length)]
-    contexts += [("back", k) for k in range(2, length + 1)]
-    return _motion(length, contexts)
+    steps = {"fwd": 1, "back": -1, "wait": 0}
+    positions = [f"a{k}" for k in range(1, length + 1)]
+    points = [(x, act) for x in range(length + 1) for act in ("", *steps)]
+    after = [min(max(x + steps.get(act, 0), 0), length) for x, act in points]
+    rows = [[y < k for y in after] for k in range(1, length + 1)]
+    rows += [[act == own for _, act in points] for own in steps]
+    relations: list[RelationLike] = list(exclusive(list(steps)))
+    relations += [f"{a} < {b}" for a, b in itertools.pairwise(positions)]
+    relations += ["fwd < a1*", f"back < a{length}"]
+    names = [*positions, *steps]
+    called = [f"{x} {act}".strip() for x, act in points]
+    realization = Realization(rows, names, called)
+    return Example(poc=PocSet(names, relations), realization=realization)
 
 
 def grid_with_holes(
@@ -172,41 +172,6 @@ def _compass(reach: int, apart: tuple[int, ...]) -> Example:
         cells=tuple(cells),
         marked=tuple(f"{name}*" for name in names),
     )
-
-
-def _motion(length: int, contexts: list[tuple[str, int]]) -> Example:
-    """Return a path with motion and some contextual sensors ``(action, k)``.
-
-    A contextual sensor of ``fwd`` is about ``a_k*``, one of ``back`` about ``a_k``.
-    """
-    steps = {"fwd": 1, "back": -1, "wait": 0}
-    positions = [f"a{k}" for k in range(1, length + 1)]
-    names = [*positions, *steps]
-    points = [(x, act) for x in range(length + 1) for act in ("", *steps)]
-    after = [min(max(x + steps.get(act, 0), 0), length) for x, act in points]
-    rows = [[y < k for y in after] for k in range(1, length + 1)]
-    rows += [[act == own for _, act in points] for own in steps]
-    relations: list[RelationLike] = list(exclusive(list(steps)))
-    relations += [f"{a} < {b}" for a, b in itertools.pairwise(positions)]
-    relations += ["fwd < a1*", f"back < a{length}"]
-    for action, k in contexts:
-        ahead = action == "fwd"
-        name = _context(action, k)
-        names.append(name)
-        rows.append([act == action and (x >= k) == ahead for x, act in points])
-        goal = f"a{k + 1}*" if ahead else f"a{k - 1}"
-        relations += [(name, "<", action), (name, "<", goal)]
-        weaker = (action, k - 1 if ahead else k + 1)
-        if weaker in contexts:
-            relations.append((name, "<", _context(*weaker)))
-    called = [f"{x} {act}".strip() for x, act in points]
-    realization = Realization(rows, names, called)
-    return Example(poc=PocSet(names, relations), realization=realization)
-
-
-def _context(action: str, k: int) -> str:
-    """Return the name of a contextual sensor; a name must not end with a star."""
-    return f"({action}∧a{k}{'*' if action == 'fwd' else ''})"
 
 
 def _segment(edges: int) -> list[tuple[int, ...]]:

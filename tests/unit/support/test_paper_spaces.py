@@ -10,9 +10,7 @@ from tests.support.paper_spaces import (
     Example,
     beacons,
     grid_with_holes,
-    path_with_all_contexts,
     path_with_motion,
-    path_with_two_contexts,
     six_arcs,
     six_wide_arcs,
     thresholds,
@@ -20,7 +18,7 @@ from tests.support.paper_spaces import (
 
 EXAMPLES = (
     *(thresholds, beacons, six_arcs, six_wide_arcs, grid_with_holes),
-    *(path_with_motion, path_with_two_contexts, path_with_all_contexts),
+    path_with_motion,
 )
 ACTIONS = ["fwd", "back", "wait"]
 
@@ -42,9 +40,3 @@ def test_motion_is_a_product_less_two_squares(length: int) -> None:
     assert whole.face_vector() == (4 * (length + 1), 7 * length + 3, 3 * length)
     less = (4 * length + 2, 7 * length - 1, 3 * length - 2)
     assert Cubing(poc).face_vector() == less
-
-
-def test_contexts_add_a_flap_each() -> None:
-    """[GK] fig:interval with motion, slight expansion, and the full one; L = 5."""
-    assert Cubing(path_with_two_contexts().poc).face_vector() == (28, 44, 17)
-    assert Cubing(path_with_all_contexts().poc).face_vector() == (42, 66, 25)
