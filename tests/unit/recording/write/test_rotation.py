@@ -329,6 +329,18 @@ def test_a_key_frame_begins_a_file_with_what_follows_it(
     assert len(part_paths(log)) == files
 
 
+def test_a_key_frame_that_comes_twice_begins_no_file_the_second_time(
+    log: Path,
+) -> None:
+    """Its file would lack it."""
+    first, *_ = heard = said(frame(9))
+    with SplitWriter(log, {}, split=Split(10**6)) as writer:
+        added(writer, heard)
+        writer._split = SMALL
+        added(writer, [first])
+    assert len(part_paths(log)) == 1
+
+
 def test_faults_go_where_their_sender_is(run: SplitRun) -> None:
     place = run.last_of(20)
     late = run.messages[place]
