@@ -18,14 +18,6 @@ async def test_any_of_them_ends_the_wait(which: int) -> None:
     assert [event.is_set() for event in events] == [n == which for n in range(3)]
 
 
-async def test_what_is_set_already_is_not_waited_for() -> None:
-    events = asyncio.Event(), asyncio.Event()
-    events[1].set()
-    waiting = wait_any(*events)
-    with pytest.raises(StopIteration):
-        waiting.send(None)  # it ends without giving way once
-
-
 async def test_a_wait_that_is_cancelled_leaves_no_task() -> None:
     before = asyncio.all_tasks()
     waiting = asyncio.create_task(wait_any(asyncio.Event(), asyncio.Event()))

@@ -33,10 +33,7 @@ WRONG: list[tuple[wire.Message, str]] = [
     (wire.WorkerWiring(ME, 2, 1, packed(6, 8, 6, 8)), "workerwiring: add must be asc"),
     (wire.WaveStart(2, 0, "signal", 0, 1, (6,), cell=3), "wavestart: must be for all"),
     (start(2, 6, credit=DEEPEST + 1), "wavestart: must have credit up to"),
-    (
-        start(2, 6, below=3),
-        "wavestart: must settle only what is before wave 2, got all",
-    ),
+    (start(2, 6, below=3), "wavestart: must settle only what is before wave 2, got"),
     (start(10_000, 6), "wavestart: wave must be at most 4096 beyond 1, got 10000"),
     (state_wave(2, 50, credit=4), "wavestart: tick must be at most 8 ticks after 1"),
     (observation(50), "observation: tick must be at most 8 ticks after 1, got 50"),

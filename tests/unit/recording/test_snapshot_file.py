@@ -52,11 +52,6 @@ def test_a_file_gives_back_everything(
         assert file["names"].tolist() == ["door", "Tür", "motion"]
 
 
-def test_a_decay_is_kept() -> None:
-    snapshot = DiscountedSnapshot(2, decay=0.3)
-    assert DiscountedSnapshot.from_bytes(snapshot.to_bytes()).decay == 0.3
-
-
 def test_another_kind_is_refused() -> None:
     data = EmpiricalSnapshot(2).to_bytes()
     rule = r"^data: must be a DiscountedSnapshot written .*kind: must be Discounted"

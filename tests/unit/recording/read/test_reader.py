@@ -183,10 +183,7 @@ def read_all(log: Path) -> None:
                 "9" * 5000,  # more digits than Python makes a number of
             )
         ),
-        (
-            {"profile": "ros2", "schema": None},
-            "profile: must be 'neurosnap', got 'ros2",
-        ),
+        ({"profile": "ros2", "schema": None}, "profile: must be 'neurosnap', got 'ros"),
         ({"schema": None}, r"metadata: must hold neurosnap.run, got"),
         *(
             (

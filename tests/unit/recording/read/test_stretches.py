@@ -10,11 +10,9 @@ import pytest
 from neurosnap import wire
 from neurosnap.apps.cli.recording_info import describe, render
 from neurosnap.apps.viewer.run_view import RunView
-from neurosnap.depth.measure import from_recording
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.recording.format.records import Chunk
 from neurosnap.recording.read.recording import Recording, part_path, part_paths
-from neurosnap.recording.read.ticks import ticks
 from neurosnap.recording.replay.learning import snapshot_at
 from neurosnap.recording.replay.resume import find_resume_point, whole_ticks
 from neurosnap.recording.replay.verify import verify
@@ -120,21 +118,6 @@ def test_the_last_tick_known_may_lie_before_the_damage(log: Path) -> None:
     log.write_bytes(log.read_bytes()[: last.start_offset])
     tick, _ = snapshot_at(Recording.open(log))
     assert 35 <= tick < 38
-
-
-def test_what_was_lost_is_neither_measured_nor_read(
-    whole: Path, spoiled: tuple[Path, Chunk]
-) -> None:
-    recording, true = Recording.open(spoiled[0]), Recording.open(whole)
-    # Waves of which the start is lost have no depth.
-    assert 0 < len(from_recording(recording)) < len(from_recording(true))
-    all_ticks = {tick.number: tick for tick in ticks(true)}
-    found_ticks = {tick.number: tick for tick in ticks(recording)}
-    assert {1, TICKS} < found_ticks.keys() < all_ticks.keys()
-    assert all(
-        tick.state in (None, all_ticks[number].state)
-        for number, tick in found_ticks.items()
-    )
 
 
 # Going on ------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Replay of a run with unknown readings, refused reports and key-frames."""
+"""Replay of a run with unknown readings and refused reports."""
 
 from pathlib import Path
 
@@ -6,7 +6,6 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.replay.resume import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from tests.support.inline_runs import (
     ACTIONS,
@@ -21,7 +20,7 @@ from tests.support.rewritten_recordings import (
     saying,
     write_again,
 )
-from tests.support.scripted_sources import Live, Scripted
+from tests.support.scripted_sources import Scripted
 
 TICKS = 20
 
@@ -55,27 +54,6 @@ def test_a_reading_said_to_be_unknown_that_is_known_is_found(
     assert difference.startswith("tick 9: /")
     if sensor >= 3:
         assert f"/observation: {names[sensor]} does not follow" in difference
-
-
-def test_a_live_run_with_unknown_readings_goes_on_and_says_that_it_begins(
-    tmp_path: Path,
-) -> None:
-    def source() -> Live:
-        made = Live(implying_rows(2 * TICKS, 0, unknown=0.5), ACTIONS)
-        made.let_go(2 * TICKS)
-        return made
-
-    log, again = tmp_path / "log.mcap", tmp_path / "again.mcap"
-    record_scripted(source(), scripted_options(TICKS), log)
-    _, past = find_resume_point(log)
-    record_scripted(source(), scripted_options(TICKS + 10), again, past)
-    assert_true_run(again, ticks=TICKS + 10)
-    begins = [
-        one.message.tick
-        for one in Recording.open(again).messages(("observation",))
-        if isinstance(one.message, wire.Observation) and one.message.begins
-    ]
-    assert begins == [1, TICKS + 1]
 
 
 def test_what_was_refused_of_a_wave_that_settled_is_refused_again(
