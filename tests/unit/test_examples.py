@@ -22,12 +22,6 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 UNIT = EXAMPLES / "neurosnap.service"
 
 
-def unit() -> ConfigParser:
-    parsed = ConfigParser(strict=False, interpolation=None)
-    parsed.read(UNIT)
-    return parsed
-
-
 @needs("systemd-analyze", "systemd")
 def test_systemd_accepts_the_unit(tmp_path: Path) -> None:
     installed = tmp_path / UNIT.name
@@ -47,7 +41,9 @@ def test_systemd_accepts_the_unit(tmp_path: Path) -> None:
 def test_the_unit_can_write_its_recordings(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    service = unit()["Service"]
+    parsed = ConfigParser(strict=False, interpolation=None)
+    parsed.read(UNIT)
+    service = parsed["Service"]
     described = Path(service["ExecStart"].split()[-1])
     assert f"cp {described.name} {described.parent}/" in UNIT.read_text()
     state = Path("/var/lib") / service["StateDirectory"]

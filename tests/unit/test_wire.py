@@ -43,20 +43,15 @@ def values(kind: kinds.Type) -> st.SearchStrategy[Any]:
             raise NotImplementedError(kind)
 
 
-def values_of(info: kinds.StructType, name: str) -> kinds.Type:
-    """Return the type of a field."""
-    return next(field.type for field in info.fields if field.name == name)
-
-
 def structs(kind: type[wire.Message]) -> st.SearchStrategy[wire.Message]:
     """Draw messages of one kind, all fields given."""
     info = kinds.type_info(kind)
     assert isinstance(info, kinds.StructType)
     fields = {f.name: values(f.type) for f in info.fields}
-    for name in fields.keys() & {"who", "to"}:
-        if isinstance(values_of(info, name), kinds.StrType):
+    for field in info.fields:
+        if field.name in ("who", "to") and isinstance(field.type, kinds.StrType):
             part = r"[a-z]{1,20}(/[a-z0-9]{1,20})?"
-            fields[name] = st.from_regex(part, fullmatch=True)
+            fields[field.name] = st.from_regex(part, fullmatch=True)
     return st.builds(kind, **fields)
 
 

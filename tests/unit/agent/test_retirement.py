@@ -35,10 +35,6 @@ def guarantees(graph: PocGraph, literals: list[int], own: int) -> set[int]:
     return {a for a in range(2 * own) if up[a] and not up[a ^ 1]}
 
 
-def is_part(one: tuple[int, ...], whole: tuple[int, ...]) -> bool:
-    return len(one) < len(whole) and all(literal in whole for literal in one)
-
-
 def needless(
     body: Body, place: int, graph: PocGraph, history: History, ever: set[int]
 ) -> set[str]:
@@ -61,7 +57,7 @@ def needless(
     part += [
         2 * (body.first_grown + other)
         for other in grown
-        if is_part(body.grown[other][1], literals)
+        if {*body.grown[other][1]} < {*literals}
     ]
     alone = guarantees(graph, [2 * mine], own) - guarantees(graph, part, own)
     if not alone:

@@ -20,10 +20,6 @@ from neurosnap.agent.sensor import (
 from neurosnap.errors import InvalidValueError
 
 
-def second(pair: tuple[int, int]) -> int:
-    return pair[1]
-
-
 @given(
     orders=st.lists(st.integers(0, 4), max_size=5),
     walks=st.lists(st.lists(st.integers(0, 3), min_size=1, max_size=8), max_size=3),
@@ -127,5 +123,5 @@ def test_what_is_made_alike_is_equal_and_can_be_pickled() -> None:
 
     assert made() == made()
     assert pickle.loads(pickle.dumps(made())) == made()
-    assert thresholds("x", [1]) != thresholds("x", [1], of=second)
+    assert thresholds("x", [1]) != thresholds("x", [1], of=len)
     assert increased("x") != decreased("x")

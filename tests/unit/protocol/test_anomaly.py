@@ -28,15 +28,9 @@ def read(*bits: int) -> "NDArray[np.bool_]":
     return np.array(bits, np.bool_)
 
 
-def found_in(*readings: tuple[int, ...], hold: int = 0) -> list[wire.Anomaly | None]:
-    detector = AnomalyDetector(3, hold)
+def found_in(*readings: tuple[int, ...]) -> list[wire.Anomaly | None]:
+    detector = AnomalyDetector(3)
     return [detector.watch(t, CHAIN, read(*bits)) for t, bits in enumerate(readings)]
-
-
-def last_of(*readings: tuple[int, ...]) -> wire.Anomaly:
-    found = found_in(*readings)[-1]
-    assert found is not None
-    return found
 
 
 def links(found: wire.Anomaly) -> list[tuple[int, int]]:
@@ -93,7 +87,8 @@ def test_a_literal_never_on_has_no_evidence() -> None:
 def test_the_likeliest_of_several_is_the_culprit(
     before: list[tuple[int, ...]], culprit: int
 ) -> None:
-    found = last_of(*before, (1, 0, 1))
+    *_, found = found_in(*before, (1, 0, 1))
+    assert found is not None
     assert (found.culprits, found.candidates) == ((culprit,), (0, 1))
 
 

@@ -181,18 +181,12 @@ def test_a_wave_sent_often_enough_is_lost_and_the_error_says_where() -> None:
 # Workers ------------------------------------------------------------------------------
 
 
-def by_worker(
-    worker: int, fired: dict[int, int], *credit: int, part: int = 0, epoch: int = 0
-) -> wire.WorkerReport:
-    hops = packed(*fired.values())
-    return wire.WorkerReport(1, worker, part, packed(*fired), hops, credit, 0, epoch)
-
-
 def test_a_lost_wave_names_the_workers_that_owe_a_report() -> None:
     control = WaveControl(7, repeats=0, workers=3)
     rewire(control, {(0, 2), (2, 4), (4, 6), (3, 1), (5, 3), (7, 5), (0, 8), (0, 13)})
     control.start("signal", 0, (0,))
-    control.report(by_worker(0, {0: 0, 2: 1}, 1, epoch=1))
+    fired = packed(0, 2), packed(0, 1)
+    control.report(wire.WorkerReport(1, 0, 0, *fired, (1,), 0, epoch=1))
     expected = (
         r"^wave 1 \(tick 0\): must settle within its deadline, got 1 tries; missing"
         r" credit 0\.5, silent: worker/0, worker/1, worker/2$"

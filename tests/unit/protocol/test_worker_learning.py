@@ -30,10 +30,6 @@ def learn(tick: int, **changes: object) -> wire.Learn:
     return wire.Learn(tick, bytes([ROWS[tick - 1]]), **changes)  # type: ignore[arg-type]
 
 
-def said(worker: WorkerLearning, message: wire.Learn) -> list[wire.Learned]:
-    return [each for each in worker.learn(message) if isinstance(each, wire.Learned)]
-
-
 def test_what_is_learned_is_said_again_and_not_learned_again() -> None:
     worker = new()
     worker.learn(learn(1))
@@ -46,7 +42,8 @@ def test_what_was_asked_is_from_before_it_was_learned() -> None:
     worker, before = new(), whole(3)
     for tick in (1, 2, 3):
         worker.learn(learn(tick))
-    (piece,) = said(worker, learn(4, sources=(8, 0, 3), targets=(0, 2, 11)))
+    (piece,) = worker.learn(learn(4, sources=(8, 0, 3), targets=(0, 2, 11)))
+    assert isinstance(piece, wire.Learned)
     asked = [(0, 8, 0), (2, 3, 11)]  # the second is another worker's
     for link, (place, a, b) in zip(piece.links, asked, strict=True):
         found = before.evidence(a, b)

@@ -40,11 +40,6 @@ def flipped(content: bytes, at: int) -> bytes:
     return content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :]
 
 
-def in_chunk(path: Path) -> int:
-    """Return a byte in the first chunk of a recording."""
-    return Recording.open(path).files[0].layout.chunks[0].offset + 10
-
-
 def observed(*files: Path) -> set[tuple[int, bytes]]:
     """Return the readings in all files that can be read."""
     found: set[tuple[int, bytes]] = set()
@@ -68,7 +63,8 @@ def gone_on(
 
 def test_a_damaged_recording_is_kept_beside(log: Path, recordings: Recordings) -> None:
     log.write_bytes(recordings[30, 3])
-    bad = flipped(recordings[30, 3], in_chunk(log))
+    chunk = Recording.open(log).files[0].layout.chunks[0]
+    bad = flipped(recordings[30, 3], chunk.offset + 10)
     log.write_bytes(bad)
     lives = RestartFiles(log)
     past = gone_on(lives, options_of(30))

@@ -32,13 +32,6 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
 
 
-def code(log: Path, folder: Path, verb: tuple[str, ...]) -> int:
-    """Return how a verb ends."""
-    name, *flags = verb
-    given = [flag.format(folder=folder) for flag in flags]
-    return call(name, log, *given).exit_code
-
-
 @pytest.fixture(scope="module")
 def contents(whole: Path) -> dict[str, bytes]:
     data = whole.read_bytes()
@@ -66,7 +59,8 @@ def test_what_is_not_whole_ends_with_three(
         folder.mkdir()
         log = folder / "run.mcap"
         log.write_bytes(content)
-        assert code(log, folder, verb) == (0 if name == "whole" else 3), name
+        ended = call(verb[0], log, *(flag.format(folder=folder) for flag in verb[1:]))
+        assert ended.exit_code == (0 if name == "whole" else 3), name
 
 
 # A last file that has only begun ------------------------------------------------------

@@ -18,13 +18,6 @@ TICKS = st.lists(
 CELLS = {(0, 0): 0, (0, 1): 1, (1, 0): 2, (1, 1): 3}
 
 
-def history_of(rows: list[list[float]]) -> History:
-    history = History(SENSORS, LENGTH)
-    for row in rows:
-        history.record(np.array(row) == 1, ~np.isnan(row))
-    return history
-
-
 @given(TICKS)
 def test_they_are_those_of_the_last_ticks(rows: list[list[float]]) -> None:
     counts = count_pairs(Columns.of(rows[-LENGTH:])).occasions
@@ -35,7 +28,10 @@ def test_they_are_those_of_the_last_ticks(rows: list[list[float]]) -> None:
         if a >> 1 != b >> 1
     ]
     sources, targets = np.array(links).T
-    held = history_of(rows).occasions_held(sources, targets)
+    history = History(SENSORS, LENGTH)
+    for row in rows:
+        history.record(np.array(row) == 1, ~np.isnan(row))
+    held = history.occasions_held(sources, targets)
 
     def runs(a: int, b: int) -> int:
         """Occasions with both literals on, as the table counts them."""

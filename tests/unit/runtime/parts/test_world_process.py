@@ -176,15 +176,11 @@ async def running(
         yield watched, task
 
 
-async def until_it_waits(source: Live) -> None:
-    assert await asyncio.to_thread(source.waits.wait, 10)
-
-
 async def test_others_go_on_while_a_live_source_is_waited_for() -> None:
     source = Live(ROWS)
     async with running(source) as (world, _):
         world.decide(0)
-        await until_it_waits(source)
+        assert await asyncio.to_thread(source.waits.wait, 10)
         world.decide(5)  # heard, and refused, meanwhile
         fault = await world.hear()
         assert isinstance(fault, wire.Fault)

@@ -35,11 +35,6 @@ def home_of(days: int, seed: int) -> Home:
     return Home(SENSORS, spans, begin, max(float(s[-1, 1]) for s in spans))
 
 
-def write(path: Path, days: int, seed: int) -> None:
-    lines = [f"{a:.0f} {b - a:.0f} {s}\n" for a, b, s in lived_in(days, seed)]
-    path.write_text("".join(lines))
-
-
 SPANS = st.lists(st.tuples(st.integers(0, 50), st.integers(0, 8)), max_size=8)
 
 
@@ -174,7 +169,8 @@ def test_a_figure_of_homes_has_every_table(
 ) -> None:
     monkeypatch.setattr(cases, "CASES", 3)
     monkeypatch.setattr(cases, "ONSETS", 1)
-    write(tmp_path / "one.sensors", 21, 3)
+    lines = [f"{a:.0f} {b - a:.0f} {s}\n" for a, b, s in lived_in(21, 3)]
+    (tmp_path / "one.sensors").write_text("".join(lines))
     given_ = FigureOptions(
         only=("homes",), homes=tmp_path, runs=1, out=tmp_path / "out", workers=0
     )

@@ -25,24 +25,20 @@ from tools.paper.walks import (
 Fields = NDArray[np.bool_]
 
 
-def entry(setting: str, decay: float | None, steps: int = 120) -> LearningEntry:
-    return LearningEntry(
-        setting=setting,
-        threshold=1 / 8000,
-        decay=decay,
-        truth="contained",
-        runs=2,
-        steps=steps,
-        seed=5,
-    )
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("setting", "decay"), [("grid", None), ("random", 0.75)])
 def test_a_row_is_how_far_each_graph_is_from_the_truth(
     setting: str, decay: float | None
 ) -> None:
-    cell = entry(setting, decay)
+    cell = LearningEntry(
+        setting=setting,
+        threshold=1 / 8000,
+        decay=decay,
+        truth="contained",
+        runs=2,
+        steps=120,
+        seed=5,
+    )
     seen = walk(setting, cell.seed, 1, cell.steps)
     true = from_words(rows_of(seen.contained, 20), 40)
     snapshot, expected = new_snapshot(cell.threshold, decay, 20), []
