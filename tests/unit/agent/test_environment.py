@@ -148,16 +148,6 @@ def test_where_it_is_there_with_sensors_the_refusal_names_it() -> None:
 # Agents that act by themselves --------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def explorer() -> Agent:
-    """One that has learned the lake."""
-    agent = Agent.of(frozen_lake(), "planner", grow=True, imagine=True, seed=1)
-    learned = agent.learn(frozen_lake(), 700, seed=1)
-    assert learned.steps == 700
-    assert learned.episodes > 1
-    return agent
-
-
 def experience_of(agent: Agent) -> Experience:
     experience = agent._mind.memory.experience
     assert experience is not None
@@ -174,7 +164,11 @@ def test_it_acts_for_so_many_steps_and_counts_episodes_and_rewards() -> None:
     assert agent.snapshot.clock == 51
 
 
-def test_after_it_has_learned_it_can_be_sent_anywhere(explorer: Agent) -> None:
+def test_after_it_has_learned_it_can_be_sent_anywhere() -> None:
+    explorer = Agent.of(frozen_lake(), "planner", grow=True, imagine=True, seed=1)
+    learned = explorer.learn(frozen_lake(), 700, seed=1)
+    assert learned.steps == 700
+    assert learned.episodes > 1
     assert 1 < len(experience_of(explorer).ends) <= 5  # four holes and the goal
     env = frozen_lake()
     assert explorer.send(env, ["tile=goal"], 100) == Outing(6, 1, 1.0, True)

@@ -120,19 +120,6 @@ def moved(place: int, action: int) -> int:
     return min(5, max(0, place + (-1, 1)[action]))
 
 
-@pytest.fixture(scope="module")
-def corridor() -> PocGraph:
-    """Return what follows from each action at each place."""
-    names = Sensorium(CORRIDOR.sensors)
-    found = [
-        (names.literal(f"{name}&p{place}"), literal)
-        for action, name in enumerate(CORRIDOR.actions)
-        for place in range(6)
-        for literal in complete(reading(moved(place, action))).nonzero()[0].tolist()
-    ]
-    return PocGraph.from_implications(len(names), found)
-
-
 def steps(graph: PocGraph, policy: Planner, place: int, most: int = 40) -> int:
     """Return the steps it takes to the far end, or `most` if it does not arrive."""
     for tick in range(most):
@@ -144,9 +131,15 @@ def steps(graph: PocGraph, policy: Planner, place: int, most: int = 40) -> int:
     return most
 
 
-def test_where_greed_stays_for_ever_it_leaves_and_learns_the_shortest_way(
-    corridor: PocGraph,
-) -> None:
+def test_where_greed_stays_for_ever_it_leaves_and_learns_the_shortest_way() -> None:
+    names = Sensorium(CORRIDOR.sensors)
+    follows = [  # from each action at each place
+        (names.literal(f"{name}&p{place}"), literal)
+        for action, name in enumerate(CORRIDOR.actions)
+        for place in range(6)
+        for literal in complete(reading(moved(place, action))).nonzero()[0].tolist()
+    ]
+    corridor = PocGraph.from_implications(len(names), follows)
     assert steps(corridor, Planner(CORRIDOR, TARGET, 0, explore=0.0), 1) == 40
     experience = Experience(CORRIDOR)
     planner = Planner(CORRIDOR, TARGET, 0, 0.0, experience)

@@ -14,6 +14,7 @@ from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.run import run
 from tests.support.restart_runs import names, options_of
+from tests.support.rewritten_recordings import flipped
 
 Recordings = dict[tuple[int, int], bytes]
 
@@ -34,10 +35,6 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Recordings:
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
     return tmp_path / "run.mcap"
-
-
-def flipped(content: bytes, at: int) -> bytes:
-    return content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :]
 
 
 def observed(*files: Path) -> set[tuple[int, bytes]]:
@@ -64,7 +61,7 @@ def gone_on(
 def test_a_damaged_recording_is_kept_beside(log: Path, recordings: Recordings) -> None:
     log.write_bytes(recordings[30, 3])
     chunk = Recording.open(log).files[0].layout.chunks[0]
-    bad = flipped(recordings[30, 3], chunk.offset + 10)
+    bad = flipped(recordings[30, 3], 8 * (chunk.offset + 10))
     log.write_bytes(bad)
     lives = RestartFiles(log)
     past = gone_on(lives, options_of(30))
@@ -87,7 +84,7 @@ def test_a_recording_whose_length_is_damaged_is_no_cut_one(
     # As it grows: without its end. The length of the last chunk is too large then.
     grown = recordings[30, 3][: chunks[-1].offset + chunks[-1].packed + 50]
     length_at = chunks[-1].offset - 8 - 4 - 4 - 28 - 8
-    bad = flipped(grown, length_at + 3)
+    bad = flipped(grown, 8 * (length_at + 3))
     log.write_bytes(bad)
     lives = RestartFiles(log)
     gone_on(lives, options_of(30))

@@ -17,8 +17,3 @@ def test_no_code_in_a_table_has_a_bar(name: str) -> None:
     for line in reference.MADE[name]().splitlines():
         if line.startswith("|"):
             assert "|" not in "".join(line.split("`")[1::2]), line
-
-
-def test_what_a_cell_of_a_table_holds_is_text() -> None:
-    lines = list(reference._table(("a",), [("2*3 | `x*` <y>",)]))
-    assert lines[2] == "| 2\\*3 \\| `x*` \\<y> |"

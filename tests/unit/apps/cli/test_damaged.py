@@ -25,15 +25,10 @@ VERBS = (
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def contents(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     folder = tmp_path_factory.mktemp("whole")
-    return in_chunks(
-        recorded(path_run(), folder / "long.mcap"), folder / "whole.mcap", 12000
-    )
-
-
-@pytest.fixture(scope="module")
-def contents(whole: Path) -> dict[str, bytes]:
+    long = recorded(path_run(), folder / "long.mcap")
+    whole = in_chunks(long, folder / "whole.mcap", 12000)
     data = whole.read_bytes()
     chunk = Recording.open(whole).files[0].layout.chunks[9]
     spoiled = bytearray(data)

@@ -263,18 +263,14 @@ def due(tick: int) -> int:
     return tick - (tick - 1) % EVERY
 
 
-@pytest.fixture(scope="module")
-def lake_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def test_every_frame_names_its_image_while_the_recording_grows(
+    tmp_path: Path,
+) -> None:
     options = options_for(
         "neurosnap/FrozenLake-v0", 5, ticks=TICKS, cells="inline", frames=EVERY
     )
-    folder = tmp_path_factory.mktemp("lake")
-    return in_chunks(recorded(options, folder / "run.mcap"), folder / "cut.mcap", 9000)
-
-
-def test_every_frame_names_its_image_while_the_recording_grows(
-    lake_log: Path, tmp_path: Path
-) -> None:
+    whole = recorded(options, tmp_path / "whole.mcap")
+    lake_log = in_chunks(whole, tmp_path / "cut.mcap", 9000)
     data = lake_log.read_bytes()
     ends = [
         c.offset + c.packed for c in Recording.open(lake_log).files[0].layout.chunks

@@ -68,7 +68,6 @@ def test_a_dual_too_large_to_list_is_refused() -> None:
 def test_convex_sets_are_values() -> None:
     cubing = Cubing(PocSet.parse("a, b, c : a < b"))
     half = cubing.halfspace("a")
-    assert repr(half) == "ConvexSet({a, b})"
     assert half == cubing.convex_set([0]) == cubing.convex_set(half)
     assert hash(half) == hash(cubing.convex_set([0, 2]))
     assert half.literals.nonzero()[0].tolist() == [0, 2]
@@ -78,13 +77,11 @@ def test_convex_sets_are_values() -> None:
     empty = cubing.halfspace(cubing.poc.minimum)
     assert empty == half & cubing.halfspace("b*")
     assert (len(empty), list(empty), bool(empty)) == (0, [], False)
-    assert repr(empty) == "ConvexSet(empty)"
     assert half != "a"
     with pytest.raises(InvalidValueError, match=r"^convex set: must not be empty"):
         empty.first()
     nothing = Cubing(PocSet(0))
     assert nothing.distance([], []) == 0
-    assert repr(nothing) == "Cubing(PocSet.parse(''))"
     other = Cubing(PocSet(2)).convex_set([])
     mixed: list[Any] = [lambda: cubing.project(other, []), lambda: half & other]
     for mix in mixed:

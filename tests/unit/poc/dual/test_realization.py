@@ -23,7 +23,6 @@ def test_points_show_vertices_and_vertices_have_witnesses() -> None:
     assert shown.witnesses([0, 3]).tolist() == [True, False, False, False]
     assert shown.witnesses([0, 1]).tolist() == [False] * 4
     assert shown.punctured().betti_numbers() == (1, 0, 0)
-    assert repr(shown) == "Realization(2 sensors over 4 points)"
 
 
 def test_a_broken_relation_is_named_and_its_points_leave_the_dual() -> None:

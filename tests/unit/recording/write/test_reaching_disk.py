@@ -94,23 +94,16 @@ async def test_the_first_whole_tick_is_flushed_at_once(
             await running
 
 
-@pytest.fixture
-def synced(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """What was synced, by name."""
-    found: list[str] = []
-    fsync = os.fsync
+async def test_a_recording_is_synced_as_often_as_its_run_wants(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    synced, fsync = list[str](), os.fsync
 
     def note(descriptor: int) -> None:
-        found.append(Path(f"/proc/self/fd/{descriptor}").readlink().name)
+        synced.append(Path(f"/proc/self/fd/{descriptor}").readlink().name)
         fsync(descriptor)
 
     monkeypatch.setattr(os, "fsync", note)
-    return found
-
-
-async def test_a_recording_is_synced_as_often_as_its_run_wants(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, synced: list[str]
-) -> None:
     monkeypatch.setattr(recorder, "_FLUSH", 0.0)
     fabric = MemoryHub().fabric("recorder")
     for sync, most in ((0.0001, 10**6), (0.0, 0), (3600.0, 0)):
