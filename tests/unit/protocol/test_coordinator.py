@@ -8,13 +8,12 @@ from neurosnap import wire
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.protocol.coordinator import Coordinator
-from neurosnap.sensorium import pack, unpack
+from neurosnap.sensorium import unpack
 from tests.support.coordinator_runs import (
     ROWS,
     SENSORS,
     AsksNothing,
     Swarm,
-    bits,
     new,
     observed,
     only,
@@ -111,14 +110,6 @@ def test_what_is_implied_of_an_unknown_reading_is_in_the_state() -> None:
     assert not state.incoherent
     (state,) = only(wire.State, swarm.say([partly(6, "?1?")]))
     assert np.flatnonzero(unpack(state.literals, 2 * SENSORS)).tolist() == [2]
-
-
-def test_everything_known_is_the_same_said_or_not() -> None:
-    said, plain = Swarm(new()), Swarm(new())
-    said.run(ROWS[:4])
-    plain.run(ROWS[:4])
-    whole = wire.Observation(5, pack(bits(ROWS[4])), known=b"\x07")
-    assert said.say([whole]) == plain.observe(5, ROWS[4])
 
 
 # The end ------------------------------------------------------------------------------

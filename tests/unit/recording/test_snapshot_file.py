@@ -67,11 +67,6 @@ def test_a_file_cut_short_is_refused_by_name(cut: int, tmp_path: Path) -> None:
         load_snapshot(path)
 
 
-def test_a_file_that_is_not_there_is_the_systems_error(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError):
-        load_snapshot(tmp_path / "nowhere.npz")
-
-
 WRONG: dict[type[Snapshot], list[tuple[str, NDArray[np.generic] | None, str]]] = {
     EmpiricalSnapshot: [
         ("schema", np.array(2), "schema: must be 1"),
