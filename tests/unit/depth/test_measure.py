@@ -138,13 +138,10 @@ def test_what_cannot_be_measured_is_refused(given: dict[str, Any], text: str) ->
         Sweep(**{"heights": (2,), "sensors": (3,), "waves": 1, **given})
 
 
-def test_a_stop_before_the_first_swarm_measures_nothing() -> None:
-    async def work() -> list[Measured]:
-        stop = asyncio.Event()
-        stop.set()
-        return await measure(Sweep(heights=(1,), sensors=(2,), waves=1), stop)
-
-    assert asyncio.run(work()) == []
+async def test_a_stop_before_the_first_swarm_measures_nothing() -> None:
+    stop = asyncio.Event()
+    stop.set()
+    assert await measure(Sweep(heights=(1,), sensors=(2,), waves=1), stop) == []
 
 
 # The probe ----------------------------------------------------------------------------

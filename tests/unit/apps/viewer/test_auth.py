@@ -165,10 +165,7 @@ def test_every_answer_forbids_what_it_does_not_need(headers: Headers) -> None:
     assert said["cache-control"] == "no-store"
 
 
-def test_only_requests_are_taken() -> None:
-    async def connect() -> None:
-        guard = Guard(PlainTextResponse(""), Address(PORT, TOKEN), {})
-        await guard({"type": "websocket"}, None, None)  # type: ignore[arg-type]
-
+async def test_only_requests_are_taken() -> None:
+    guard = Guard(PlainTextResponse(""), Address(PORT, TOKEN), {})
     with pytest.raises(ValueError, match=r"^scope: must be http, got 'websocket'"):
-        asyncio.run(connect())
+        await guard({"type": "websocket"}, None, None)  # type: ignore[arg-type]
