@@ -1,4 +1,4 @@
-"""Snapshots of observations with unknown readings equal counts kept pair by pair."""
+"""Snapshots equal counts kept pair by pair, where some readings may be unknown."""
 
 import itertools
 from collections import Counter
@@ -33,10 +33,11 @@ KINDS = pytest.mark.parametrize("kind", [EmpiricalSnapshot, DiscountedSnapshot])
 def partial_runs(
     draw: st.DrawFn, most: int = 5, longest: int = 20
 ) -> tuple[int, list[Reading]]:
-    """Draw a number of sensors and observations; of some not all is known."""
+    """Draw a number of sensors and observations; of some not all may be known."""
     sensors = draw(st.integers(1, most))
-    some = bit_rows(sensors)
-    known = st.just([True] * sensors) | some | st.just([False] * sensors)
+    known = whole = st.just([True] * sensors)  # which is kept in another form
+    if draw(st.booleans()):
+        known = whole | bit_rows(sensors) | st.just([False] * sensors)
     seen = draw(observations(sensors, longest))
     return sensors, [(bits, draw(known)) for bits in seen]
 
@@ -131,6 +132,7 @@ def test_a_discounted_snapshot_discounts_each_pair_where_both_are_known(
         strict = oracles.implied(n, weights, lambda *_: Fraction(tau))
         edges = strict | oracles.equal(n, weights)
         weights = oracles.truncated(weights, strict)
+        assert oracles.implied(n, weights, lambda *_: Fraction(tau)) == strict
         assert weights_of(snapshot) == weights
         assert learned_edges(snapshot, equivalences=False) == strict
         assert learned_edges(snapshot) == edges

@@ -195,8 +195,10 @@ def test_prop_coherent_projection_four_points(
     chosen, u = data.draw(sets_of(model)), vertex(data, model)
     above = model.up(chosen)
     projected = frozen(graph.coherent_projection(chosen))
+    assert frozen(graph.up(chosen)) == above
     assert projected == above - oracles.stars(above)
     assert model.coherent(projected)
+    assert graph.is_coherent(chosen) == model.coherent(chosen)
     if model.coherent(chosen):
         assert projected == above
     assert model.up(projected) == projected
