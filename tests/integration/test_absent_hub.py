@@ -1,6 +1,5 @@
 """Verbs that connect to a hub that is absent, starts late, or refuses them."""
 
-import asyncio
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,10 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from neurosnap.errors import FabricError
-from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.zenoh.hub import open_hub
-from neurosnap.fabric.zenoh.session import reach
 from tests.support.commands import Command
 from tests.support.exhaustive import rows
 from tests.support.ports import free_port
@@ -81,10 +77,3 @@ def test_a_run_goes_on_once_its_hub_is_there(endpoint: str, tmp_path: Path) -> N
             hub.close()
     assert (process.returncode, said) == (0, "")
     assert (tmp_path / "a.mcap").is_file()
-
-
-async def test_patience_ends(endpoint: str) -> None:
-    rule = rf"^watcher: must reach the hub at {endpoint}, got Unable to connect"
-    with pytest.raises(FabricError, match=rule) as caught:
-        await reach("watcher", HubAddress(endpoint), asyncio.Event(), patience=0.0)
-    assert ".rs:" not in str(caught.value)

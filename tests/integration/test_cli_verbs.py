@@ -17,7 +17,7 @@ from tests.support.command_line import (
     refused,
 )
 from tests.support.command_line_files import changed, cut, readings, record_path
-from tests.support.disturbed_commands import finish, sound, started
+from tests.support.disturbed_commands import finish, started
 
 pytestmark = pytest.mark.slow
 
@@ -167,40 +167,6 @@ def facts_of(folder: Path, *arguments: object) -> dict[str, Any]:
     assert code == 0, stderr
     assert "Traceback" not in stderr
     return last_json(stdout)
-
-
-@pytest.mark.zenoh
-@pytest.mark.parametrize("cells", ["process", "worker"])
-def test_a_run_of_processes_goes_on(tmp_path: Path, csv: Path, cells: str) -> None:
-    one, other = tmp_path / "one.mcap", tmp_path / "other.mcap"
-    run = ("run", csv, "--cells", cells, "--ticks", 25)
-    resume = ("resume", one, csv)
-    for arguments, log, ticks in ((run, one, 25), (resume, other, 40)):
-        facts = facts_of(tmp_path, *arguments, "--out", log)
-        assert facts["log"] == str(log)
-        assert (facts["ticks"], facts["cells"], facts["complete"]) == (ticks, 3, True)
-        assert facts.get("resumed_at") == (25 if log == other else None)
-        verdict = sound(log)
-        assert (verdict.complete, verdict.ticks) == (True, ticks)
-
-
-@pytest.mark.zenoh
-def test_two_runs_at_once_do_not_meet(tmp_path: Path, csv: Path) -> None:
-    arguments = ("run", csv, "--format", "json")
-    with (
-        started(*arguments, "--seed", 1, folder=tmp_path) as one,
-        started(*arguments, "--seed", 2, folder=tmp_path) as other,
-    ):
-        ends = [finish(process) for process in (one, other)]
-    assert [code for code, _, _ in ends] == [0, 0], ends
-    logs = [tmp_path / last_json(stdout)["log"] for _, stdout, _ in ends]
-    assert {log.parent for log in logs} == {tmp_path / "logs"}
-    recordings = [Recording.open(log) for log in logs]
-    assert recordings[0].swarm != recordings[1].swarm
-    assert [each.metadata["seed"] for each in recordings] == ["1", "2"]
-    for log in logs:
-        verdict = sound(log)
-        assert (verdict.complete, verdict.ticks) == (True, 40)
 
 
 @pytest.mark.zenoh

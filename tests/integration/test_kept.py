@@ -29,6 +29,7 @@ from tests.support.mosquitto import Mosquitto, needs_mosquitto, peer, started
 from tests.support.patience import PATIENCE
 from tests.support.ports import free_port
 from tests.support.senders import by_zenoh
+from tests.support.swarm_processes import parts_of
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh, pytest.mark.timeout(600)]
 
@@ -78,7 +79,7 @@ class Fed:
         until(lambda: any(row.number == line for row in rows_of(self.log)))
 
     def kill(self, who: str) -> None:
-        part(self.process.pid, who).send_signal(signal.SIGKILL)
+        parts(self.process)[who].send_signal(signal.SIGKILL)
 
     def wait_for_restart(self) -> None:
         for line in self.process.stderr:
@@ -118,14 +119,8 @@ def until(condition: Callable[[], bool]) -> None:
         time.sleep(0.1)
 
 
-def part(launcher: int, who: str) -> psutil.Process:
-    found = [
-        child
-        for child in psutil.Process(launcher).children(recursive=True)
-        if child.name() == who
-    ]
-    assert len(found) == 1
-    return found[0]
+def parts(process: Command) -> dict[str, psutil.Process]:
+    return dict(parts_of(psutil.Process(process.pid)))
 
 
 def recorded(log: Path) -> list[int]:
@@ -272,8 +267,9 @@ def test_a_run_that_is_resumed_gets_what_had_no_tick(
             run.wait_for(30)
             run.process.send_signal(end)
         else:
-            coordinator = part(run.process.pid, "coordinator")
-            world = part(run.process.pid, "world")
+            coordinator, world = (
+                parts(run.process)[who] for who in ("coordinator", "world")
+            )
             with held(coordinator, asked=end == signal.SIGINT):
                 run.feed(30)
                 until(lambda: rows_of(log)[-1].number == 40)
@@ -364,7 +360,7 @@ async def publish_all(broker: Mosquitto, run: Fed, victim: str) -> None:
         for number in range(2, 11):
             await publish(number)
             await seen(number)
-        world = part(run.process.pid, "world")
+        world = parts(run.process)["world"]
         run.kill(victim)
         await asyncio.to_thread(world.wait, PATIENCE)
         for number in (11, 12):  # 11 may still answer what the world asked before

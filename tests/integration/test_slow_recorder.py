@@ -8,16 +8,14 @@ is silent for longer than a session's lease is a recorder taken for dead.
 import asyncio
 import signal
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import psutil
 import pytest
 
 from neurosnap.runtime.request import RunRequest, Watcher
 from neurosnap.runtime.run import run
-from tests.support.disturbed_runs import ENDLESS, check_whole, options_for, parts
-
-if TYPE_CHECKING:
-    import psutil
+from tests.support.disturbed_runs import ENDLESS, check_whole, options_for
+from tests.support.swarm_processes import parts_of
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
@@ -42,7 +40,7 @@ class Standstill:
         """Take in a report of the run's tick."""
         if self._process is None:
             if tick >= 20:
-                (self._process,) = (one for one in parts() if one.name() == "recorder")
+                self._process = dict(parts_of(psutil.Process()))["recorder"]
                 self.stopped_at = tick
                 self._process.send_signal(signal.SIGSTOP)
                 self._size = self._log.stat().st_size

@@ -64,31 +64,6 @@ def kill(processes: Iterable[psutil.Process]) -> None:
 GROWN = 30_000  # bytes a recording has once the run is well under way
 
 
-@contextmanager
-def going(
-    source: Path, log: Path, *options: object
-) -> Iterator[tuple[Command, list[psutil.Process]]]:
-    """Run a swarm of three process cells; entered once it is under way.
-
-    Yields the launcher and the parts, in the order they were started.
-    """
-    arguments = ("run", source, "--out", log, "--format", "json", *options)
-    with started(*arguments, folder=log.parent) as process:
-        wait_for_size(process, log, GROWN)
-        family = psutil.Process(process.pid).children(recursive=True)
-        try:
-            yield process, family
-        finally:
-            kill(family)
-
-
-def parts_of(family: list[psutil.Process]) -> list[psutil.Process]:
-    """Return a swarm's parts, in the order they were started: the cells come last."""
-    servers = {parent for each in family if (parent := each.parent()) in family}
-    parts = [each for each in family if each.parent() in servers]
-    return sorted(parts, key=lambda each: (each.create_time(), each.pid))
-
-
 def sound(log: Path) -> Verdict:
     """Verify a recording of a run that was disturbed: what there is of it is true."""
     verdict = verify(log)

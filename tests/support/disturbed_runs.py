@@ -1,7 +1,6 @@
 """Runs that continue after parts are killed."""
 
 import asyncio
-import contextlib
 import signal
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +17,7 @@ from neurosnap.runtime.request import Outcome, RunRequest, Site, Supervision, Wa
 from neurosnap.runtime.run import run
 from tests.support import run_options
 from tests.support.course import course
+from tests.support.swarm_processes import parts_of
 
 if TYPE_CHECKING:
     from neurosnap.runtime.request import Restart
@@ -26,17 +26,6 @@ PATH = "neurosnap/Path-v0"
 SENSORS = 4
 HERE = Site()
 ENDLESS = 1_000_000  # ticks; such a run is ended by an event
-
-
-def parts() -> list[psutil.Process]:
-    """The parts of swarms of this process; the fork server stays for the next one."""
-    kinds = ("hub", "recorder", "coordinator", "world", "cell")
-    found = []
-    for one in psutil.Process().children(recursive=True):
-        with contextlib.suppress(psutil.NoSuchProcess):  # it has ended meanwhile
-            if one.name().partition("/")[0] in kinds:
-                found.append(one)
-    return found
 
 
 def options_for(ticks: int) -> RunOptions:
@@ -130,7 +119,7 @@ class Disturbed:
 
     def strike(self, victims: tuple[str, ...]) -> bool:
         """Kill these parts at once; tell whether all of them were there."""
-        found = {one.name(): one for one in parts()}
+        found = dict(parts_of(psutil.Process()))
         if not found.keys() >= set(victims):
             return False
         for victim in victims:
