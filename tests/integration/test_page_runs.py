@@ -5,16 +5,14 @@ import re
 import shutil
 from pathlib import Path
 
-import msgspec
 import pytest
 from msgspec.structs import replace
 from playwright.async_api import Page, Route, expect
 
-from neurosnap.apps.viewer.api import Runs
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.server import serving
 from neurosnap.apps.viewer.session import ViewSession
-from neurosnap.apps.viewer.tick_difference import TickDifference, difference
+from neurosnap.apps.viewer.tick_difference import difference
 from neurosnap.recording.read.recording import Recording
 from tests.support.browser_pages import (
     IN_BROWSER,
@@ -56,32 +54,6 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     other.mkdir()
     cautious = replace(run, threshold=0.01, snapshot="discounted", decay=0.9)
     return recorded(run, folder / "run.mcap"), recorded(cautious, other / "run.mcap")
-
-
-@pytest.mark.slow
-async def test_each_recording_of_a_server_is_asked_by_its_number(
-    logs: tuple[Path, Path],
-) -> None:
-    async with serving(*map(ViewSession, logs)) as address:
-        _, body = await get(address, "/api/runs")
-        runs = msgspec.json.decode(body, type=Runs).runs
-        assert [each.name for each in runs] == list(map(str, logs))
-        for number, log in enumerate(logs):
-            _, body = await get(address, f"/api/graph?tick=30&run={number}")
-            own = msgspec.json.decode(body)["id"]
-            assert own == RunView(log).graph(30).id
-        _, body = await get(address, "/api/difference?tick=30&other=1&then=20")
-        found = msgspec.json.decode(body, type=TickDifference)
-        assert found == difference(RunView(logs[0]), 30, RunView(logs[1]), 20)
-        for query, words in {
-            "run=2": "run: must be in [0, 1], got 2",
-            "run=x": "run: must be a whole number from 0 up",
-        }.items():
-            status, body = await get(address, f"/api/run?{query}")
-            assert status == 400
-            assert words in body.decode()
-        status, body = await get(address, "/api/difference?tick=3&then=3&other=7")
-        assert (status, b"other: must be in [0, 1]" in body) == (400, True)
 
 
 @pytest.mark.slow

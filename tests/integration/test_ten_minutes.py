@@ -124,7 +124,8 @@ async def test_a_broker_gives_the_first_anomaly(tmp_path: Path) -> None:
                     process.send_signal(signal.SIGINT)
                     _, errors = await process.communicate()
                     assert process.returncode == 0, errors.decode()
-                    await watching.communicate()
+                    _, errors = await watching.communicate()
+                    assert watching.returncode == 0, errors.decode()
     again, verified = [await done(tmp_path, line) for line in after]
     assert told in again
     assert any(line.startswith("same:") for line in verified)
