@@ -9,7 +9,8 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError
-from neurosnap.fabric.hub_address import HubAddress
+from neurosnap.fabric.certificates import read_credentials
+from neurosnap.fabric.hub_address import Credentials, HubAddress
 from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.hub import open_hub
 from neurosnap.recording.read.recording import Recording
@@ -18,6 +19,7 @@ from neurosnap.recording.replay.playback import Played, Playing, play, play_on
 from neurosnap.recording.write.writer import Writer
 from tests.support.fabrics import Heard, Seen
 from tests.support.patience import PATIENCE
+from tests.support.ports import free_port
 from tests.support.recorded_runs import TICKS
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
@@ -51,21 +53,25 @@ class Ears(Heard):
 
 
 @asynccontextmanager
-async def watching(swarm: str, endpoint: str) -> AsyncIterator[Ears]:
+async def watching(
+    swarm: str, endpoint: str, keys: Path | None = None
+) -> AsyncIterator[Ears]:
     """Watch a swarm; entered once the hub is known to pass everything on.
 
-    A presence follows the subscription on the same session, so whoever sees the one
-    knows that the hub has the other.
+    It watches who is there on the session of its subscription, and behind that: once
+    it sees anybody, the hub has both.
     """
     heard, seen = Ears(), Seen()
-    async with (
-        ZenohFabric("watcher", swarm, HubAddress(endpoint)) as ears,
-        ZenohFabric("witness", swarm, HubAddress(endpoint)) as eyes,
-    ):
-        await eyes.watch(seen)
+
+    def part(who: str) -> ZenohFabric:
+        own = None if keys is None else Credentials.in_folder(keys, who)
+        return ZenohFabric(who, swarm, HubAddress(endpoint, own), patience=PATIENCE)
+
+    async with part("watcher") as ears, part("cell/0") as herald:
         await ears.subscribe(("**",), heard, poll=0.01)
-        await ears.announce()
-        await seen.wait(("watcher", True))
+        await ears.watch(seen)
+        await herald.announce()
+        await seen.wait(("cell/0", True))
         yield heard
 
 
@@ -85,9 +91,14 @@ async def stage(
         await asyncio.to_thread(hub.close)
 
 
+@pytest.mark.parametrize("secured", [False, True])
 async def test_playing_on_an_endpoint_reaches_a_program_that_connects(
-    recording: Recording, endpoint: str
+    recording: Recording, endpoint: str, role_keys: Path, secured: bool
 ) -> None:
+    keys = role_keys if secured else None
+    where = f"tls/127.0.0.1:{free_port()}" if secured else endpoint
+    own = read_credentials(keys, "hub") if keys else None
+    every = where.replace("127.0.0.1", "0.0.0.0")  # on each address of this machine
     expected = deliveries(recording)
     shown: list[int] = []
     connected = asyncio.Event()
@@ -98,9 +109,9 @@ async def test_playing_on_an_endpoint_reaches_a_program_that_connects(
     playing = Playing(1e6, on_begin=begin, on_progress=shown.append)
     async with asyncio.timeout(PATIENCE), asyncio.TaskGroup() as group:
         played = group.create_task(
-            play_on(recording, endpoint, asyncio.Event(), playing)
+            play_on(recording, every, asyncio.Event(), playing, credentials=own)
         )
-        async with watching(recording.swarm, endpoint) as heard:
+        async with watching(recording.swarm, where, keys) as heard:
             connected.set()
             await heard.wait(len(expected))
             # One session plays it all, so all keeps its order: keys, numbers, bytes.

@@ -239,6 +239,7 @@ async def test_no_part_speaks_for_one_of_another_role(
         balance = await struck(hub, attack, log)
     assert balance.whole, balance
     assert balance.duplicates == 0
+    assert hub.refused == []
     # Under keys of its own it came through, and was nobody's.
     assert balance.foreign >= FORGED
     # The recording is of the whole run, and is what the run would have said.
