@@ -21,7 +21,7 @@ from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.rotation import Split, SplitWriter
 from neurosnap.recording.write.writer import Writer
 from tests.support.course import course
-from tests.support.inline_runs import recorded_run, resumed_run, spread
+from tests.support.inline_runs import recorded_run, spread
 from tests.support.recorded_messages import assert_true_run, of_type
 from tests.support.replayed_runs import TICKS, Runs, options_for
 from tests.support.rewritten_recordings import changing, dropping, rewritten
@@ -88,22 +88,6 @@ def test_what_was_learned_is_read_from_them(banded: Banded) -> None:
         assert known_in(learned) == known_in(without)
         assert known_in(RunView(log).learned(tick).snapshot) == known_in(without)
     assert [start.frame.tick for start in starts(Recording.open(log))][-1] == 30
-
-
-@pytest.mark.parametrize("ticks", [1, 7, 8, 18])
-def test_a_replay_begins_with_them_and_a_run_goes_on(
-    banded: Banded, tmp_path: Path, ticks: int
-) -> None:
-    assert verify(banded.log, 15).start == 14
-    assert verify(banded.log, 15).same
-    start, on = tmp_path / "start", tmp_path / "on"
-    record(banded.runs, banded.kind, start, ticks=ticks)
-    resumed_run(start, on, TICKS)
-    assert_true_run(on, ticks=TICKS)
-    assert course(on) == course(banded.log)
-    again = tmp_path / "again"
-    resumed_run(on, again, TICKS + 1)  # the source ends there
-    assert verify(again).same
 
 
 def test_they_go_into_the_file_that_their_key_frame_begins(

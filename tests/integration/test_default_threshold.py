@@ -118,18 +118,6 @@ def arrivals(world: Taught, *goals: Sequence[str]) -> int:
     return found
 
 
-@pytest.mark.exhaustive
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
-def test_beside_the_cliff_it_is_the_better_one(seed: int) -> None:
-    def arrived(threshold: float) -> int:
-        """Of 37 starts."""
-        cliff = taught(cliff_walking(), threshold, 12_000, seed)
-        return arrivals(cliff, ["tile=goal"])
-
-    assert (arrived(USUAL), arrived(EXACT)) == (0, 37)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", rows([0], [1, 2]))
 def test_on_the_lake_it_is_the_better_one(seed: int) -> None:

@@ -1,8 +1,6 @@
 """A run that dies too often is abandoned; a hung world counts as dead."""
 
 import asyncio
-import contextlib
-import re
 from pathlib import Path
 
 import msgspec
@@ -12,18 +10,14 @@ from neurosnap import wire
 from neurosnap.errors import NeurosnapError, PartDiedError, SwarmError
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.replay.verify import verify
-from neurosnap.runtime import remote_parts
-from neurosnap.runtime.network import Network
-from neurosnap.runtime.request import RunRequest, Site
+from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.run import run
-from neurosnap.runtime.service import serve
 from tests.support.disturbed_runs import (
     ENDLESS,
     Disturbed,
     options_for,
 )
 from tests.support.hanging_worlds import SILENT, ending_world
-from tests.support.ports import free_port
 from tests.support.recorded_messages import of_type
 
 pytestmark = [
@@ -106,35 +100,3 @@ def test_a_world_that_hangs_is_named_and_treated_like_one_that_died(
         disturbed.run()
     assert [event.tick for event in disturbed.restarts] == [6]
     assert verify(log).ticks == 6
-
-
-def test_a_world_elsewhere_that_hangs_is_named(
-    hanging: RunOptions, tmp_path: Path
-) -> None:
-    where, stop = f"tcp/127.0.0.1:{free_port()}", asyncio.Event()
-
-    async def elsewhere() -> None:
-        world = remote_parts.world((hanging.source, {}))
-        network = Network(connect=where)
-        with contextlib.suppress(SwarmError):  # it will not end when it is asked to
-            await serve(world, network, "demo", stop)
-
-    async def both() -> None:
-        async with asyncio.TaskGroup() as group:
-            group.create_task(elsewhere())
-            try:
-                await Disturbed(hanging, tmp_path / "log", max_restarts=0).running(
-                    site=Site(
-                        Network(listen=where),
-                        swarm="demo",
-                        elsewhere=frozenset({"world"}),
-                    ),
-                )
-            finally:
-                stop.set()
-
-    with pytest.raises(ExceptionGroup) as raised:
-        asyncio.run(both())
-    (error,) = raised.value.exceptions
-    assert isinstance(error, SwarmError)
-    assert re.search(SILENT, str(error))

@@ -27,7 +27,7 @@ from neurosnap.recording.replay.verify import Verdict, verify
 from neurosnap.recording.write.writer import Writer
 from neurosnap.sensorium import unpack
 from tests.golden.drive import drive, record
-from tests.support.inline_runs import recorded_run, resumed_run
+from tests.support.inline_runs import recorded_run
 from tests.support.recorded_messages import assert_true_run, first, of_type
 from tests.support.replayed_runs import TICKS, Runs, every_run, options_for, readings
 from tests.support.rewritten_recordings import (
@@ -436,26 +436,6 @@ def test_a_cut_recording_of_a_repeated_wave_is_never_different(
 
 
 # What it goes on from -----------------------------------------------------------------
-
-
-def test_a_run_whose_thresholds_choose_themselves_goes_on(tmp_path: Path) -> None:
-    chance = random.Random(8)
-    levels = [chance.random() for _ in range(1620)]
-    rows = [[level < 0.3, level < 0.6, level < 0.1] for level in levels]
-    rows[400] = [True, False, False]
-    rows[1604] = [True, False, False]
-    path, start, on = (tmp_path / part for part in ("readings.csv", "start", "on"))
-    lines = ["a,b,c", *(",".join(str(int(bit)) for bit in row) for row in rows)]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    changes = {"threshold": "auto", "keyframe_every": 500}
-    options = options_for(str(path), ticks=1602)
-    recorded_run(msgspec.structs.replace(options, **changes), start)
-    resumed_run(start, on, 1620)
-    assert_true_run(on, ticks=1620)
-    _, learned = snapshot_at(Recording.open(on))
-    assert learned.threshold == "auto"
-    found = learned.evidence(0, 2)
-    assert (found.against, found.holds) == (2, True)  # broken, and tolerated
 
 
 @pytest.mark.parametrize(

@@ -20,14 +20,6 @@ def fell(reward: float) -> bool:
     return reward <= -100
 
 
-def test_it_is_on_after_the_step_that_was_rewarded() -> None:
-    env = frozen_lake(senses_reward=True)
-    assert (env.sensors[-1], env.orders[-1]) == ("rewarded", 1)
-    readings = [env.reset(seed=0)[0][-1]]
-    readings += [env.step(action)[0][-1] for action in WAY]
-    assert readings == [0, 0, 0, 0, 0, 0, 1]
-
-
 @pytest.mark.parametrize("outside", [False, True])
 def test_at_the_beginning_of_an_episode_nothing_was_rewarded(outside: bool) -> None:
     sensors = [rewarded(), *one_hot("place", [0])]
