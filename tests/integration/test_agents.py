@@ -24,7 +24,7 @@ from neurosnap.sources.protocol import Argument
 from tests.support.aliased_worlds import NAME as MAZE
 from tests.support.exhaustive import rows
 from tests.support.lamp import BIRTH, LIMITED, lamp_options
-from tests.support.recorded_messages import of_type
+from tests.support.recorded_messages import assert_true_run, of_type
 from tests.support.rewritten_recordings import changing, rewritten
 from tests.support.run_options import options_for
 
@@ -157,8 +157,7 @@ def test_a_swarm_decides_as_one_agent(
     options, log = RUNS[name](cells=cells), tmp_path / "log"
     made(options, log)
     ticks = options.ticks
-    verdict = verify(log)
-    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, ticks)
+    assert_true_run(log, ticks=ticks)
     states, alone = by_one_agent(options)
     recorded = recorded_in(log)
     assert recorded[1] == alone

@@ -25,7 +25,7 @@ from neurosnap.runtime.request import RunRequest, Watcher
 from neurosnap.runtime.run import run
 from tests.support.course import course
 from tests.support.lamp import BIRTH, LIMITED, lamp_options
-from tests.support.recorded_messages import first, of_type
+from tests.support.recorded_messages import assert_true_run, first, of_type
 from tests.support.recorded_runs import recorded
 from tests.support.rewritten_recordings import (
     changing,
@@ -178,8 +178,7 @@ def test_cut_in_the_middle_of_a_question_it_goes_on_the_same(
     assert past.tick == BIRTH - 1
     asyncio.run(run(RunRequest(options, log, past), asyncio.Event()))
     assert course(log) == course(inline)
-    verdict = verify(log)
-    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, TICKS)
+    assert_true_run(log, ticks=TICKS)
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,7 @@ from tests.support.commands import Command
 from tests.support.course import course
 from tests.support.patience import PATIENCE
 from tests.support.ports import free_port
+from tests.support.recorded_messages import assert_true_run
 from tests.support.services import (
     ENDLESS,
     PATH,
@@ -88,8 +89,7 @@ def shares(hubs: Hubs) -> Iterator[list[Command]]:
 
 def is_right(log: Path, ticks: int, folder: Path) -> None:
     """Check that nothing is missing, and that the run is what it is in one process."""
-    verdict = verify(log)
-    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, ticks)
+    assert_true_run(log, ticks=ticks)
     assert course(log) == course(in_one_piece(ticks, folder / "inline"))
 
 

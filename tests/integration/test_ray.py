@@ -46,6 +46,7 @@ from tests.support.disturbed_commands import (
 from tests.support.disturbed_runs import ENDLESS, Disturbed, check_same, options_for
 from tests.support.hanging_worlds import ending_world
 from tests.support.patience import PATIENCE
+from tests.support.recorded_messages import assert_true_run
 
 pytestmark = [
     pytest.mark.exhaustive,
@@ -152,8 +153,7 @@ async def test_workers_are_spread_and_the_run_is_the_same(
     assert place[0] == nodes.id(0)
     assert set(place) == {nodes.id(number) for number in range(3)}
     assert outcome.complete
-    verdict = verify(log)
-    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, 60)
+    assert_true_run(log, ticks=60)
     inline = msgspec.structs.replace(options, cells="inline")
     undisturbed = await run(RunRequest(inline, calm), asyncio.Event())
     assert outcome.implications == undisturbed.implications

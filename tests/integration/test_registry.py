@@ -11,12 +11,12 @@ import psutil
 import pytest
 
 from neurosnap.errors import InvalidValueError, SwarmError
-from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime import registry
 from tests.support.command_line import call, happy, refused
 from tests.support.commands import Command
 from tests.support.disturbed_commands import wait_for_size
 from tests.support.patience import PATIENCE
+from tests.support.recorded_messages import assert_true_run
 from tests.support.swarm_processes import parts_of
 
 
@@ -59,8 +59,7 @@ def test_a_swarm_is_listed_shown_and_stopped(tmp_path: Path) -> None:
         assert "as asked" in stdout
         assert left.poll() is None  # the other one goes on
         assert [one["swarm"] for one in happy("ps")["swarms"]] == [ids[second]]
-    verdict = verify(first)
-    assert (verdict.same, verdict.complete) == (True, True)
+    assert_true_run(first)
 
 
 def _by_log(note: dict[str, Any]) -> str:

@@ -19,6 +19,7 @@ from tests.support.course import course
 from tests.support.exhaustive import rows
 from tests.support.patience import PATIENCE
 from tests.support.ports import free_port
+from tests.support.recorded_messages import assert_true_run
 from tests.support.services import (
     CELLS,
     ENDLESS,
@@ -98,8 +99,7 @@ def test_services_make_the_run_that_one_process_makes(
     assert (came["swarm"], came["ticks"], came["cells"]) == (SWARM, 40, CELLS)
     assert (told["complete"], told["served"]) == (True, [SWARM])
     assert told["logs"] == [str(log)]
-    verdict = verify(log)
-    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, 40)
+    assert_true_run(log, ticks=40)
     recording = Recording.open(log)
     cells = [f"cell/{number}" for number in range(CELLS)]
     hosts = cells if kind == "cells" else ["worker/0", "worker/1"]
@@ -118,8 +118,7 @@ def test_a_run_leaves_a_worker_to_another_host(endpoint: str, tmp_path: Path) ->
     ):
         ended(most)
         ended(rest)
-    verdict = verify(log)
-    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, 20)
+    assert_true_run(log, ticks=20)
 
 
 def test_of_two_services_that_wait_with_the_same_worker_one_is_refused(
@@ -148,8 +147,7 @@ def test_of_two_services_that_wait_with_the_same_worker_one_is_refused(
         assert {service.returncode for service in both} == {0, 1}, said
         flat = " ".join("".join(said).split())
         assert re.search("worker/0[^ ]*: must be there once", flat), said
-    verdict = verify(log)
-    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, 30)
+    assert_true_run(log, ticks=30)
 
 
 def test_services_with_keys_do_what_their_roles_may(tmp_path: Path) -> None:
@@ -160,8 +158,7 @@ def test_services_with_keys_do_what_their_roles_may(tmp_path: Path) -> None:
     with hub_at(where, "--tls", keys):
         _, told = play("workers", log, "--connect", where, keys=keys)
     assert told["complete"]
-    verdict = verify(log)
-    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, 40)
+    assert_true_run(log, ticks=40)
 
 
 def test_services_serve_one_swarm_after_the_other(
@@ -187,8 +184,7 @@ def test_services_serve_one_swarm_after_the_other(
     logs = [log, tmp_path / "log-1.mcap"]
     assert facts(said[-1])["logs"] == [str(each) for each in logs]
     for number, each in enumerate(logs):
-        verdict = verify(each)
-        assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, 10)
+        assert_true_run(each, ticks=10)
         assert Recording.open(each).metadata["seed"] == str(3 + number)
 
 
@@ -233,8 +229,7 @@ def test_each_of_them_can_be_stopped_in_the_midst(
         assert not verify(log).complete
     if in_order:
         assert parts["recorder"].returncode == 0
-        verdict = verify(log)
-        assert (verdict.same, verdict.complete) == (True, True)
+        assert_true_run(log)
     assert verify(log).ticks >= 4
 
 

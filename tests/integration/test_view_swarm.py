@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from playwright.async_api import Page, expect
 
-from neurosnap.recording.replay.verify import verify
 from tests.support.browser_pages import IN_BROWSER, looked_at, states, worded
 from tests.support.patience import PATIENCE
+from tests.support.recorded_messages import assert_true_run
 from tests.support.view_commands import Verb, address_of, verb
 from tools.browser import wait_shown
 
@@ -89,8 +89,7 @@ async def test_a_swarm_is_followed_to_its_end(tmp_path: Path, way: str) -> None:
                         seen = await follow(run, page, address)
                     assert await run.wait() == 3  # one line was no reading
                     assert await ended(viewing) == (0, "")
-    verdict = verify(log)
-    assert (verdict.same, verdict.complete, verdict.ticks) == (True, True, LAST)
+    assert_true_run(log, ticks=LAST)
     truth = worded(log)
     assert seen == {tick: truth[tick] for tick in seen}
     assert seen[LAST - 1][:2] == ["contradicted", "contradicted"]

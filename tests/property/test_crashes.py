@@ -4,7 +4,6 @@ What a schedule is, and what must come of it, is in `tools.simulate.case`; a fai
 names the seed, and ``tools/simulate --only SEED`` repeats it.
 """
 
-import asyncio
 import random
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,14 +13,9 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.errors import RecordingError
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.replay.resume import find_resume_point
-from neurosnap.recording.replay.verify import verify
-from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.restart_files import RestartFiles
-from neurosnap.runtime.run import run
 from tests.support.hypothesis_settings import cases
 from tests.support.memory_hubs import run_out
 from tools.simulate.__main__ import simulated
@@ -31,7 +25,6 @@ from tools.simulate.simulated_hub import Faults, SimulatedHub
 from tools.simulate.weather import Tally, Weather, random_weather
 
 BATCH = 25
-TOOL = Path(__file__).parents[2] / "tools" / "simulate"
 
 
 @pytest.mark.slow
@@ -92,15 +85,6 @@ def test_whatever_happens_what_is_grown_comes_to_the_same(tmp_path: Path) -> Non
         options = random_options(chance, folder, growing=True)
         total.add(live_on(options, random_weather(chance), chance, folder))
     assert min(total.births, total.restarts) > 0
-
-
-def heard(log: Path) -> list[tuple[str, int, bytes]]:
-    """Return what a recording holds, in order; nothing where it was cut too early."""
-    try:
-        messages = list(Recording.open(log).messages())
-    except RecordingError:
-        return []
-    return [(m.message.sender, m.sequence, m.payload) for m in messages]
 
 
 def test_what_fails_names_its_seed_and_how_to_see_it_again() -> None:
@@ -194,32 +178,6 @@ def test_a_message_that_nobody_misses_is_missed(whole: Path) -> None:
         sent = {**noted.expected, who: count + 1}
         with pytest.raises(WrongError, match=rf"^missing of {who}: must be 1, got 0$"):
             check(whole, options, noted.completeness, sent)
-
-
-# Going back ---------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-def test_a_run_is_taken_up_no_later_than_asked(whole: Path) -> None:
-    options, last = find_resume_point(whole)
-    assert last.tick == options.ticks
-    for tick in range(1, options.ticks):
-        _, past = find_resume_point(whole, tick)
-        assert (past.tick, past.resumed, len(past.actions)) == (tick, (tick,), tick - 1)
-        assert all(past.counts[who] <= count for who, count in last.counts.items())
-    with pytest.raises(RecordingError, match=r"must hold a whole tick to go on from"):
-        find_resume_point(whole, 0)
-
-
-def test_the_last_tick_done_again_ends_the_run(whole: Path, tmp_path: Path) -> None:
-    options, past = find_resume_point(whole, Recording.open(whole).options.ticks - 1)
-    log = tmp_path / "again.mcap"
-    inline = msgspec.structs.replace(options, cells="inline")
-    outcome = asyncio.run(run(RunRequest(inline, log, past), asyncio.Event()))
-    assert outcome.totals.ticks == options.ticks
-    verdict = verify(log)
-    assert (verdict.same, verdict.complete) == (True, True)
-    assert verdict.ticks == options.ticks
 
 
 # The hub's faults ---------------------------------------------------------------------
