@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import AsyncIterator, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 
 import psutil
@@ -27,16 +27,6 @@ from tests.support.recorded_runs import (
     unread_run,
 )
 from tools.browser import started
-
-
-@contextmanager
-def no_process_left() -> Iterator[None]:
-    """Fail if a process of the block outlives it."""
-    before = passing()
-    yield
-    # The fork server may yet have to reap one.
-    _, alive = psutil.wait_procs(passing() - before, timeout=PATIENCE)
-    assert alive == []
 
 
 def passing() -> set[psutil.Process]:
@@ -129,8 +119,11 @@ def own_notes(
 @pytest.fixture
 def no_process_is_left() -> Iterator[None]:
     """Fail if a process outlives the test."""
-    with no_process_left():
-        yield
+    before = passing()
+    yield
+    # The fork server may yet have to reap one.
+    _, alive = psutil.wait_procs(passing() - before, timeout=PATIENCE)
+    assert alive == []
 
 
 @pytest.fixture(scope="session", autouse=True)

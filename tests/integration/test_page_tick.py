@@ -1,6 +1,5 @@
 """What the page says of one tick: its state, waves, plans, words and images."""
 
-import random
 import re
 from collections import Counter
 from pathlib import Path
@@ -36,18 +35,6 @@ LAKE = "neurosnap/FrozenLake-v0"
 SIGNS = {"contradicted": "!", "unknown": "?"}
 IMAGES = 20  # ticks of the run that records images
 EVERY = 6
-
-
-async def test_the_slider_restores_what_the_recording_says(csv_log: Path) -> None:
-    truth = worded(csv_log)
-    assert "contradicted" in {word for words in truth.values() for word in words}
-    chosen = [1, 2, 13, 24, 25, 26, TICKS]
-    random.Random(1).shuffle(chosen)
-    page = await page_at(csv_log, 1)
-    await page.click("#tab-sensors")
-    for tick in chosen:
-        await go_to(page, tick)
-        assert await states(page, tick) == truth[tick]
 
 
 async def test_a_wave_goes_hop_by_hop(planner_log: Path) -> None:

@@ -9,12 +9,8 @@ import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
-from hypothesis import given
-from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from neurosnap.agent.environment import describe
-from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from tests.support.taught_agents import (
     BEDS,
     Bed,
@@ -24,7 +20,7 @@ from tests.support.taught_agents import (
     tile,
     walker,
 )
-from tests.support.transition_tables import Table, recordable, state_fields
+from tests.support.transition_tables import Table, state_fields
 from world.toy_text import cliff_walking, frozen_lake, taxi
 
 VARIANTS: list[tuple[Bed, dict[str, Any]]] = [
@@ -133,24 +129,6 @@ def test_a_taxi_picks_up_and_drops_off() -> None:
 
 
 # What is learned ----------------------------------------------------------------------
-
-
-@st.composite
-def all_fields(draw: st.DrawFn) -> NDArray[np.bool_]:
-    places = draw(st.integers(1, 4))
-    rows = st.lists(st.booleans(), min_size=places, max_size=places)
-    return np.array(draw(st.lists(rows, min_size=1, max_size=6)), np.bool_)
-
-
-@given(all_fields())
-def test_what_can_be_recorded_is_what_is_recorded_after_seeing_everything(
-    fields: NDArray[np.bool_],
-) -> None:
-    places = fields.shape[1]
-    snapshot = EmpiricalSnapshot(len(fields), 1 / (4 * places))
-    for bits in fields.T:
-        snapshot.learn(bits)
-    np.testing.assert_array_equal(recordable(fields), snapshot.poc_graph().edges)
 
 
 # A planner on the lake and at the cliff -----------------------------------------------

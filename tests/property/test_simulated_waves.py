@@ -19,6 +19,7 @@ from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.poc.order.graph import PocGraph, WiringKind
 from neurosnap.protocol.wave_control import WaveControl
 from neurosnap.sensorium import pack
+from tests.support import oracles
 from tests.support.edges import edge_list, edges_of
 from tests.support.hypothesis_settings import cases
 from tests.support.memory_hubs import run_out
@@ -28,55 +29,11 @@ from tools.simulate.simulated_hub import Faults, SimulatedHub
 if TYPE_CHECKING:
     from neurosnap.protocol.wave import Wave
 
-Pairs = set[tuple[int, int]]
-Neighbours = dict[int, list[int]]
-
-
-# What must come out -------------------------------------------------------------------
-
-
-def closed(pairs: Pairs) -> Pairs:
-    """Add the contrapositives."""
-    return pairs | {(b ^ 1, a ^ 1) for a, b in pairs}
-
-
-def neighbours(pairs: Pairs) -> Neighbours:
-    out: Neighbours = {}
-    for a, b in pairs:
-        out.setdefault(a, []).append(b)
-    return out
-
-
-def reach(out: Neighbours, start: Iterable[int]) -> set[int]:
-    """All that paths lead to, by depth-first search."""
-    found = set(start)
-    stack = list(found)
-    while stack:
-        for b in out.get(stack.pop(), ()):
-            if b not in found:
-                found.add(b)
-                stack.append(b)
-    return found
-
-
-def height(sensors: int, out: Neighbours) -> int:
-    """The edges on the longest chain of literals, each strictly below the next."""
-    above = [reach(out, [a]) for a in range(2 * sensors)]
-    known: dict[int, int] = {}
-
-    def up(a: int) -> int:
-        if a not in known:
-            strictly = [b for b in above[a] if a not in above[b]]
-            known[a] = max((1 + up(b) for b in strictly), default=0)
-        return known[a]
-
-    return max(map(up, range(2 * sensors)))
-
 
 # Random orders ------------------------------------------------------------------------
 
 
-def random_pairs(chance: random.Random, sensors: int) -> Pairs:
+def random_pairs(chance: random.Random, sensors: int) -> oracles.Edges:
     """Draw edges such that no literal is equivalent to its own complement.
 
     Literals get levels, opposite ones for complements, and edges go up, or along a
@@ -264,12 +221,11 @@ def undisturbed(seed: int, *, shared: bool = False) -> int:
         network.dawdle(chance)
         signals = launch(network, chance, ticks, sensors)
         run_out(network.hub, 100_000)
-        out = neighbours(closed(pairs))
-        most = height(sensors, out) + 2
+        edges = pairs | {(b ^ 1, a ^ 1) for a, b in pairs}
+        most = graph.height() + 2
         for number, signal in signals.items():
             wave = network.settled[number]
-            assert set(wave.hops) == reach(out, signal)
-            assert set(np.flatnonzero(graph.up(signal))) == set(wave.hops)
+            assert set(wave.hops) == oracles.reach(edges, signal)
             # A pulse may overtake the start that asks for the same literal.
             assert all(hops > 0 or a in signal for a, hops in wave.hops.items())
             assert wave.depth <= most
