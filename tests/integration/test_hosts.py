@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.ports import free_port
-from tests.support.view_commands import Verb, verb
+from tests.support.view_commands import Verb, done, verb
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
@@ -18,14 +18,6 @@ ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/tutorials/two_hosts.md").read_text()
 COMMANDS = re.findall(r"^\$ neurosnap (.*)$", PAGE, re.MULTILINE)
 SHOWN = dict(re.findall(r"^\$ neurosnap (.*)\n((?:[^$`].*\n)*)", PAGE, re.MULTILINE))
-
-
-async def done(folder: Path, line: str) -> list[str]:
-    """Run a command to its end; return what it said."""
-    async with verb(folder, *shlex.split(line)) as process:
-        output, errors = await process.communicate()
-        assert process.returncode == 0, f"{line}: {errors.decode()}"
-    return [each.rstrip() for each in output.decode().splitlines()]
 
 
 async def told(process: Verb, line: str) -> None:

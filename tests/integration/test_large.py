@@ -10,7 +10,7 @@ import zenoh
 from neurosnap import wire
 from neurosnap.fabric.zenoh.pieces import LARGEST
 from tests.support.fabrics import Seen
-from tests.support.secured_hub import SWARM, Hub, hub_with
+from tests.support.secured_hub import SWARM, hub_with
 from tests.support.witnesses import Heard
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
@@ -19,18 +19,11 @@ MIB = 1 << 20
 HUGE = 200 * MIB
 
 
-def process_of(hub: Hub) -> psutil.Process:
-    """Return the process of a hub, which is our child and has others beside it."""
-    children = psutil.Process().children()
-    (found,) = [each for each in children if hub.endpoint in each.cmdline()]
-    return found
-
-
 async def test_a_huge_message_fills_nobodys_memory(role_keys: Path) -> None:
     heard = Heard()
     key = f"neurosnap/{SWARM}/{PULSE.key}"
     with hub_with(role_keys) as hub:
-        process = process_of(hub)
+        process = psutil.Process(hub.pid)
         async with hub.end("recorder") as ears, hub.end("cell/0") as cell:
             await ears.subscribe(("**",), heard)
             session = hub.session()

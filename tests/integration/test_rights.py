@@ -153,7 +153,7 @@ def test_a_router_that_is_no_hub_is_named(role_keys: Path) -> None:
     endpoint = f"tls/127.0.0.1:{free_port()}"
     with going("serve", "hub", "--listen", endpoint, "--tls", role_keys) as hub:
         assert "listening on" in hub.stderr.readline()
-        with Hub(endpoint, role_keys).session("router"):
+        with Hub(endpoint, role_keys, hub.pid).session("router"):
             said = hub.stderr.readline()
     assert said.startswith(
         "cell is linked and no hub: what hubs send each other may be"

@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("aiomqtt")
 
 from tests.support.mosquitto import needs_mosquitto, peer, see, started
-from tests.support.view_commands import Verb, verb
+from tests.support.view_commands import Verb, done, verb
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh]
 
@@ -41,14 +41,6 @@ def without_ticks(line: str) -> str:
     return re.sub(r"tick \d+", "tick N", line)
 
 
-async def done(folder: Path, line: str) -> list[str]:
-    """Run a command of the page to its end; return what it said."""
-    async with verb(folder, *shlex.split(line)) as process:
-        output, errors = await process.communicate()
-        assert process.returncode == 0, f"{line}: {errors.decode()}"
-    return output.decode().splitlines()
-
-
 def test_the_page_has_the_commands_that_are_run_here() -> None:
     assert len(LEARN) == 3
     verbs = [line.split()[0] for line in BROKER]
@@ -61,7 +53,7 @@ async def test_a_database_gives_a_table(tmp_path: Path, line: str) -> None:
     shutil.copy(DATABASE, tmp_path)
     said = await done(tmp_path, line)
     for shown in SHOWN.get(line, []):
-        assert shown.rstrip() in [each.rstrip() for each in said]
+        assert shown.rstrip() in said
     assert "relation" in said[-1] or (tmp_path / "home.html").is_file()
 
 

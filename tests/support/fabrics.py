@@ -8,6 +8,7 @@ from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
 from itertools import permutations
+from pathlib import Path
 
 from neurosnap import wire
 from neurosnap.fabric.hub_address import HubAddress
@@ -62,11 +63,17 @@ class Seen:
 
 BE_HUB = """
 import sys
+from pathlib import Path
+from neurosnap.fabric.certificates import read_credentials
+from neurosnap.fabric.zenoh.denied_log import telling_refusals
 from neurosnap.fabric.zenoh.hub import open_hub
-session = open_hub([sys.argv[1]], sessions=20, links=sys.argv[2:])
-print("ready", flush=True)
-sys.stdin.read()
-session.close()
+endpoint, keys, *links = sys.argv[1:]
+with telling_refusals():
+    own = read_credentials(Path(keys), "hub") if keys else None
+    session = open_hub([endpoint], 30, credentials=own, links=links)
+    print("ready", flush=True)
+    sys.stdin.read()
+    session.close()
 """
 
 
@@ -86,17 +93,29 @@ class Hub:
 
 
 @contextmanager
-def hub_in_process(endpoint: str, *links: str) -> Iterator[Hub]:
-    """A hub in a process of its own."""
-    command = [sys.executable, "-c", BE_HUB, endpoint, *links]
+def hub_process(
+    endpoint: str, *links: str, keys: Path | None = None
+) -> Iterator[tuple[int, list[str]]]:
+    """Run a hub in a process of its own: its id, and what it said once it has ended."""
+    command = [sys.executable, "-c", BE_HUB, endpoint, str(keys or ""), *links]
+    pipe, said = subprocess.PIPE, list[str]()
     with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        command, stdin=pipe, stdout=pipe, stderr=pipe, text=True
     ) as process:
         assert process.stdout is not None
-        assert process.stdout.readline() == b"ready\n"
-        yield Hub(endpoint, process.pid)
-        process.communicate()
-    assert process.returncode == 0
+        assert process.stdout.readline() == "ready\n"
+        try:
+            yield process.pid, said
+        finally:
+            said += process.communicate(timeout=PATIENCE)[1].splitlines()
+    assert process.returncode == 0, said
+
+
+@contextmanager
+def hub_in_process(endpoint: str, *links: str) -> Iterator[Hub]:
+    """A hub in a process of its own."""
+    with hub_process(endpoint, *links) as (pid, _):
+        yield Hub(endpoint, pid)
 
 
 async def are_one_network(*ends: Callable[[str], Fabric]) -> None:

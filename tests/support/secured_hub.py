@@ -1,8 +1,6 @@
 """A hub under mutual TLS, in its own process, which says what it refused."""
 
 import asyncio
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,35 +15,21 @@ from neurosnap.recording.format.completeness import Completeness
 from neurosnap.runtime.network import Network
 from neurosnap.runtime.request import RunRequest, Site
 from neurosnap.runtime.run import run
-from tests.support.patience import PATIENCE
+from tests.support.fabrics import hub_process
 from tests.support.ports import free_port
 from tests.support.run_options import options_for
 
 INTRUSION = 1.0  # seconds an intruder goes on trying
 SWARM = "one"
 
-BE_HUB = """
-import sys
-from pathlib import Path
-from neurosnap.fabric.certificates import read_credentials
-from neurosnap.fabric.zenoh.hub import open_hub
-from neurosnap.fabric.zenoh.denied_log import telling_refusals
-with telling_refusals():
-    credentials = read_credentials(Path(sys.argv[2]), "hub")
-    links = sys.argv[3:]
-    session = open_hub([sys.argv[1]], 30, credentials=credentials, links=links)
-    print("ready", flush=True)
-    sys.stdin.read()
-    session.close()
-"""
-
 
 class Hub:
     """A hub under TLS, and once it has ended, what it refused."""
 
-    def __init__(self, endpoint: str, keys: Path) -> None:
+    def __init__(self, endpoint: str, keys: Path, pid: int) -> None:
         self.endpoint = endpoint
         self.keys = keys
+        self.pid = pid
         self.refused: list[str] = []
 
     def end(self, who: str, role: Role | None = None) -> ZenohFabric:
@@ -69,24 +53,12 @@ class Hub:
 
 @contextmanager
 def hub_with(keys: Path, *links: Hub) -> Iterator[Hub]:
-    hub = Hub(f"tls/127.0.0.1:{free_port()}", keys)
-    command = [sys.executable, "-c", BE_HUB, hub.endpoint, str(keys)]
-    command += [other.endpoint for other in links]
-    with subprocess.Popen(
-        command,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "ready\n"
-        try:
-            yield hub
-        finally:
-            _, errors = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 0, errors
-    hub.refused = errors.splitlines()
+    where = f"tls/127.0.0.1:{free_port()}"
+    ends = [other.endpoint for other in links]
+    with hub_process(where, *ends, keys=keys) as (pid, said):
+        hub = Hub(where, keys, pid)
+        yield hub
+    hub.refused = said
 
 
 async def run_swarm(hub: Hub, log: Path, ticks: int, **more: object) -> Completeness:

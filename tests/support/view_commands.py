@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import shlex
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -66,6 +67,14 @@ async def verb(folder: Path, *arguments: str) -> AsyncIterator[Verb]:
             stdin.close()
             # The pipes are read to their end, which closes them.
             await _read_all(stdout, stderr)
+
+
+async def done(folder: Path, line: str) -> list[str]:
+    """Run a command line to its end; return what it said."""
+    async with verb(folder, *shlex.split(line)) as process:
+        output, errors = await process.communicate()
+        assert process.returncode == 0, f"{line}: {errors.decode()}"
+    return [each.rstrip() for each in output.decode().splitlines()]
 
 
 async def address_of(process: Verb) -> str:
