@@ -27,7 +27,6 @@ from neurosnap.recording.replay.verify import Verdict, verify
 from neurosnap.recording.write.writer import Writer
 from neurosnap.sensorium import unpack
 from tests.golden.drive import drive, record
-from tests.support.inline_runs import recorded_run
 from tests.support.recorded_messages import assert_true_run, first, of_type
 from tests.support.replayed_runs import TICKS, Runs, every_run, options_for, readings
 from tests.support.rewritten_recordings import (
@@ -112,14 +111,6 @@ LOST: dict[str, Lost] = {
     "pulse": lambda m: isinstance(m, wire.Pulse) and m.wave > 20,
     "start": lambda m: isinstance(m, wire.WaveStart) and m.wave > 20,
 }
-
-
-def test_a_run_ends_in_order_where_its_source_does(runs: Runs, tmp_path: Path) -> None:
-    log = tmp_path / "log"
-    outcome = recorded_run(options_for(runs.csv, ticks=1000), log)
-    assert not outcome.stopped
-    verdict = assert_true_run(log)
-    assert verdict.ticks == outcome.totals.ticks == len(readings())
 
 
 STOPS: dict[str, Callable[[Coordinator], bool]] = {

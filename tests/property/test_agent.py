@@ -6,30 +6,23 @@ from hypothesis import strategies as st
 
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
-from neurosnap.agent.planner import Planner, subgoals
-from neurosnap.agent.policies import Excited
-from neurosnap.agent.policy import AgentKind, Policy
+from neurosnap.agent.planner import subgoals
 from neurosnap.poc.order.graph import PocGraph
 from tests.support import agent_oracles as agents
 from tests.support.agent_oracles import Fields, Moves, as_array, known
-from tests.support.deliberations import decided_by
 from tests.support.edges import edges_of
 from tests.support.hypothesis_settings import examples
 from tests.support.strategies import as_set, bit_rows, graphs, subsets
 
-KINDS: list[AgentKind] = ["walker", "excited", "planner"]
-TICKS = range(1, 40)  # enough for three choices as good to come up
-
 
 @st.composite
-def bodies(draw: st.DrawFn, *drives: str) -> Body:
+def bodies(draw: st.DrawFn) -> Body:
     own = draw(st.integers(1, 2))
     actions = draw(st.integers(1, 3))
     pairs = [(action, a) for action in range(actions) for a in range(2 * own)]
     context = draw(st.lists(st.sampled_from(pairs), unique=True, max_size=4))
     return Body(
-        own=(*(f"s{k}" for k in range(own)), *drives),
-        orders=(0,) * own + (1,) * len(drives),
+        own=tuple(f"s{k}" for k in range(own)),
         actions=tuple(f"a{k}" for k in range(actions)),
         senses_actions=True,
         context=tuple(context),
@@ -50,11 +43,6 @@ def beliefs(draw: st.DrawFn, body: Body) -> tuple[PocGraph, set[int]]:
         ],
     )
     return graph, as_set(graph.coherent_projection(draw(subsets(graph))))
-
-
-def decided(policy: Policy, graph: PocGraph, state: set[int]) -> set[tuple[int, str]]:
-    now = as_array(state, graph.sensors)
-    return {decided_by(graph, policy, tick, now) for tick in TICKS}
 
 
 class TestAnyBelief:
@@ -88,49 +76,6 @@ class TestAnyBelief:
         assert graph.is_coherent(plan)
         if graph.is_coherent(target):
             assert target <= as_set(plan)
-
-    @pytest.mark.slow
-    @given(st.data())
-    def test_the_planner_takes_what_guarantees_most_of_the_plan(
-        self, data: st.DataObject
-    ) -> None:
-        body = data.draw(bodies("better"))
-        graph, state = data.draw(beliefs(body))
-        sides = st.sampled_from([0, 1, None])
-        target = {
-            2 * sensor + side
-            for sensor in range(len(body.own))
-            for side in [data.draw(sides)]
-            if side is not None
-        } or {data.draw(st.integers(0, 2 * len(body.own) - 1))}
-        best = agents.planned(body, edges_of(graph.edges), state, target)
-        policy = Planner(body, sorted(target), data.draw(st.integers(0, 9)), 0.0)
-        taken = {action for action, _ in decided(policy, graph, state)}
-        assert taken <= best
-        assert len(best) > 3 or taken == best
-
-    @pytest.mark.slow
-    @given(st.data())
-    def test_the_excited_take_better_or_failing_that_not_worse(
-        self, data: st.DataObject
-    ) -> None:
-        body = data.draw(bodies("better", "worse"))
-        graph, state = data.draw(beliefs(body))
-        why, options = agents.driven(body, edges_of(graph.edges), state)
-        policy = Excited(body, data.draw(st.integers(0, 9)), 0.0)
-        found = decided(policy, graph, state)
-        taken = {action for action, _ in found}
-        assert taken <= options
-        assert len(options) > 3 or taken == options
-        (said,) = {reason for _, reason in found}
-        assert (
-            said
-            == {
-                "better": "guarantees better",
-                "worse*": "guarantees worse*; nothing guarantees better",
-                "nothing": "at random: nothing guarantees better or worse*",
-            }[why]
-        )
 
 
 @st.composite

@@ -58,28 +58,6 @@ def test_bands_in_any_order_make_the_snapshot(
 
 @given(
     kind=st.sampled_from(sorted(MAKERS)),
-    sensors=st.integers(1, 9),
-    unknown=st.booleans(),
-    seed=st.integers(0, 2**32 - 1),
-)
-def test_the_four_weights_of_pairs_are_what_each_of_them_is(
-    kind: str, sensors: int, unknown: bool, seed: int
-) -> None:
-    snapshot = learned(kind, sensors, 20, unknown, seed)
-    snapshot._settle()
-    last = 0
-    blocks = snapshot._weights.blocks(snapshot._total())
-    for a, (pairs, squares) in zip(range(0, 2 * sensors, 2), blocks, strict=True):
-        assert pairs.start == last
-        last = pairs.stop
-        for b, square in zip(range(0, a, 2), squares.T, strict=True):
-            four = [(a, b), (a, b + 1), (a + 1, b), (a + 1, b + 1)]
-            assert square.tolist() == [snapshot.weight(*two) for two in four]
-    assert last == sensors * (sensors - 1) // 2
-
-
-@given(
-    kind=st.sampled_from(sorted(MAKERS)),
     sensors=st.integers(0, 9),
     cuts=st.lists(st.integers(0, 9), max_size=3),
     unknown=st.booleans(),
