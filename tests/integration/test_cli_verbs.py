@@ -8,14 +8,7 @@ import pytest
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.write.writer import Writer
 from neurosnap.system.picture import KINDS
-from tests.support.command_line import (
-    call,
-    failed,
-    flat,
-    happy,
-    last_json,
-    refused,
-)
+from tests.support.command_line import call, failed, flat, happy, last_json, refused
 from tests.support.command_line_files import changed, cut, readings, record_path
 from tests.support.disturbed_commands import finish, started
 

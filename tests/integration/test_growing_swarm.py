@@ -27,11 +27,7 @@ from tests.support.course import course
 from tests.support.lamp import BIRTH, LIMITED, lamp_options
 from tests.support.recorded_messages import assert_true_run, first, of_type
 from tests.support.recorded_runs import recorded
-from tests.support.rewritten_recordings import (
-    changing,
-    flipped,
-    rewritten,
-)
+from tests.support.rewritten_recordings import changing, flipped, rewritten
 from tests.support.run_options import options_for
 
 pytestmark = pytest.mark.slow

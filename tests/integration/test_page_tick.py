@@ -19,10 +19,7 @@ from tests.support.browser_pages import (
     worded,
 )
 from tests.support.lamp import BIRTH, GROWN
-from tests.support.recorded_runs import (
-    TICKS,
-    recorded,
-)
+from tests.support.recorded_runs import TICKS, recorded
 from tests.support.run_options import options_for
 from tools.browser import wait_shown
 

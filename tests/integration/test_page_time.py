@@ -23,12 +23,7 @@ from tests.support.browser_pages import (
 from tests.support.home_runs import FLUSH
 from tests.support.lamp import BIRTH
 from tests.support.patience import PATIENCE
-from tests.support.recorded_runs import (
-    TICKS,
-    path_run,
-    recorded,
-    without_states,
-)
+from tests.support.recorded_runs import TICKS, path_run, recorded, without_states
 from tools.browser import wait_shown, wait_until
 
 pytestmark = IN_BROWSER
