@@ -73,10 +73,7 @@ class Fed:
 
         until(is_there)
 
-    def wait_for_row(self, number: int) -> None:
-        until(lambda: len(rows_of(self.log)) >= number)
-
-    def wait_for_row_of(self, line: int) -> None:
+    def wait_for_row(self, line: int) -> None:
         until(lambda: any(row.number == line for row in rows_of(self.log)))
 
     def kill(self, who: str) -> None:
@@ -153,15 +150,9 @@ def neurosnap(log: Path, *arguments: str) -> Iterator[Fed]:
 
 
 def running(log: Path, *more: str) -> AbstractContextManager[Fed]:
-    flags = [
-        "--set",
-        f"sensors={SENSORS}",
-        "--ticks",
-        "3000",
-        "--set",
-        "supervision.backoff=0",
-    ]
-    return neurosnap(log, "run", "-", "--out", str(log), *flags, *more)
+    flags = ("--ticks", "3000", "--set", f"sensors={SENSORS}")
+    more = (*flags, "--set", "supervision.backoff=0", *more)
+    return neurosnap(log, "run", "-", "--out", str(log), *more)
 
 
 def test_whichever_part_dies_every_line_is_a_tick_once_and_in_order(
@@ -176,7 +167,7 @@ def test_whichever_part_dies_every_line_is_a_tick_once_and_in_order(
             lines += 15
             if victim == "intake":
                 # What it has read and not yet written dies with it.
-                run.wait_for_row_of(lines)
+                run.wait_for_row(lines)
             run.kill(victim)
             run.feed(10)  # while no part is there to read them
             lines += 10
