@@ -54,15 +54,6 @@ def test_a_swarm_that_does_not_run_cannot_be_looked_at(
     assert said in text
 
 
-def test_a_port_in_use_is_named(path_log: Path) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = taken.getsockname()[1]
-        code, text = refused(str(path_log), "--port", str(port))
-    assert code == 2
-    assert text.startswith("error: port: must be free on this machine")
-    assert text.endswith(f"got {port}")
-
-
 async def test_a_run_is_looked_at_while_it_goes_on_and_after(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
