@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +10,10 @@ import msgspec
 import psutil
 import pytest
 
+from neurosnap import wire
 from neurosnap.errors import InvalidValueError, SwarmError
 from neurosnap.runtime import registry
+from neurosnap.sources.live.journal import Journal, JournalRow, journal_of
 from tests.support.command_line import call, happy, refused
 from tests.support.commands import Command
 from tests.support.disturbed_commands import wait_for_size
@@ -80,6 +82,27 @@ def test_a_note_is_there_while_its_swarm_is(runtime: Path) -> None:
         assert registry.find("abcd") == note
     assert registry.swarms() == []
     assert list((runtime / "neurosnap").iterdir()) == []
+
+
+def test_what_a_run_has_lost_is_listed_and_nothing_if_it_has_lost_nothing(
+    tmp_path: Path,
+) -> None:
+    lossy, whole = tmp_path / "lossy.mcap", tmp_path / "whole.mcap"
+    for log, received in (
+        (lossy, wire.Received(shown=5, refused=4, dropped=2, outages=1)),
+        (whole, wire.Received(shown=5)),
+    ):
+        with closing(Journal(journal_of(log), ["door"])) as journal:
+            journal.write(JournalRow(0, b"\1", b"", received=received))
+    with (
+        registry.noted("abcd", "zenoh:", "", lossy),
+        registry.noted("bcde", "-", "", whole),
+        registry.noted("cdef", "-", "", None),
+    ):
+        assert [one["lost"] for one in happy("ps")["swarms"]] == [3, 0, 0]
+        heads, *rows = (line.split()[2:] for line in call("ps").stdout.splitlines())
+    assert heads == ["source", "lost", "recording"]
+    assert [row[:2] for row in rows] == [["zenoh:", "3"], ["-", str(whole)], ["-"]]
 
 
 @pytest.mark.slow

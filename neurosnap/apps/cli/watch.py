@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import msgspec
 import typer
 
 from neurosnap.apps.cli.options import FLAG, NETWORK, option, with_parameters
@@ -36,6 +37,7 @@ from neurosnap.sensorium import visible
 
 if TYPE_CHECKING:
     from neurosnap.runtime.anomaly_feed import Fed
+    from neurosnap.runtime.registry import Note
 
 
 @app.command(rich_help_panel=WATCH)
@@ -219,15 +221,35 @@ def _is_recording(what: str) -> bool:
 
 @app.command(rich_help_panel=SWARMS)
 def ps(form: Format = "text") -> None:
-    """List the swarms that run on this machine."""
+    """List the swarms that run on this machine.
+
+    Lost is how many readings of a recorded run had no tick although they should have; a
+    stretch in which it could not listen counts as one.
+    """
     from neurosnap.runtime import registry
 
     with errors():
-        notes = registry.swarms()
-        rows = [(n.swarm, str(n.pid), n.source, n.log) for n in notes]
-        heads = ("swarm", "pid", "source", "recording")
+        notes = {note: _lost(note) for note in registry.swarms()}
+        rows = [
+            (note.swarm, str(note.pid), note.source, str(lost or ""), note.log)
+            for note, lost in notes.items()
+        ]
+        heads = ("swarm", "pid", "source", "lost", "recording")
         say(form, *(table([heads, *rows]) if rows else ["no swarm runs here"]))
-        print_facts(form, {"swarms": notes})
+        swarms = [msgspec.structs.asdict(n) | {"lost": k} for n, k in notes.items()]
+        print_facts(form, {"swarms": swarms})
+
+
+def _lost(note: "Note") -> int:
+    """Return how many readings a run has lost by its last tick, as its journal says."""
+    from neurosnap.sources.live.journal import journal_of, read_journal
+    from neurosnap.sources.live.statistics import Statistics
+    from neurosnap.sources.open import lost_by
+
+    if not note.log:
+        return 0
+    kept = read_journal(journal_of(Path(note.log)))
+    return lost_by(note.source, Statistics(kept.received))
 
 
 @app.command(rich_help_panel=SWARMS)
