@@ -174,17 +174,21 @@ async def run_journaled(request: RunRequest, work: Work) -> Outcome:
 def _take_over(folder: Path, options: RunOptions, past: ResumePoint) -> None:
     """Begin a journal with the readings that came after a tick and are not recorded."""
     log = Path(past.log)
-    kept = journal_of(first_path(log, past.part))
-    rows = [row for row in read_journal(kept).rows if row.number > past.tick]
-    with contextlib.closing(Journal(folder, options.body.own)) as journal:
-        journal.restart(past.tick, rows, past.received)
+    kept = read_journal(journal_of(first_path(log, past.part)))
+    rows = [row for row in kept.rows if row.number > past.tick]
+    new = Journal(folder, options.body.own, run=kept.run)
+    with contextlib.closing(new) as journal:
+        journal.restart(past.tick, rows, past.received, kept.taken)
 
 
 def _delete_if_recorded(folder: Path, outcome: Outcome) -> Outcome:
     """Delete a journal, if all that is in it is recorded."""
     kept, last = read_journal(folder), outcome.totals.ticks
     if outcome.intake is None:  # what counted it has died
-        outcome = msgspec.structs.replace(outcome, intake=Statistics(kept.received))
+        counted, shown = kept.taken.received, kept.received.shown
+        received = msgspec.structs.replace(counted, shown=shown)
+        intake = Statistics(received, after=counted.shown - shown)
+        outcome = msgspec.structs.replace(outcome, intake=intake)
     if outcome.complete and not any(row.number > last for row in kept.rows):
         remove(folder)
         return outcome
@@ -195,7 +199,8 @@ def _delete_if_recorded(folder: Path, outcome: Outcome) -> Outcome:
 def _warn_of(folder: Path) -> None:
     """Warn that a journal is left, or delete it if it is empty."""
     with contextlib.suppress(NeurosnapError):
-        if read_journal(folder).rows:
+        kept = read_journal(folder)
+        if kept.rows or kept.taken.readings:
             _logger.warning(
                 "%s: holds what came in; `neurosnap resume` takes it in", folder
             )

@@ -18,13 +18,13 @@ class FakeTime(threading.Condition):
         super().__init__()
         self.now = now
         self.waits = 0
-        self._events: list[tuple[float, Callable[[], None]]] = []
+        self._events: list[tuple[float, Callable[[], object]]] = []
         self._notified = False
 
     def clock(self) -> float:
         return self.now
 
-    def at(self, time: float, event: Callable[[], None]) -> None:
+    def at(self, time: float, event: Callable[[], object]) -> None:
         self._events.append((time, event))
         self._events.sort(key=lambda e: e[0])
 

@@ -241,7 +241,7 @@ def ps(form: Format = "text") -> None:
 
 
 def _lost(note: "Note") -> int:
-    """Return how many readings a run has lost by its last tick, as its journal says."""
+    """Return how many readings a run has lost, as its journal says."""
     from neurosnap.sources.live.journal import journal_of, read_journal
     from neurosnap.sources.live.statistics import Statistics
     from neurosnap.sources.open import lost_by
@@ -249,7 +249,7 @@ def _lost(note: "Note") -> int:
     if not note.log:
         return 0
     kept = read_journal(journal_of(Path(note.log)))
-    return lost_by(note.source, Statistics(kept.received))
+    return lost_by(note.source, Statistics(kept.taken.received))
 
 
 @app.command(rich_help_panel=SWARMS)

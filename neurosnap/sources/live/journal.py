@@ -1,15 +1,16 @@
 """The journal: readings of a live source, on disk before they make a tick.
 
 What comes from outside comes once. So each row, the readings of one tick, is written
-here before it is used, and a run that goes on after a death reads it again. A row's
-number is its tick; what was done at a tick is noted before it is done, so that it is
-never done twice.
+here before it is used, and a run that goes on after a death reads it again; and so is
+what was taken in since, before its sender is told that it arrived. A row's number is
+its tick; what was done at a tick is noted before it is done, so that it is never done
+twice.
 
 The journal is a folder of files, each a few records long: first what the file begins
 with, then rows. Nothing is ever written into a file again that another process began,
 so a record cut in half can only be the last of its file. Files are deleted from the
 oldest on (`cut`), once all their rows are on the disk in the recording, behind the last
-key-frame but one.
+key-frame but one; one without rows once another has begun.
 
 A record stands behind its length and a checksum of both. A reader takes what is whole
 and right from the start of a file, and stops at the first record that is neither: bytes
@@ -26,6 +27,7 @@ disk changes readings there without a word, or makes all of it unreadable; and a
 import contextlib
 import itertools
 import os
+import secrets
 import shutil
 import struct
 import threading
@@ -48,11 +50,28 @@ SUFFIX = ".journal"
 """What a journal's name ends with, after that of its recording."""
 
 _ROWS = 256  # rows after which another file begins
+_SIZE = 1 << 18  # bytes after which one begins that is not for a row
 _NAME = "rows"
 _LONGEST = 1 << 26  # bytes of a record at most; a longer one is damage
 _HEAD = struct.Struct("<II")  # length and checksum
 
 Number: TypeAlias = Annotated[int, msgspec.Meta(ge=0)]
+
+
+Readings: TypeAlias = dict[int, tuple[bool | None, float]]
+"""By sensor: what was read last, and when, in seconds since the epoch."""
+
+
+class Taken(msgspec.Struct, frozen=True, array_like=True, tag="taken"):
+    """What was taken in since the last row."""
+
+    received: wire.Received = wire.Received()
+    """What has been received up to it."""
+    readings: Readings = {}
+
+    def then(self, later: "Taken") -> "Taken":
+        """Return what was taken in up to a later one, of the same row."""
+        return Taken(later.received, self.readings | later.readings)
 
 
 class Begin(msgspec.Struct, frozen=True, array_like=True, tag="begin"):
@@ -65,6 +84,10 @@ class Begin(msgspec.Struct, frozen=True, array_like=True, tag="begin"):
     """The last tick of which the action was carried out, or begun to be; -1: none."""
     received: wire.Received = wire.Received()
     """What had been received before it."""
+    taken: Taken = Taken()
+    """What had been taken in since the row before it."""
+    run: str = ""
+    """What a broker knows the run by."""
 
 
 class JournalRow(msgspec.Struct, frozen=True, array_like=True, tag="row"):
@@ -111,7 +134,7 @@ class Acted(msgspec.Struct, frozen=True, array_like=True, tag="acted"):
     tick: Number
 
 
-Record: TypeAlias = Begin | JournalRow | Acted
+Record: TypeAlias = Begin | JournalRow | Taken | Acted
 
 _encoder = msgspec.msgpack.Encoder()
 _decoder: msgspec.msgpack.Decoder[Record] = msgspec.msgpack.Decoder(Record)
@@ -126,6 +149,9 @@ class Content(msgspec.Struct, frozen=True):
     acted: int
     began: wire.Received
     """What was received before its first row."""
+    taken: Taken
+    """What was taken in after its last row."""
+    run: str
 
     @property
     def received(self) -> wire.Received:
@@ -154,7 +180,7 @@ def read_journal(folder: Path) -> Content:
     """
     sensors: tuple[str, ...] = ()
     rows: list[JournalRow] = []
-    acted, began = -1, wire.Received()
+    acted, began, taken, run = -1, wire.Received(), Taken(), ""
     for path in _files(folder):
         for record in _read(path):
             match record:
@@ -164,11 +190,15 @@ def read_journal(folder: Path) -> Content:
                     while rows and rows[-1].number >= record.first:
                         del rows[-1]
                     began = began if rows else record.received
+                    taken, run = record.taken, record.run
                 case JournalRow():
                     rows.append(record)
+                    taken = Taken(record.received)
+                case Taken():
+                    taken = taken.then(record)
                 case Acted():
                     acted = max(acted, record.tick)
-    return Content(sensors, tuple(rows), acted, began)
+    return Content(sensors, tuple(rows), acted, began, taken, run)
 
 
 def framed(record: bytes) -> bytes:
@@ -249,13 +279,16 @@ class Journal:
         folder: Where it is, or is to be. Only the owner may read it.
         sensors: The sensors' names.
         deaf: Why the process that wrote it before is gone, in the midst of a run.
+        run: What a broker knows the run by; if empty, and new, it is drawn.
 
     Raises:
         InvalidValueError: What is there is of other sensors.
         NeurosnapError: It cannot be read or written.
     """
 
-    def __init__(self, folder: Path, sensors: Sequence[str], deaf: str = "") -> None:
+    def __init__(
+        self, folder: Path, sensors: Sequence[str], deaf: str = "", run: str = ""
+    ) -> None:
         self.folder = folder
         self._sensors = tuple(sensors)
         try:
@@ -273,6 +306,11 @@ class Journal:
         self.acted = there.acted
         self.received = there.received
         """What was received up to its last row."""
+        self.taken = there.taken
+        """What was taken in since."""
+        self.run = there.run or run or secrets.token_hex(8)
+        """What a broker knows the run by."""
+        self._path: Path | None = None
         self._descriptor = -1
         self._changing = threading.Lock()  # of the file, while another thread syncs it
         self._size = self._rows = 0
@@ -291,8 +329,20 @@ class Journal:
         self._append(row)
         self.last += 1
         self.received = row.received
+        self.taken = Taken(row.received)
         self._rows += 1
         return row
+
+    def take(self, taken: Taken) -> None:
+        """Write down what is taken in until a row shows it.
+
+        Raises:
+            NeurosnapError: The disk does not take it.
+        """
+        if self._size >= _SIZE:
+            self._begin()
+        self._append(taken)
+        self.taken = self.taken.then(taken)
 
     def begin_action(self, tick: int) -> bool:
         """Write down that the action of a tick is about to be carried out.
@@ -339,6 +389,7 @@ class Journal:
         tick: int,
         rows: Sequence[JournalRow],
         received: wire.Received | None = None,
+        taken: Taken | None = None,
     ) -> list[JournalRow]:
         """Let `rows` follow on a tick, and nothing else; return them as numbered then.
 
@@ -346,14 +397,17 @@ class Journal:
             tick: The tick.
             rows: What follows.
             received: What was received up to that tick; None if that is known here.
+            taken: What was taken in after them; None if that is known here.
 
         Raises:
             NeurosnapError: The disk does not take it.
         """
-        self.last = tick
+        self.last, taken = tick, taken or self.taken
         self.received = received or self.received
         self._begin()
         kept = [self.write(row) for row in rows]
+        if taken.received.total > self.received.total:
+            self.take(taken)
         self.sync()
         return kept
 
@@ -389,6 +443,7 @@ class Journal:
         """Begin another file."""
         if self._descriptor >= 0:
             self.sync()
+        over = self._path if not self._rows else None
         files = _files(self.folder)
         number = int(files[-1].stem) + 1 if files else 0
         path = self.folder / f"{number:010}.{_NAME}"
@@ -400,9 +455,12 @@ class Journal:
             raise _failed("writable", error, path) from error
         self.close()
         self._descriptor = descriptor
+        self._path = path
         self._size = self._rows = 0
-        begin = Begin(self._sensors, self.last + 1, self.acted, self.received)
-        self._append(begin)
+        first, told = self.last + 1, (self.acted, self.received, self.taken, self.run)
+        self._append(Begin(self._sensors, first, *told))
+        if over is not None:
+            over.unlink(missing_ok=True)
 
     def _append(self, record: Record) -> None:
         """Write a record, or nothing of it."""

@@ -11,7 +11,9 @@ readings are a tick.
 
 With a journal each row (the readings of one tick) is written as soon as it is certain
 to get a tick: a whole reading when it arrives, the latest readings when they become a
-tick. After a restart the same rows are given again (`resume_after`). While no tick is
+tick. What is not yet in a row is written, too, before `receive` returns. After a
+restart the same rows are given again (`resume_after`), and those readings are the
+latest. While no tick is
 waited for (`keep_changes`), the clock does not turn the latest readings into rows, but
 each change of them becomes one, within the limits of the schedule and of `WAITING`: so
 a restart hides no more changes than a busy swarm does.
@@ -33,7 +35,7 @@ import numpy as np
 
 from neurosnap import wire
 from neurosnap.errors import NeurosnapError, ShapeError
-from neurosnap.sources.live.journal import Journal, JournalRow
+from neurosnap.sources.live.journal import Journal, JournalRow, Readings, Taken
 from neurosnap.sources.live.latest_readings import TOLERANCE, Bits, LatestReadings
 from neurosnap.sources.live.statistics import Fate, Refusals, Statistics
 from neurosnap.sources.live.tick_schedule import TickSchedule
@@ -134,8 +136,8 @@ class LiveSource:
         self._started = self._ended = self._closed = False
         self._error: BaseException | None = None
         self._refusals = Refusals(self._clock)
-        self._received = wire.Received() if journal is None else journal.received
-        self._pending = 0  # readings that the next row shows
+        self._received = wire.Received() if journal is None else journal.taken.received
+        self._in_rows = 0 if journal is None else journal.received.shown
         self._after = 0  # readings for which there is no row any more
         self._outages: tuple[wire.Outage, ...] = ()  # since the last row
         self._deaf = None if journal is None else journal.deaf  # since when, and why
@@ -287,7 +289,7 @@ class LiveSource:
         readings: Mapping[str, bool | None],
         at: float | None = None,
         wrong: Sequence[str] = (),
-    ) -> None:
+    ) -> bool:
         """Receive one reading of some sensors: no tick shows half of it.
 
         From any thread, and without waiting.
@@ -299,43 +301,55 @@ class LiveSource:
             readings: By name; None if a sensor does not know.
             at: When, in seconds since the epoch; if None, now.
             wrong: What of it was no reading, as for `refuse`.
+
+        Returns:
+            It is safe from the death of this process, if anything is.
         """
         with self._condition:
             if self.is_full or self._closed:
                 self._after += 1
-                return
+                return True
             now = self._clock()
-            self._count(self._update(readings, self._as_of(at, now), now, wrong))
+            taken = self._update(readings, at, now)
+            strange = (unknown(each) for each in readings if each not in self._number)
+            wrong = (*wrong, *strange)
+            for text in wrong:
+                self._refusals.refuse(text)
+            safe = self._take(
+                "shown" if taken else "refused" if wrong else "late", taken
+            )
             if self._away:
                 # Here, not in the waiting thread: readings may come before it wakes.
                 self._keep_change(now)
+            return safe
 
     def _update(
-        self,
-        readings: Mapping[str, bool | None],
-        as_of: float,
-        now: float,
-        wrong: Sequence[str],
-    ) -> Fate:
-        """Update what was read last; return what becomes of the reading."""
-        fate: Fate = "refused" if wrong else "late"
-        for text in wrong:
-            self._refusals.refuse(text)
+        self, readings: Mapping[str, bool | None], at: float | None, now: float
+    ) -> Readings:
+        """Update what was read last; return what is new, and when it was read."""
+        as_of, stamp = self._as_of(at, now), self._wall() if at is None else at
+        new: Readings = {}
         for sensor, on in readings.items():
             number = self._number.get(sensor)
-            if number is None:
-                self._refusals.refuse(unknown(sensor))
-                fate = "refused" if fate == "late" else fate
-            elif self._latest.update(number, on, as_of, now):
-                fate = "shown"
-                self._changed()
-        return fate
+            if number is not None and self._latest.update(number, on, as_of, now):
+                new[number] = on, stamp
+        if new:
+            self._changed()
+        return new
+
+    def _take(self, fate: Fate, readings: Readings) -> bool:
+        """Count a reading, and write it down until a row shows it; tell if it is."""
+        self._count(fate)
+        try:
+            if self.journal is not None:
+                self.journal.take(Taken(self._received, readings))
+        except NeurosnapError as error:
+            self.fail(error)
+            return False
+        return True
 
     def _count(self, fate: Fate | Literal["missing", "outages"], more: int = 1) -> None:
-        """Count what came in; what is to be shown is counted with its row."""
-        if fate == "shown":
-            self._pending += more
-            return
+        """Count what came in."""
         counted = getattr(self._received, fate) + more
         self._received = msgspec.structs.replace(self._received, **{fate: counted})
 
@@ -381,14 +395,15 @@ class LiveSource:
             self._latest.update_all(on, known, self._as_of(at, now), now)
             for text in wrong:
                 self._refusals.refuse(text)
-            if known.any() and not spare and len(self._waiting) >= WAITING:
-                self._count("dropped")
+            if not known.any():
+                self._take("refused" if wrong else "shown", {})
+            elif not spare and len(self._waiting) >= WAITING:
+                self._take("dropped", {})
                 rule = f"must wait for fewer than {WAITING} others, dropped"
                 self._refusals.refuse(f"reading: {rule}")
             else:
-                self._count("refused" if wrong and not known.any() else "shown")
-                if known.any():
-                    self._write_row(on, known)
+                self._count("shown")
+                self._write_row(on, known)
             self._condition.notify_all()
 
     def wait_for_room(self) -> bool:
@@ -410,7 +425,7 @@ class LiveSource:
         """
         with self._condition:
             self._refusals.refuse(text)
-            self._count("refused")
+            self._take("refused", {})
 
     def listens(self, on: bool) -> None:
         """Note whether the feeder listens from now on; from any thread.
@@ -456,12 +471,12 @@ class LiveSource:
     def statistics(self) -> Statistics:
         """Return what came in so far; from any thread."""
         with self._condition:
+            outages = self._received.outages + (self._deaf is not None)
             return Statistics(
                 msgspec.structs.replace(
-                    self._received,
-                    outages=self._received.outages + (self._deaf is not None),
+                    self._received, shown=self._in_rows, outages=outages
                 ),
-                after=self._pending + self._after,
+                after=self._received.shown - self._in_rows + self._after,
                 ahead=self._latest.ahead,
                 skipped=self._schedule.skipped,
             )
@@ -503,13 +518,11 @@ class LiveSource:
         self._end_outage()  # a feeder may bring a row before it is known to have begun
         sure, begins = None if known.all() else known, self._fresh
         # What is live has no ends: what begins cut off what was before.
-        shown = self._received.shown + self._pending
-        received = msgspec.structs.replace(self._received, shown=shown)
-        row = Observed(bits, sure, begins, begins, received, self._outages)
+        row = Observed(bits, sure, begins, begins, self._received, self._outages)
         if self.journal is not None:
             self.journal.write(JournalRow.of(row))
         self._shown, self._fresh = row, False
-        self._received, self._pending, self._outages = received, 0, ()
+        self._in_rows, self._outages = self._received.shown, ()
         self._rows += 1
         return row
 
@@ -519,6 +532,9 @@ class LiveSource:
             self._latest.start_listening(now)
             self._schedule.begin(now)
             self._listening = True
+            if self.journal is not None:  # what another process took in
+                for number, (on, at) in self.journal.taken.readings.items():
+                    self._latest.update(number, on, self._as_of(at, now), now)
         with self._feeding:
             self._started = True
             if self._feeder is not None and not self._closed:
