@@ -17,6 +17,7 @@ read from the journal, and those that come follow.
 import asyncio
 import contextlib
 import logging
+import multiprocessing
 import shutil
 import tempfile
 from collections.abc import Awaitable, Callable
@@ -122,6 +123,8 @@ class IntakeJob(msgspec.Struct, frozen=True):
             async with synced(source, self.options.sync):
                 part.reporter.ready()
                 await part.stop.wait()
+                launcher = multiprocessing.parent_process()
+                source.over = launcher is None or launcher.is_alive()
             server.close()
         finally:
             await asyncio.to_thread(source.close)

@@ -6,9 +6,10 @@ import re
 import signal
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 
+import aiomqtt
 import psutil
 import pytest
 
@@ -25,7 +26,7 @@ from neurosnap.sources.live.journal import JournalRow, journal_of, read_journal
 from tests.support.commands import Command
 from tests.support.disturbed_runs import ENDLESS, Disturbed, options_for
 from tests.support.exhaustive import rows
-from tests.support.mosquitto import Mosquitto, needs_mosquitto, peer, started
+from tests.support.mosquitto import Mosquitto, heard, needs_mosquitto, peer, started
 from tests.support.patience import PATIENCE
 from tests.support.ports import free_port
 from tests.support.recorded_messages import assert_true_run
@@ -335,33 +336,72 @@ async def test_each_change_that_a_broker_told_of_meanwhile_is_a_tick(
     assert not journal_of(log).exists()
 
 
+@needs_mosquitto
+@pytest.mark.parametrize("victim", ["intake", "run"])
+async def test_what_is_published_meanwhile_comes_once_somebody_listens_again(
+    victim: str, tmp_path: Path
+) -> None:
+    log, file = tmp_path / "house.mcap", tmp_path / "house.toml"
+    more, new = "[source.publish]\nprefix = 'said'\n", tmp_path / "on.mcap"
+    going_on = ("resume", str(log), str(file), "--out", str(new))
+    with started(tmp_path, "allow_anonymous true") as broker:
+        lines = "\n".join(BIT.format(place) for place in range(BITS))
+        file.write_text(HOUSE.format(sensors=lines, port=broker.port) + more)
+        with neurosnap(log, "run", str(file), "--out", str(log)) as run:
+            async with peer(broker, "said/world/status") as other:
+                await heard(other, "said/world/status", b"online")
+                for number in range(1, 6):
+                    await publish(other, number)
+                    await asyncio.to_thread(run.wait_for, number)
+                intake = part(run.process.pid, "intake")
+                intake.suspend()
+                for number in range(6, 56):
+                    await publish(other, number)
+                (run.process if victim == "run" else intake).send_signal(signal.SIGKILL)
+                intake.send_signal(signal.SIGKILL)
+            goes_on: AbstractContextManager[Fed] = nullcontext(run)
+            if victim == "run":
+                await asyncio.to_thread(run.end)
+                goes_on = neurosnap(new, *going_on)
+            with goes_on as last:
+                await asyncio.to_thread(until, lambda: 55 in recorded(last.log))
+                last.process.send_signal(signal.SIGINT)
+                status, said = await asyncio.to_thread(last.end)
+    assert status == (0 if victim == "run" else 3), said
+    found = re.search(r"readings: (\d+) received = (\d+) in ticks\n", said)
+    assert found is not None, said
+    # That the last one before had come may not have been said, so that it came again.
+    assert found[1] == found[2] in ("55", "56")
+
+
+async def publish(client: aiomqtt.Client, number: int, *, retain: bool = False) -> None:
+    said = {f"bit{place}": number >> place & 1 for place in range(BITS)}
+    await client.publish("count", json.dumps(said), qos=1, retain=retain)
+
+
 async def publish_all(broker: Mosquitto, run: Fed, victim: str) -> None:
     """Publish numbers, each once the one before is recorded, but for a restart."""
     async with peer(broker) as other:
 
-        async def publish(number: int, *, retain: bool = False) -> None:
-            said = {f"bit{place}": number >> place & 1 for place in range(BITS)}
-            await other.publish("count", json.dumps(said), qos=1, retain=retain)
-
         async def seen(number: int) -> None:
             await asyncio.to_thread(run.wait_for, number)
 
-        await publish(1, retain=True)  # the world may not listen yet
+        await publish(other, 1, retain=True)  # the world may not listen yet
         await seen(1)
         for number in range(2, 11):
-            await publish(number)
+            await publish(other, number)
             await seen(number)
         world = parts(run.process)["world"]
         run.kill(victim)
         await asyncio.to_thread(world.wait, PATIENCE)
         for number in (11, 12):  # 11 may still answer what the world asked before
-            await publish(number)
+            await publish(other, number)
             await asyncio.to_thread(run.wait_for_row, number)
         for number in range(13, 21):  # in one go, and nobody asks for any of them
-            await publish(number)
+            await publish(other, number)
         for number in range(21, 31):
             await seen(number - 1)
-            await publish(number)
+            await publish(other, number)
         await seen(30)
 
 

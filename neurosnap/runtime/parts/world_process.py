@@ -96,6 +96,8 @@ async def run_world(
     try:
         await first_of(fabric.serve(stop), end)
     finally:
+        if isinstance(source, LiveSource):
+            source.over = stop.is_set()
         if source.live:
             source.close()
 

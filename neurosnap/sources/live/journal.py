@@ -146,6 +146,8 @@ class Content(msgspec.Struct, frozen=True):
     sensors: tuple[str, ...]
     rows: tuple[JournalRow, ...]
     """In order; numbers are missing where a file was damaged."""
+    last: Number
+    """The number of its last row, or of the tick that its first is to follow."""
     acted: int
     began: wire.Received
     """What was received before its first row."""
@@ -180,7 +182,7 @@ def read_journal(folder: Path) -> Content:
     """
     sensors: tuple[str, ...] = ()
     rows: list[JournalRow] = []
-    acted, began, taken, run = -1, wire.Received(), Taken(), ""
+    last, acted, began, taken, run = 0, -1, wire.Received(), Taken(), ""
     for path in _files(folder):
         for record in _read(path):
             match record:
@@ -190,15 +192,15 @@ def read_journal(folder: Path) -> Content:
                     while rows and rows[-1].number >= record.first:
                         del rows[-1]
                     began = began if rows else record.received
-                    taken, run = record.taken, record.run
+                    last, taken, run = record.first - 1, record.taken, record.run
                 case JournalRow():
                     rows.append(record)
-                    taken = Taken(record.received)
+                    last, taken = record.number, Taken(record.received)
                 case Taken():
                     taken = taken.then(record)
                 case Acted():
                     acted = max(acted, record.tick)
-    return Content(sensors, tuple(rows), acted, began, taken, run)
+    return Content(sensors, tuple(rows), last, acted, began, taken, run)
 
 
 def framed(record: bytes) -> bytes:
@@ -301,7 +303,7 @@ class Journal:
         if there.sensors and there.sensors != self._sensors:
             rule = f"must be of the sensors {', '.join(there.sensors)}"
             raise InvalidValueError("journal", rule, str(folder))
-        self.last = there.rows[-1].number if there.rows else 0
+        self.last = there.last
         """The number of the last row."""
         self.acted = there.acted
         self.received = there.received
@@ -404,6 +406,7 @@ class Journal:
         """
         self.last, taken = tick, taken or self.taken
         self.received = received or self.received
+        self.taken = Taken(self.received)
         self._begin()
         kept = [self.write(row) for row in rows]
         if taken.received.total > self.received.total:

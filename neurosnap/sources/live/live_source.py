@@ -112,6 +112,8 @@ class LiveSource:
         self.journal = journal
         self.resumed = journal is not None and journal.last > 0
         """It goes on with a run that had its first tick before."""
+        self.over = False
+        """Its run is: nothing need be kept for another process that goes on with it."""
         self.given = 0
         """The tick of the row that was given last."""
         self._latest = latest

@@ -1,12 +1,16 @@
 """An MQTT connection that reconnects, resubscribes and republishes.
 
-Every connection is a client of its own, with a session of its own: what has to outlive
-a connection is in the `Outbox`, what was retained comes with the subscriptions, and the
-client library's own leftovers of a broken connection cannot mix with the next one.
+Every connection is a client of its own: what has to be sent is in the `Outbox`, what
+was retained comes with the subscriptions, and the client library's own leftovers of a
+broken connection cannot mix with the next one. With a session the broker takes them for
+one client, which may be another process each time. While that is away it keeps for it
+what is published with QoS 1, as many messages as it is configured to, and for `KEPT`
+seconds; with QoS 0 it keeps nothing.
 
 Messages are handed over inside the library's callback, not queued: its queue, when
-full, drops the *newest* message, after the broker has been told that it arrived.
-The receiver must be quick and must not raise.
+full, drops the *newest* message, after the broker has been told that it arrived. That
+is told once the callback has returned. What a receiver raises ends the connection, and
+the broker sends the message again on the next one. So it may come twice.
 
 What is wrong at the start is an error: a refused name or password and a certificate
 that is not trusted at once, anything else when the patience is over. Once connected, a
@@ -23,9 +27,11 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Sequence
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import aiomqtt
+from paho.mqtt.packettypes import PacketTypes
+from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
 
 from neurosnap.errors import InvalidValueError, NeurosnapError
@@ -36,11 +42,18 @@ from neurosnap.sources.mqtt.outbox import TOGETHER, Outbox, Outgoing
 ONLINE, OFFLINE = b"online", b"offline"
 SHORTEST, LONGEST = 0.5, 30.0
 """Seconds before the first and the last attempt to connect again, before jitter."""
+KEPT = 12 * 3600
+"""Seconds for which a broker keeps what a session misses."""
 
 _REFUSED = {134, 135}  # name or password; paho says so for 4 and 5 of MQTT 3.1.1, too
+_OLD = 132  # the version of MQTT is not spoken; paho says so for 1 of MQTT 3.1.1, too
 _ANSWER = 5.0  # seconds a broker may take for any answer
 _DRAIN = 2.0  # seconds an orderly end may take to send what waits
 _SILENCE = 30  # seconds after which each side asks whether the other is there
+
+_KEEPS_NOTHING = (
+    "%s: speaks no MQTT 5, so it keeps nothing of what comes while this run is away"
+)
 
 _logger = logging.getLogger(__name__)
 
@@ -58,9 +71,11 @@ class MqttLink:
         status: A topic that says ``online`` while it is connected and ``offline``
             otherwise, retained, by a last will if need be; None if there is none.
         filters: What to subscribe to, with QoS 1.
-        receive: Takes what comes; is called in the loop of `serve`, must be quick and
-            must not raise.
+        receive: Takes what comes; is called in the loop of `serve`, must be quick, and
+            raises only where it must be sent again.
         connected: Is told that it is subscribed, and that it no longer is; likewise.
+        session: What the broker knows the client by, on every connection; empty if it
+            is to keep nothing. Where it speaks no MQTT 5 it keeps nothing.
         second: The same process or another one of the run has a link to this broker,
             which says what is wrong with it.
 
@@ -77,6 +92,7 @@ class MqttLink:
         filters: Sequence[str] = (),
         receive: Receive | None = None,
         connected: Callable[[bool], None] = lambda _: None,
+        session: str = "",
         second: bool = False,
     ) -> None:
         self._broker = broker
@@ -85,6 +101,7 @@ class MqttLink:
         self._filters = tuple(dict.fromkeys(filters))
         self._receive = receive
         self._connected = connected
+        self._known_as = session
         self._trust = _trust(broker)
         broker.password()  # a secret that is not there is found out before anything runs
         self._backoff = Backoff(random.Random())
@@ -95,7 +112,7 @@ class MqttLink:
         self._level = logging.INFO if second else logging.WARNING
         self._said = ""  # what is wrong, while the connection is away
         self._told = 0
-        self._was_connected = False
+        self._was_connected = self._forget = False
 
     def hold(self, topic: str, payload: bytes) -> None:
         """Let `topic` say `payload`, retained, from now on; from any thread."""
@@ -108,6 +125,10 @@ class MqttLink:
         with self._lock:
             self._outbox.send(message, time.monotonic())
             self._wake()
+
+    def forget(self) -> None:
+        """Let the broker keep nothing once `serve` has ended; from any thread."""
+        self._forget = True
 
     async def serve(self, stop: asyncio.Event) -> None:
         """Stay connected until `stop` is set, then send what waits and say goodbye.
@@ -131,6 +152,10 @@ class MqttLink:
                 except (aiomqtt.MqttError, InvalidValueError) as error:
                     _close_failed_socket(error)
                     now = time.monotonic()
+                    if self._known_as and _code(error) == _OLD:
+                        self._known_as = ""
+                        _logger.warning(_KEEPS_NOTHING, self._broker.address)
+                        continue
                     if not self._was_connected and not stop.is_set():
                         late = now - began >= self._broker.patience
                         give_up(self._broker, error, late=late)
@@ -153,13 +178,15 @@ class MqttLink:
                 await stop.wait()
                 self._waiting.set()  # to be looked at once more, and so to end
                 await self._leave(client, sending)
+                if self._known_as and self._forget:
+                    client.disconnect_for_good()
                 listening.cancel()
         except ExceptionGroup as group_error:
             raise _first(group_error) from None
         finally:
             self._connected(False)
 
-    async def _greet(self, client: aiomqtt.Client) -> None:
+    async def _greet(self, client: "_Client") -> None:
         """Subscribe, say ``online``, and let all that is held be sent again."""
         client.pending_calls_threshold = TOGETHER
         if self._filters:
@@ -174,23 +201,29 @@ class MqttLink:
             _logger.log(self._level, "%s: connected", self._broker.address)
             self._said = ""
 
-    def _client(self) -> aiomqtt.Client:
+    def _client(self) -> "_Client":
         """Return a client for one connection."""
-        broker = self._broker
+        broker, lasting = self._broker, dict[str, Any]()
+        if self._known_as:
+            kept = Properties(PacketTypes.CONNECT)
+            kept.SessionExpiryInterval = KEPT
+            five = aiomqtt.ProtocolVersion.V5
+            lasting = {"protocol": five, "clean_start": False, "properties": kept}
         will = None
         if self._status is not None:
             will = aiomqtt.Will(self._status, OFFLINE, qos=1, retain=True)
-        return aiomqtt.Client(
+        return _Client(
             broker.host,
             broker.resolved_port,
             username=broker.username,
             password=broker.password(),
-            identifier=f"neurosnap-{self._role}-{secrets.token_hex(4)}",
+            identifier=f"neurosnap-{self._role}-{self._known_as or secrets.token_hex(4)}",
             queue_type=_handing_to(self._receive),
             will=will,
             timeout=_ANSWER,
             keepalive=_SILENCE,
             tls_context=self._trust,
+            **lasting,
         )
 
     async def _subscribe(self, client: aiomqtt.Client) -> None:
@@ -277,6 +310,16 @@ class MqttLink:
         _logger.log(self._level, told, self._broker.address, text, tries)
 
 
+class _Client(aiomqtt.Client):
+    """One connection."""
+
+    def disconnect_for_good(self) -> None:
+        """Disconnect, and end the session."""
+        nothing = Properties(PacketTypes.DISCONNECT)
+        nothing.SessionExpiryInterval = 0
+        self._client.disconnect(properties=nothing)
+
+
 def _trust(broker: MqttBroker) -> ssl.SSLContext | None:
     """Return whom to trust; None if the connection is not encrypted."""
     if not broker.tls:
@@ -354,12 +397,15 @@ class Backoff:
 
 def is_refusal(error: Exception) -> bool:
     """Whether the broker does not want this name with this password."""
+    return _code(error) in _REFUSED
+
+
+def _code(error: Exception) -> int | None:
+    """Return why the broker wants no connection, as MQTT 5 numbers it."""
     # Plain numbers are the client library's own, and 5 is another thing there.
-    return (
-        isinstance(error, aiomqtt.MqttCodeError)
-        and isinstance(error.rc, ReasonCode)
-        and error.rc.value in _REFUSED
-    )
+    if isinstance(error, aiomqtt.MqttCodeError) and isinstance(error.rc, ReasonCode):
+        return error.rc.value
+    return None
 
 
 def explained(broker: MqttBroker, error: Exception) -> Exception:

@@ -4,6 +4,9 @@ What a sensor reads is the latest message of its topic. One message may feed sev
 sensors. Readings carry no time: they count from their arrival, and what the broker had
 kept counts from when it was delivered.
 
+With a journal a message is acknowledged once it is in there, and the broker keeps what
+comes while this process is away, for the next one with that journal: see `MqttLink`.
+
 When the broker is away, nothing comes and the source goes on: readings go stale by the
 same rule as ever, and a sensor with `seen_within` is unknown until it can be heard
 again, since silence says nothing then.
@@ -13,7 +16,7 @@ import asyncio
 import threading
 from contextlib import suppress
 
-from neurosnap.errors import InvalidValueError
+from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.sources.live.journal import Journal
 from neurosnap.sources.live.latest_readings import LatestReadings
 from neurosnap.sources.live.live_source import LiveSource
@@ -41,7 +44,7 @@ def mqtt_source(
     Raises:
         InvalidValueError: The certificates to trust cannot be read, or the password.
     """
-    feeder = MqttFeeder(options)
+    feeder = MqttFeeder(options, "" if journal is None else journal.run)
     return LiveSource(
         LatestReadings(
             [sensor.name for sensor in options.sensors],
@@ -67,12 +70,13 @@ class MqttFeeder:
 
     Args:
         options: What is read and done.
+        session: As for `MqttLink`.
 
     Raises:
         InvalidValueError: As `mqtt_source`.
     """
 
-    def __init__(self, options: MqttOptions) -> None:
+    def __init__(self, options: MqttOptions, session: str = "") -> None:
         self._options = options
         self._readers: dict[str, list[tuple[MqttSensor, PayloadReader]]] = {}
         for sensor in options.sensors:
@@ -87,6 +91,7 @@ class MqttFeeder:
             filters=[*self._readers],
             receive=self._receive,
             connected=self._connected,
+            session=session,
         )
         self._thread: threading.Thread | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -109,8 +114,10 @@ class MqttFeeder:
         then says nothing holds it up for five seconds, and one whose machine does not
         answer for as long again.
         """
-        if self._loop is None or self._thread is None:
+        if self._loop is None or self._thread is None or self._source is None:
             return
+        if self._source.over:
+            self._link.forget()
         with suppress(RuntimeError):  # the loop is closed: it has ended by itself
             self._loop.call_soon_threadsafe(self._over.set)
         self._thread.join()
@@ -139,20 +146,25 @@ class MqttFeeder:
             )
 
     def _receive(self, topic: str, data: bytes, retained: bool) -> None:
-        """Hand in what a message says, sensor by sensor."""
-        if self._source is None:
+        """Hand in what a message says, sensor by sensor.
+
+        Raises:
+            NeurosnapError: It is not safe, so it must not be acknowledged.
+        """
+        if self._source is None or topic not in self._readers:
             return
         payload = Payload(topic, data)
         readings: dict[str, bool | None] = {}
         wrong: list[str] = []
-        for sensor, reader in self._readers.get(topic, ()):
+        for sensor, reader in self._readers[topic]:
             if retained and sensor.seen_within is not None:
                 continue  # it may have been kept for days
             try:
                 readings[sensor.name] = reader.read(payload)
             except InvalidValueError as error:
                 wrong.append(f"{sensor.name}: {error}")
-        self._source.receive(readings, wrong=wrong)
+        if not self._source.receive(readings, wrong=wrong):
+            raise NeurosnapError("reading: must be in the journal, is not")
 
     def _connected(self, on: bool) -> None:
         if self._source is not None:

@@ -4,7 +4,7 @@ import asyncio
 import logging
 import random
 from collections.abc import AsyncIterator
-from typing import Self
+from typing import Any, Self
 
 import pytest
 from hypothesis import given
@@ -82,12 +82,12 @@ class Connection:
 
 
 def link_over(
-    monkeypatch: pytest.MonkeyPatch, *connections: Connection, second: bool = False
+    monkeypatch: pytest.MonkeyPatch, *connections: Connection, **more: Any
 ) -> MqttLink:
     following = iter(connections)
     monkeypatch.setattr(MqttLink, "_client", lambda _: next(following))
     monkeypatch.setattr("neurosnap.sources.mqtt.connection.SHORTEST", 0.0)
-    return MqttLink(MqttBroker(), "test", second=second)
+    return MqttLink(MqttBroker(), "test", **more)
 
 
 async def serve_until(link: MqttLink, connection: Connection, count: int) -> None:
@@ -163,6 +163,19 @@ async def test_a_password_changed_under_way_is_named_once_and_waited_for(
     assert "got connection lost; trying again until the run ends" in lost
     assert "got username: must be taken by localhost:1883, with its passwo" in named
     assert again == "localhost:1883: connected"
+
+
+async def test_a_broker_without_mqtt_5_is_not_asked_to_keep_anything(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    old = Connection(refuses=refusal("Unsupported protocol version"))
+    again = Connection()
+    link = link_over(monkeypatch, old, again, session="0123456789abcdef")
+    link.hold("door", b"1")
+    await serve_until(link, again, 1)
+    assert link._known_as == ""
+    (said,) = caplog.messages
+    assert said.startswith("localhost:1883: speaks no MQTT 5, so it keeps nothing of")
 
 
 # When to try again --------------------------------------------------------------------
