@@ -11,9 +11,10 @@ memory it takes is printed.
 Both are runs of a walk on a path, or of an agent that explores a frozen lake and grows
 sensors, so that some are killed while a sensor is born.
 
-With --run lines the run is one of its own process that reads numbered lines. It must
-end with exit code 0, and its recording must hold each line once and in order. What a
-killed intake had read and not written down is lost; that counts as wrong, too.
+With --run lines there is a run of its own process for each source (--by) and each rate,
+which is fed numbered readings. A table says how many it lost, or received twice, by its
+own count: what a killed intake had read and not written down is lost. It must end with
+exit code 0, and its recording must hold each line once and in order; or all is wrong.
 
 With --fault signal, runs get a signal to end, and must end in order.
 
@@ -28,6 +29,7 @@ import sys
 import tempfile
 import time
 from contextlib import closing
+from itertools import product
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -282,6 +284,8 @@ def main(arguments: list[str] | None = None) -> int:
     folder = Path(tempfile.mkdtemp(prefix="neurosnap-soak-", dir=given.folder))
     try:
         with Console(stderr=True).status("soaking"):
+            if given.run == "lines":
+                return _soak_each(given, folder)
             found = asyncio.run(_soaked(given, folder))
     except NeurosnapError as error:
         print(f"error: {error}", file=sys.stderr)
@@ -304,18 +308,40 @@ def main(arguments: list[str] | None = None) -> int:
     return 1
 
 
+def _soak_each(given: argparse.Namespace, folder: Path) -> int:
+    """Soak with each source at each rate, print a table, and return the exit code."""
+    row = "{:8}{:>9}{:>7}{:>9}{:>10}{:>7}{:>7}{:>6}  {}"
+    heads = ("source", "a second", "kills", "fed", "received", "lost", "twice", "exit")
+    print(row.format(*heads, "sum"))
+    fine = True
+    for by, rate in product(given.by, given.rate):
+        place = folder / f"{by.rstrip(':')}{rate:g}"
+        place.mkdir()
+        run = soak_outside(
+            given.cells,
+            given.kills if given.fault == "kill" else 0,
+            given.seed,
+            place,
+            given.pause,
+            rate=rate,
+            split=given.split,
+            by=by,
+            intake=not given.spare_intake,
+        )
+        found = asyncio.run(run)
+        fine &= found.fine
+        received, lost = sum(found.received.values()), max(found.unsaid, 0)
+        told = (found.lines, received, lost, max(-found.unsaid, 0), found.code)
+        exact = "not exact" if found.unsaid else "exact"
+        print(row.format(by, f"{rate:g}", sum(found.killed.values()), *told, exact))
+        if given.json:
+            print(json.dumps(msgspec.to_builtins(found)))
+    return 0 if fine else 1
+
+
 async def _soaked(given: argparse.Namespace, folder: Path) -> Soaked:
     kills = given.kills if given.fault == "kill" else 0
     chosen = (kills, given.seed, folder, given.pause)
-    if given.run == "lines":
-        return await soak_outside(
-            given.cells,
-            *chosen,
-            rate=given.rate,
-            split=given.split,
-            by=given.by,
-            intake=not given.spare_intake,
-        )
     options = RunOptions(
         **_world(given),
         ticks=given.ticks or _EIGHT_HOURS,
@@ -366,8 +392,10 @@ def _parser() -> argparse.ArgumentParser:
     add("--split", type=int, default=0, help="bytes of a file, at most; 0: one file")
     add("--keep", type=int, default=0, help="files kept of the recording")
     add("--keyframe-every", type=int, default=1000, help="ticks between key-frames")
-    add("--rate", type=float, default=200.0, help="lines a second, with --run lines")
-    add("--by", choices=("-", "zenoh:", "mqtt:"), default="-", help="who feeds lines")
+    rates = "lines a second, with --run lines"
+    add("--rate", type=float, nargs="+", default=[50.0, 500.0, 2000.0], help=rates)
+    ways = ["-", "zenoh:", "mqtt:"]
+    add("--by", choices=ways, nargs="+", default=ways, help="who feeds lines")
     add("--spare-intake", action="store_true", help="let the intake live")
     add("--folder", type=Path, help="where to record meanwhile")
     add("--json", action="store_true", help="add one object, last")
