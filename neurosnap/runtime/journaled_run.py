@@ -171,7 +171,9 @@ async def run_journaled(request: RunRequest, work: Work) -> Outcome:
     except BaseException:
         _warn_of(folder)
         raise
-    return await asyncio.to_thread(_delete_if_recorded, folder, outcome)
+    outcome = await asyncio.to_thread(_delete_if_recorded, folder, outcome)
+    lost = lost_by(options.source, outcome.intake)
+    return msgspec.structs.replace(outcome, lost=lost)
 
 
 def _take_over(folder: Path, options: RunOptions, past: ResumePoint) -> None:
@@ -188,9 +190,7 @@ def _delete_if_recorded(folder: Path, outcome: Outcome) -> Outcome:
     """Delete a journal, if all that is in it is recorded."""
     kept, last = read_journal(folder), outcome.totals.ticks
     if outcome.intake is None:  # what counted it has died
-        counted, shown = kept.taken.received, kept.received.shown
-        received = msgspec.structs.replace(counted, shown=shown)
-        intake = Statistics(received, after=counted.shown - shown)
+        intake = Statistics.of(kept.taken.received, kept.received.shown, deaf=True)
         outcome = msgspec.structs.replace(outcome, intake=intake)
     if outcome.complete and not any(row.number > last for row in kept.rows):
         remove(folder)
@@ -234,9 +234,7 @@ async def _with_intake(request: RunRequest, folder: Path, work: Work) -> Outcome
             waiting.cancel()
             ending.set()
             await asyncio.wait((keeping,))
-    counted = keeping.result()
-    lost = lost_by(options.source, counted)
-    return msgspec.structs.replace(outcome, intake=counted, lost=lost)
+    return msgspec.structs.replace(outcome, intake=keeping.result())
 
 
 def _with_hub(

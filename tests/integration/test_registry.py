@@ -101,7 +101,7 @@ def test_what_a_run_has_lost_is_listed_and_nothing_if_it_has_lost_nothing(
     ):
         assert [one["lost"] for one in happy("ps")["swarms"]] == [3, 0, 0]
         heads, *rows = (line.split()[2:] for line in call("ps").stdout.splitlines())
-    assert heads == ["source", "lost", "recording"]
+    assert heads == ["source", "lost", "log"]
     assert [row[:2] for row in rows] == [["zenoh:", "3"], ["-", str(whole)], ["-"]]
 
 

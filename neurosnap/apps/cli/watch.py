@@ -229,14 +229,11 @@ def ps(form: Format = "text") -> None:
     from neurosnap.runtime import registry
 
     with errors():
-        notes = {note: _lost(note) for note in registry.swarms()}
-        rows = [
-            (note.swarm, str(note.pid), note.source, str(lost or ""), note.log)
-            for note, lost in notes.items()
-        ]
-        heads = ("swarm", "pid", "source", "lost", "recording")
+        notes = registry.swarms()
+        swarms = [msgspec.structs.asdict(n) | {"lost": _lost(n)} for n in notes]
+        heads = ("swarm", "pid", "source", "lost", "log")
+        rows = [[str(one[head] or "") for head in heads] for one in swarms]
         say(form, *(table([heads, *rows]) if rows else ["no swarm runs here"]))
-        swarms = [msgspec.structs.asdict(n) | {"lost": k} for n, k in notes.items()]
         print_facts(form, {"swarms": swarms})
 
 

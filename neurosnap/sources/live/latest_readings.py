@@ -8,7 +8,7 @@ What is known at a time `now`:
 - A sensor that never read is unknown, and so is one whose latest reading says so.
 - A reading is believed until it is `stale_after` seconds old; from then on the sensor
   is unknown. Without a bound it is believed for ever.
-- A reading older than the one held is late: it is dropped and counted. Of two equally
+- A reading older than the one held is late: it is dropped. Of two equally
   old ones the one that comes last is held.
 - A reading cannot be younger than its arrival: one from the future was stamped by a
   clock that is ahead, is taken as of its arrival, and counted where it is ahead by more
@@ -69,8 +69,6 @@ class LatestReadings:
         self._on_until = np.full(count, -np.inf)
         self._off_until = np.full(count, -np.inf)
         self._silent_from = np.full(count, np.inf)
-        self.late = 0
-        """Readings dropped because a younger one was there."""
         self.ahead = 0
         """Readings stamped more than `TOLERANCE` later than they came."""
 
@@ -100,7 +98,6 @@ class LatestReadings:
             self.ahead += at > now + TOLERANCE
             at = now
         if at < self._at[sensor]:
-            self.late += 1
             return False
         self._at[sensor] = at
         until = at + float(self._span[sensor])
@@ -128,7 +125,6 @@ class LatestReadings:
         self._on_until[taken] = np.where(on | self._seen, until, -np.inf)[taken]
         off = some & ~on & ~self._seen
         self._off_until[taken] = np.where(off, until, -np.inf)[taken]
-        self.late += int(np.count_nonzero(~taken))
 
     def observation(self, now: float) -> tuple[Bits, Bits]:
         """Return what is read, and what of it is known. O(N).

@@ -140,7 +140,6 @@ class LiveSource:
         self._refusals = Refusals(self._clock)
         self._received = wire.Received() if journal is None else journal.taken.received
         self._in_rows = 0 if journal is None else journal.received.shown
-        self._after = 0  # readings for which there is no row any more
         self._outages: tuple[wire.Outage, ...] = ()  # since the last row
         self._deaf = None if journal is None else journal.deaf  # since when, and why
         self._listening = False
@@ -309,7 +308,7 @@ class LiveSource:
         """
         with self._condition:
             if self.is_full or self._closed:
-                self._after += 1
+                self._count("shown")  # by no row, so it counts as after the last tick
                 return True
             now = self._clock()
             taken = self._update(readings, at, now)
@@ -391,7 +390,7 @@ class LiveSource:
         known = np.array([reading is not None for reading in readings])
         with self._condition:
             if self.is_full or self._closed:
-                self._after += 1
+                self._count("shown")
                 return
             now = self._clock()
             self._latest.update_all(on, known, self._as_of(at, now), now)
@@ -473,15 +472,8 @@ class LiveSource:
     def statistics(self) -> Statistics:
         """Return what came in so far; from any thread."""
         with self._condition:
-            outages = self._received.outages + (self._deaf is not None)
-            return Statistics(
-                msgspec.structs.replace(
-                    self._received, shown=self._in_rows, outages=outages
-                ),
-                after=self._received.shown - self._in_rows + self._after,
-                ahead=self._latest.ahead,
-                skipped=self._schedule.skipped,
-            )
+            deaf, ahead = self._deaf is not None, self._latest.ahead
+            return Statistics.of(self._received, self._in_rows, deaf, ahead)
 
     def _tick(self) -> Observed | None:
         if not self._started:

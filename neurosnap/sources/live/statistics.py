@@ -6,7 +6,7 @@ What is rejected or lost is named in the log without flooding it.
 import logging
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
-from typing import Literal, TypeAlias
+from typing import Literal, Self, TypeAlias
 
 import msgspec
 
@@ -23,8 +23,15 @@ class Statistics(msgspec.Struct, frozen=True):
     """Readings since the last row: they changed nothing, or the run had its ticks."""
     ahead: int = 0
     """Readings stamped by a clock that is ahead."""
-    skipped: int = 0
-    """Ticks that were due and not given; see `Clocked`."""
+
+    @classmethod
+    def of(
+        cls, received: wire.Received, in_rows: int, deaf: bool, ahead: int = 0
+    ) -> Self:
+        """Return the counts, where rows show so many, and now it listens or is deaf."""
+        outages, after = received.outages + deaf, received.shown - in_rows
+        shown = msgspec.structs.replace(received, shown=in_rows, outages=outages)
+        return cls(shown, after, ahead)
 
     @property
     def losses(self) -> str:
@@ -35,7 +42,6 @@ class Statistics(msgspec.Struct, frozen=True):
             "readings missing from the journal": received.missing,
             "late readings dropped": received.late,
             "readings from a clock that is ahead": self.ahead,
-            "ticks skipped": self.skipped,
             "times without listening": received.outages,
         }
         return ", ".join(f"{count} {what}" for what, count in counts.items() if count)

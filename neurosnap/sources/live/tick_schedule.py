@@ -18,9 +18,9 @@ class Clocked:
     """A tick every `interval` seconds, the first one at once.
 
     A tick that is late, since the swarm was busy or nothing was known, is given as soon
-    as it can be. Further ones that were due meanwhile are skipped and counted, not
-    caught up on: they would all show the same. The next is due when it would have
-    been anyway, so lateness does not add up.
+    as it can be. Further ones that were due meanwhile are skipped, not caught up on:
+    they would all show the same. The next is due when it would have been anyway, so
+    lateness does not add up.
 
     Args:
         interval: Seconds, above 0.
@@ -30,8 +30,6 @@ class Clocked:
         self._interval = interval
         self._began = 0.0
         self._next = 0
-        self.skipped = 0
-        """Ticks that were due and never given."""
 
     def begin(self, now: float) -> None:
         """Let the first tick be due `now`; nothing else is asked before."""
@@ -48,7 +46,6 @@ class Clocked:
         following = max(int((now - self._began) // self._interval), self._next) + 1
         if self._began + following * self._interval <= now:  # the division was inexact
             following += 1
-        self.skipped += following - self._next - 1
         self._next = following
 
 
@@ -69,8 +66,6 @@ class OnChange:
         self._least = min_interval
         self._most = max_interval
         self._last: float | None = None
-        self.skipped = 0
-        """Always 0: a change that is undone in time is none."""
 
     def begin(self, now: float) -> None:
         """Let the first tick be due with the first change."""

@@ -14,8 +14,8 @@ the broker sends the message again on the next one. So it may come twice.
 
 What is wrong at the start is an error: a refused name or password and a certificate
 that is not trusted at once, anything else when the patience is over. Once connected, a
-link never gives up. It says so once an outage, and when the reason changes. Where a run
-has two links to one broker the second leaves that to the first.
+link never gives up. It says so once an outage, and when the reason changes. One that
+only publishes leaves that to the one of its run that listens.
 """
 
 import asyncio
@@ -76,8 +76,6 @@ class MqttLink:
         connected: Is told that it is subscribed, and that it no longer is; likewise.
         session: What the broker knows the client by, on every connection; empty if it
             is to keep nothing. Where it speaks no MQTT 5 it keeps nothing.
-        second: The same process or another one of the run has a link to this broker,
-            which says what is wrong with it.
 
     Raises:
         InvalidValueError: The certificates to trust cannot be read, or the password.
@@ -93,7 +91,6 @@ class MqttLink:
         receive: Receive | None = None,
         connected: Callable[[bool], None] = lambda _: None,
         session: str = "",
-        second: bool = False,
     ) -> None:
         self._broker = broker
         self._role = role
@@ -109,7 +106,7 @@ class MqttLink:
         self._outbox = Outbox()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._waiting = asyncio.Event()
-        self._level = logging.INFO if second else logging.WARNING
+        self._level = logging.WARNING if filters else logging.INFO
         self._said = ""  # what is wrong, while the connection is away
         self._told = 0
         self._was_connected = self._forget = False

@@ -93,12 +93,7 @@ class MqttPublisher:
         self._last: Mapping[str, object] | None = None
         self._beliefs: list[bytes | None] = [None] * len(self._names)
         self._alarms: list[str | None] = [None] * len(self._names)
-        self._link = MqttLink(
-            broker,
-            "outlet",
-            status=self._topics.status,
-            second=True,  # the source's own is the first
-        )
+        self._link = MqttLink(broker, "outlet", status=self._topics.status)
         if publish.discovery:
             found = discovery(
                 publish,
