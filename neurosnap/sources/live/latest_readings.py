@@ -11,9 +11,9 @@ What is known at a time `now`:
 - A reading older than the one held is late: it is dropped. Of two equally
   old ones the one that comes last is held.
 - A reading cannot be younger than its arrival: one from the future was stamped by a
-  clock that is ahead, is taken as of its arrival, and counted where it is ahead by more
-  than `TOLERANCE`. To refuse it would silence a sensor for the error of a clock; to
-  believe its stamp would make every honest reading after it late.
+  clock that is ahead, and is taken as of its arrival. To refuse it would silence a
+  sensor for the error of a clock; to believe its stamp would make every honest reading
+  after it late.
 - A sensor with `seen_within` does not say what it reads, only that it is there: it is
   on until that many seconds after any message, and off otherwise. Silence means that it
   is off only once it was listened to for that long; until then it is unknown.
@@ -27,9 +27,6 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.sensorium import Sensorium
-
-TOLERANCE = 1.0
-"""Seconds that clocks may differ by without a word."""
 
 Bits: TypeAlias = NDArray[np.bool_]
 Spans: TypeAlias = float | Sequence[float | None] | None
@@ -69,8 +66,6 @@ class LatestReadings:
         self._on_until = np.full(count, -np.inf)
         self._off_until = np.full(count, -np.inf)
         self._silent_from = np.full(count, np.inf)
-        self.ahead = 0
-        """Readings stamped more than `TOLERANCE` later than they came."""
 
     def start_listening(self, now: float) -> None:
         """Let silence count from now on; before, it means nothing."""
@@ -94,9 +89,7 @@ class LatestReadings:
         Returns:
             Whether it was taken; a late one is not.
         """
-        if at > now:
-            self.ahead += at > now + TOLERANCE
-            at = now
+        at = min(at, now)
         if at < self._at[sensor]:
             return False
         self._at[sensor] = at
@@ -116,9 +109,7 @@ class LatestReadings:
             at: When they were read.
             now: When they came, never before any time given earlier.
         """
-        if at > now:
-            self.ahead += len(self.sensors) * (at > now + TOLERANCE)
-            at = now
+        at = min(at, now)
         taken = at >= self._at
         self._at[taken] = at
         until = at + self._span

@@ -36,7 +36,7 @@ import numpy as np
 from neurosnap import wire
 from neurosnap.errors import NeurosnapError, ShapeError
 from neurosnap.sources.live.journal import Journal, JournalRow, Readings, Taken
-from neurosnap.sources.live.latest_readings import TOLERANCE, Bits, LatestReadings
+from neurosnap.sources.live.latest_readings import Bits, LatestReadings
 from neurosnap.sources.live.statistics import Fate, Refusals, Statistics
 from neurosnap.sources.live.tick_schedule import TickSchedule
 from neurosnap.sources.protocol import Observed
@@ -46,6 +46,8 @@ WAITING = 1 << 16
 ROOM = 1024
 """Readings that wait when a feeder that can hold its writer back does so."""
 
+TOLERANCE = 1.0
+"""Seconds that clocks may differ by before one was put right."""
 SLOW = 30
 """Ticks in a row that are due before they are asked for, when the run is too slow."""
 _SLOW = (
@@ -263,12 +265,9 @@ class LiveSource:
             self._error = error
 
     def close(self) -> None:
-        """Wake a waiting caller and stop the feeder; from any thread, also twice.
-
-        What was lost until then is logged, once.
-        """
+        """Wake a waiting caller and stop the feeder; from any thread, also twice."""
         with self._condition:
-            told, self._closed = self._closed, True
+            self._closed = True
             self._refusals.flush()
             self._condition.notify_all()
         with self._feeding:
@@ -276,9 +275,6 @@ class LiveSource:
                 self._feeder.stop()
         if self.journal is not None:
             self.journal.close()
-        losses = self.statistics().losses
-        if losses and not told:
-            _logger.warning("source: lost or out of time: %s", losses)
 
     @property
     def is_full(self) -> bool:
@@ -472,8 +468,8 @@ class LiveSource:
     def statistics(self) -> Statistics:
         """Return what came in so far; from any thread."""
         with self._condition:
-            deaf, ahead = self._deaf is not None, self._latest.ahead
-            return Statistics.of(self._received, self._in_rows, deaf, ahead)
+            deaf = self._deaf is not None
+            return Statistics.of(self._received, self._in_rows, deaf)
 
     def _tick(self) -> Observed | None:
         if not self._started:

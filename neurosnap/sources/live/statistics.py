@@ -21,30 +21,13 @@ class Statistics(msgspec.Struct, frozen=True):
     """What was received, by what it became."""
     after: int = 0
     """Readings since the last row: they changed nothing, or the run had its ticks."""
-    ahead: int = 0
-    """Readings stamped by a clock that is ahead."""
 
     @classmethod
-    def of(
-        cls, received: wire.Received, in_rows: int, deaf: bool, ahead: int = 0
-    ) -> Self:
+    def of(cls, received: wire.Received, in_rows: int, deaf: bool) -> Self:
         """Return the counts, where rows show so many, and now it listens or is deaf."""
         outages, after = received.outages + deaf, received.shown - in_rows
         shown = msgspec.structs.replace(received, shown=in_rows, outages=outages)
-        return cls(shown, after, ahead)
-
-    @property
-    def losses(self) -> str:
-        """What got lost or came at a wrong time, in words; empty: nothing did."""
-        received = self.received
-        counts = {
-            "whole readings dropped": received.dropped,
-            "readings missing from the journal": received.missing,
-            "late readings dropped": received.late,
-            "readings from a clock that is ahead": self.ahead,
-            "times without listening": received.outages,
-        }
-        return ", ".join(f"{count} {what}" for what, count in counts.items() if count)
+        return cls(shown, after)
 
 
 _FATES = {
