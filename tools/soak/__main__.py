@@ -312,28 +312,20 @@ def _soak_each(given: argparse.Namespace, folder: Path) -> int:
     """Soak with each source at each rate, print a table, and return the exit code."""
     row = "{:8}{:>9}{:>7}{:>9}{:>10}{:>7}{:>7}{:>6}  {}"
     heads = ("source", "a second", "kills", "fed", "received", "lost", "twice", "exit")
-    print(row.format(*heads, "sum"))
-    fine = True
+    print(row.format(*heads, "sum"), flush=True)
+    fine, kills = True, given.kills if given.fault == "kill" else 0
     for by, rate in product(given.by, given.rate):
         place = folder / f"{by.rstrip(':')}{rate:g}"
         place.mkdir()
-        run = soak_outside(
-            given.cells,
-            given.kills if given.fault == "kill" else 0,
-            given.seed,
-            place,
-            given.pause,
-            rate=rate,
-            split=given.split,
-            by=by,
-            intake=not given.spare_intake,
-        )
-        found = asyncio.run(run)
+        chosen = (given.cells, kills, given.seed, place, given.pause)
+        more = {"split": given.split, "intake": not given.spare_intake}
+        found = asyncio.run(soak_outside(*chosen, rate=rate, by=by, **more))
         fine &= found.fine
-        received, lost = sum(found.received.values()), max(found.unsaid, 0)
-        told = (found.lines, received, lost, max(-found.unsaid, 0), found.code)
-        exact = "not exact" if found.unsaid else "exact"
-        print(row.format(by, f"{rate:g}", sum(found.killed.values()), *told, exact))
+        fed, received, killed = found.lines, sum(found.received.values()), found.killed
+        lost, twice = max(fed - received, 0), max(received - fed, 0)
+        told = (sum(killed.values()), fed, received, lost, twice, found.code)
+        exact = "exact" if fed == received else "not exact"
+        print(row.format(by, f"{rate:g}", *told, exact), flush=True)
         if given.json:
             print(json.dumps(msgspec.to_builtins(found)))
     return 0 if fine else 1

@@ -69,10 +69,6 @@ class Taken(msgspec.Struct, frozen=True, array_like=True, tag="taken"):
     """What has been received up to it."""
     readings: Readings = {}
 
-    def then(self, later: "Taken") -> "Taken":
-        """Return what was taken in up to a later one, of the same row."""
-        return Taken(later.received, self.readings | later.readings)
-
 
 class Begin(msgspec.Struct, frozen=True, array_like=True, tag="begin"):
     """What a file begins with."""
@@ -197,7 +193,7 @@ def read_journal(folder: Path) -> Content:
                     rows.append(record)
                     last, taken = record.number, Taken(record.received)
                 case Taken():
-                    taken = taken.then(record)
+                    taken = Taken(record.received, taken.readings | record.readings)
                 case Acted():
                     acted = max(acted, record.tick)
     return Content(sensors, tuple(rows), last, acted, began, taken, run)
@@ -344,7 +340,7 @@ class Journal:
         if self._size >= _SIZE:
             self._begin()
         self._append(taken)
-        self.taken = self.taken.then(taken)
+        self.taken = Taken(taken.received, self.taken.readings | taken.readings)
 
     def begin_action(self, tick: int) -> bool:
         """Write down that the action of a tick is about to be carried out.

@@ -168,22 +168,6 @@ def test_a_whole_reading_that_is_late_has_its_tick_and_replaces_nothing() -> Non
     assert (counted.received.late, counted.received.shown, counted.after) == (0, 5, 1)
 
 
-def test_what_finds_no_room_is_told_of_and_counted(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    source = source_of(FakeTime(), OnChange())
-    for number in range(ROOM + 7):
-        source.receive_whole([number < ROOM, True])
-    seen = [source.first(), *(source.step(-1) for _ in range(ROOM - 1))]
-    assert all(each is not None and each.bits[0] for each in seen)
-    source.close()
-    assert caplog.messages == [
-        f"reading: must wait for fewer than {ROOM} others, dropped",
-        "6 more refused, the last: reading: must wait for fewer than 1024 others, dropped",
-    ]
-    assert source.statistics().received.dropped == 7
-
-
 @pytest.mark.parametrize(("busy", "told"), [(0.5, 0), (1.5, 1)])
 def test_a_run_that_cannot_keep_up_is_told_so_once(
     busy: float, told: int, caplog: pytest.LogCaptureFixture

@@ -91,10 +91,13 @@ def test_what_is_no_reading_is_refused_and_changes_nothing(
     assert len(caplog.messages[0]) < 400
 
 
-def test_nobody_is_held_back_and_what_is_too_much_goes() -> None:
+def test_nobody_is_held_back_and_what_is_too_much_goes(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     whole = ("reading", b'{"bits": [1, 1]}')
     _, source = after(*[whole] * (ROOM + 5))
     assert source.statistics().received.dropped == 5
+    assert f"must wait for fewer than {ROOM} others, dropped" in caplog.messages[0]
 
 
 def test_whatever_keeps_it_from_listening_the_source_fails_of(
