@@ -101,7 +101,6 @@ class MqttLink:
         self._known_as = session
         self._trust = _trust(broker)
         broker.password()  # a secret that is not there is found out before anything runs
-        self._backoff = Backoff(random.Random())
         self._lock = threading.Lock()  # around the outbox and the loop
         self._outbox = Outbox()
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -140,7 +139,7 @@ class MqttLink:
         """
         with self._lock:
             self._loop = asyncio.get_running_loop()
-        began = time.monotonic()
+        began, delay = time.monotonic(), 0.0
         try:
             while not stop.is_set():
                 since = time.monotonic()
@@ -157,8 +156,9 @@ class MqttLink:
                         late = now - began >= self._broker.patience
                         give_up(self._broker, error, late=late)
                     self._log_trouble(error)
-                    delay = self._backoff.delay(error, now - since)
-                    await wait_any(stop, seconds=delay)
+                    delay = delay_after(delay, error, now - since)
+                    # Shortened by up to a half, so that clients part.
+                    await wait_any(stop, seconds=delay * random.uniform(0.5, 1.0))
         finally:
             with self._lock:
                 self._loop = None
@@ -364,32 +364,19 @@ def _first(group: ExceptionGroup[Exception]) -> Exception:
     return error
 
 
-class Backoff:
-    """Delays that double, each shortened by up to a half so that clients part.
+def delay_after(last: float, error: Exception, lasted: float) -> float:
+    """Return the seconds before the next attempt, before jitter: they double.
 
     Args:
-        rng: Draws the jitter.
+        last: What they were before the last one; 0: there was none.
+        error: What that failed of. Asking often does not help against a refusal, and
+            may lock an account.
+        lasted: Seconds since it was tried. Only a connection that lasted starts over
+            with the shortest delay: a broker may let in and drop at once.
     """
-
-    def __init__(self, rng: random.Random) -> None:
-        self._rng = rng
-        self._next = SHORTEST
-
-    def delay(self, error: Exception, lasted: float) -> float:
-        """Return the seconds to wait before the next attempt.
-
-        Args:
-            error: What the last one failed of.
-            lasted: Seconds since it was tried. Only a connection that lasted starts
-                over with the shortest delay: a broker may let in and drop at once.
-        """
-        if lasted > LONGEST:
-            self._next = SHORTEST
-        if is_refusal(error):
-            self._next = LONGEST  # asking often does not help, and may lock an account
-        delay = self._next
-        self._next = min(2 * delay, LONGEST)
-        return delay * self._rng.uniform(0.5, 1.0)
+    if is_refusal(error):
+        return LONGEST
+    return SHORTEST if lasted > LONGEST else min(max(2 * last, SHORTEST), LONGEST)
 
 
 def is_refusal(error: Exception) -> bool:

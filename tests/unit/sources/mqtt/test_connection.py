@@ -2,13 +2,10 @@
 
 import asyncio
 import logging
-import random
 from collections.abc import AsyncIterator
 from typing import Any, Self
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 pytest.importorskip("aiomqtt")
 
@@ -20,8 +17,8 @@ from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.sources.mqtt.connection import (
     LONGEST,
     SHORTEST,
-    Backoff,
     MqttLink,
+    delay_after,
     give_up,
     is_refusal,
 )
@@ -189,29 +186,19 @@ BROKER = MqttBroker(host="house", username="neuro", password_env="P", patience=3
 GONE = aiomqtt.MqttError("gone")
 
 
-@given(seed=st.integers(0, 2**32), count=st.integers(1, 20))
-def test_delays_double_up_to_the_longest_and_are_cut_by_half_at_most(
-    seed: int, count: int
-) -> None:
-    backoff = Backoff(random.Random(seed))
-    for attempt in range(count):
-        full = min(SHORTEST * 2**attempt, LONGEST)
-        assert full / 2 <= backoff.delay(GONE, lasted=1.0) <= full
-
-
-def test_only_a_connection_that_lasted_starts_over() -> None:
-    backoff = Backoff(random.Random(0))
-    for _ in range(10):
-        backoff.delay(GONE, lasted=0.1)
-    assert backoff.delay(GONE, lasted=LONGEST) >= LONGEST / 2
-    assert backoff.delay(GONE, lasted=LONGEST + 1) <= SHORTEST
+def test_delays_double_up_to_the_longest_and_a_lasting_connection_starts_over() -> None:
+    delay, delays = 0.0, []
+    for _ in range(9):
+        delays.append(delay := delay_after(delay, GONE, lasted=1.0))
+    assert delays == [min(SHORTEST * 2**attempt, LONGEST) for attempt in range(9)]
+    assert delay_after(LONGEST, GONE, lasted=LONGEST) == LONGEST
+    assert delay_after(LONGEST, GONE, lasted=LONGEST + 1) == SHORTEST
 
 
 def test_a_refusal_is_not_asked_again_in_haste_and_ends_a_start_at_once() -> None:
     rule = r"^username: must be taken by house:1883, with its password .*'neuro'$"
     for text in ("Bad user name or password", "Not authorized"):
-        delay = Backoff(random.Random(0)).delay(refusal(text), lasted=0.1)
-        assert delay >= LONGEST / 2
+        assert delay_after(0.0, refusal(text), lasted=0.1) == LONGEST
         with pytest.raises(InvalidValueError, match=rule):
             give_up(BROKER, refusal(text), late=False)
     # A number of the client library is no refusal.
