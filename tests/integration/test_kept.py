@@ -338,7 +338,7 @@ async def test_each_change_that_a_broker_told_of_meanwhile_is_a_tick(
 
 @needs_mosquitto
 @pytest.mark.parametrize("victim", ["intake", "run"])
-async def test_what_is_published_meanwhile_comes_once_somebody_listens_again(
+async def test_what_is_published_meanwhile_comes_once_the_run_listens_again(
     victim: str, tmp_path: Path
 ) -> None:
     log, file = tmp_path / "house.mcap", tmp_path / "house.toml"

@@ -13,10 +13,9 @@ With a journal each row (the readings of one tick) is written as soon as it is c
 to get a tick: a whole reading when it arrives, the latest readings when they become a
 tick. What is not yet in a row is written, too, before `receive` returns. After a
 restart the same rows are given again (`resume_after`), and those readings are the
-latest. While no tick is
-waited for (`keep_changes`), the clock does not turn the latest readings into rows, but
-each change of them becomes one, within the limits of the schedule and of `WAITING`: so
-a restart hides no more changes than a busy swarm does.
+latest. While no tick is waited for (`keep_changes`), the clock does not turn the latest
+readings into rows, but each change of them becomes one, within the limits of the
+schedule and of `WAITING`: so a restart hides no more changes than a busy swarm does.
 
 Every reading is counted once, by what becomes of it (`wire.Received`): it is shown by
 the row that follows, or it is late, refused or dropped. A row says what was received up
@@ -305,7 +304,7 @@ class LiveSource:
         with self._condition:
             if self.is_full or self._closed:
                 self._count("shown")  # by no row, so it counts as after the last tick
-                return True
+                return self.is_full or self.over
             now = self._clock()
             taken = self._update(readings, at, now)
             strange = (unknown(each) for each in readings if each not in self._number)

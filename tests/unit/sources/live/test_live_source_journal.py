@@ -172,6 +172,8 @@ def test_what_had_no_row_yet_is_in_the_first_of_the_next_process(kept: Kept) -> 
     *_, row = read_journal(kept.folder).rows
     assert row.received == Received(shown=3, late=1, refused=1)
     assert after.statistics().after == 0
+    after.close()
+    assert not after.receive({"door": True})  # it is for the next process
 
 
 def test_readings_that_change_nothing_do_not_fill_the_disk(kept: Kept) -> None:
