@@ -87,6 +87,10 @@ class ZenohFeeder:
         self._open.close()
 
     def _listen(self, source: LiveSource, hub: Hub) -> None:
+        # A swarm that goes on after a death is called otherwise, and no program outside
+        # knows of that.
+        names = dict.fromkeys((hub.swarm, id_of(hub.swarm)))
+
         def on_sample(sample: zenoh.Sample) -> None:
             if sample.kind == zenoh.SampleKind.PUT:
                 *_, key = str(sample.key_expr).split("/", 2)
@@ -96,13 +100,12 @@ class ZenohFeeder:
             config = connecting(hub.address, _PATIENCE)
             session = zenoh.open(config)
             self._open.callback(session.close)
-            # A swarm that goes on after a death is called otherwise, and no program
-            # outside knows of that.
-            listener = session.declare_subscriber(
-                f"{wire.ROOT}/{id_of(hub.swarm)}/{READING}/**",
-                zenoh.handlers.Callback(on_sample, indirect=False),
-            )
-            self._open.callback(listener.undeclare)
+            for name in names:
+                listener = session.declare_subscriber(
+                    f"{wire.ROOT}/{name}/{READING}/**",
+                    zenoh.handlers.Callback(on_sample, indirect=False),
+                )
+                self._open.callback(listener.undeclare)
             source.listens(True)
         except zenoh.ZError as error:
             rule = f"must reach the hub at {hub.address.endpoint}"
