@@ -47,6 +47,7 @@ KEPT = 12 * 3600
 
 _REFUSED = {134, 135}  # name or password; paho says so for 4 and 5 of MQTT 3.1.1, too
 _OLD = 132  # the version of MQTT is not spoken; paho says so for 1 of MQTT 3.1.1, too
+_UNDERWAY = 20  # messages not acknowledged: at most so many come twice
 _ANSWER = 5.0  # seconds a broker may take for any answer
 _DRAIN = 2.0  # seconds an orderly end may take to send what waits
 _SILENCE = 30  # seconds after which each side asks whether the other is there
@@ -204,6 +205,7 @@ class MqttLink:
         if self._known_as:
             kept = Properties(PacketTypes.CONNECT)
             kept.SessionExpiryInterval = KEPT
+            kept.ReceiveMaximum = _UNDERWAY
             five = aiomqtt.ProtocolVersion.V5
             lasting = {"protocol": five, "clean_start": False, "properties": kept}
         will = None
