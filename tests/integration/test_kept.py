@@ -353,7 +353,7 @@ async def test_what_is_published_meanwhile_comes_once_the_run_listens_again(
                 for number in range(1, 6):
                     await publish(other, number)
                     await asyncio.to_thread(run.wait_for, number)
-                intake = part(run.process.pid, "intake")
+                intake = parts(run.process)["intake"]
                 intake.suspend()
                 for number in range(6, 56):
                     await publish(other, number)
