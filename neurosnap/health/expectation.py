@@ -29,8 +29,10 @@ _PRIOR = 10.0
 """Windows in which, by the prior, each feature was there and the sensor was not on."""
 _ROUNDS = 25
 _FOLDS = 4
-_FOLD = 36
-"""Steps of the stretches that are left out in turn: a quarter of a day."""
+_FOLD = DAY
+"""Steps of the stretches that are left out in turn: whole days. With parts of a day as
+many as the folds, each would leave out the same hours of all days, and know nothing of
+them."""
 
 
 def features(
