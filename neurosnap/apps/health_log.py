@@ -1,6 +1,6 @@
 """Finds broken sensors of a home in its recorded readings."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 
 import msgspec
 
@@ -9,6 +9,7 @@ from neurosnap.health.monitor import Follower
 from neurosnap.recording.read.observations import OwnReadings, observations
 from neurosnap.recording.read.recording import Recording
 from neurosnap.sources.readings import Readings, seconds_of
+from neurosnap.system.local_time import check_zone
 
 
 class Raised(msgspec.Struct, frozen=True):
@@ -35,7 +36,7 @@ class HealthLog(msgspec.Struct, frozen=True):
     def lines(self) -> Iterator[str]:
         """Yield it for people, a line each."""
         for raised in self.alarms:
-            yield f"{told(raised.alarm.step + 1)}  {raised.line}{_end_of(raised)}"
+            yield f"{told(raised.alarm.step + 1, raised.alarm.zone)}  {raised.line}{_end_of(raised)}"
         yield self.progress.line()
         bad = sum(raised.ended is None for raised in self.alarms)
         count = len(self.alarms)
@@ -43,21 +44,31 @@ class HealthLog(msgspec.Struct, frozen=True):
         yield f"{alarms}, {bad} in force (budget {self.budget})"
 
 
-def health_of(found: Recording | Readings, budget: str) -> HealthLog:
+def health_of(
+    found: Recording | Readings, budget: str, zone: str | None = None
+) -> HealthLog:
     """Return what a monitor says of a home, by a recording or a table of readings.
 
     Args:
         found: What the home's own sensors read, and when.
         budget: Of alarms, such as ``1/week``.
+        zone: The home's time zone; if None, the one that `found` has.
 
     Raises:
-        InvalidValueError: The budget is none; or a table has no times, or not in order.
+        InvalidValueError: The budget or the zone is none; or a table has no times, or
+            not in order.
         RecordingError: The recording is damaged, or not a run's.
     """
+    if zone is not None:
+        check_zone(zone)
+    readings: Iterator[OwnReadings]
     if isinstance(found, Recording):
-        own = found.options.body.own
-        return follow((each for _, each in observations(found)), own, budget)
-    return follow(_rows(found), found.columns.sensorium.names, budget)
+        names, theirs = found.options.body.own, found.options.zone
+        readings = (each for _, each in observations(found))
+    else:
+        names, theirs = found.columns.sensorium.names, found.zone
+        readings = _rows(found)
+    return follow(readings, Follower(names, budget, zone or theirs), budget)
 
 
 def _rows(readings: Readings) -> Iterator[OwnReadings]:
@@ -66,19 +77,18 @@ def _rows(readings: Readings) -> Iterator[OwnReadings]:
 
 
 def follow(
-    readings: Iterable[OwnReadings], names: Sequence[str], budget: str
+    readings: Iterable[OwnReadings], follower: Follower, budget: str
 ) -> HealthLog:
     """Return what a monitor says of a home, from the first observation to the last.
 
     Args:
         readings: In order.
-        names: Of the sensors.
-        budget: Of alarms, such as ``1/week``.
+        follower: Has followed nothing yet.
+        budget: Of alarms, that it keeps.
 
     Raises:
-        InvalidValueError: The budget is none; and what the readings raise.
+        InvalidValueError: What the readings raise.
     """
-    follower = Follower(names, budget)
     raised: list[Raised] = []
     for each in readings:
         for news in follower.observe(each.on, each.known, each.at, begins=each.begins):
@@ -95,7 +105,7 @@ def _end(raised: list[Raised], news: News) -> None:
     for place, each in enumerate(raised):
         if each.ended is None and each.alarm.sensor == news.sensor:
             raised[place] = msgspec.structs.replace(
-                each, ended=told(news.step), became=became
+                each, ended=told(news.step, news.zone), became=became
             )
 
 

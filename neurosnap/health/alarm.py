@@ -6,11 +6,11 @@ next.
 
 import math
 from collections.abc import Iterator
-from datetime import UTC, datetime
 
 import msgspec
 
 from neurosnap.health.steps import STEP
+from neurosnap.system.local_time import local
 
 
 class Companion(msgspec.Struct, frozen=True):
@@ -28,6 +28,8 @@ class Companion(msgspec.Struct, frozen=True):
 class Alarm(msgspec.Struct, frozen=True):
     """A sensor of which the evidence says that it is broken."""
 
+    zone: str
+    """The home's time zone."""
     sensor: str
     kind: str
     """One of `KINDS`."""
@@ -55,7 +57,7 @@ class Alarm(msgspec.Struct, frozen=True):
         return f"{self.sensor}: {self._what()}{self._who()}; {self._rare()}. {self._else()}"
 
     def _what(self) -> str:
-        began = told(self.since)
+        began = told(self.since, self.zone)
         if self.kind == "silent":
             return (
                 f"silent since {began} ({lasted(self.step + 1 - self.since)}), where"
@@ -108,9 +110,9 @@ _ELSE = {
 }
 
 
-def told(step: int) -> str:
-    """Return when a step begins, in UTC."""
-    return f"{datetime.fromtimestamp(step * STEP, UTC):%a %d %b %Y %H:%M} UTC"
+def told(step: int, zone: str) -> str:
+    """Return when a step begins, by the clock of a zone."""
+    return f"{local(step * STEP, zone):%a %d %b %Y %H:%M %Z}"
 
 
 def lasted(steps: int) -> str:
@@ -175,6 +177,8 @@ class Standing(msgspec.Struct, frozen=True):
     """How much is known of them."""
     alarms: tuple[Alarm, ...] = ()
     """Those in force, the oldest first."""
+    zone: str = "UTC"
+    """The home's time zone."""
 
 
 class News(msgspec.Struct, frozen=True):
@@ -185,11 +189,13 @@ class News(msgspec.Struct, frozen=True):
     sensor: str
     alarm: Alarm | None
     """None if the sensor is well again."""
+    zone: str
+    """The home's time zone."""
 
     def line(self) -> str:
         """Return it for people."""
         said = f"{self.sensor}: well again" if self.alarm is None else self.alarm.line()
-        return f"{told(self.step)}  {said}"
+        return f"{told(self.step, self.zone)}  {said}"
 
 
 def news(before: Standing | None, now: Standing) -> Iterator[News]:
@@ -206,10 +212,10 @@ def news(before: Standing | None, now: Standing) -> Iterator[News]:
     bad = {alarm.sensor for alarm in now.alarms}
     for alarm in alarms:
         if alarm.sensor not in bad:
-            yield News(now.step, alarm.sensor, None)
+            yield News(now.step, alarm.sensor, None, now.zone)
     for alarm in now.alarms:
         if (alarm.sensor, alarm.step) not in was:
-            yield News(alarm.step + 1, alarm.sensor, alarm)
+            yield News(alarm.step + 1, alarm.sensor, alarm, now.zone)
 
 
 class Newsreader:

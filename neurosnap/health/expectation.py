@@ -14,7 +14,7 @@ belongs together within minutes, within a task, and within a part of the day.
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.health.steps import DAY
+from neurosnap.health.steps import DAY, PARTS
 
 Floats = NDArray[np.float64]
 
@@ -24,7 +24,6 @@ BEFORE = 2
 """How many windows before the present one count as just before."""
 REACH = (1 + BEFORE) * WINDOWS[-1]
 """How many steps the features of a step look back, with itself."""
-_HOURS = 8
 _PRIOR = 10.0
 """Windows in which, by the prior, each feature was there and the sensor was not on."""
 _ROUNDS = 25
@@ -36,18 +35,22 @@ them."""
 
 
 def features(
-    active: NDArray[np.bool_], first: int, window: int, now: NDArray[np.int64]
+    active: NDArray[np.bool_],
+    parts: NDArray[np.int64],
+    window: int,
+    now: NDArray[np.int64],
 ) -> Floats:
     """Return the features of steps, by windows that end with each.
 
     Args:
         active: ``(steps, sensors)``, whether a sensor came on.
-        first: The number of the first step.
+        parts: ``(steps,)``, in which part of a day each is.
         window: In steps.
         now: ``(rows,)``, places of steps.
 
     Returns:
-        ``(rows, 2 sensors + 9)``, zeros and ones.
+        ``(rows, 2 sensors + 25)``, zeros and ones: by the part of the day on any
+        day, on a workday and on a free day.
     """
     steps, sensors = active.shape
     sums = np.zeros((steps + 1, sensors), np.int32)
@@ -57,15 +60,16 @@ def features(
     made = np.zeros((len(now), width(sensors)))
     made[:, :sensors] = sums[now + 1] > sums[middle]
     made[:, sensors : 2 * sensors] = sums[middle] > sums[past]
-    hour = (first + now) % DAY * _HOURS // DAY
-    made[np.arange(len(now)), 2 * sensors + hour] = 1
+    rows = np.arange(len(now))
+    made[rows, 2 * sensors + parts[now] % PARTS] = 1
+    made[rows, 2 * sensors + PARTS + parts[now]] = 1
     made[:, -1] = 1
     return made
 
 
 def width(sensors: int) -> int:
     """Return how many features there are for so many sensors."""
-    return 2 * sensors + _HOURS + 1
+    return 2 * sensors + 3 * PARTS + 1
 
 
 def fitted(inputs: Floats, on: NDArray[np.bool_], counted: NDArray[np.bool_]) -> Floats:
@@ -92,7 +96,7 @@ def fitted(inputs: Floats, on: NDArray[np.bool_], counted: NDArray[np.bool_]) ->
 
 
 def learned(
-    active: NDArray[np.bool_], valid: NDArray[np.bool_], first: int
+    active: NDArray[np.bool_], valid: NDArray[np.bool_], parts: NDArray[np.int64]
 ) -> tuple[Floats, Floats]:
     """Return the weights of all sensors, and what was expected of them in the past.
 
@@ -101,7 +105,7 @@ def learned(
     Args:
         active: ``(steps, sensors)``, whether a sensor came on.
         valid: ``(steps, sensors)``, whether a reading is to be learned from.
-        first: The number of the first step.
+        parts: ``(steps,)``, in which part of a day each is.
 
     Returns:
         The weights, ``(windows, features, sensors)``, and the rates a window,
@@ -112,7 +116,7 @@ def learned(
     rates = np.zeros((len(WINDOWS), steps, sensors))
     fold = np.arange(steps) // _FOLD % _FOLDS
     for number, window in enumerate(WINDOWS):
-        inputs = features(active & valid, first, window, np.arange(steps))
+        inputs = features(active & valid, parts, window, np.arange(steps))
         took = np.arange(window - 1, steps, window)
         thin = inputs[took]
         for sensor in range(sensors):

@@ -21,7 +21,7 @@ from neurosnap.health.evidence import (
 )
 from neurosnap.health.expectation import REACH, WINDOWS, features
 from neurosnap.health.learning import LearnedRates, heard, per_step
-from neurosnap.health.steps import DAY, STEP, WEEK
+from neurosnap.health.steps import DAY, STEP, WEEK, parts_of_day
 from neurosnap.health.tail import weekly
 
 Floats = NDArray[np.float64]
@@ -33,6 +33,10 @@ _WELL_BELOW = 0.5
 """Strain below which a sensor whose rate had changed is well again."""
 _CALM = DAY
 """Steps for which it must be."""
+_NEAR = 0.8
+"""Strain from which on a rate counts as changed, when they are counted."""
+_MANY = 3
+"""So many sensors, and one of so many, are many at once."""
 _ACCEPTED = 2 * WEEK
 """Steps after which a changed rate is how the home is now."""
 
@@ -127,8 +131,9 @@ class Judge:
         heeded = np.tile(self.kind == WELL, 2)
         rates = np.zeros((len(WINDOWS), 1, sensors))
         alone = np.zeros((1, sensors))
+        parts = parts_of_day(number + 1 - REACH, REACH, learned.zone)
         for place, window in enumerate(WINDOWS):
-            row = features(self.recent, number + 1 - REACH, window, now)
+            row = features(self.recent, parts, window, now)
             others = row[:, : 2 * sensors]
             if place == 0:
                 excuse = row.copy()
@@ -173,8 +178,19 @@ class Judge:
         often = weekly(learned.tails, self.evidence)
         most = np.maximum(learned.tails[..., 0], 2 * allowed)
         strain = np.log(most / np.maximum(often, 1e-300)) / np.log(most / allowed)
-        judged = learned.known[:, None] & speaks(self.evidence, expected)
+        judged = learned.judged & speaks(self.evidence, expected)
         self.strain = np.where(judged, np.maximum(strain, 0.0), 0.0)
+        self.sums *= learned.judged[:, LESS]
+        self._excuse_many(int(learned.known.sum()))
+
+    def _excuse_many(self, known: int) -> None:
+        """Let no sensor be near an alarm because the rates of many have changed.
+
+        Guests come, or all go away: one event, and no fault of the sensors.
+        """
+        rates = self.strain[:, LESS:STUCK]
+        many = (rates >= _NEAR).sum(0) >= max(_MANY, known / _MANY)
+        rates[:, many] = np.minimum(rates[:, many], _NEAR)
 
     def _begin(self, learned: LearnedRates, number: int) -> list[int]:
         over = self.strain.max(1) >= 1

@@ -9,6 +9,8 @@ from neurosnap.health import expectation
 from neurosnap.health.evidence import (
     CLOCKS,
     KINDS,
+    LESS,
+    MORE,
     SUMS,
     USUAL,
     WORTH,
@@ -17,7 +19,7 @@ from neurosnap.health.evidence import (
     peaks,
 )
 from neurosnap.health.expectation import WINDOWS
-from neurosnap.health.steps import DAY, WEEK, Steps
+from neurosnap.health.steps import DAY, WEEK, Steps, parts_of_day
 from neurosnap.health.tail import tail_of
 
 Floats = NDArray[np.float64]
@@ -44,19 +46,26 @@ class LearnedRates:
     """``(sensors, 5, 4)``, a tail for each kind of evidence."""
     known: Flags
     """``(sensors,)``, which sensors are known well enough to be judged."""
+    judged: Flags
+    """``(sensors, 5)``, by which kinds of evidence. By a changed rate once two weeks
+    were seen: a first weekend differs from all days before."""
     least: float
     """The least rate a step that is ever expected."""
+    zone: str
+    """The time zone of the home."""
 
 
-def learn(steps: Steps, valid: Flags) -> LearnedRates:
+def learn(steps: Steps, valid: Flags, zone: str) -> LearnedRates:
     """Learn from a history.
 
     Args:
         steps: The history.
         valid: ``(steps, sensors)``, which readings to learn from.
+        zone: The time zone of the home.
     """
     active = steps.came_on > 0
-    weights, expected = expectation.learned(active, valid, steps.first)
+    parts = parts_of_day(steps.first, len(steps), zone)
+    weights, expected = expectation.learned(active, valid, parts)
     rates = per_step(expected, expected[0])
     near = heard(active & valid)
     scales = _scales(rates, near, active, valid)
@@ -88,7 +97,9 @@ def learn(steps: Steps, valid: Flags) -> LearnedRates:
         & (learned.sum(0) >= OCCASIONS)
         & (valid.sum(0) >= LEAST_STEPS)
     )
-    return LearnedRates(weights, scales, tails, known, least)
+    judged = np.tile(known[:, None], len(KINDS))
+    judged[:, [LESS, MORE]] &= len(steps) >= 2 * WEEK
+    return LearnedRates(weights, scales, tails, known, judged, least, zone)
 
 
 def per_step(rates: Floats, alone: Floats) -> Floats:

@@ -29,7 +29,7 @@ from neurosnap.health.evidence import CHATTER, KINDS, LESS, SILENT, STUCK
 from neurosnap.health.expectation import WINDOWS, features
 from neurosnap.health.judge import WELL, Judge
 from neurosnap.health.learning import ACTIVATIONS, LEAST_STEPS, LearnedRates, learn
-from neurosnap.health.steps import DAY, STEP, WEEK, Steps
+from neurosnap.health.steps import DAY, STEP, WEEK, Steps, parts_of_day
 from neurosnap.health.tail import weekly
 
 Floats = NDArray[np.float64]
@@ -37,6 +37,9 @@ Flags = NDArray[np.bool_]
 
 MEMORY = 8 * WEEK
 """Steps that are learned from."""
+QUIET = DAY // 3
+"""Steps without any activation after which all readings count as unknown: nobody is at
+home, or nothing is received. As long as a night."""
 _SLACK = WEEK
 """Steps that may be kept beyond, so that dropping old ones costs little."""
 
@@ -47,13 +50,18 @@ class HealthMonitor:
     Args:
         names: Of the sensors.
         alarms: The budget, such as ``1/week``.
+        zone: The home's time zone, such as ``Europe/Berlin``; UTC if none of that
+            name is known here.
 
     Raises:
         InvalidValueError: The budget has another form.
     """
 
-    def __init__(self, names: Sequence[str], alarms: str = "1/week") -> None:
+    def __init__(
+        self, names: Sequence[str], alarms: str = "1/week", zone: str = "UTC"
+    ) -> None:
         self._names = list(names)
+        self.zone = zone
         count = len(self._names)
         self._first = 0
         self._kept = 0
@@ -61,6 +69,8 @@ class HealthMonitor:
         self._longest = np.zeros((MEMORY + _SLACK, count), np.float32)
         self._valid = np.zeros((MEMORY + _SLACK, count), np.bool_)
         self._seen = 0
+        self.quiet = 0
+        """Steps in which no sensor came on, up to now."""
         self._next = LEAST_STEPS
         self._activations = np.zeros(count, np.int64)
         self.learned: LearnedRates | None = None
@@ -131,6 +141,9 @@ class HealthMonitor:
         for at in range(len(steps)):
             known = np.ones(len(self._names), np.bool_) if valid is None else valid[at]
             number = self.now
+            self.quiet = 0 if steps.came_on[at].any() else self.quiet + 1
+            if self.quiet > QUIET:
+                known = np.zeros_like(known)
             self._keep(steps.came_on[at], steps.longest[at], known)
             if self.learned is not None:
                 changes = self.judge.step(
@@ -147,7 +160,7 @@ class HealthMonitor:
 
     def _learn(self) -> None:
         """Learn from what was kept."""
-        self.learned = learn(self.history(), self._valid[: self._kept])
+        self.learned = learn(self.history(), self._valid[: self._kept], self.zone)
         self._next = self._seen + (DAY if self._seen < 2 * WEEK else WEEK)
 
     def history(self) -> Steps:
@@ -182,6 +195,7 @@ class HealthMonitor:
         at = max(0, since - self._first)
         expected, unexpected = expected_since(learned, history, sensor, since)
         return Alarm(
+            zone=self.zone,
             sensor=self._names[sensor],
             kind=KINDS[kind],
             since=since,
@@ -235,7 +249,8 @@ def expected_since(
         How many, and in how many it came on although hardly anything spoke for it.
     """
     rows = np.arange(max(0, since - history.first), len(history))
-    inputs = features(history.came_on > 0, history.first, WINDOWS[0], rows)
+    parts = parts_of_day(history.first, len(history), learned.zone)
+    inputs = features(history.came_on > 0, parts, WINDOWS[0], rows)
     rates = inputs @ learned.weights[0][:, sensor]
     likely = -np.expm1(-rates)
     came_on = history.came_on[rows, sensor] > 0
@@ -292,6 +307,8 @@ class Follower:
     Args:
         names: Of the sensors.
         alarms: The budget, such as ``1/week``.
+        zone: The home's time zone, such as ``Europe/Berlin``; UTC if none of that
+            name is known here.
 
     Attributes:
         monitor: Who judges.
@@ -300,8 +317,10 @@ class Follower:
         InvalidValueError: The budget has another form.
     """
 
-    def __init__(self, names: Sequence[str], alarms: str = "1/week") -> None:
-        self.monitor = HealthMonitor(names, alarms)
+    def __init__(
+        self, names: Sequence[str], alarms: str = "1/week", zone: str = "UTC"
+    ) -> None:
+        self.monitor = HealthMonitor(names, alarms, zone)
         count = len(names)
         self._at: float | None = None  # the last observation, or look at the clock
         self._on_since = np.full(count, np.nan)
@@ -316,7 +335,7 @@ class Follower:
     def standing(self) -> Standing:
         """How the sensors are after the last step that is over."""
         alarms = tuple(self._alarms.values())
-        return Standing(self._number, self.monitor.progress, alarms)
+        return Standing(self._number, self.monitor.progress, alarms, self.monitor.zone)
 
     def observe(
         self, on: Flags, known: Flags, at: float, *, begins: bool = False
@@ -351,12 +370,13 @@ class Follower:
             now: Seconds since 1970. Before the first observation it does nothing.
         """
         said: list[News] = []
+        zone = self.monitor.zone
         if self._at is None:
             return said
         while (end := (self._number + 1) * float(STEP)) <= now:
             alarms, well = self.monitor.follow(*self._step(end))
-            said += [News(self._number, name, None) for name in well]
-            said += [News(self._number, alarm.sensor, alarm) for alarm in alarms]
+            said += [News(self._number, name, None, zone) for name in well]
+            said += [News(self._number, alarm.sensor, alarm, zone) for alarm in alarms]
             for name in (*well, *(alarm.sensor for alarm in alarms)):
                 self._alarms.pop(name, None)
             self._alarms |= {alarm.sensor: alarm for alarm in alarms}

@@ -3,16 +3,24 @@
 Events count, and not levels: a door that is open for weeks says nothing all the while.
 """
 
+import functools
 from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
+
+from neurosnap.system.local_time import local
 
 STEP = 600
 """Seconds of a step."""
 WEEK = 7 * 86400 // STEP
 """Steps of a week."""
 DAY = 86400 // STEP
+PARTS = 8
+"""Of a day, in each of which it is known how much is done."""
+_HALF = 3
+"""Steps of half an hour: by less no clock of a zone is apart from another, but one."""
+_SATURDAY = 5
 
 
 class Steps:
@@ -69,3 +77,26 @@ def steps_of(
             longest[low : high + 1, sensor], lasted, out=longest[low : high + 1, sensor]
         )
     return Steps(came_on, longest, first)
+
+
+def parts_of_day(first: int, steps: int, zone: str) -> NDArray[np.int64]:
+    """Return in which part of a day steps are, by the clock of a zone.
+
+    Args:
+        first: The number of the first step.
+        steps: How many.
+        zone: Such as ``Europe/Berlin``.
+
+    Returns:
+        ``(steps,)``, from 0 on a workday, from 8 on a Saturday or Sunday.
+    """
+    halves = (first + np.arange(steps)) // _HALF
+    known = range(first // _HALF, (first + steps - 1) // _HALF + 1)
+    parts = np.array([_part(half, zone) for half in known], np.int64)
+    return np.asarray(parts[halves - known.start])
+
+
+@functools.lru_cache(maxsize=1 << 14)
+def _part(half: int, zone: str) -> int:
+    at = local(float(half * _HALF * STEP), zone)
+    return at.hour * PARTS // 24 + PARTS * (at.weekday() >= _SATURDAY)

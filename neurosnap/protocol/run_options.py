@@ -264,6 +264,15 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
             default="1/week where 200 sensors or fewer are read from outside, else never",
         ),
     ] = NEVER
+    zone: Annotated[
+        str,
+        option(
+            "The home's time zone, such as Europe/Berlin: by its clock times are told,"
+            " and it is known what an hour of a workday or weekend is like.",
+            at="health.zone",
+            default="this machine's where the source is read from outside, else UTC",
+        ),
+    ] = "UTC"
     deadline: Annotated[
         float,
         option(

@@ -234,9 +234,7 @@ class _Alarms:
     def begin(self, options: RunOptions) -> None:
         """Follow the sensors of a run, unless it judges none, or that was begun."""
         if self._listener is None and options.alarms != NEVER:
-            listener = HealthListener(
-                options.body, options.alarms, self._report_news, self._past
-            )
+            listener = HealthListener(options, self._report_news, self._past)
             self._listener = listener
             serving = listener.serve(self._stop)
             self._serving = asyncio.create_task(serving, name="watch/health")

@@ -6,6 +6,7 @@ themselves; others if they are asked for.
 
 import sqlite3
 from contextlib import closing, suppress
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -30,6 +31,21 @@ _ATTRIBUTES = """
     JOIN states_meta ON states_meta.metadata_id = states.metadata_id
     WHERE states_meta.entity_id = ?
 """
+
+
+_SETTINGS = Path(".storage", "core.config")
+"""Where Home Assistant keeps its settings, beside the database."""
+
+
+class _Settings(msgspec.Struct):
+    """What is looked at of Home Assistant's settings."""
+
+    class Data(msgspec.Struct):
+        """The settings themselves."""
+
+        time_zone: str
+
+    data: Data
 
 
 class _Attributes(msgspec.Struct):
@@ -85,7 +101,16 @@ def _read(database: sqlite3.Connection, path: str, wanted: Wanted) -> Readings:
         for reader in readers.get(number, ()):
             # An entity that was removed has no state.
             events.read(time, reader, state or "", path, entities[number])
-    return events.readings()
+    return replace(events.readings(), zone=_zone(path))
+
+
+def _zone(path: str) -> str:
+    """Return the home's time zone by the settings beside a database; UTC if unknown."""
+    try:
+        text = Path(path).parent.joinpath(_SETTINGS).read_bytes()
+        return msgspec.json.decode(text, type=_Settings).data.time_zone
+    except (OSError, msgspec.MsgspecError):
+        return "UTC"
 
 
 def _units(database: sqlite3.Connection, entity: str) -> set[str]:

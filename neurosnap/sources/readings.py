@@ -18,6 +18,8 @@ class Readings:
     columns: Columns
     times: Sequence[str] | None = None
     """``(T,)``, as the data have them, or in UTC; None if there are none."""
+    zone: str = "UTC"
+    """The time zone of the home."""
 
     def moment(self, tick: int) -> str:
         """Return when a tick from 1 on was; nothing, if that is not known."""

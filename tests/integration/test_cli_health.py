@@ -104,7 +104,6 @@ async def test_one_who_catches_up_knows_what_it_knew(
 ) -> None:
     monkeypatch.setattr(health_listener, "_LAST", PATIENCE)
     recording = Recording.open(home_log)
-    body = recording.options.body
     told = [
         (each.message, each.sent)
         for each in recording.messages(("observation",))
@@ -116,7 +115,7 @@ async def test_one_who_catches_up_knows_what_it_knew(
     heard: dict[int, list[Standing]] = {0: [], middle: []}
     for start, standings in heard.items():
         past = Past(home_log, start) if start else None
-        listener = HealthListener(body, "1/week", standings.append, past)
+        listener = HealthListener(recording.options, standings.append, past)
         for message, sent in told[start:]:
             listener.receive(message, sent)
         await listener.serve(over)

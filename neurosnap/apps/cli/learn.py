@@ -167,6 +167,14 @@ def health(
             " 1/week or 2/month.",
         ),
     ] = "1/week",
+    zone: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ZONE",
+            help="The home's time zone, such as Europe/Berlin; if not given, the"
+            " recording's or Home Assistant's own, else UTC.",
+        ),
+    ] = None,
     form: Format = "text",
 ) -> None:
     """Report which sensors of a home seem broken, since when, and why."""
@@ -175,7 +183,7 @@ def health(
 
     with errors():
         opened = _opened(data, context)
-        found = health_of(opened, alarms)
+        found = health_of(opened, alarms, zone)
         say(form, *found.lines())
         print_facts(form, found)
         if isinstance(opened, Recording):

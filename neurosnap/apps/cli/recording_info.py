@@ -11,7 +11,6 @@ from datetime import timedelta
 from itertools import pairwise
 
 import msgspec
-import numpy as np
 from rich.filesize import decimal
 
 from neurosnap import wire
@@ -29,6 +28,7 @@ from neurosnap.recording.read.recording import Recording, begun, first_path, par
 from neurosnap.recording.replay.births import RecordedBirth, births_of
 from neurosnap.sources.live.statistics import outage_line, received_line
 from neurosnap.sources.open import is_live
+from neurosnap.system.local_time import local
 
 _SECOND = 10**9
 
@@ -73,6 +73,8 @@ class Info(msgspec.Struct, frozen=True):
     """What a live source had received up to the last tick."""
     outages: tuple[wire.Outage, ...] = ()
     """When it could not listen."""
+    zone: str = "UTC"
+    """The time zone of the run."""
 
 
 def describe(recording: Recording) -> Info:
@@ -118,6 +120,7 @@ def describe(recording: Recording) -> Info:
         room=births.room if births else 0,
         received=received,
         outages=outages,
+        zone="UTC" if run is None else run.zone,
     )
 
 
@@ -212,8 +215,8 @@ def render(info: Info) -> Iterator[str]:
         {
             "messages:": info.messages,
             "duration:": duration,
-            "start:": _moment(info.start),
-            "end:": _moment(info.end),
+            "start:": _moment(info.start, info.zone),
+            "end:": _moment(info.end, info.zone),
             "size:": f"{decimal(info.size)} in {info.chunks} chunks",
         }
     )
@@ -251,10 +254,11 @@ def _balance(info: Info) -> Iterator[str]:
     yield f"foreign: {info.completeness.foreign} left out"
     if info.received.total:
         yield received_line(msgspec.structs.asdict(info.received))
-    yield from map(outage_line, info.outages)
+    yield from (outage_line(outage, info.zone) for outage in info.outages)
 
 
-def _moment(nanoseconds: int) -> str:
-    """Return a time as RFC 3339 in UTC; the last there is for one of another clock."""
-    latest = np.iinfo(np.int64).max
-    return f"{np.datetime64(min(nanoseconds, latest), 'ns')}Z"
+def _moment(nanoseconds: int, zone: str) -> str:
+    """Return a time by the clock of a zone; the last there is for one of no clock."""
+    latest = 2**63 - 1
+    moment = local(min(nanoseconds, latest) / _SECOND, zone)
+    return moment.isoformat(" ", "milliseconds")

@@ -43,6 +43,7 @@ from neurosnap.runtime.request import RunRequest, Site, check_swarm
 from neurosnap.sources.camera import try_camera
 from neurosnap.sources.open import ZENOH, is_live, open_source, settle
 from neurosnap.sources.protocol import Argument
+from neurosnap.system.local_time import system_zone
 
 _logger = logging.getLogger(__name__)
 
@@ -200,6 +201,7 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
     given = flattened(config)
     if is_live(name):
         given.setdefault("sync", _SYNC)
+        given.setdefault("zone", system_zone())
         if 0 < len(fitted.body.own) <= _HOME:
             given.setdefault("alarms", _ALARMS)
     ends = [end for end in (config.run.ticks, fitted.length) if end is not None]

@@ -15,6 +15,7 @@ from neurosnap.protocol.option import declared, option
 from neurosnap.protocol.run_options import FEW_CELLS, RunOptions
 from neurosnap.runtime.network import PRIVATE, Network
 from neurosnap.runtime.request import HERE, Placement, Supervision
+from neurosnap.system.local_time import check_zone
 
 Natural: TypeAlias = Annotated[int, msgspec.Meta(ge=0)]
 _REPORTED = {"watch": True}
@@ -112,6 +113,8 @@ class HealthTable(_options("health"), frozen=True, kw_only=True):  # type: ignor
     def __post_init__(self) -> None:
         if self.alarms not in (None, NEVER):
             parse_budget(self.alarms)
+        if self.zone is not None:
+            check_zone(self.zone)
 
 
 class RecordingTable(_options("recording"), frozen=True, kw_only=True):  # type: ignore[call-arg, misc]

@@ -153,7 +153,7 @@ class HealthView:
         self._in_force: dict[str, int] = {}  # sensors: the places of their alarms there
         options = run_view.options
         if options.alarms != NEVER:
-            self._follower = Follower(options.body.own, options.alarms)
+            self._follower = Follower(options.body.own, options.alarms, options.zone)
         self.health = self._now()
         """How the sensors are now."""
 

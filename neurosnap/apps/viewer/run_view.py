@@ -261,7 +261,9 @@ class RunView:
             choice=choice,
             why="" if decision is None else decision.why,
             begins=observation is not None and observation.begins,
-            intake=[] if observation is None else _intake(observation),
+            intake=[]
+            if observation is None
+            else _intake(observation, self.options.zone),
             incoherent=state.incoherent,
             depth=state.depth,
             longest=state.longest,
@@ -315,14 +317,13 @@ class RunView:
             raise RecordingError(f"{place}: /state: {error}") from error
 
 
-def _intake(observation: wire.Observation) -> list[str]:
+def _intake(observation: wire.Observation, zone: str) -> list[str]:
     """Say what a live source had received by then, and when it did not listen."""
-    received, outages = observation.received, map(outage_line, observation.outages)
-    return (
-        [received_line(msgspec.structs.asdict(received)), *outages]
-        if received.total
-        else []
-    )
+    received = observation.received
+    if not received.total:
+        return []
+    outages = [outage_line(outage, zone) for outage in observation.outages]
+    return [received_line(msgspec.structs.asdict(received)), *outages]
 
 
 def _bits(literals: NDArray[np.bool_]) -> list[api.Bit]:

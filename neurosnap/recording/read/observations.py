@@ -70,7 +70,7 @@ def alarms_of(recording: Recording) -> Iterator[tuple[int, News]]:
     options = recording.options
     if options.alarms == NEVER:
         return
-    follower = Follower(options.body.own, options.alarms)
+    follower = Follower(options.body.own, options.alarms, options.zone)
     for tick, (at, on, known, begins) in observations(recording):
         for each in follower.observe(on, known, at, begins=begins):
             yield tick, each

@@ -12,11 +12,11 @@ from queue import Empty, SimpleQueue
 from typing import NamedTuple, Self
 
 from neurosnap import wire
-from neurosnap.agent.body import Body
 from neurosnap.errors import NeurosnapError
 from neurosnap.health.alarm import Standing
 from neurosnap.health.monitor import Follower
 from neurosnap.protocol.resume_point import ResumePoint
+from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.observations import (
     OwnReadings,
     observations,
@@ -55,21 +55,19 @@ class HealthListener:
     It keeps no state: after a restart it reads again what is recorded.
 
     Args:
-        body: What is sensed; the world's own sensors are judged.
-        alarms: The budget, such as ``1/week``.
+        options: Of the run; the world's own sensors are judged, by its budget.
         report: Called with the health of the sensors when that is new, on the loop.
         past: A recording of what was read before; None if nothing was.
     """
 
     def __init__(
         self,
-        body: Body,
-        alarms: str,
+        options: RunOptions,
         report: Callable[[Standing], None],
         past: Past | None = None,
     ) -> None:
-        self._body = body
-        self._follower = Follower(body.own, alarms)
+        self._body = options.body
+        self._follower = Follower(options.body.own, options.alarms, options.zone)
         self._report = report
         self._past = past
         self._reported: Standing | None = None

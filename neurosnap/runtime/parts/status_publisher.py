@@ -127,7 +127,7 @@ async def publish_status(
                 publisher.health(standing)
 
         recorded = None if past is None else Past.of(past)
-        health = HealthListener(body, options.alarms, report, recorded)
+        health = HealthListener(options, report, recorded)
         tasks.append(asyncio.create_task(health.serve(over), name="status/health"))
     if publisher is not None:
         now = body if past is None else past.body(body)

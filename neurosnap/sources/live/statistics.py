@@ -5,13 +5,13 @@ What is rejected or lost is named in the log without flooding it.
 
 import logging
 from collections.abc import Callable, Mapping
-from datetime import UTC, datetime
 from typing import Literal, Self, TypeAlias
 
 import msgspec
 
 from neurosnap import wire
 from neurosnap.sensorium import visible
+from neurosnap.system.local_time import local
 
 
 class Statistics(msgspec.Struct, frozen=True):
@@ -52,10 +52,10 @@ def received_line(counts: Mapping[str, int]) -> str:
     return f"readings: {sum(found.values()):,} received = {parts or '0'}"
 
 
-def outage_line(outage: wire.Outage) -> str:
-    """Say when nothing was listened to, and why."""
+def outage_line(outage: wire.Outage, zone: str) -> str:
+    """Say when nothing was listened to, by the clock of a zone, and why."""
     since, until = (
-        datetime.fromtimestamp(at, UTC).isoformat(" ", "milliseconds")
+        local(at, zone).isoformat(" ", "milliseconds")
         for at in (outage.since, outage.until)
     )
     return f"did not listen from {since} to {until}: {visible(outage.why)}"

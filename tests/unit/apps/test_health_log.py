@@ -1,55 +1,49 @@
 """The alarms that a monitor raised in a home, each with its end."""
 
-from collections.abc import Sequence
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from neurosnap.apps import health_log
-from neurosnap.health.alarm import Alarm, AlarmProgress, News, told
+from neurosnap.health.alarm import Alarm, News, told
+from neurosnap.health.monitor import Follower
 from neurosnap.recording.read.observations import OwnReadings
 
 
 def alarm(kind: str, step: int) -> News:
     """Return that an alarm was raised after a step."""
-    found = Alarm("door", kind, step - 3, step, 9.0, 1.0, 0.01, 0, 2.5, 0, None)
-    return News(step + 1, "door", found)
+    found = Alarm("UTC", "door", kind, step - 3, step, 9.0, 1.0, 0.01, 0, 2.5, 0, None)
+    return News(step + 1, "door", found, "UTC")
 
 
-class Scripted:
+class Scripted(Follower):
     """A follower that says what it is told to, whatever it observes."""
 
-    def __init__(self, names: Sequence[str], said: list[list[News]]) -> None:
+    def __init__(self, said: list[list[News]]) -> None:
+        super().__init__(["door"])
         self._said = iter(said)
-        progress = AlarmProgress(0, 0, 0, len(names))
-        self.monitor = SimpleNamespace(sensors=[], progress=progress)
 
     def observe(self, *_: object, **__: object) -> list[News]:
         return next(self._said)
 
 
-def log_of(
-    said: list[list[News]], monkeypatch: pytest.MonkeyPatch
-) -> health_log.HealthLog:
-    monkeypatch.setattr(health_log, "Follower", lambda names, _: Scripted(names, said))
+def log_of(said: list[list[News]]) -> health_log.HealthLog:
     off = np.zeros(1, np.bool_)
     observations = [OwnReadings(float(at), off, ~off) for at in range(len(said))]
-    return health_log.follow(observations, ["door"], "1/week")
+    return health_log.follow(observations, Scripted(said), "1/week")
 
 
-def test_an_alarm_that_becomes_another_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_alarm_that_becomes_another_is_over() -> None:
     less, silent = alarm("less", 10), alarm("silent", 20)
-    found = log_of([[less], [silent]], monkeypatch)
+    found = log_of([[less], [silent]])
     ends = [(each.ended, each.became) for each in found.alarms]
-    assert ends == [(told(21), "silent"), (None, None)]
+    assert ends == [(told(21, "UTC"), "silent"), (None, None)]
     lines = list(found.lines())
-    assert lines[0].endswith(f" Became 'silent' {told(21)}.")
+    assert lines[0].endswith(f" Became 'silent' {told(21, 'UTC')}.")
     assert lines[-1] == "2 alarms, 1 in force (budget 1/week)"
 
 
 SILENT, STUCK = alarm("silent", 10), alarm("stuck", 40)
-OVER = News(31, "door", None)
+OVER = News(31, "door", None, "UTC")
 
 
 @pytest.mark.parametrize(
@@ -62,8 +56,8 @@ OVER = News(31, "door", None)
     ids=["step by step", "several steps at once", "an end and an alarm in one step"],
 )
 def test_an_alarm_ends_before_a_later_one_begins(
-    said: list[list[News]], monkeypatch: pytest.MonkeyPatch
+    said: list[list[News]],
 ) -> None:
-    found = log_of(said, monkeypatch)
+    found = log_of(said)
     ends = [(each.ended, each.became) for each in found.alarms]
-    assert ends == [(told(31), None), (None, None)]
+    assert ends == [(told(31, "UTC"), None), (None, None)]

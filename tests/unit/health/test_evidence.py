@@ -1,6 +1,7 @@
 """Evidence matches its definition, and its tail probabilities are valid."""
 
 import math
+from datetime import datetime
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.health.budget import parse_budget, shares
 from neurosnap.health.evidence import CLOCKS, KINDS, SUMS, JudgedSteps, follow, peaks
 from neurosnap.health.expectation import features, fitted, learned
-from neurosnap.health.steps import steps_of
+from neurosnap.health.steps import DAY, STEP, parts_of_day, steps_of
 from neurosnap.health.tail import MEAN, RATE, SHAPE, START, tail_of, weekly
 
 
@@ -121,14 +122,48 @@ def test_weights_are_of_largest_likelihood() -> None:
 def test_a_sensor_says_nothing_of_itself_and_the_past_nothing_of_the_future() -> None:
     rng = np.random.default_rng(2)
     active = rng.random((288, 3)) < 0.2
-    weights, _ = learned(active, np.ones_like(active), 0)
+    parts = parts_of_day(0, len(active), "UTC")
+    weights, _ = learned(active, np.ones_like(active), parts)
     for sensor in range(3):
         assert (weights[:, [sensor, 3 + sensor], sensor] == 0).all()
     changed = active.copy()
     changed[100:] = ~changed[100:]
     rows = np.arange(100)
-    before = features(active, 0, 6, rows)
-    assert np.array_equal(before, features(changed, 0, 6, rows))
+    before = features(active, parts, 6, rows)
+    assert np.array_equal(before, features(changed, parts, 6, rows))
+
+
+def test_what_was_expected_of_the_past_comes_to_what_there_was() -> None:
+    """Two sensors come on in turn, at the same hours of every day."""
+    steps = 28 * DAY
+    active = np.zeros((steps, 2), np.bool_)
+    rng = np.random.default_rng(3)
+    for day in range(28):
+        active[day * DAY + rng.integers(110, 130), day % 2] = True
+    parts = parts_of_day(0, steps, "UTC")
+    _, rates = learned(active, np.ones_like(active), parts)
+    expected = -np.expm1(-rates[0])
+    np.testing.assert_allclose(expected.sum(0), active.sum(0), rtol=0.5)
+
+
+@pytest.mark.parametrize(
+    ("zone", "moment", "part"),
+    [
+        ("UTC", "2026-03-27T06:50Z", 2),  # a Friday
+        ("Europe/Berlin", "2026-03-27T21:10Z", 7),
+        ("Europe/Berlin", "2026-03-27T23:00Z", 8),  # a Saturday there
+        ("Europe/Berlin", "2026-03-28T05:00Z", 8 + 2),
+        ("Europe/Berlin", "2026-03-29T04:00Z", 8 + 2),  # the clock went forward
+        ("Asia/Kolkata", "2026-03-29T18:30Z", 0),  # a Monday there
+    ],
+)
+def test_parts_of_a_day_are_those_of_the_local_clock(
+    zone: str, moment: str, part: int
+) -> None:
+    first = int(datetime.fromisoformat(moment).timestamp() // STEP)
+    assert parts_of_day(first, 1, zone).tolist() == [part]
+    week = parts_of_day(first - 1000, 1009, zone)
+    assert (week[999], week[1000]) == (*parts_of_day(first - 1, 1, zone), part)
 
 
 def test_steps_count_beginnings_and_know_how_long() -> None:

@@ -4,7 +4,7 @@ from neurosnap.health.alarm import Alarm, AlarmProgress, Newsreader, Standing, n
 
 
 def alarm(sensor: str, step: int, kind: str = "silent") -> Alarm:
-    return Alarm(sensor, kind, step - 9, step, 5.0, 0.0, 0.01, 0, 3.0, 0, None)
+    return Alarm("UTC", sensor, kind, step - 9, step, 5.0, 0.0, 0.01, 0, 3.0, 0, None)
 
 
 def standing(step: int, *alarms: Alarm, known: int = 2) -> Standing:

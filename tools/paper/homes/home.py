@@ -1,6 +1,6 @@
 """A recorded home: when each of its sensors was on."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +11,7 @@ from neurosnap.health.steps import Steps, steps_of
 from neurosnap.sources.open_readings import open_readings
 from neurosnap.sources.readings import Readings, seconds_of
 
+_ZONE = "# zone:"
 Spans = NDArray[np.float64]
 """``(n, 2)``, when a sensor came on and went off, seconds since 1970, in order."""
 
@@ -23,6 +24,7 @@ class Home:
     spans: tuple[Spans, ...]
     begin: float
     end: float
+    zone: str = "UTC"
 
     def steps(self, begin: float, end: float) -> Steps:
         """Return its steps in a stretch of time."""
@@ -51,7 +53,7 @@ class Home:
     def with_spans(self, changed: dict[int, Spans]) -> "Home":
         """Return the home with other spans of some sensors."""
         spans = tuple(changed.get(s, own) for s, own in enumerate(self.spans))
-        return Home(self.sensors, spans, self.begin, self.end)
+        return replace(self, spans=spans)
 
 
 SUFFIXES = (".sensors", ".csv", ".parquet", ".db")
@@ -75,12 +77,17 @@ def read_home(path: Path) -> Home:
     """Return the home in a file, in any form that `open_readings` reads.
 
     A file that ends with ``.sensors`` is one as published for research: a line has the
-    start in seconds since 1970, the seconds that a sensor was on, and its number.
+    start in seconds since 1970, the seconds that a sensor was on, and its number. The
+    time zone may stand in a line above: ``# zone: Europe/Berlin``; it is UTC else.
 
     Raises:
         InvalidValueError: It cannot be read, or breaks a rule.
     """
+    zone = "UTC"
     if path.suffix == ".sensors":
+        first = path.read_text().partition("\n")[0]
+        if first.startswith(_ZONE):
+            zone = first.removeprefix(_ZONE).strip()
         rows = np.loadtxt(path, ndmin=2)
         numbers = np.unique(rows[:, 2].astype(int)).tolist()
         sensors = tuple(sorted(f"s{number}" for number in numbers))
@@ -100,6 +107,7 @@ def read_home(path: Path) -> Home:
         tuple(spans),
         min(float(own[0, 0]) for own in used),
         max(float(own[:, 1].max()) for own in used),
+        zone,
     )
 
 

@@ -11,8 +11,8 @@ from neurosnap.health.evidence import JudgedSteps, follow, speaks
 from neurosnap.health.expectation import WINDOWS, features
 from neurosnap.health.judge import WELL, Judge
 from neurosnap.health.learning import LearnedRates, heard, per_step
-from neurosnap.health.monitor import HealthMonitor
-from neurosnap.health.steps import STEP, Steps
+from neurosnap.health.monitor import QUIET, HealthMonitor
+from neurosnap.health.steps import STEP, Steps, parts_of_day
 from neurosnap.health.tail import weekly
 from tools.paper.homes.home import Home
 from tools.paper.homes.mention import Mention
@@ -37,7 +37,9 @@ class Watched:
         self.mentions: list[Mention] = []
         self.judges: list[Judge] = []
         self.learned: list[LearnedRates] = []
-        monitor = HealthMonitor(home.sensors, alarms)
+        self.known: list[bool] = []
+        """Of each step, whether its readings count."""
+        monitor = HealthMonitor(home.sensors, alarms, home.zone)
         self.steps = home.steps(home.begin, home.end)
         open_: dict[int, float] = {}
         for at in range(len(self.steps)):
@@ -51,6 +53,7 @@ class Watched:
             monitor.follow(
                 Steps(steps.came_on[one], steps.longest[one], steps.first + at)
             )
+            self.known.append(monitor.quiet <= QUIET)
             _note(monitor.judge, now + STEP, open_, self.mentions)
         self.mentions += [Mention(s, at, home.end) for s, at in open_.items()]
         self.mentions.sort(key=lambda mention: mention.begin)
@@ -76,14 +79,15 @@ class Ours:
         """Return the sensors in alarm."""
         judge, learned = self._watched.at(begin)
         steps = home.steps(begin, end)
-        known = np.ones(len(home.sensors), np.bool_)
+        known = self._watched.known[int(begin // STEP) - self._watched.steps.first :]
         mentions: list[Mention] = []
         open_: dict[int, float] = {
             int(s): begin for s in np.flatnonzero(judge.kind != WELL)
         }
         for at in range(len(steps)):
             number = steps.first + at
-            judge.step(learned, number, steps.came_on[at], steps.longest[at], known)
+            read = steps.came_on[at], steps.longest[at]
+            judge.step(learned, number, *read, np.full(len(home.sensors), known[at]))
             _note(judge, float((number + 1) * STEP), open_, mentions)
         mentions += [Mention(s, at, end) for s, at in open_.items()]
         return sorted(mentions, key=lambda mention: mention.begin)
@@ -121,7 +125,8 @@ class Ours:
         count = high - low
         trace = np.zeros((count, 1, judge.evidence.shape[1]))
         due = np.zeros((count, 1))
-        read = own.came_on[:count], own.longest[:count], np.ones((count, 1), np.bool_)
+        known = np.array(self._watched.known[low:high])[:, None]
+        read = own.came_on[:count], own.longest[:count], known
         cut = np.ascontiguousarray
         follow(
             cut(judge.clocks[:, one]),
@@ -139,7 +144,7 @@ class Ours:
         )
         often = weekly(learned.tails[sensor][None], trace[:, 0])
         over = (often <= allowed) & speaks(trace[:, 0], due[:, 0])
-        return np.asarray(over.any(1) & bool(learned.known[sensor]))
+        return np.asarray((over & learned.judged[sensor]).any(1))
 
     def _expected(
         self, learned: LearnedRates, low: int, high: int
@@ -149,11 +154,12 @@ class Ours:
         active = whole.came_on > 0
         key = id(learned), low, high
         if key not in self._rates:
+            parts = parts_of_day(whole.first, len(whole), learned.zone)
             self._rates.clear()
             rows = np.arange(low, high)
             rates = np.array(
                 [
-                    features(active, whole.first, window, rows) @ learned.weights[at]
+                    features(active, parts, window, rows) @ learned.weights[at]
                     for at, window in enumerate(WINDOWS)
                 ]
             )

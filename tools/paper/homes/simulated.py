@@ -74,8 +74,8 @@ class Habit:
                 at += rng.exponential(self.gap)
 
 
-def simulated_home(seed: int) -> tuple[Home, str]:
-    """Return a home of ten to twenty weeks, and its time zone.
+def simulated_home(seed: int) -> Home:
+    """Return a home of ten to twenty weeks.
 
     Args:
         seed: All that is drawn follows from it.
@@ -86,11 +86,11 @@ def simulated_home(seed: int) -> tuple[Home, str]:
     days = int(rng.integers(70, 141))
     first = date(2021, 1, 1) + timedelta(int(rng.integers(0, 365)))
     calendar = [first + timedelta(day) for day in range(days)]
-    away = _stretches(days, rng.integers(0, 3), 3, 14, rng)
+    away = _stretches(days, 3, 3, 14, rng)
     touches = list(_lived(calendar, away, zone, sensors, rng))
     begin = _seconds(first, 0, zone)
     end = _seconds(calendar[-1], 24, zone)
-    down = begin + _DAY * (_stretches(days, rng.integers(0, 3), 1, 3, rng) + 0.3)
+    down = begin + _DAY * (_stretches(days, 3, 1, 3, rng) + 0.3)
     spans = []
     for sensor in range(sensors):
         own = np.array([t[:2] for t in touches if t[2] == sensor]).reshape(-1, 2)
@@ -99,7 +99,7 @@ def simulated_home(seed: int) -> tuple[Home, str]:
             own = own[(own[:, 1] < start) | (own[:, 0] >= stop)]
         spans.append(merged(own))
     names = tuple(f"s{number}" for number in range(sensors))
-    return Home(names, tuple(spans), begin, end), zone.key
+    return Home(names, tuple(spans), begin, end, zone.key)
 
 
 def _lived(
@@ -115,9 +115,11 @@ def _lived(
     lasting = np.exp(rng.uniform(np.log(5), np.log(1800), sensors))
     habits = [_habit(used, rng) for _ in range(people * int(rng.integers(8, 25)))]
     guests = [_habit(used, rng) for _ in range(int(rng.integers(2, 6)))]
-    visits = _stretches(len(calendar), rng.integers(0, 10), 1, 5, rng)
+    visits = _stretches(len(calendar), 10, 1, 5, rng)
     pet = rng.uniform(2, 15) if rng.random() < 0.4 else 0.0
     near = np.flatnonzero(rng.random(sensors) < 0.25)  # what the pet comes by
+    machine = int(rng.integers(sensors))  # goes by itself, such as a heating
+    goes = rng.uniform(0, 24, int(rng.integers(0, 6)))
     changes = rng.choice(len(calendar), int(rng.integers(0, 4)))
     for number, day in enumerate(calendar):
         for _ in range(int((changes == number).sum())):
@@ -130,6 +132,9 @@ def _lived(
             if any(start <= number < stop for start, stop in visits):
                 for habit in guests:
                     yield from habit.touches(day, zone, lasting, rng)
+        for hour in goes:
+            at = _seconds(day, rng.normal(hour, 0.1), zone)
+            yield at, at + rng.exponential(lasting[machine]) + 1, machine
         if home and len(near):
             for hour in rng.uniform(0, 24, rng.poisson(pet)):
                 at, sensor = _seconds(day, hour, zone), int(rng.choice(near))
@@ -137,7 +142,7 @@ def _lived(
 
 
 def _habit(used: NDArray[np.float64], rng: Generator) -> Habit:
-    """Draw a habit; a person has most of them on one kind of day more than the other."""
+    """Draw a habit; many are for workdays, or for free days."""
     count = int(rng.integers(2, 11))
     workdays, free_days = rng.choice([(0.9, 0.9), (0.9, 0.2), (0.1, 0.7), (0.4, 0.4)])
     return Habit(
@@ -155,18 +160,18 @@ def _habit(used: NDArray[np.float64], rng: Generator) -> Habit:
 
 
 def _stretches(
-    days: int, count: int, least: int, most: int, rng: Generator
+    days: int, up_to: int, least: int, most: int, rng: Generator
 ) -> NDArray[np.int64]:
-    """Draw stretches of days: ``(count, 2)``, from and until."""
-    starts = rng.integers(0, days, count)
-    return np.column_stack([starts, starts + rng.integers(least, most + 1, count)])
+    """Draw less than `up_to` stretches of days: ``(n, 2)``, from and until."""
+    starts = rng.integers(0, days, rng.integers(0, up_to))
+    lengths = rng.integers(least, most + 1, len(starts))
+    return np.column_stack([starts, starts + lengths])
 
 
 def _seconds(day: date, hour: float, zone: ZoneInfo) -> float:
     """Return seconds since 1970 of an hour on the clock of a day."""
-    midnight = datetime(day.year, day.month, day.day)
-    local = (midnight + timedelta(hours=hour)).replace(tzinfo=zone)
-    return local.timestamp()
+    midnight = datetime(day.year, day.month, day.day, tzinfo=zone)
+    return (midnight + timedelta(hours=hour)).timestamp()
 
 
 def main() -> None:
@@ -178,14 +183,14 @@ def main() -> None:
     asked = parser.parse_args()
     asked.folder.mkdir(parents=True, exist_ok=True)
     for seed in range(asked.seed, asked.seed + asked.homes):
-        home, zone = simulated_home(seed)
+        home = simulated_home(seed)
         rows = [
             f"{on:.0f} {off - on:.0f} {sensor}"
             for sensor, spans in enumerate(home.spans)
             for on, off in spans
         ]
         path = asked.folder / f"simulated{seed:03d}.sensors"
-        path.write_text("\n".join([f"# zone: {zone}", *rows, ""]))
+        path.write_text("\n".join([f"# zone: {home.zone}", *rows, ""]))
 
 
 if __name__ == "__main__":

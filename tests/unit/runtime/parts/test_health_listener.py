@@ -8,12 +8,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.health.alarm import Standing
 from neurosnap.health.monitor import Follower
 from neurosnap.health.steps import STEP
+from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.parts import health_listener
 from neurosnap.runtime.parts.health_listener import HealthListener, Past
 from neurosnap.sensorium import pack
@@ -22,7 +24,7 @@ from tests.support.patience import PATIENCE
 
 DAYS = 16
 FRIDGE = SENSORS.index("fridge")
-BODY = Body(own=SENSORS)
+OPTIONS = RunOptions(source="mqtt:x", body=Body(own=SENSORS), alarms="1/week")
 Home = list[tuple[float, np.ndarray]]
 Course = list[tuple[wire.Observation, int]]
 
@@ -57,7 +59,7 @@ def _waits_for_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
 async def followed(course: Course) -> list[Standing]:
     """Return what is told of readings alone."""
     heard: list[Standing] = []
-    listener = HealthListener(BODY, "1/week", heard.append)
+    listener = HealthListener(OPTIONS, heard.append)
     for message, sent in course:
         listener.receive(message, sent)
     stop = asyncio.Event()
@@ -83,7 +85,7 @@ async def test_that_a_door_stays_open_is_told_although_nothing_is_read_any_more(
         if [alarm.sensor for alarm in standing.alarms] == ["fridge"]:
             stop.set()
 
-    listener = HealthListener(BODY, "1/week", hear)
+    listener = HealthListener(OPTIONS, hear)
     for message, sent in messages(home):
         listener.receive(message, sent)
     async with asyncio.timeout(PATIENCE):
@@ -109,7 +111,8 @@ async def test_it_goes_on_without_a_recording(
 ) -> None:
     heard: list[Standing] = []
     past = Past(tmp_path / "gone.mcap", 9)
-    listener = HealthListener(Body(own=("a",)), "1/week", heard.append, past)
+    one = replace(OPTIONS, body=Body(own=("a",)))
+    listener = HealthListener(one, heard.append, past)
     listener.receive(wire.Observation(10, b"\x01"), 10**18)
     stop = asyncio.Event()
     stop.set()
@@ -124,7 +127,7 @@ async def test_what_it_cannot_follow_ends_it(monkeypatch: pytest.MonkeyPatch) ->
 
     monkeypatch.setattr(Follower, "observe", fails)
     heard: list[Standing] = []
-    listener = HealthListener(BODY, "1/week", heard.append)
+    listener = HealthListener(OPTIONS, heard.append)
     listener.receive(wire.Observation(1, b"\x01"), 10**18)
     with pytest.raises(OverflowError, match="no more room"):
         async with asyncio.timeout(PATIENCE):

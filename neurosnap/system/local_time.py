@@ -1,0 +1,58 @@
+"""Times as people read them, by the clock of a time zone."""
+
+import functools
+import logging
+import os
+from datetime import UTC, datetime, tzinfo
+from pathlib import Path
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
+
+from neurosnap.errors import InvalidValueError
+
+_logger = logging.getLogger(__name__)
+
+
+def check_zone(name: str) -> None:
+    """Check that this machine knows a time zone.
+
+    Raises:
+        InvalidValueError: It does not.
+    """
+    try:
+        ZoneInfo(name)
+    except (ZoneInfoNotFoundError, ValueError, OSError):
+        rule = 'must be a time zone that this machine knows, such as "Europe/Berlin"'
+        raise InvalidValueError("zone", rule, name) from None
+
+
+def system_zone() -> str:
+    """Return the name of this machine's time zone; UTC if it does not say."""
+    link = Path("/etc/localtime")
+    named = os.environ.get("TZ", "").removeprefix(":")
+    if not named and link.is_symlink():
+        named = str(link.resolve()).rpartition("zoneinfo/")[2]
+    try:
+        check_zone(named)
+    except InvalidValueError:
+        return "UTC"
+    return named
+
+
+@functools.lru_cache(maxsize=16)
+def _clock(zone: str) -> tzinfo:
+    try:
+        check_zone(zone)
+    except InvalidValueError as error:  # of a recording that was made elsewhere
+        _logger.warning("%s; times are in UTC", error)
+        return UTC
+    return ZoneInfo(zone)
+
+
+def local(seconds: float, zone: str) -> datetime:
+    """Return a moment by the clock of a zone; of one that is not known here, UTC's.
+
+    Args:
+        seconds: Since 1970.
+        zone: Such as ``Europe/Berlin``.
+    """
+    return datetime.fromtimestamp(seconds, _clock(zone))
