@@ -49,10 +49,11 @@ def known(home: Home, until: float) -> Flags:
 
 
 class Silence(_Baseline):
-    """Names a sensor after 1.5 times its longest silence, in activations of others."""
+    """Names a sensor after some times its longest silence, in activations of others."""
 
-    def __init__(self, home: Home, until: float) -> None:
+    def __init__(self, home: Home, until: float, patience: float = 2.0) -> None:
         super().__init__(home, until)
+        self._patience = patience
         self._times, _ = home.events(home.begin, home.end + 1)
         self._longest = np.array([self._long(s, until) for s in range(len(home.spans))])
 
@@ -97,7 +98,7 @@ class Silence(_Baseline):
         begin: float,
         end: float,
     ) -> list[Mention]:
-        most = 1.5 * self._longest[sensor]
+        most = self._patience * self._longest[sensor]
         before = self.home.spans[sensor][:, 0]
         last = before[before < begin]
         passed = 0.0

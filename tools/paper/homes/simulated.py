@@ -1,11 +1,10 @@
 """Simulates homes in which nothing is broken, to choose the health monitor's constants.
 
-People follow habits at hours of the local clock, with other ones on free days. Guests
-come, holidays leave a home empty, a pet wanders, days get longer and shorter, habits
-change, and now and then the whole system is down. No recorded home went into it.
+People follow habits by the local clock, with other ones on free days. Guests come,
+holidays leave a home empty, a pet wanders, seasons and habits change, and now and then
+the whole system is down. No recorded home went into it.
 """
 
-import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import date, datetime, timedelta
@@ -13,6 +12,7 @@ from pathlib import Path
 from zoneinfo import ZoneInfo
 
 import numpy as np
+import typer
 from numpy.random import Generator
 from numpy.typing import NDArray
 
@@ -22,8 +22,6 @@ Touch = tuple[float, float, int]
 """When a sensor comes on and goes off, seconds since 1970, and its number."""
 
 _ZONES = ("Europe/Berlin", "America/Chicago", "Asia/Kolkata", "Australia/Sydney")
-_HOUR = 3600.0
-_DAY = 24 * _HOUR
 
 
 @dataclass
@@ -56,10 +54,9 @@ class Habit:
         chance = self.on_free_days if day.weekday() > 4 else self.on_workdays
         year, week, _ = day.isocalendar()
         winter = np.cos(2 * np.pi * week / 52)
-        usual = self.weeks[(53 * year + week) % len(self.weeks)]
-        return int(
-            rng.binomial(3, min(1.0, chance * usual * (1 + self.dark * winter / 2) / 3))
-        )
+        chance *= self.weeks[(53 * year + week) % len(self.weeks)]
+        chance *= 1 + self.dark * winter / 2
+        return int(rng.binomial(3, min(1.0, chance / 3)))
 
     def touches(
         self, day: date, zone: ZoneInfo, lasting: NDArray[np.float64], rng: Generator
@@ -82,15 +79,14 @@ def simulated_home(seed: int) -> Home:
     """
     rng = np.random.default_rng([seed, 4711])
     zone = ZoneInfo(str(rng.choice(_ZONES)))
-    sensors = int(rng.integers(8, 25))
-    days = int(rng.integers(70, 141))
+    sensors, days = int(rng.integers(8, 25)), int(rng.integers(70, 141))
     first = date(2021, 1, 1) + timedelta(int(rng.integers(0, 365)))
     calendar = [first + timedelta(day) for day in range(days)]
     away = _stretches(days, 3, 3, 14, rng)
     touches = list(_lived(calendar, away, zone, sensors, rng))
     begin = _seconds(first, 0, zone)
     end = _seconds(calendar[-1], 24, zone)
-    down = begin + _DAY * (_stretches(days, 3, 1, 3, rng) + 0.3)
+    down = begin + 86400.0 * (_stretches(days, 3, 1, 3, rng) + 0.3)
     spans = []
     for sensor in range(sensors):
         own = np.array([t[:2] for t in touches if t[2] == sensor]).reshape(-1, 2)
@@ -98,8 +94,8 @@ def simulated_home(seed: int) -> Home:
         for start, stop in down:
             own = own[(own[:, 1] < start) | (own[:, 0] >= stop)]
         spans.append(merged(own))
-    names = tuple(f"s{number}" for number in range(sensors))
-    return Home(names, tuple(spans), begin, end, zone.key)
+    names = (f"s{number}" for number in range(sensors))
+    return Home(tuple(names), tuple(spans), begin, end, zone.key)
 
 
 def _lived(
@@ -174,24 +170,22 @@ def _seconds(day: date, hour: float, zone: ZoneInfo) -> float:
     return (midnight + timedelta(hours=hour)).timestamp()
 
 
-def main() -> None:
-    """Write simulated homes, each a file that `read_home` reads."""
-    parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("folder", type=Path, help="where the homes are written")
-    parser.add_argument("--homes", type=int, default=20, help="how many")
-    parser.add_argument("--seed", type=int, default=0, help="of the first")
-    asked = parser.parse_args()
-    asked.folder.mkdir(parents=True, exist_ok=True)
-    for seed in range(asked.seed, asked.seed + asked.homes):
-        home = simulated_home(seed)
+def main(folder: Path, homes: int = 20, seed: int = 0) -> None:
+    """Write simulated homes into a folder, each a file that `read_home` reads.
+
+    The first has the seed that is given, those that follow the next ones.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    for number in range(seed, seed + homes):
+        home = simulated_home(number)
         rows = [
-            f"{on:.0f} {off - on:.0f} {sensor}"
+            f"{on:.1f} {off - on:.1f} {sensor}"
             for sensor, spans in enumerate(home.spans)
             for on, off in spans
         ]
-        path = asked.folder / f"simulated{seed:03d}.sensors"
+        path = folder / f"simulated{number:03d}.sensors"
         path.write_text("\n".join([f"# zone: {home.zone}", *rows, ""]))
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

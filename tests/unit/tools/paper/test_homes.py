@@ -1,7 +1,9 @@
 """Faults, baselines and the tables of the homes figure are as specified."""
 
 import csv
+from datetime import datetime
 from pathlib import Path
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ from neurosnap.errors import InvalidValueError
 from tests.support.lived_in import SENSORS, lived_in
 from tools.paper import fig8_homes, run
 from tools.paper.figure import FigureOptions
-from tools.paper.homes import cases
+from tools.paper.homes import cases, simulated
 from tools.paper.homes.baselines import Groups, Silence
 from tools.paper.homes.faults import (
     SINGLE,
@@ -23,7 +25,8 @@ from tools.paper.homes.faults import (
 )
 from tools.paper.homes.home import Home, merged, read_home
 from tools.paper.homes.mention import Mention, joined
-from tools.paper.homes.methods import METHODS, credited
+from tools.paper.homes.methods import METHODS, Bench, credited
+from tools.paper.homes.simulated import simulated_home
 
 
 def home_of(days: int, seed: int) -> Home:
@@ -128,11 +131,37 @@ def test_the_silence_rule_is_its_definition() -> None:
         np.column_stack([times[who == s], times[who == s] + 1]) for s in (0, 1)
     )
     home = Home(("a", "b"), spans, 0.0, 12000.0)
-    rule = Silence(home, 9000.0)
+    rule = Silence(home, 9000.0, 1.5)
     assert rule.mentions(home, 9000.0, 12000.0) == []
     silent = home.with_spans({0: spans[0][spans[0][:, 0] < 9000]})
     # The 91st event is the fourth after the last activation, more than 1.5 times 2.
     assert rule.since(silent, 0, 9000.0, 12000.0) == 9200.0
+
+
+def test_the_silence_rule_tells_no_more_than_the_monitor() -> None:
+    methods = Bench(home_of(21, 3), "1/week")
+    rule, monitor = (len(methods.clean(name)) for name in ("silence rule", "health"))
+    assert rule <= monitor
+
+
+def test_a_simulated_home_is_read_as_it_was_made(tmp_path: Path) -> None:
+    simulated.main(tmp_path, homes=1)
+    (path,) = tmp_path.iterdir()
+    read, made = read_home(path), simulated_home(0)
+    used = [own for own in made.spans if len(own)]
+    assert read.zone == made.zone != "UTC"
+    assert sum(map(len, read.spans)) == sum(map(len, used))
+    assert made.begin <= read.begin < read.end <= made.end
+    assert {len(simulated_home(seed).spans) for seed in range(4)} > {len(made.spans)}
+
+
+def test_a_simulated_home_lives_by_its_clock() -> None:
+    """No habit begins before six; a pet and a machine alone are up at night."""
+    home = simulated_home(0)
+    zone = ZoneInfo(home.zone)
+    starts = np.concatenate([own[:, 0] for own in home.spans])
+    hours = np.array([datetime.fromtimestamp(at, zone).hour for at in starts])
+    assert 0 < (hours < 5).mean() < 0.2
 
 
 def test_groups_name_what_is_new() -> None:
