@@ -52,8 +52,8 @@ class Judge:
     """The evidence against the sensors of a home, and their alarms.
 
     An alarm ends when its sensor is well again: it came on after a silence, went off
-    after it was stuck, or came on as usual for a day. All evidence against it starts
-    from zero then, so that a repair is no alarm.
+    after it was stuck, or came on as usual for a day. The evidence for it starts from
+    zero then, so that a repair is no alarm.
 
     Args:
         sensors: How many.
@@ -114,8 +114,8 @@ class Judge:
             self.clocks, self.sums, learned.scales, learned.least, judged, trace, due
         )
         self._keep_evidence(trace[0], number, came_on, longest, valid)
-        ended = self._end(number, came_on, longest)
-        self._weigh(learned, number, due[0])
+        ended = self._end(number, came_on, longest, valid)
+        self._weigh(learned, number, due[0], valid)
         return RateChanges(self._begin(learned, number), ended)
 
     def _rates(self, learned: LearnedRates, number: int) -> Floats:
@@ -163,7 +163,7 @@ class Judge:
         valid: Flags,
     ) -> None:
         """Keep the evidence of a step, and when it began."""
-        fresh = (self.evidence <= 0) | (trace <= 0)
+        fresh = ((self.evidence <= 0) | (trace <= 0)) & valid[:, None]
         self.since[fresh] = number
         on = came_on > 0
         self.since[on, SILENT] = number + 1
@@ -172,14 +172,17 @@ class Judge:
         self.since[:, CHATTER] = number
         self.evidence = np.where(valid[:, None], trace, self.evidence)
 
-    def _weigh(self, learned: LearnedRates, number: int, expected: Floats) -> None:
+    def _weigh(
+        self, learned: LearnedRates, number: int, expected: Floats, valid: Flags
+    ) -> None:
         self.raised = self.raised[self.raised > number - LOOKBACK]
         allowed = shares(self._alarms, int(learned.known.sum()), len(self.raised))
         often = weekly(learned.tails, self.evidence)
         most = np.maximum(learned.tails[..., 0], 2 * allowed)
         strain = np.log(most / np.maximum(often, 1e-300)) / np.log(most / allowed)
         judged = learned.judged & speaks(self.evidence, expected)
-        self.strain = np.where(judged, np.maximum(strain, 0.0), 0.0)
+        strain = np.where(judged, np.maximum(strain, 0.0), 0.0)
+        self.strain = np.where(valid[:, None], strain, self.strain)
         self.sums *= learned.judged[:, LESS]
         self._excuse_many(int(learned.known.sum()))
 
@@ -208,7 +211,11 @@ class Judge:
         return [int(sensor) for sensor in begun]
 
     def _end(
-        self, number: int, came_on: NDArray[np.int32], longest: NDArray[np.float32]
+        self,
+        number: int,
+        came_on: NDArray[np.int32],
+        longest: NDArray[np.float32],
+        valid: Flags,
     ) -> list[int]:
         ended = []
         for sensor in np.flatnonzero(self.kind != WELL):
@@ -219,7 +226,8 @@ class Judge:
                 well = longest[sensor] == 0
             else:
                 below = self.strain[sensor, LESS:].max() < _WELL_BELOW
-                self.calm[sensor] = self.calm[sensor] + 1 if below else 0
+                if valid[sensor]:
+                    self.calm[sensor] = self.calm[sensor] + 1 if below else 0
                 accepted = number - self.raised_at[sensor] >= _ACCEPTED
                 well = self.calm[sensor] >= _CALM or accepted
             if well:
@@ -228,8 +236,12 @@ class Judge:
         return ended
 
     def _reset(self, sensor: int) -> None:
+        """End an alarm. A silence goes on while one of another kind ends."""
+        if self.kind[sensor] == STUCK:
+            self.clocks[:, sensor] = 0
+        if self.kind[sensor] in (SILENT, STUCK):
+            self.evidence[sensor, SILENT] = self.strain[sensor, SILENT] = 0
         self.kind[sensor] = WELL
-        self.clocks[:, sensor] = 0
         self.sums[:, sensor] = 0
-        self.evidence[sensor] = 0
-        self.strain[sensor] = 0
+        self.evidence[sensor, LESS:] = 0
+        self.strain[sensor, LESS:] = 0

@@ -9,6 +9,7 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from neurosnap.errors import InvalidValueError
 
+LOCALTIME = Path("/etc/localtime")
 _logger = logging.getLogger(__name__)
 
 
@@ -27,10 +28,9 @@ def check_zone(name: str) -> None:
 
 def system_zone() -> str:
     """Return the name of this machine's time zone; UTC if it does not say."""
-    link = Path("/etc/localtime")
     named = os.environ.get("TZ", "").removeprefix(":")
-    if not named and link.is_symlink():
-        named = str(link.resolve()).rpartition("zoneinfo/")[2]
+    if not named and LOCALTIME.is_symlink():
+        named = str(LOCALTIME.readlink()).rpartition("zoneinfo/")[2]
     try:
         check_zone(named)
     except InvalidValueError:

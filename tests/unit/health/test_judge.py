@@ -51,7 +51,7 @@ def test_a_sensor_is_stuck_since_it_came_on(longest: float, since: int) -> None:
 def ended(judge: Judge, number: int, strain: float) -> bool:
     """Return whether a sensor whose rate had changed is well again."""
     judge.strain[0, MORE] = strain
-    return judge._end(number, ON, lasting(0.0)) == [0]
+    return judge._end(number, ON, lasting(0.0), VALID) == [0]
 
 
 def test_a_changed_rate_is_over_after_a_whole_day_of_calm() -> None:
@@ -72,6 +72,37 @@ def test_calm_before_an_alarm_does_not_count() -> None:
     assert judge._begin(None, 5) == [0]  # type: ignore[arg-type]
     assert (judge.calm[0], judge.raised_at[0]) == (0, 5)
     assert not ended(judge, 6, 0.4)
+
+
+def test_a_silence_goes_on_while_an_alarm_of_another_kind_ends() -> None:
+    judge = Judge(1, 1.0)
+    judge.kind[0], judge.raised_at[0] = MORE, 0
+    judge.clocks[:], judge.sums[:], judge.evidence[:] = 2.0, 3.0, 4.0
+    assert judge._end(2 * WEEK, OFF, lasting(0.0), VALID) == [0]
+    assert (judge.clocks == 2).all()
+    assert (judge.sums == 0).all()
+    assert judge.evidence[0].tolist() == [4.0, 0.0, 0.0, 0.0, 0.0]
+
+
+def test_unknown_readings_are_no_calm_and_no_beginning() -> None:
+    judge = Judge(1, 1.0)
+    judge.kind[0], judge.calm[0] = MORE, DAY - 1
+    assert judge._end(5, OFF, lasting(0.0), ~VALID) == []
+    noted(judge, 100, 1.0, on=False, longest=0.0)
+    traces = np.zeros((1, len(KINDS)))
+    judge._keep_evidence(traces, 101, OFF, lasting(0.0), ~VALID)
+    assert (judge.since[0, LESS], judge.evidence[0, LESS]) == (100, 1.0)
+
+
+@pytest.mark.parametrize(("changed", "left"), [(2, 2), (3, 0), (4, 0)])
+def test_where_the_rates_of_many_change_none_of_them_is_at_fault(
+    changed: int, left: int
+) -> None:
+    judge = Judge(9, 1.0)
+    judge.strain[:changed, MORE], judge.strain[8, SILENT] = 1.5, 1.5
+    judge._excuse_many(9)
+    assert (judge.strain[:, MORE] >= 1).sum() == left
+    assert judge.strain[8, SILENT] == 1.5
 
 
 def test_a_changed_rate_is_accepted_after_two_weeks() -> None:

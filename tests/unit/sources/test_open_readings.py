@@ -212,6 +212,26 @@ def test_a_database_that_home_assistant_made() -> None:
     assert "?" in told[names[2]]
 
 
+@pytest.mark.parametrize(
+    ("settings", "zone"),
+    [
+        (b'{"data": {"time_zone": "Europe/Berlin"}, "version": 1}', "Europe/Berlin"),
+        (b'{"data": {}}', "UTC"),
+        (b'{"data": {"time_z', "UTC"),
+        (None, "UTC"),
+    ],
+)
+def test_the_zone_of_a_home_is_in_the_settings_beside_its_database(
+    settings: bytes | None, zone: str, tmp_path: Path
+) -> None:
+    database = tmp_path / "home-assistant_v2.db"
+    database.write_bytes(HOME.read_bytes())
+    if settings is not None:
+        (tmp_path / ".storage").mkdir()
+        (tmp_path / ".storage" / "core.config").write_bytes(settings)
+    assert open_readings(str(database)).zone == zone
+
+
 def test_other_entities_of_a_home_are_read_if_asked_for() -> None:
     warm = parse_comparison("sensor.hall_temperature > 21, off < 20")
     readings = open_readings(str(HOME), Wanted(("switch.*",), (warm,)))

@@ -80,6 +80,7 @@ ROWS = {
     "learn log.mcap -o log.html --at 3 --threshold sure --format png": "'png' is not",
     "learn log.mcap --at 31": "tick: must be in [0, 30], got 31",
     "health readings.csv": "data: must say when each reading was",
+    "health readings.csv --zone Mars": "zone: must be a time zone that this machine",
     "health readings.csv --alarms often": "alarms: must be a number a hour, day, week",
     "export log.mcap -o a.xls": "out: must end with one of .csv, ",
     "export log.mcap -o a.mcap --force": "out: must come without --force",
