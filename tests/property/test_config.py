@@ -144,7 +144,7 @@ def values_of(kind: inspect.Type) -> st.SearchStrategy[Any]:
 def fields_of(kind: inspect.StructType) -> st.SearchStrategy[Any]:
     given = {field.name: values_of(field.type) for field in kind.fields}
     if kind.cls is HealthTable:
-        given["alarms"] = st.none()
+        given |= {"alarms": st.none(), "zone": st.none()}
     return st.fixed_dictionaries(given)
 
 

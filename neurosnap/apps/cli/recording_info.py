@@ -258,7 +258,7 @@ def _balance(info: Info) -> Iterator[str]:
 
 
 def _moment(nanoseconds: int, zone: str) -> str:
-    """Return a time by the clock of a zone; the last there is for one of no clock."""
+    """Return a time as RFC 3339 by a zone's clock; the last there is for one of none."""
     latest = 2**63 - 1
     moment = local(min(nanoseconds, latest) / _SECOND, zone)
-    return moment.isoformat(" ", "milliseconds")
+    return moment.isoformat(timespec="milliseconds")
