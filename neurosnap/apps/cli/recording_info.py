@@ -258,7 +258,7 @@ def _balance(info: Info) -> Iterator[str]:
 
 
 def _moment(nanoseconds: int, zone: str) -> str:
-    """Return a time as RFC 3339 by a zone's clock; the last there is for one of none."""
+    """Return a time as RFC 3339, by a zone's clock; of no clock the last there is."""
     latest = 2**63 - 1
     moment = local(min(nanoseconds, latest) / _SECOND, zone)
     return moment.isoformat(timespec="milliseconds")
