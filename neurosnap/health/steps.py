@@ -17,9 +17,9 @@ WEEK = 7 * 86400 // STEP
 """Steps of a week."""
 DAY = 86400 // STEP
 PARTS = 8
-"""Of a day, in each of which it is known how much is done."""
+"""How many parts a day has, each with rates of its own."""
 _HALF = 3
-"""Steps of half an hour: by less no clock of a zone is apart from another, but one."""
+"""Steps of half an hour. All clocks but Nepal's are apart by a multiple of that."""
 _SATURDAY = 5
 
 
