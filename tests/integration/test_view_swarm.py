@@ -80,8 +80,7 @@ async def test_a_swarm_is_followed_to_its_end(tmp_path: Path, way: str) -> None:
         else:
             async with verb(tmp_path, *options) as run:
                 run.stdin.write(b"nonsense\n")
-                # What takes readings in is there before the swarm can be found.
-                assert (await run.stderr.readline()).startswith(b"standard input:1")
+                # It may be taken in before the swarm can be found.
                 while "no swarm runs here" in await done(tmp_path, "ps"):
                     assert run.returncode is None
                 async with verb(tmp_path, "view", "--no-browser") as viewing:
