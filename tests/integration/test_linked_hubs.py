@@ -156,9 +156,11 @@ def test_parts_behind_a_lost_link_are_named_and_the_recording_reads(
 ) -> None:
     log = tmp_path / "log.mcap"
     mortal = running(log, "--set", "supervision.max_restarts=0", whole=False)
-    with mortal as (hubs, _, most):
+    with mortal as (hubs, last, most):
         begun(hubs.first, 6)
         hubs.link.sever()
+        while "lost the link with the hub at" not in (heard := last.stderr.readline()):
+            assert heard, "it ended without a word of the link"
         said = ended(most, 1)
     assert "cell/4" in said or "cell/5" in said
     verdict = verify(log)

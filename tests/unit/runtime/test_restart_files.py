@@ -242,15 +242,28 @@ def test_of_two_lives_that_saw_other_things_none_is_deleted(
     ],
 )
 def test_of_two_recordings_the_further_stays(
-    after: int, before: int, kept: int, log: Path, recordings: Recordings
+    after: int,
+    before: int,
+    kept: int,
+    log: Path,
+    recordings: Recordings,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Of so many ticks each; 0: there is none, -1: it cannot be read."""
+    synced: list[tuple[bytes, int]] = []
+
+    def sync(path: Path) -> None:
+        synced.append((path.read_bytes(), len(names(log.parent))))
+
+    monkeypatch.setattr("neurosnap.runtime.restart_files.sync_file", sync)
     unread = b"no recording" * 9  # shorter, it could hold no tick
     for path, ticks in ((log, after), (log.with_name("run.mcap.broken"), before)):
         if ticks:
             path.write_bytes(unread if ticks < 0 else recordings[ticks, 3])
     RestartFiles(log).keep_furthest()
     assert log.read_bytes() == recordings[kept, 3]
+    # The disk has what stays before the other one is deleted.
+    assert synced == ([(recordings[kept, 3], 2)] if min(after, before) > 0 else [])
     # What cannot be read is not deleted: what is in it is unknown.
     aside = {path.read_bytes() for path in log.parent.iterdir() if path != log}
     assert aside == ({unread} if -1 in (after, before) else set())

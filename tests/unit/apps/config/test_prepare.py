@@ -50,6 +50,13 @@ def test_what_is_left_out_is_as_without_a_file(file: Path) -> None:
     assert made == RunRequest(options, supervision=Supervision())
 
 
+def test_up_to_64_sensors_each_cell_is_a_process(file: Path) -> None:
+    for sensors, kind in ((64, "process"), (65, "worker")):
+        text = WORLD.replace("6", str(sensors + 1))
+        options = prepared(file, text).options
+        assert (len(options.sensors), options.cells) == (sensors, kind)
+
+
 def test_what_is_given_is_taken(file: Path) -> None:
     text = f"""{WORLD}
         [run]
