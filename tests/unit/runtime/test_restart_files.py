@@ -139,7 +139,7 @@ def test_what_is_kept_gets_the_next_free_name(
 
 @pytest.mark.slow
 def test_a_file_behind_a_damaged_one_is_gone_on_from(log: Path) -> None:
-    options = options_of(900, split=SMALLEST)
+    options = options_of(1500, split=SMALLEST)
     asyncio.run(run(RunRequest(options, log), asyncio.Event()))
     last = max(part_paths(log))
     assert last >= 2
