@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Write the pages of docs, and the schema, that are made from the code.
+"""Write the pages of docs/ and the schema that are generated from the code.
 
 The commands and their options come from the command line's own parser, the keys of the
 TOML file from its JSON Schema, and the messages from the structs on the wire. A test

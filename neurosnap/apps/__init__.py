@@ -1,1 +1,1 @@
-"""What people use: the command line, the page, pictures and exports."""
+"""User-facing programs: the command line, the page, pictures and exports."""

@@ -1,1 +1,1 @@
-"""Recordings: MCAP out, MCAP in, and the proof that a run was what it says."""
+"""Recordings: written and read as MCAP files, and verified by replay."""

@@ -1,4 +1,4 @@
-"""The source of a run: what of it is recorded, and how it is opened again.
+"""The source of a run: which of its options are recorded, and how it is reopened.
 
 What a recording or a coordinator says is data. It decides nothing that this machine
 connects to, reads or imports, but for worlds of ours and standard input.

@@ -1,4 +1,4 @@
-"""Files that survive a crash and a power cut, and files that are this user's alone.
+"""Files that survive crashes and power cuts, and files that belong to this user alone.
 
 They are synced, and replaced whole or not at all.
 

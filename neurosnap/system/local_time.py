@@ -1,4 +1,4 @@
-"""Times as people read them, by the clock of a time zone."""
+"""Local times: moments by the clock of a time zone."""
 
 import functools
 import logging

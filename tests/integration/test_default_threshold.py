@@ -1,4 +1,4 @@
-"""The default threshold is the same in Python and in runs, and performs better."""
+"""The default threshold: the same in Python and in runs, and better than others."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""What reads a recording ends at Ctrl-C, before it unpacks another chunk."""
+"""Verbs that read a recording stop at Ctrl-C, before they unpack another chunk."""
 
 import os
 import signal

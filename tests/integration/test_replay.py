@@ -1,4 +1,4 @@
-"""Replay reproduces a recorded run; resume continues it from its end or cut."""
+"""Replay reproduces a recorded run; resume continues it from its end or from a cut."""
 
 import itertools
 import random

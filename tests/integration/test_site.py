@@ -1,4 +1,4 @@
-"""The documentation site is whole, and asks no other host for anything."""
+"""The documentation site is complete, and loads nothing from other hosts."""
 
 import mimetypes
 import shutil

@@ -1,4 +1,4 @@
-"""The page in a real browser, and what it should say of the state of every sensor."""
+"""The page in a real browser, and the expected text for every sensor's state."""
 
 import asyncio
 import re

@@ -1,4 +1,4 @@
-"""Sends readings as programs outside do: by a pipe, over Zenoh, or to a broker."""
+"""Sends readings as external programs do: by a pipe, over Zenoh, or to a broker."""
 
 import json
 import threading

@@ -1,4 +1,4 @@
-"""What hypothesis draws: observations, thresholds, graphs and sets of literals."""
+"""Hypothesis strategies for observations, thresholds, graphs and sets of literals."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The duality theory by definition: every selection tried, every subset looked at.
+"""The duality theory by brute force: tries every selection and every subset.
 
 Nothing here uses the code under test. Literals are ints, sets are sets, an order is the
 set of its pairs; a vertex is a frozen set of literals.

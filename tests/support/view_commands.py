@@ -1,4 +1,4 @@
-"""Commands of `neurosnap` in processes of their own, with streams of asyncio."""
+"""Commands of `neurosnap` in separate processes, with asyncio streams."""
 
 import asyncio
 import os

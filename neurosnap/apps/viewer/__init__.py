@@ -1,1 +1,1 @@
-"""A recording to look at: one page on this machine, and what it asks for."""
+"""The viewer of recordings: a local web page, and the server that answers it."""

@@ -1,1 +1,1 @@
-"""Writing a recording, and what becomes of its files after a death or damage."""
+"""Writes recordings, and recovers their files after a crash or damage."""

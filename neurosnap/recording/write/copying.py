@@ -1,4 +1,4 @@
-"""Copies a recording's start into a resumed run, or the intact parts of any.
+"""Copies the start of a recording into a resumed run, or salvages intact parts.
 
 A salvaged recording is whole as a file. Where the old one lacks messages it has a note
 between its chunks, so that a reader derives nothing across, and says what is missing.

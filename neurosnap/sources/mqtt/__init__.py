@@ -1,1 +1,1 @@
-"""Live sensors over MQTT, and what a run publishes of itself."""
+"""Live sensors over MQTT, and what a run publishes about itself."""

@@ -1,4 +1,4 @@
-"""What a coordinator refuses, and what it does about a wave that does not settle."""
+"""Messages a coordinator refuses, and how it repeats a wave that does not settle."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What a run needs is compiled before its parts start, by one process, once."""
+"""A run's code is compiled once, by one process, before its parts start."""
 
 import asyncio
 import subprocess

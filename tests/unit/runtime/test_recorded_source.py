@@ -1,4 +1,4 @@
-"""What a recording names is opened only at a word from the user."""
+"""A source named in a recording is opened only if the user allows it."""
 
 import asyncio
 import sys

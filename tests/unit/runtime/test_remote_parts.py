@@ -1,4 +1,4 @@
-"""What a host starts of a swarm: cells by number, and the world that it names."""
+"""Parts that a host starts: cells chosen by number, and a world named by the host."""
 
 import pytest
 

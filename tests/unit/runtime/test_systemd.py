@@ -1,4 +1,4 @@
-"""A service manager is told that a run is up, goes on and ends."""
+"""A service manager is notified that a run is up, is still running, and ends."""
 
 import socket
 from collections.abc import Iterator

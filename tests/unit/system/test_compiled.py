@@ -1,4 +1,4 @@
-"""Compiled code is kept in a folder of the user's own, and a first start is told of."""
+"""Compiled code is cached in a folder of the user's own; a first start is announced."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""A file notices what others do to it, and its disk."""
+"""A file detects writes by other programs, and data that its disk has lost."""
 
 import errno
 import os

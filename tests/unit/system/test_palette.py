@@ -1,4 +1,4 @@
-"""Colours stay apart in print and for the colour-blind."""
+"""Colours can be told apart in print and by the colour-blind."""
 
 import itertools
 

@@ -1,4 +1,4 @@
-"""What CI installs is named with hashes, and is what pyproject.toml asks for."""
+"""The packages CI installs are pinned by hash, and match pyproject.toml."""
 
 import tomllib
 from pathlib import Path

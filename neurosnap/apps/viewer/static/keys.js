@@ -1,5 +1,5 @@
-// How the page is told what to do: buttons, tabs, the address, and the keyboard. Everything
-// that is done often has a key, and one of them lists the rest.
+// Controls of the page: buttons, tabs, the address and the keyboard.
+// Everything that is done often has a key, and one of them lists the rest.
 
 import { keep, keepSoon, tickAsked, told } from "./base/address.js";
 import { find, flash, make, tabs } from "./base/dom.js";

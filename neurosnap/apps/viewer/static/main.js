@@ -1,5 +1,5 @@
-// The page as a whole. Everything shown follows from the player's position; this
-// is where a position becomes a frame, and a frame goes to all that show it.
+// The main module: loads the frame at the player's position and updates every view.
+// Everything shown follows from that position.
 
 import { choiceAsked, keepChoice, keepWave, tickAsked, waveAsked } from "./base/address.js";
 import * as api from "./base/api.js";

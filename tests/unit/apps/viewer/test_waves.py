@@ -1,4 +1,4 @@
-"""What the page is told of grown sensors, imagined waves and plans."""
+"""What the page receives about grown sensors, imagined waves and plans."""
 
 import asyncio
 from typing import Any

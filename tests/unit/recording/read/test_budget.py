@@ -1,4 +1,4 @@
-"""What a recording may unpack to: crafted files are small, and cost little to read."""
+"""A reader limits how much it unpacks, even from a small crafted recording."""
 
 import zlib
 from pathlib import Path

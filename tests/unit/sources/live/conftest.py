@@ -1,4 +1,4 @@
-"""A limit on readings that wait that tests can reach in little time."""
+"""A limit on waiting readings that is low enough for tests to reach quickly."""
 
 import pytest
 

@@ -1,5 +1,5 @@
-// What the page's address says behind its #: where one is in which recording, as names
-// with values. It is what a link brings; the rest of the address is the server's.
+// The fragment of the page's address: the recording, the tick and what is selected.
+// A link brings it; the rest of the address is the server's.
 
 import { drawn, sensorOf } from "./literals.js";
 

@@ -1,5 +1,5 @@
-// What the server can be asked, one function a question. Addresses are relative to the
-// page, so that it works wherever the server puts it.
+// Requests to the server: one function for each.
+// Addresses are relative to the page, so that it works wherever the server puts it.
 
 import { told } from "./address.js";
 

@@ -1,4 +1,4 @@
-// Elements, found and made; and the colours and the font of what is painted.
+// Finds and makes elements of the page; has the colours and the font of drawings.
 
 /** The element with an id. */
 export const find = (id) => document.getElementById(id);

@@ -1,4 +1,4 @@
-// Literals: sensor s has 2s, itself, and 2s + 1, its complement, written with a star.
+// Literals: sensor s has literal 2s, and its complement, written s*, has 2s + 1.
 
 export const sensorOf = (literal) => literal >> 1;
 export const complementOf = (literal) => literal ^ 1;

@@ -1,5 +1,5 @@
-// The words of the page, each explained where it stands: a button with a dotted line under
-// it, whose sentence comes under the pointer, with the focus, or by a touch.
+// The terms of the page: underlined words that show an explanation.
+// It comes under the pointer, with the focus, or by a touch.
 
 import { find, make } from "./dom.js";
 

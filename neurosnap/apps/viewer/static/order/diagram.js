@@ -1,5 +1,5 @@
-// The diagram: the learned order in layers, the state in its nodes, and a wave on its way
-// over them. Nothing is laid out again while the order is the same.
+// The diagram: the learned order in layers, the state in its nodes, and moving waves.
+// Nothing is laid out again while the order is the same.
 
 import { keep, shape } from "../base/dom.js";
 import { drawn } from "../base/literals.js";

@@ -1,6 +1,6 @@
-// Which part of the order is looked at: what implies the selected sensor and what it implies,
-// to some depth; only sensors that are on, contradicted, predicted or grown; only edges of
-// some kinds. The rest is faint, or left out where only these are laid out.
+// The focus: selects which sensors and edges of the order are shown.
+// What implies the selected sensor and what it implies, to some depth; only sensors that are on,
+// contradicted, predicted or grown; only edges of some kinds. The rest is faint, or left out.
 
 import { find, make, write } from "../base/dom.js";
 import { bitWord, complementOf, drawn, Reach, sensorOf } from "../base/literals.js";

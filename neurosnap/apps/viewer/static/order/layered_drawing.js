@@ -1,7 +1,8 @@
-// What is drawn of an order, and where it stands: in layers by height, what is implied above what implies it. Within
-// a layer the order follows the neighbours' middles (Sugiyama's barycentres), and the
-// places are the nearest to those middles that keep everything apart. All of it follows from
-// the order alone: whichever way one came to a tick, everything stands at the same place.
+// The layered layout of an order: which items are drawn, and where.
+// Layers go by height, what is implied above what implies it. Within a layer the order follows
+// the neighbours' middles (Sugiyama's barycentres), and the places are the nearest to those
+// middles that keep everything apart. All of it follows from the order alone, so a tick looks
+// the same from wherever it was reached.
 
 import { drawn, isComplement, sensorOf } from "../base/literals.js";
 

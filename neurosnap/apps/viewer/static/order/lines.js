@@ -1,5 +1,6 @@
-// The lines between items: where they run, and what they are made of. An excitatory line ends
-// in an arrow, an inhibitory one is dashed and ends in a bar. The style sheet has the colours.
+// The lines between the items of the diagram: their routes and their styles.
+// An excitatory line ends in an arrow, an inhibitory one is dashed and ends in a bar.
+// The style sheet has the colours.
 
 import { shape } from "../base/dom.js";
 import { complementOf, isComplement } from "../base/literals.js";

@@ -1,5 +1,6 @@
-// How a sensor looks. It is a pill: its name stands for its own literal, the sign at its end
-// for the complement, and whichever the state holds is filled. Neither is where the state does
+// The appearance of a sensor: a pill that shows its state and its reading.
+// Its name stands for its own literal, the sign at its end for the complement, and
+// whichever the state holds is filled. Neither is where the state does
 // not know: its end says "?", or "!" where it was contradicted. Filled is what is believed, and
 // the rim is around what was read: what is only predicted has no rim and is hatched, and what
 // was read and contradicted has a rim and is not filled. The style sheet has the colours.

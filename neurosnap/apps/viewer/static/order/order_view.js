@@ -1,5 +1,4 @@
-// The learned order of the tick that is shown: the diagram, what of it is looked at, and
-// what is said of it in words.
+// The panel of the learned order at a tick: its diagram, focus and description.
 
 import { counted, find, write } from "../base/dom.js";
 import { Diagram } from "./diagram.js";

@@ -1,6 +1,6 @@
-// The learned orders, by their ids: fetched once each, one question at a time, and always
-// for the tick that is wanted now. While it plays and learns, an answer is of a tick that
-// has passed: it is handed on all the same, being nearer than what was there before.
+// A cache of learned orders by id: each is fetched once, one request at a time.
+// It fetches for the tick that is wanted now. While it plays and learns, an answer is of a tick
+// that has passed: it is handed on all the same, being nearer than what was there before.
 
 const KEPT = 60;
 

@@ -1,5 +1,5 @@
-// The frames of a recording, as far as they were looked at: fetched in blocks, the next
-// block before it is needed, and those looked at longest ago forgotten.
+// A cache of a recording's frames: fetched in blocks, the next one in advance.
+// Those looked at longest ago are forgotten.
 
 /** Ticks in a block: two seconds at sixty a second, half of what the server gives. */
 const BLOCK = 120;

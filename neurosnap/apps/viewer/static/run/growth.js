@@ -1,4 +1,4 @@
-// What the run has grown: asked for until all of it is known, and shown as a table.
+// The table of the sensors a run has grown, asked for until all of them are known.
 
 import { Gathering } from "../base/api.js";
 import { counted, find, link, make, table } from "../base/dom.js";

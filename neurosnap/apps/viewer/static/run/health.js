@@ -1,5 +1,5 @@
-// Which sensors of a home seem broken, and how much is known of them: asked for until all
-// of the readings are counted.
+// The panel of the health of a home's sensors.
+// It is asked for until all of the readings are counted.
 
 import { Gathering } from "../base/api.js";
 import { counted, find, make, table, write } from "../base/dom.js";

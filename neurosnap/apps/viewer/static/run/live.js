@@ -1,5 +1,4 @@
-// A run that is under way: what is new in it, whether the server is there, and which of its
-// recordings is looked at.
+// Follows a live run: its news, whether the server is there, and which recording is shown.
 
 import { keep, told } from "../base/address.js";
 import { fetchRuns, run } from "../base/api.js";

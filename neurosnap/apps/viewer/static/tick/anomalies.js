@@ -1,4 +1,4 @@
-// The card of an anomaly: which sensors may be wrong, and what they break.
+// The card of an anomaly: suspected sensors, and the implications they break.
 
 import { find, link, make } from "../base/dom.js";
 import { drawn, literalName } from "../base/literals.js";

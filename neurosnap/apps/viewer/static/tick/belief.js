@@ -1,6 +1,6 @@
-// What a tick's state holds of each sensor against what was read of it. The state follows
-// from the readings and the learned order: it may hold what was not read, and holds nothing
-// where readings and order contradict each other.
+// Compares the state of each sensor at a tick with its reading.
+// The state follows from the readings and the learned order: it may hold what was not read, and
+// holds nothing where readings and order contradict each other.
 
 import { bitWord, conditions, few, isComplement, literalName, reachOf, sensorOf } from "../base/literals.js";
 import { unread } from "../run/growth.js";

@@ -1,5 +1,5 @@
-// What the page says by itself: to a screen reader where one is and what changed, once it
-// stays; and to everyone, at the top, what is amiss.
+// Announcements: ticks and changes to screen readers, problems to all users.
+// A tick is announced once the position stays there; problems are shown at the top.
 
 import { GONE } from "../base/api.js";
 import { find, write } from "../base/dom.js";

@@ -1,5 +1,4 @@
-// One wave of a tick, hop by hop: which of them, how far it has gone, and how deep it
-// went against how high the order is.
+// One wave of a tick, hop by hop: its progress, and its depth against the order's height.
 
 import { counted, find, make, write } from "../base/dom.js";
 import { literalName } from "../base/literals.js";

@@ -1,4 +1,4 @@
-// The world itself, where its places are known: a path, a cycle or a grid with its target.
+// The drawing of a world whose places are known: a path, a cycle or a grid.
 // What a world draws itself is an image in the recording.
 
 import { at } from "../base/api.js";

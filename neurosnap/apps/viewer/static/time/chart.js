@@ -1,5 +1,4 @@
-// Curves over ticks: a line where one is, the values under the pointer, and a range of
-// ticks that is dragged.
+// Curves over ticks: a line at the current tick, values under the pointer, a range to drag.
 
 import { font, make, palette } from "../base/dom.js";
 

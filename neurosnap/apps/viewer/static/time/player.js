@@ -1,6 +1,6 @@
-// Where one is in the recording, and how one moves: one position in ticks, driven by the
-// screen's own frames while it plays. The part after the point is how far the tick has
-// gone, which is what a wave is shown by.
+// The player: the current position in ticks, playback and seeking.
+// The screen's own frames drive it while it plays. The part after the point is how far the
+// tick has gone, which is what a wave is shown by.
 
 import { keepSoon, told } from "../base/address.js";
 import { find, make, write } from "../base/dom.js";

@@ -1,4 +1,4 @@
-// Every sensor over time: a row a sensor, a column a tick. A map of the run, to go by.
+// A raster of every sensor over time: a row a sensor, a column a tick.
 
 import { Gathering } from "../base/api.js";
 import { counted, find, make, palette, write } from "../base/dom.js";

@@ -1,7 +1,7 @@
-// What happened when, in a strip over the slider: anomalies and alarms,
-// sensors born, targets reached, beginnings of trajectories, restarts, ticks that are not
-// there. The server counts them for stretches of ticks a few pixels wide. A range of ticks
-// is chosen by dragging over it.
+// The strip above the slider: anomalies, alarms, grown sensors and other events.
+// Targets reached, beginnings of trajectories, restarts and ticks that are not
+// there are among them. The server counts them for stretches of ticks a few pixels wide. A range
+// of ticks is chosen by dragging over it.
 
 import { Gathering } from "../base/api.js";
 import { counted, find, make, shape, write } from "../base/dom.js";

@@ -1,5 +1,4 @@
-// Where one is in time, and what is shown over it: the player with its slider, the strip,
-// the range, the plots and the raster.
+// The panels of time: the player with its slider, the strip, the range, plots and raster.
 
 import { find } from "../base/dom.js";
 import { Player, TickRange, Timeline } from "./player.js";
