@@ -35,6 +35,8 @@ HISTORY = 8192
 _LARGEST = 2**31 - 1
 _PART = re.compile(r"[a-z0-9]{1,20}(/[a-z0-9]{1,20})?")
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
+Moment = Annotated[float, msgspec.Meta(ge=0, lt=253402214400)]
+"""Seconds since 1970, in a year of four digits by any clock."""
 Natural = Annotated[int, msgspec.Meta(ge=0, le=_LARGEST)]
 Numbered = Annotated[int, msgspec.Meta(ge=1, le=_LARGEST)]
 Naturals = tuple[Natural, ...]
@@ -93,9 +95,9 @@ class Received(msgspec.Struct, frozen=True, gc=False, omit_defaults=True):
 class Outage(msgspec.Struct, frozen=True, gc=False):
     """A stretch of time in which a live source could not listen."""
 
-    since: float
-    """When it was last sure to listen, in seconds since the epoch."""
-    until: float
+    since: Moment
+    """When it was last sure to listen."""
+    until: Moment
     """When it listened again."""
     why: str
     """What kept it from listening."""

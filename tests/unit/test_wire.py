@@ -158,6 +158,8 @@ def test_a_damaged_payload_is_a_message_error_or_a_message(
         b'{"type":"observation","tick":2147483648,"bits":""}',
         b'{"type":"observation","tick":1.5,"bits":""}',
         b'{"type":"observation","tick":NaN,"bits":""}',
+        b'{"type":"observation","tick":1,"bits":"","outages":[{"since":0,"until":1e300,'
+        b'"why":""}]}',
         b'{"type":"observation","tick":' + b"9" * 10_000 + b',"bits":""}',
         b"[" * 100_000,
     ],

@@ -261,9 +261,7 @@ class RunView:
             choice=choice,
             why="" if decision is None else decision.why,
             begins=observation is not None and observation.begins,
-            intake=[]
-            if observation is None
-            else _intake(observation, self.options.zone),
+            intake=_intake(observation, self.options.zone),
             incoherent=state.incoherent,
             depth=state.depth,
             longest=state.longest,
@@ -317,10 +315,9 @@ class RunView:
             raise RecordingError(f"{place}: /state: {error}") from error
 
 
-def _intake(observation: wire.Observation, zone: str) -> list[str]:
+def _intake(observation: wire.Observation | None, zone: str) -> list[str]:
     """Say what a live source had received by then, and when it did not listen."""
-    received = observation.received
-    if not received.total:
+    if observation is None or not (received := observation.received).total:
         return []
     outages = [outage_line(outage, zone) for outage in observation.outages]
     return [received_line(msgspec.structs.asdict(received)), *outages]

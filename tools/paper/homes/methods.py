@@ -24,7 +24,7 @@ HORIZON = 4 * WEEK
 """How long a long fault is waited for."""
 
 _PATIENCE = np.arange(1.9, 0.3, -0.1).tolist()
-"""That the silence rule may have, below its own."""
+"""What is tried for the silence rule, below the 2.0 that it begins with."""
 _BASELINES: dict[str, Callable[[Home, float], Method]] = {
     "silence rule": Silence,
     "unseen groups": Groups,

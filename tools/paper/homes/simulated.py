@@ -28,7 +28,7 @@ _ZONES = ("Europe/Berlin", "America/Chicago", "Asia/Kolkata", "Australia/Sydney"
 class Habit:
     """Something that a person does at about the same time of day.
 
-    It takes its sensors one after the other, some of them not every time.
+    Its sensors come on one after the other, some of them not every time.
     """
 
     hour: float
