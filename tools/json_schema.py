@@ -16,7 +16,7 @@ import msgspec
 from msgspec.inspect import StructType
 
 from neurosnap.apps.config.tables import Config
-from neurosnap.protocol.option import declared
+from neurosnap.protocol.option_declaration import declared
 
 
 def schema() -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 Importing this package registers them; an id that is registered already is left alone,
 so that importing twice is the same as importing once. `gymnasium.make` takes a world's
-own arguments and ``target``: a place, or ``"drawn"`` (see `world.making`).
+own arguments and ``target``: a place, or ``"drawn"`` (see `world.worlds_with_targets`).
 
 A wheel has this package under the name ``neurosnap_world``. Imports in it are relative,
 so that it works under both names, and an editable install knows it by both.
@@ -21,12 +21,12 @@ References:
 import gymnasium
 
 _WORLDS = {
-    "neurosnap/Path-v0": "making:path",
-    "neurosnap/Cycle-v0": "making:cycle",
-    "neurosnap/Grid-v0": "making:grid",
-    "neurosnap/RandomFields-v0": "making:random_fields",
-    "neurosnap/PuncturedGrid-v0": "making:punctured_grid",
-    "neurosnap/Rail-v0": "making:rail",
+    "neurosnap/Path-v0": "worlds_with_targets:path",
+    "neurosnap/Cycle-v0": "worlds_with_targets:cycle",
+    "neurosnap/Grid-v0": "worlds_with_targets:grid",
+    "neurosnap/RandomFields-v0": "worlds_with_targets:random_fields",
+    "neurosnap/PuncturedGrid-v0": "worlds_with_targets:punctured_grid",
+    "neurosnap/Rail-v0": "worlds_with_targets:rail",
     "neurosnap/FrozenLake-v0": "toy_text:frozen_lake",
     "neurosnap/CliffWalking-v0": "toy_text:cliff_walking",
     "neurosnap/Taxi-v0": "toy_text:taxi",

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap.agent.agent_observation import Contexts
 from neurosnap.agent.body import Body
-from neurosnap.agent.senses import Contexts
 from neurosnap.errors import InvalidValueError
 
 

@@ -12,19 +12,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.agent.actions import Actions, guaranteed
+from neurosnap.agent.agent_observation import Senses
 from neurosnap.agent.body import Body
 from neurosnap.agent.environment import Continuing, Outing, describe
 from neurosnap.agent.grower import ROOM
 from neurosnap.agent.imagining_planner import STATES, ImaginingPlanner
 from neurosnap.agent.memory import AgentMemory
 from neurosnap.agent.planner import target_literals
-from neurosnap.agent.policies import Aims, new_policy
 from neurosnap.agent.policy import TRIES, AgentKind, Policy, default_threshold
-from neurosnap.agent.senses import Senses
+from neurosnap.agent.policy_kinds import Aims, new_policy
 from neurosnap.agent.tick import Mind, Sensed, answered_at_once, tick
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
-from neurosnap.poc.learning.search import answered
+from neurosnap.poc.learning.history_questions import answered
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.sensorium import Sensorium, as_known, complete
 from neurosnap.wire import Decision
@@ -102,7 +102,7 @@ class Agent:
             grow: Whether it may grow sensors from what surprises it, or how many.
             imagine: Whether a planner looks ahead by imagined waves, or how many states
                 it may imagine for a decision.
-            aims: `target` and `explore`, see `neurosnap.agent.policies.Aims`.
+            aims: `target` and `explore`, see `neurosnap.agent.policy_kinds.Aims`.
 
         Raises:
             InvalidValueError: The environment is not fit for it, or what is to be

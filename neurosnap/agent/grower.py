@@ -27,9 +27,15 @@ from numpy.typing import NDArray
 from neurosnap.agent.body import Body, Context
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.archive import Arrays, entry, rows_in
-from neurosnap.poc.learning.history import following, preceding
-from neurosnap.poc.learning.search import Count, Numbers, Question, Search, together
-from neurosnap.poc.order.literals import Words
+from neurosnap.poc.learning.history_questions import (
+    Count,
+    Numbers,
+    Question,
+    Search,
+    together,
+)
+from neurosnap.poc.learning.reading_history import following, preceding
+from neurosnap.poc.order.literal_sets import Words
 
 ROOM: Final = 120
 """Sensors that may be grown, unless another number is given."""

@@ -12,8 +12,8 @@ from neurosnap.agent.retirement import is_needless
 from neurosnap.errors import MessageError
 from neurosnap.poc.learning.archive import Arrays
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
-from neurosnap.poc.learning.history import History, Newborn, conjunction
-from neurosnap.poc.learning.search import Question, Search
+from neurosnap.poc.learning.history_questions import Question, Search
+from neurosnap.poc.learning.reading_history import History, Newborn, conjunction
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.sensorium import selection
 from neurosnap.wire import Decision

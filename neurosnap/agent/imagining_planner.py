@@ -29,14 +29,8 @@ from neurosnap.agent.curiosity import Curiosity
 from neurosnap.agent.experience import Experience
 from neurosnap.agent.plan import ImaginedState, Plan, plan_reason
 from neurosnap.agent.planner import Planner, target_literals
-from neurosnap.agent.policy import (
-    Closures,
-    Deliberation,
-    RandomNumbers,
-    Signal,
-    checked_share,
-    pick,
-)
+from neurosnap.agent.policy import Closures, Deliberation, Signal, checked_share
+from neurosnap.agent.random_draws import RandomNumbers, pick
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import complement
 

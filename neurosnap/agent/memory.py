@@ -14,7 +14,7 @@ from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body, Context
 from neurosnap.agent.experience import Experience
 from neurosnap.agent.growth import Growth, apply_change
-from neurosnap.agent.sensor_changes import body_after
+from neurosnap.agent.growth_in_decisions import body_after
 from neurosnap.poc.learning.archive import (
     Arrays,
     entry,
@@ -22,8 +22,8 @@ from neurosnap.poc.learning.archive import (
     rows_in,
     unpack_arrays,
 )
-from neurosnap.poc.learning.history import History
-from neurosnap.poc.learning.search import Search, nothing
+from neurosnap.poc.learning.history_questions import Search, nothing
+from neurosnap.poc.learning.reading_history import History
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.sensorium import selection
 from neurosnap.wire import Decision

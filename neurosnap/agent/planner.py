@@ -23,13 +23,8 @@ from numpy.typing import NDArray
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
 from neurosnap.agent.experience import Experience
-from neurosnap.agent.policy import (
-    EXPLORE,
-    Deliberation,
-    RandomNumbers,
-    checked_share,
-    pick,
-)
+from neurosnap.agent.policy import EXPLORE, Deliberation, checked_share
+from neurosnap.agent.random_draws import RandomNumbers, pick
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import Sensorium, complement
 

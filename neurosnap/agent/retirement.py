@@ -10,7 +10,7 @@ import numpy as np
 
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
-from neurosnap.poc.learning.search import Question, Search
+from neurosnap.poc.learning.history_questions import Question, Search
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.order.graph import PocGraph
 

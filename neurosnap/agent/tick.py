@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.memory import AgentMemory
 from neurosnap.agent.policy import Policy, Signal
-from neurosnap.poc.learning.search import Question
+from neurosnap.poc.learning.history_questions import Question
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.wire import Decision
 

@@ -20,18 +20,18 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.relation_table import Relation, tabulate
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.protocol.option import declared
+from neurosnap.protocol.option_declaration import declared
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read import recording as read
-from neurosnap.recording.read.observations import readings_of
+from neurosnap.recording.read.recorded_readings import readings_of
 from neurosnap.recording.read.ticks import Tick, ticks
-from neurosnap.recording.replay.births import births_of
-from neurosnap.recording.replay.learning import snapshot_at
+from neurosnap.recording.replay.grown_sensors import births_of
+from neurosnap.recording.replay.learn_again import snapshot_at
 from neurosnap.recording.replay.verify import Verdict, verify
 from neurosnap.runtime.anomaly_feed import Fed, recorded
 from neurosnap.runtime.request import SILENT, RunRequest, Watcher
-from neurosnap.runtime.run import resumed
-from neurosnap.runtime.run import run as run_swarm
+from neurosnap.runtime.run_with_restarts import resumed
+from neurosnap.runtime.run_with_restarts import run as run_swarm
 from neurosnap.sources.protocol import Argument
 from neurosnap.system.durable import replace_file
 

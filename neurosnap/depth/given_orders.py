@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.order.graph import WiringKind
-from neurosnap.protocol.partition import shares
+from neurosnap.protocol.worker_shares import shares
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,11 +14,11 @@ import numpy as np
 from neurosnap import wire
 from neurosnap.depth.given_orders import GivenOrder, chain, check_layers, layered
 from neurosnap.errors import InvalidValueError, MessageError, SwarmError
-from neurosnap.protocol.option import option
-from neurosnap.protocol.partition import shares
+from neurosnap.protocol.option_declaration import option
 from neurosnap.protocol.run_options import HostKind, WiringKind
-from neurosnap.protocol.wave import Wave
-from neurosnap.protocol.wave_control import WaveControl
+from neurosnap.protocol.wave_settling import Wave
+from neurosnap.protocol.wiring_and_waves import WaveControl
+from neurosnap.protocol.worker_shares import shares
 from neurosnap.runtime.parts.coordinator_loop import Deadlines, run_coordinator
 from neurosnap.runtime.parts.job import PartContext, take_part
 

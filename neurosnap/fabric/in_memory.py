@@ -18,8 +18,8 @@ from typing import Self
 import zenoh
 
 from neurosnap import wire
-from neurosnap.fabric.events import Failure
 from neurosnap.fabric.protocol import Handler, PresenceHandler
+from neurosnap.fabric.wait_for_events import Failure
 
 _TURN = 256  # deliveries before other tasks of the loop get their turn
 

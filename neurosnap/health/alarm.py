@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import msgspec
 
-from neurosnap.health.steps import STEP
+from neurosnap.health.ten_minute_steps import STEP
 from neurosnap.system.local_time import local
 
 

@@ -14,7 +14,7 @@ belongs together within minutes, within a task, and within a part of the day.
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.health.steps import DAY, PARTS
+from neurosnap.health.ten_minute_steps import DAY, PARTS
 
 Floats = NDArray[np.float64]
 

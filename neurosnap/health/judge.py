@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.health.budget import LOOKBACK, shares
+from neurosnap.health.alarm_budget import LOOKBACK, shares
 from neurosnap.health.evidence import (
     CHATTER,
     CLOCKS,
@@ -20,9 +20,9 @@ from neurosnap.health.evidence import (
     speaks,
 )
 from neurosnap.health.expectation import REACH, WINDOWS, features
-from neurosnap.health.learning import LearnedRates, heard, per_step
-from neurosnap.health.steps import DAY, STEP, WEEK, parts_of_day
-from neurosnap.health.tail import weekly
+from neurosnap.health.learn_normal import LearnedRates, heard, per_step
+from neurosnap.health.tail_probability import weekly
+from neurosnap.health.ten_minute_steps import DAY, STEP, WEEK, parts_of_day
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -101,7 +101,7 @@ class Judge:
             learned: What to judge by.
             number: Of the step.
             came_on: ``(sensors,)``, how often each came on.
-            longest: ``(sensors,)``, seconds, see `neurosnap.health.steps.Steps`.
+            longest: ``(sensors,)``, seconds, as in `Steps`.
             valid: ``(sensors,)``, which readings are known.
         """
         self.remember(came_on, valid)

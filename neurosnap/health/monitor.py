@@ -24,13 +24,13 @@ from neurosnap.health.alarm import (
     SensorHealth,
     Standing,
 )
-from neurosnap.health.budget import parse_budget
+from neurosnap.health.alarm_budget import parse_budget
 from neurosnap.health.evidence import CHATTER, KINDS, LESS, SILENT, STUCK
 from neurosnap.health.expectation import WINDOWS, features
 from neurosnap.health.judge import WELL, Judge
-from neurosnap.health.learning import ACTIVATIONS, LEAST_STEPS, LearnedRates, learn
-from neurosnap.health.steps import DAY, STEP, WEEK, Steps, parts_of_day
-from neurosnap.health.tail import weekly
+from neurosnap.health.learn_normal import ACTIVATIONS, LEAST_STEPS, LearnedRates, learn
+from neurosnap.health.tail_probability import weekly
+from neurosnap.health.ten_minute_steps import DAY, STEP, WEEK, Steps, parts_of_day
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -28,9 +28,9 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
-from neurosnap.protocol.host import Host, check_number
-from neurosnap.protocol.part_history import PartHistory
-from neurosnap.protocol.wave import DEEPEST, split_evenly
+from neurosnap.protocol.cell_and_worker_base import Host, check_number
+from neurosnap.protocol.cell_histories import PartHistory
+from neurosnap.protocol.wave_settling import DEEPEST, split_evenly
 
 
 class _Wave(msgspec.Struct):

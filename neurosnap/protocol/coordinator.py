@@ -29,17 +29,17 @@ import msgspec
 import numpy as np
 
 from neurosnap import wire
-from neurosnap.agent.sensor_changes import changes_in
+from neurosnap.agent.growth_in_decisions import changes_in
 from neurosnap.agent.tick import Mind, Sensed, Step, Steps, tick
 from neurosnap.errors import MessageError, ShapeError
-from neurosnap.poc.learning.search import Question
-from neurosnap.protocol.anomaly import AnomalyDetector
-from neurosnap.protocol.anomaly_words import with_support
-from neurosnap.protocol.host import check_readings
+from neurosnap.poc.learning.history_questions import Question
+from neurosnap.protocol.anomaly_detector import AnomalyDetector
+from neurosnap.protocol.anomaly_report import with_support
+from neurosnap.protocol.cell_and_worker_base import check_readings
 from neurosnap.protocol.key_frames import order_of, snapshot_of, with_snapshot
 from neurosnap.protocol.learn_control import LearnControl
 from neurosnap.protocol.recall_control import RecallControl
-from neurosnap.protocol.wave_control import WaveControl
+from neurosnap.protocol.wiring_and_waves import WaveControl
 from neurosnap.sensorium import complement, pack, selection, unpack_readings
 
 if TYPE_CHECKING:
@@ -47,13 +47,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from neurosnap.agent.growth_in_decisions import Changed
     from neurosnap.agent.memory import AgentMemory
     from neurosnap.agent.policy import Policy, Signal
-    from neurosnap.agent.sensor_changes import Changed
     from neurosnap.poc.learning.snapshot import Snapshot
     from neurosnap.poc.order.graph import PocGraph
     from neurosnap.protocol.run_options import RunOptions
-    from neurosnap.protocol.wave import Wave
+    from neurosnap.protocol.wave_settling import Wave
 
 _WHO = "coordinator"
 

@@ -5,15 +5,15 @@ from collections.abc import Iterable, Iterator, Sequence
 import msgspec
 
 from neurosnap import wire
-from neurosnap.poc.learning.bands import (
+from neurosnap.poc.learning.pairs import pairs_of
+from neurosnap.poc.learning.snapshot import Snapshot
+from neurosnap.poc.learning.snapshot_bands import (
     Stretch,
     count_of,
     head_of,
     joined,
     stretches_of,
 )
-from neurosnap.poc.learning.pairs import pairs_of
-from neurosnap.poc.learning.snapshot import Snapshot
 
 
 def with_snapshot(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
-from neurosnap.protocol.round import Round
+from neurosnap.protocol.ask_until_answered import Round
 from neurosnap.protocol.worker_edges import ints
 
 Pairs: TypeAlias = tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.uint8]]

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
-from neurosnap.poc.learning.history import History
-from neurosnap.poc.learning.search import Answer, Question
-from neurosnap.poc.order.literals import Words
-from neurosnap.protocol.part_history import PartHistory, check_recall, check_rings
-from neurosnap.protocol.partition import hosts, shares
-from neurosnap.protocol.round import Round
+from neurosnap.poc.learning.history_questions import Answer, Question
+from neurosnap.poc.learning.reading_history import History
+from neurosnap.poc.order.literal_sets import Words
+from neurosnap.protocol.ask_until_answered import Round
+from neurosnap.protocol.cell_histories import PartHistory, check_recall, check_rings
+from neurosnap.protocol.worker_shares import hosts, shares
 
 _REMINDED = 64  # cells in one message, at most: no session takes in what is very large
 

@@ -1,6 +1,6 @@
 """The point where a resumed run goes on: the state after its last whole tick.
 
-`neurosnap.recording.replay.resume` finds it; the parts of a swarm only carry it.
+`neurosnap.recording.replay.find_resume_point` finds it; the parts only carry it.
 """
 
 from typing import TYPE_CHECKING

@@ -6,19 +6,19 @@ import msgspec
 
 from neurosnap.agent.body import Body
 from neurosnap.agent.memory import AgentMemory
-from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import EXACT, EXPLORE, AgentKind, Policy
+from neurosnap.agent.policy_kinds import new_policy
 from neurosnap.errors import InvalidValueError
-from neurosnap.health.budget import NEVER, parse_budget
+from neurosnap.health.alarm_budget import NEVER, parse_budget
 from neurosnap.poc.learning.discounted import DiscountedSnapshot
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.order.graph import (
     WiringKind as WiringKind,  # one of the options' kinds
 )
-from neurosnap.protocol.option import option
-from neurosnap.protocol.partition import hosts, learning_shares, shares
+from neurosnap.protocol.option_declaration import option
 from neurosnap.protocol.worker_learning import WorkerLearning
+from neurosnap.protocol.worker_shares import hosts, learning_shares, shares
 from neurosnap.sensorium import Sensorium
 from neurosnap.wire import HISTORY, LARGEST_KEYFRAME
 

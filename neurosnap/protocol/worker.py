@@ -20,16 +20,10 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
-from neurosnap.protocol.host import Host, check_number
-from neurosnap.protocol.part_history import PartHistory
+from neurosnap.protocol.cell_and_worker_base import Host, check_number
+from neurosnap.protocol.cell_histories import PartHistory
 from neurosnap.protocol.worker_edges import WorkerEdges
-from neurosnap.protocol.worker_kernels import (
-    Ints,
-    Pulses,
-    carried,
-    outgoing,
-    spread,
-)
+from neurosnap.protocol.worker_kernels import Ints, Pulses, carried, outgoing, spread
 from neurosnap.protocol.worker_learning import WorkerLearning
 
 _HELD = 1 << 24  # pulses that may wait for what their waves take

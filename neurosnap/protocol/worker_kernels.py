@@ -133,7 +133,7 @@ def outgoing(net: Net, reached: Ints, fired: Fired, to: int) -> Pulses:
 
 @njit()
 def split(credit: int, parts: int) -> tuple[int, int]:
-    """Return what `neurosnap.protocol.wave.split_evenly` does, in two numbers.
+    """Return what `neurosnap.protocol.wave_settling.split_evenly` does, in two numbers.
 
     Returns:
         How many of the shares are larger, and the exponent of the smaller ones; that of

@@ -11,10 +11,10 @@ import numpy as np
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, MessageError, ShapeError
-from neurosnap.poc.learning.bands import Stretch, joined, lacking
 from neurosnap.poc.learning.pairs import pairs_of
 from neurosnap.poc.learning.snapshot import Changes, Snapshot
-from neurosnap.protocol.host import check_readings
+from neurosnap.poc.learning.snapshot_bands import Stretch, joined, lacking
+from neurosnap.protocol.cell_and_worker_base import check_readings
 from neurosnap.protocol.key_frames import bands_of
 from neurosnap.sensorium import unpack_readings
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from neurosnap import wire
-from neurosnap.agent.senses import Senses
-from neurosnap.agent.sensor_changes import body_after
+from neurosnap.agent.agent_observation import Senses
+from neurosnap.agent.growth_in_decisions import body_after
 from neurosnap.errors import InvalidValueError, MessageError, ShapeError
 from neurosnap.sensorium import pack, unpack
 

@@ -9,17 +9,17 @@ from pathlib import Path
 from typing import Self, TypeAlias
 
 from neurosnap import wire
-from neurosnap.agent.sensor_changes import Changed, changes_in
+from neurosnap.agent.growth_in_decisions import Changed, changes_in
 from neurosnap.errors import InvalidValueError, MessageError, SwarmError
-from neurosnap.fabric.events import wait_any
+from neurosnap.fabric.wait_for_events import wait_any
 from neurosnap.fabric.zenoh.discovery import FoundSwarm
 from neurosnap.health.alarm import News, Standing, news
-from neurosnap.health.budget import NEVER
-from neurosnap.protocol.anomaly_words import NamedAnomaly, named_anomaly, with_support
+from neurosnap.health.alarm_budget import NEVER
+from neurosnap.protocol.anomaly_report import NamedAnomaly, named_anomaly, with_support
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.observations import alarms_of
+from neurosnap.recording.read.recorded_readings import alarms_of
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.replay.births import Births, births_of
+from neurosnap.recording.replay.grown_sensors import Births, births_of
 from neurosnap.runtime.network import Connections, Network
 from neurosnap.runtime.parts.coordinator_process import read_description
 from neurosnap.runtime.parts.health_listener import HealthListener, Past

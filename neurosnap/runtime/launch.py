@@ -17,7 +17,7 @@ from pathlib import Path
 import msgspec
 
 from neurosnap.errors import NothingBegunError, SwarmError
-from neurosnap.fabric.events import wait_any
+from neurosnap.fabric.wait_for_events import wait_any
 from neurosnap.fabric.zenoh.discovery import incarnation
 from neurosnap.health.alarm import Standing
 from neurosnap.protocol.resume_point import ResumePoint, first_number

@@ -14,9 +14,9 @@ from neurosnap.fabric.hub_address import (
     nearest,
 )
 from neurosnap.fabric.roles import Role, role_of
+from neurosnap.fabric.zenoh.connect_session import reach
 from neurosnap.fabric.zenoh.discovery import Discovery
-from neurosnap.fabric.zenoh.session import reach
-from neurosnap.protocol.option import option
+from neurosnap.protocol.option_declaration import option
 from neurosnap.runtime.parts.job import PartConnection
 
 

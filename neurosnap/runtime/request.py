@@ -8,11 +8,11 @@ from typing import Annotated, Protocol, cast
 
 import msgspec
 
-from neurosnap.agent.sensor_changes import Changed
+from neurosnap.agent.growth_in_decisions import Changed
 from neurosnap.errors import InvalidValueError, MissingExtraError
 from neurosnap.health.alarm import Standing
 from neurosnap.protocol.coordinator import Totals
-from neurosnap.protocol.option import option
+from neurosnap.protocol.option_declaration import option
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.format.completeness import Completeness
@@ -181,7 +181,7 @@ class RunRequest:
     """How often the run goes on from its recording when a part dies; if None, never."""
     way_in: WayIn | None = None
     """How outside readings that are kept get to the world; see
-    `neurosnap.runtime.journaled_run`."""
+    `neurosnap.runtime.run_with_intake`."""
 
     @property
     def after(self) -> int:

@@ -26,7 +26,7 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.records import CHUNK_HEAD, HEAD, MAGIC
 from neurosnap.recording.read.recording import Recording, part_path, part_paths
 from neurosnap.recording.read.ticks import ticks
-from neurosnap.recording.replay.resume import find_resume_point, whole_ticks
+from neurosnap.recording.replay.find_resume_point import find_resume_point, whole_ticks
 from neurosnap.runtime.recorded_source import recordable
 from neurosnap.system.durable import sync_file, sync_folder
 

@@ -19,7 +19,7 @@ from neurosnap.errors import (
     PartDiedError,
     SwarmError,
 )
-from neurosnap.fabric.events import wait_any
+from neurosnap.fabric.wait_for_events import wait_any
 from neurosnap.fabric.zenoh.discovery import FoundSwarm
 from neurosnap.runtime.network import Connections, Network
 from neurosnap.runtime.parts.coordinator_process import read_description

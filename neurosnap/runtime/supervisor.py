@@ -11,7 +11,7 @@ from typing import Self, TypeVar
 import msgspec
 
 from neurosnap.errors import PartDiedError, SwarmError
-from neurosnap.fabric.events import wait_any
+from neurosnap.fabric.wait_for_events import wait_any
 from neurosnap.health.alarm import Standing
 from neurosnap.runtime.child_processes import ChildProcesses
 from neurosnap.runtime.parts.job import (

@@ -12,7 +12,7 @@ from pathlib import Path
 import msgspec
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.sources.events import Events
+from neurosnap.sources.event_log import Events
 from neurosnap.sources.meaning import Wanted, plain_unit
 from neurosnap.sources.readings import Readings
 

@@ -21,7 +21,7 @@ import msgspec
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import visible
 from neurosnap.sources.live.journal import Journal
-from neurosnap.sources.live.latest_readings import LatestReadings
+from neurosnap.sources.live.latest_or_late import LatestReadings
 from neurosnap.sources.live.live_source import Feeder, LiveSource
 from neurosnap.sources.live.statistics import Statistics
 from neurosnap.sources.live.stdin_source import StdinFeeder, first_line, names_in

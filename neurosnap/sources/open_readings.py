@@ -10,11 +10,11 @@ import numpy as np
 
 from neurosnap.errors import InvalidValueError, MissingExtraError
 from neurosnap.poc.learning.columns import GrowingColumns
-from neurosnap.poc.order.literals import from_words
+from neurosnap.poc.order.literal_sets import from_words
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources import home_assistant_db
-from neurosnap.sources.csv_file import CsvFile, TableFile, TableRows
-from neurosnap.sources.events import read_event_log, roles
+from neurosnap.sources.csv_cells_and_formulas import CsvFile, TableFile, TableRows
+from neurosnap.sources.event_log import read_event_log, roles
 from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.protocol import Observed
 from neurosnap.sources.readings import Readings

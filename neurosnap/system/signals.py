@@ -1,8 +1,8 @@
 """Signal handling before a verb has begun: the program ends at once.
 
 SIGINT, SIGTERM and SIGHUP mean the same. Until there is something to end in order, or
-to tidy up (`neurosnap.apps.cli.shared`), they end the program at once, with one line
-and exit code 130. A SIGHUP that is ignored, as under ``nohup``, stays ignored.
+to tidy up (`neurosnap.apps.cli.errors_and_signals`), they end the program at once, with
+one line and exit code 130. A SIGHUP that is ignored, as under ``nohup``, stays ignored.
 
 Imports next to nothing: a handler that comes late leaves a traceback.
 """

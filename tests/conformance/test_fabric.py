@@ -11,7 +11,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.errors import FabricError
 from neurosnap.fabric.hub_address import HubAddress
-from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.fabric.zenoh.zenoh_fabric import ZenohFabric
 from tests.support.fabrics import (
     Heard,
     Hub,

@@ -11,8 +11,8 @@ import pytest
 from neurosnap import wire
 from neurosnap.errors import FabricError
 from neurosnap.fabric.hub_address import HubAddress
-from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.hub import open_hub
+from neurosnap.fabric.zenoh.zenoh_fabric import ZenohFabric
 from tests.support.fabrics import Heard, Hub, Network, Seen, ZenohNetwork, listening
 from tests.support.patience import PATIENCE
 

@@ -14,8 +14,8 @@ from gymnasium.utils.env_checker import check_env
 
 import world
 from neurosnap.errors import InvalidValueError
-from world.making import Target
 from world.places import PlacesWorld
+from world.worlds_with_targets import Target
 
 KINDS = ("Path", "Cycle", "Grid", "RandomFields", "PuncturedGrid", "Rail")
 IDS = [f"neurosnap/{name}-v0" for name in KINDS]

@@ -15,10 +15,10 @@ from neurosnap import wire
 from neurosnap.fabric.in_memory import matches
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.coordinator import Coordinator
-from neurosnap.protocol.partition import shares
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.protocol.worker import Worker
+from neurosnap.protocol.worker_shares import shares
 from neurosnap.protocol.world import World
 from neurosnap.recording.write.rotation import Split, SplitWriter
 from neurosnap.runtime.parts.coordinator_process import coordinator_for

@@ -17,7 +17,7 @@ from neurosnap.protocol.run_options import CellKind, RunOptions, SnapshotKind
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.fit_agent import drawn_to
 from neurosnap.runtime.request import RunRequest
-from neurosnap.runtime.run import run
+from neurosnap.runtime.run_with_restarts import run
 from neurosnap.sensorium import pack
 from neurosnap.sources.open import open_source
 from neurosnap.sources.protocol import Argument

@@ -13,10 +13,10 @@ import pytest
 from neurosnap import wire
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.poc.learning.snapshot import Snapshot
-from neurosnap.recording.read.keyframes import starts
 from neurosnap.recording.read.recording import Recording, part_paths
-from neurosnap.recording.replay.learning import snapshot_at
-from neurosnap.recording.replay.resume import find_resume_point
+from neurosnap.recording.read.replay_starts import starts
+from neurosnap.recording.replay.find_resume_point import find_resume_point
+from neurosnap.recording.replay.learn_again import snapshot_at
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.rotation import Split, SplitWriter
 from neurosnap.recording.write.writer import Writer

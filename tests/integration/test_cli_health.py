@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from neurosnap import wire
-from neurosnap.apps.viewer.history import RunHistory
+from neurosnap.apps.viewer.background_reading import RunHistory
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime.parts import health_listener

@@ -54,7 +54,7 @@ def test_little_data_is_said_to_be_little(tmp_path: Path) -> None:
 def test_more_sensors_than_fit_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("neurosnap.apps.export.learned.free_memory", lambda: 4000)
+    monkeypatch.setattr("neurosnap.apps.export.relations.free_memory", lambda: 4000)
     said = refused("learn", READINGS)
     assert "sensors: must be fewer here: their pairs take 0.0 GB" in said
     assert call("learn", READINGS, "--sensors", "m*").exit_code == 0

@@ -13,8 +13,8 @@ from neurosnap.agent.agent import Agent
 from neurosnap.agent.binary_sensors import BinarySensors
 from neurosnap.agent.body import Body
 from neurosnap.agent.environment import describe
-from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import EXACT, default_threshold
+from neurosnap.agent.policy_kinds import new_policy
 from neurosnap.agent.sensor import thresholds
 from neurosnap.apps.config.load import load
 from neurosnap.apps.config.prepare import prepare

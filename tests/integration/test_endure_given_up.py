@@ -11,7 +11,7 @@ from neurosnap.errors import NeurosnapError, PartDiedError, SwarmError
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.request import RunRequest
-from neurosnap.runtime.run import run
+from neurosnap.runtime.run_with_restarts import run
 from tests.support.disturbed_runs import ENDLESS, Disturbed, options_for
 from tests.support.hanging_worlds import SILENT, ending_world
 from tests.support.recorded_messages import of_type

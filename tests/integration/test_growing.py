@@ -13,7 +13,7 @@ from neurosnap.wire import Decision
 from tests.support.aliased_worlds import ring, t_maze
 from tests.support.exhaustive import rows
 from tools.paper.explorers import Explorer, journey
-from tools.paper.stages import Setting, Stage, StageEnv, stage_of
+from tools.paper.worlds_as_tables import Setting, Stage, StageEnv, stage_of
 from world.toy_text import frozen_lake
 
 pytestmark = pytest.mark.slow

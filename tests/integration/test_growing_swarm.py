@@ -9,20 +9,20 @@ import msgspec
 import pytest
 
 from neurosnap import wire
-from neurosnap.agent.sensor_changes import Changed
+from neurosnap.agent.growth_in_decisions import Changed
 from neurosnap.errors import RecordingError
 from neurosnap.poc.learning.snapshot import Snapshot
-from neurosnap.protocol.anomaly_words import NamedAnomaly
+from neurosnap.protocol.anomaly_report import NamedAnomaly
 from neurosnap.protocol.run_options import SMALLEST, CellKind, RunOptions
 from neurosnap.recording.read.recording import Recording, part_paths
-from neurosnap.recording.replay.births import births_of
-from neurosnap.recording.replay.learning import Learning, learned_at
-from neurosnap.recording.replay.resume import find_resume_point
+from neurosnap.recording.replay.find_resume_point import find_resume_point
+from neurosnap.recording.replay.grown_sensors import births_of
+from neurosnap.recording.replay.learn_again import Learning, learned_at
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime import anomaly_feed
 from neurosnap.runtime.request import RunRequest, Watcher
-from neurosnap.runtime.run import run
+from neurosnap.runtime.run_with_restarts import run
 from tests.support.course import course
 from tests.support.lamp import BIRTH, LIMITED, lamp_options
 from tests.support.recorded_messages import assert_true_run, first, of_type

@@ -21,12 +21,12 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.in_memory import MemoryHub
-from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.fabric.zenoh.zenoh_fabric import ZenohFabric
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime import inline_tasks, launch
 from neurosnap.runtime.request import RunRequest
-from neurosnap.runtime.run import run
+from neurosnap.runtime.run_with_restarts import run
 from neurosnap.sensorium import pack
 from tests.support.patience import PATIENCE
 

@@ -8,7 +8,7 @@ import pytest
 import zenoh
 
 from neurosnap import wire
-from neurosnap.fabric.zenoh.pieces import LARGEST
+from neurosnap.fabric.zenoh.large_messages import LARGEST
 from tests.support.fabrics import Seen
 from tests.support.secured_hub import SWARM, hub_with
 from tests.support.witnesses import Heard

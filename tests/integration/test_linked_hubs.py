@@ -15,7 +15,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.fabric.hub_address import HubAddress
-from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.fabric.zenoh.zenoh_fabric import ZenohFabric
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from tests.support.commands import Command

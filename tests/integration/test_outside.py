@@ -16,12 +16,12 @@ import zenoh
 from neurosnap import wire
 from neurosnap.fabric.hub_address import Credentials, HubAddress
 from neurosnap.fabric.roles import Role
+from neurosnap.fabric.zenoh.connect_session import connecting
 from neurosnap.fabric.zenoh.discovery import incarnation
-from neurosnap.fabric.zenoh.session import connecting
 from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime.parts.job import PartConnection
 from neurosnap.sensorium import pack
-from neurosnap.sources.live.latest_readings import LatestReadings
+from neurosnap.sources.live.latest_or_late import LatestReadings
 from neurosnap.sources.live.live_source import LiveSource
 from neurosnap.sources.live.tick_schedule import OnChange
 from neurosnap.sources.live.zenoh_source import ZenohFeeder

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from playwright.async_api import Page, expect
 
+from neurosnap.apps.viewer.opened_recording import ViewSession
 from neurosnap.apps.viewer.server import serving
-from neurosnap.apps.viewer.session import ViewSession
 from tests.support.browser_pages import IN_BROWSER, looked_at, opened, page_at
 from tests.support.exhaustive import rows
 from tests.support.recorded_runs import TICKS

@@ -9,9 +9,9 @@ import pytest
 from msgspec.structs import replace
 from playwright.async_api import Page, Route, expect
 
+from neurosnap.apps.viewer.opened_recording import ViewSession
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.server import serving
-from neurosnap.apps.viewer.session import ViewSession
 from neurosnap.apps.viewer.tick_difference import difference
 from neurosnap.recording.read.recording import Recording
 from tests.support.browser_pages import (

@@ -8,7 +8,7 @@ import pytest
 from playwright.async_api import Locator, Page, expect
 
 from neurosnap.apps.viewer.api import COUNTED
-from neurosnap.apps.viewer.history import RunHistory
+from neurosnap.apps.viewer.background_reading import RunHistory
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.recording.read.recording import Recording
 from tests.support.browser_pages import (

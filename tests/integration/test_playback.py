@@ -11,10 +11,10 @@ from neurosnap import wire
 from neurosnap.errors import InvalidValueError
 from neurosnap.fabric.certificates import read_credentials
 from neurosnap.fabric.hub_address import Credentials, HubAddress
-from neurosnap.fabric.zenoh.client import ZenohFabric
 from neurosnap.fabric.zenoh.hub import open_hub
+from neurosnap.fabric.zenoh.zenoh_fabric import ZenohFabric
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.replay.learning import snapshot_at
+from neurosnap.recording.replay.learn_again import snapshot_at
 from neurosnap.recording.replay.playback import Played, Playing, play, play_on
 from neurosnap.recording.write.writer import Writer
 from tests.support.fabrics import Heard, Seen

@@ -32,7 +32,7 @@ from neurosnap.runtime.request import (
     Site,
     Watcher,
 )
-from neurosnap.runtime.run import run
+from neurosnap.runtime.run_with_restarts import run
 from neurosnap.runtime.supervisor import Supervisor
 from tests.support.command_line import flat, last_json
 from tests.support.course import course

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from neurosnap.apps.cli import app
-from neurosnap.recording.format import chunks
+from neurosnap.recording.format import chunk_index
 from neurosnap.system.signals import INTERRUPTED, quit_now
 
 
@@ -20,7 +20,7 @@ from neurosnap.system.signals import INTERRUPTED, quit_now
 def test_ctrl_c_ends_what_reads_a_recording(
     path_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: str
 ) -> None:
-    unpack, unpacked = chunks._unpack_zstd, []
+    unpack, unpacked = chunk_index._unpack_zstd, []
 
     def interrupted(packed: bytes, size: int) -> bytes:
         unpacked.append(size)
@@ -31,7 +31,7 @@ def test_ctrl_c_ends_what_reads_a_recording(
         raise SystemExit(code)
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(chunks, "_unpack_zstd", interrupted)
+    monkeypatch.setattr(chunk_index, "_unpack_zstd", interrupted)
     monkeypatch.setattr("neurosnap.system.signals.os._exit", leave)
     before = signal.signal(signal.SIGINT, quit_now)
     try:

@@ -19,10 +19,10 @@ from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.run_options import RunOptions, SnapshotKind, WiringKind
 from neurosnap.recording.read.chunk_messages import Recorded
+from neurosnap.recording.read.random_access_by_tick import TickIndex
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.read.tick_index import TickIndex
-from neurosnap.recording.replay.learning import snapshot_at
-from neurosnap.recording.replay.resume import find_resume_point
+from neurosnap.recording.replay.find_resume_point import find_resume_point
+from neurosnap.recording.replay.learn_again import snapshot_at
 from neurosnap.recording.replay.verify import Verdict, verify
 from neurosnap.recording.write.writer import Writer
 from neurosnap.sensorium import unpack

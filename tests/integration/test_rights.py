@@ -14,7 +14,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.fabric.certificates import make_keys, read_credentials
-from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.fabric.zenoh.zenoh_fabric import ZenohFabric
 from neurosnap.recording.format.completeness import Completeness
 from tests.support.command_line import happy, refused
 from tests.support.exhaustive import rows

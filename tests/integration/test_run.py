@@ -13,7 +13,7 @@ from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.run_options import RunOptions, SnapshotKind
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.replay.learning import snapshot_at
+from neurosnap.recording.replay.learn_again import snapshot_at
 from neurosnap.recording.replay.verify import verify
 from neurosnap.sensorium import complete, pack, unpack
 from neurosnap.sources.open import open_source

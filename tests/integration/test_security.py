@@ -21,7 +21,7 @@ from neurosnap.errors import FabricError
 from neurosnap.fabric.certificates import make_keys
 from neurosnap.fabric.hub_address import Credentials
 from neurosnap.fabric.roles import Role
-from neurosnap.fabric.zenoh.session import configuration
+from neurosnap.fabric.zenoh.connect_session import configuration
 from tests.support.fabrics import Seen
 from tests.support.secured_hub import INTRUSION, Hub, hub_with
 

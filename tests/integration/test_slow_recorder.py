@@ -13,7 +13,7 @@ import psutil
 import pytest
 
 from neurosnap.runtime.request import RunRequest, Watcher
-from neurosnap.runtime.run import run
+from neurosnap.runtime.run_with_restarts import run
 from tests.support.disturbed_runs import ENDLESS, check_whole, options_for
 from tests.support.swarm_processes import parts_of
 

@@ -13,9 +13,9 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from neurosnap.apps import viewer
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.auth import Address
+from neurosnap.apps.viewer.opened_recording import ViewSession
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.server import STRANGERS, serving
-from neurosnap.apps.viewer.session import ViewSession
 from tests.support.page_requests import events, get, say, status_of
 from tests.support.patience import PATIENCE
 from tests.support.recorded_runs import TICKS, in_chunks

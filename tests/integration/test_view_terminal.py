@@ -14,8 +14,8 @@ import msgspec
 import pytest
 from typer.testing import CliRunner
 
-from neurosnap.apps.cli import app, page
-from neurosnap.apps.cli.page import look, viewed
+from neurosnap.apps.cli import app, serve_page
+from neurosnap.apps.cli.serve_page import look, viewed
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.auth import Address
 from neurosnap.errors import InvalidValueError, SwarmError
@@ -59,7 +59,7 @@ async def test_a_run_is_looked_at_while_it_goes_on_and_after(
 ) -> None:
     log, stop = tmp_path / "run.mcap", asyncio.Event()
     said: asyncio.Future[str] = asyncio.get_running_loop().create_future()
-    monkeypatch.setattr("neurosnap.apps.cli.page.typer.echo", said.set_result)
+    monkeypatch.setattr("neurosnap.apps.cli.serve_page.typer.echo", said.set_result)
     shown: list[api.Run] = []
     looked = asyncio.Event()
 
@@ -103,7 +103,7 @@ async def test_a_recording_that_is_about_to_begin_is_waited_for(
         stop.set()
 
     monkeypatch.setattr("neurosnap.runtime.registry.recorded_in", recorded_in)
-    monkeypatch.setattr("neurosnap.apps.cli.page.typer.echo", say)
+    monkeypatch.setattr("neurosnap.apps.cli.serve_page.typer.echo", say)
     async with asyncio.timeout(PATIENCE):
         await look([late], stop, browser=False)
     assert said[0].startswith(f"{late}: http://127.0.0.1:")
@@ -135,7 +135,7 @@ async def test_a_page_that_cannot_be_served_ends_the_run(
             pytest.raises(InvalidValueError, match=r"^port: must be free"),
         ):
             port = taken.getsockname()[1]
-            monkeypatch.setattr(page, "look", partial(look, port=port))
+            monkeypatch.setattr(serve_page, "look", partial(look, port=port))
             await viewed(path_log, asyncio.Event(), work, lambda _: None)
 
 
@@ -153,7 +153,7 @@ def test_ctrl_c_ends_it_while_a_recording_is_being_read(
         free.set()
         raise SystemExit(code)
 
-    monkeypatch.setattr("neurosnap.apps.viewer.session.ViewSession", read)
+    monkeypatch.setattr("neurosnap.apps.viewer.opened_recording.ViewSession", read)
     monkeypatch.setattr("neurosnap.apps.cli.watch.os._exit", leave)
     CliRunner().invoke(app, ["view", "--no-browser", str(path_log)])
     assert left == [(0, False)]

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.discounted import DiscountedSnapshot
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
-from neurosnap.poc.learning.history import History
-from neurosnap.poc.learning.search import answered
+from neurosnap.poc.learning.history_questions import answered
+from neurosnap.poc.learning.reading_history import History
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.sensorium import Sensorium
 from tests.support.edges import learned_edges

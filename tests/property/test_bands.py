@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.learning.bands import Stretch, head_of, joined, stretches_of
 from neurosnap.poc.learning.discounted import DiscountedSnapshot
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.learning.snapshot import Snapshot
+from neurosnap.poc.learning.snapshot_bands import Stretch, head_of, joined, stretches_of
 from neurosnap.protocol.key_frames import bands_of, order_of, snapshot_of
 
 MAKERS: dict[str, Callable[[int], Snapshot]] = {

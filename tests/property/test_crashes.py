@@ -21,8 +21,8 @@ from tests.support.memory_hubs import run_out
 from tools.simulate.__main__ import simulated
 from tools.simulate.case import live_on, random_options
 from tools.simulate.check import WrongError, check
+from tools.simulate.simulated_faults import Tally, Weather, random_weather
 from tools.simulate.simulated_hub import Faults, SimulatedHub
-from tools.simulate.weather import Tally, Weather, random_weather
 
 BATCH = 25
 

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from neurosnap.poc.learning.automatic_threshold import AUTO
-from neurosnap.poc.learning.counting_kernels import CALM, DENSE, FREE
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
+from neurosnap.poc.learning.lazy_counting_kernels import CALM, DENSE, FREE
 
 
 class Eager:

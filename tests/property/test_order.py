@@ -12,8 +12,8 @@ from neurosnap import wire
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.order.closure_and_reduction import order_of
 from neurosnap.poc.order.graph import PocGraph, WiringKind
-from neurosnap.poc.order.literals import Words, from_words, to_words
-from neurosnap.protocol.wave_control import WaveControl
+from neurosnap.poc.order.literal_sets import Words, from_words, to_words
+from neurosnap.protocol.wiring_and_waves import WaveControl
 from tests.support import oracles
 from tests.support.edges import edge_matrix, edges_of
 from tests.support.oracles import Edges

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from neurosnap.poc.learning.columns import Columns, GrowingColumns
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
-from neurosnap.poc.learning.pair_counts import count_pairs
+from neurosnap.poc.learning.pair_occasions import count_pairs
 from neurosnap.sensorium import Sensorium
 from tests.support.hypothesis_settings import examples
 from tests.support.strategies import tables

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from neurosnap import wire
 from neurosnap.agent.grower import LONGEST, Candidates, cover
 from neurosnap.errors import AnswerLostError, MessageError
-from neurosnap.poc.learning.history import History
-from neurosnap.poc.learning.search import Answer, Count, Question, answered
+from neurosnap.poc.learning.history_questions import Answer, Count, Question, answered
+from neurosnap.poc.learning.reading_history import History
 from neurosnap.protocol.recall_control import RecallControl
 from tests.support.swarm_parts import Row, hosting, observation
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from neurosnap import wire
 from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.poc.order.graph import PocGraph, WiringKind
-from neurosnap.protocol.wave_control import WaveControl
+from neurosnap.protocol.wiring_and_waves import WaveControl
 from neurosnap.sensorium import pack
 from tests.support import oracles
 from tests.support.edges import edge_list, edges_of
@@ -27,7 +27,7 @@ from tests.support.swarm_parts import Host, hosting, keys_of
 from tools.simulate.simulated_hub import Faults, SimulatedHub
 
 if TYPE_CHECKING:
-    from neurosnap.protocol.wave import Wave
+    from neurosnap.protocol.wave_settling import Wave
 
 
 # Random orders ------------------------------------------------------------------------

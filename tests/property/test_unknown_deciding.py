@@ -16,8 +16,9 @@ from hypothesis import strategies as st
 
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body
-from neurosnap.agent.policies import new_policy
-from neurosnap.agent.policy import AgentKind, RandomNumbers
+from neurosnap.agent.policy import AgentKind
+from neurosnap.agent.policy_kinds import new_policy
+from neurosnap.agent.random_draws import RandomNumbers
 from neurosnap.poc.learning.discounted import DiscountedSnapshot
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.sensorium import Sensorium

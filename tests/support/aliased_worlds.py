@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import gymnasium
 import numpy as np
 
-from tools.paper.stages import Stage, StageEnv
+from tools.paper.worlds_as_tables import Stage, StageEnv
 
 NAME = "tests.support.aliased_worlds:TMaze-v0"
 

@@ -12,9 +12,9 @@ from typing import Any, TypeVar
 import pytest
 from playwright.async_api import Browser, ConsoleMessage, Page
 
+from neurosnap.apps.viewer.opened_recording import ViewSession
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.server import serving
-from neurosnap.apps.viewer.session import ViewSession
 from tools.browser import NO_BROWSER, Scheme, chromium, new_page, wait_shown
 
 T = TypeVar("T")

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.agent.policies import Walker
 from neurosnap.agent.policy import Deliberation, Policy
+from neurosnap.agent.policy_kinds import Walker
 from neurosnap.fabric.in_memory import matches
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.protocol.coordinator import Coordinator

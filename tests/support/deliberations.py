@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.policy import Policy, Signal
-from neurosnap.poc.learning.search import answered
+from neurosnap.poc.learning.history_questions import answered
 from neurosnap.poc.order.graph import PocGraph
 
 Bits = NDArray[np.bool_]

@@ -14,7 +14,7 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.request import Outcome, RunRequest, Site, Supervision, Watcher
-from neurosnap.runtime.run import run
+from neurosnap.runtime.run_with_restarts import run
 from tests.support import run_options
 from tests.support.course import course
 from tests.support.swarm_processes import parts_of

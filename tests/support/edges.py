@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from neurosnap.poc.learning.pairs import rows_of, strict
 from neurosnap.poc.learning.snapshot import Snapshot
-from neurosnap.poc.order.literals import from_words
+from neurosnap.poc.order.literal_sets import from_words
 from tests.support.oracles import Edges, proper_pairs
 
 

@@ -14,7 +14,7 @@ from neurosnap import wire
 from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.fabric.protocol import Fabric
-from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.fabric.zenoh.zenoh_fabric import ZenohFabric
 from tests.support.patience import PATIENCE
 
 

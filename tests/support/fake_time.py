@@ -3,7 +3,8 @@
 import threading
 from collections.abc import Callable
 
-from neurosnap.sources.live.live_source import ClockMapping, LiveSource
+from neurosnap.sources.live.latest_or_late import ClockMapping
+from neurosnap.sources.live.live_source import LiveSource
 from neurosnap.sources.live.statistics import Refusals
 
 

@@ -10,10 +10,10 @@ import pytest
 from neurosnap.agent.body import Body
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.replay.resume import find_resume_point
+from neurosnap.recording.replay.find_resume_point import find_resume_point
 from neurosnap.runtime.inline_tasks import InlineTasks
 from neurosnap.runtime.request import Outcome, RunRequest, Site, Watcher
-from neurosnap.runtime.run import run
+from neurosnap.runtime.run_with_restarts import run
 from neurosnap.runtime.starter import Starter
 from tests.support.scripted_sources import Scripted
 

@@ -10,11 +10,11 @@ from multiprocessing import forkserver
 
 import world
 from neurosnap.apps import cli
-from neurosnap.apps.cli import output
+from neurosnap.apps.cli import terminal_output
 from neurosnap.apps.config import prepare
 from neurosnap.depth import probe
-from neurosnap.recording.replay import resume, verify
-from neurosnap.runtime import journaled_run, run, service
+from neurosnap.recording.replay import find_resume_point, verify
+from neurosnap.runtime import run_with_intake, run_with_restarts, service
 from neurosnap.runtime.parts import (
     coordinator_process,
     recorder_process,
@@ -27,16 +27,16 @@ from neurosnap.sources.mqtt import mqtt_source
 __all__ = [
     "cli",
     "coordinator_process",
-    "journaled_run",
+    "find_resume_point",
     "mqtt_source",
-    "output",
     "prepare",
     "probe",
     "recorder_process",
-    "resume",
-    "run",
+    "run_with_intake",
+    "run_with_restarts",
     "service",
     "status_publisher",
+    "terminal_output",
     "verify",
     "worker_process",
     "world",

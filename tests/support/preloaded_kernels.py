@@ -13,7 +13,7 @@ import numpy as np
 from neurosnap.poc.learning.discounted import DiscountedSnapshot
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.protocol import worker_kernels
-from neurosnap.recording.format import chunks
+from neurosnap.recording.format import chunk_index
 
 for _kind in (EmpiricalSnapshot, DiscountedSnapshot):
     for _known in (None, np.array([True, False])):
@@ -24,7 +24,7 @@ for _kind in (EmpiricalSnapshot, DiscountedSnapshot):
         _graph.wires("derived")
 worker_kernels.warm()
 # As a chunk is given to it: of bytes that cannot be written to.
-chunks._walk(np.frombuffer(b"", np.uint8), np.empty((0, 4), np.int64))
+chunk_index._walk(np.frombuffer(b"", np.uint8), np.empty((0, 4), np.int64))
 # A launcher that is forked from here need not walk over all of this again and again.
 gc.collect()
 gc.freeze()

@@ -15,7 +15,7 @@ from neurosnap.agent.body import Body
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.replay.replay import Replay
+from neurosnap.recording.replay.compare_derived import Replay
 from neurosnap.runtime.launch import run_incarnation
 from neurosnap.runtime.request import SILENT, RunRequest
 from neurosnap.sources.protocol import Argument

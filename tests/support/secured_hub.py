@@ -9,12 +9,12 @@ import zenoh
 
 from neurosnap.fabric.hub_address import Credentials, HubAddress
 from neurosnap.fabric.roles import Role
-from neurosnap.fabric.zenoh.client import ZenohFabric
-from neurosnap.fabric.zenoh.session import configuration
+from neurosnap.fabric.zenoh.connect_session import configuration
+from neurosnap.fabric.zenoh.zenoh_fabric import ZenohFabric
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.runtime.network import Network
 from neurosnap.runtime.request import RunRequest, Site
-from neurosnap.runtime.run import run
+from neurosnap.runtime.run_with_restarts import run
 from tests.support.fabrics import hub_process
 from tests.support.ports import free_port
 from tests.support.run_options import options_for

@@ -12,7 +12,7 @@ from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion
 
 from neurosnap.fabric.hub_address import HubAddress
-from neurosnap.fabric.zenoh.session import connecting
+from neurosnap.fabric.zenoh.connect_session import connecting
 from tests.support.patience import PATIENCE
 
 Send: TypeAlias = Callable[[Mapping[str, int]], object]

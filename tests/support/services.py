@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 from neurosnap import wire
 from neurosnap.fabric.hub_address import HubAddress
-from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.fabric.zenoh.zenoh_fabric import ZenohFabric
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.fit_agent import body_of
 from neurosnap.runtime.request import RunRequest
-from neurosnap.runtime.run import run
+from neurosnap.runtime.run_with_restarts import run
 from neurosnap.sources.open import open_source
 from tests.support.commands import Command
 from tests.support.patience import PATIENCE

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import TypeAlias
 
 from neurosnap import wire
-from neurosnap.protocol import partition
+from neurosnap.protocol import worker_shares
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.worker import Worker
 from neurosnap.sensorium import pack
@@ -18,7 +18,7 @@ def hosting(sensors: int, workers: int) -> dict[str, Host]:
     """Return the parts that cells are, or are hosted by, by name."""
     if not workers:
         return {f"cell/{number}": Cell(number) for number in range(sensors)}
-    hosted = partition.shares(sensors, workers)
+    hosted = worker_shares.shares(sensors, workers)
     return {f"worker/{number}": Worker(number, hosted) for number in range(workers)}
 
 

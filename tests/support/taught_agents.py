@@ -12,8 +12,8 @@ from neurosnap.agent.agent import Agent
 from neurosnap.agent.binary_sensors import BinarySensors
 from neurosnap.agent.body import Body
 from neurosnap.agent.environment import Continuing
-from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import AgentKind
+from neurosnap.agent.policy_kinds import new_policy
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.sensorium import Sensorium
 from tests.support.transition_tables import (

@@ -6,8 +6,8 @@ Its cells are 3 to 5, its literals 6 to 11.
 from collections.abc import Iterable
 
 from neurosnap import wire
-from neurosnap.protocol.partition import shares
 from neurosnap.protocol.worker import Worker
+from neurosnap.protocol.worker_shares import shares
 from neurosnap.sensorium import pack
 from tests.support.wave_messages import packed
 

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 from playwright.async_api import CDPSession
 
+from neurosnap.apps.viewer.opened_recording import ViewSession
 from neurosnap.apps.viewer.server import serving
-from neurosnap.apps.viewer.session import ViewSession
 from tests.support.run_options import options_for
 from tests.support.sources import written
 from tools.bench.report import Line, Sizes

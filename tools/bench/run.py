@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.replay.verify import verify as check
 from neurosnap.runtime.request import SILENT, Outcome, RunRequest, Watcher
-from neurosnap.runtime.run import run
+from neurosnap.runtime.run_with_restarts import run
 from tests.support.run_options import options_for
 from tests.support.sources import written
 from tools.bench.report import Line, Sizes, ratio_of_pairs

@@ -22,8 +22,8 @@ from neurosnap.errors import NeurosnapError, RecordingError
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording, part_paths
-from neurosnap.recording.replay.learning import snapshot_at
-from neurosnap.recording.replay.resume import find_resume_point
+from neurosnap.recording.replay.find_resume_point import find_resume_point
+from neurosnap.recording.replay.learn_again import snapshot_at
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.copying import salvage
 from neurosnap.recording.write.rotation import Split, SplitWriter

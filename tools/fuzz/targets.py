@@ -23,11 +23,11 @@ from neurosnap.errors import RecordingError
 from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.coordinator import Coordinator
-from neurosnap.protocol.partition import shares
 from neurosnap.protocol.worker import Worker
-from neurosnap.recording.format.chunks import unpack
+from neurosnap.protocol.worker_shares import shares
+from neurosnap.recording.format.chunk_index import unpack
+from neurosnap.recording.format.cuts_and_damage import scan_index
 from neurosnap.recording.format.records import opened
-from neurosnap.recording.format.scan import scan_index
 from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime.parts.job import decoded
 from tests.support.memory_hubs import run_out

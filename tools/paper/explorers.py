@@ -13,12 +13,7 @@ from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body
 from neurosnap.agent.planner import Planner
 from neurosnap.agent.policy import EXPLORE, Closures, Deliberation, Policy, Signal
-from tools.paper.stages import (
-    Setting,
-    Stage,
-    StageEnv,
-    stage_of,
-)
+from tools.paper.worlds_as_tables import Setting, Stage, StageEnv, stage_of
 
 CHECKS = 40
 """How often a learner is held against the truth while it explores."""

@@ -6,16 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap import wire
-from neurosnap.protocol.anomaly import AnomalyDetector
+from neurosnap.protocol.anomaly_detector import AnomalyDetector
 from neurosnap.sensorium import complete
 from tools.paper.learning_error import new_snapshot
-from tools.paper.sensor_faults import (
-    PLACES,
-    Fault,
-    course,
-    faults,
-    seen,
-)
+from tools.paper.sensor_faults import PLACES, Fault, course, faults, seen
 from tools.paper.table import Entry
 
 Judge: TypeAlias = Literal["before", "held"]

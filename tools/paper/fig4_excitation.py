@@ -12,17 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.agent import Agent
-from neurosnap.agent.policies import new_policy
 from neurosnap.agent.policy import EXPLORE
+from neurosnap.agent.policy_kinds import new_policy
 from tools.paper import learners
-from tools.paper.figure import (
-    STEPWISE,
-    Claim,
-    Figure,
-    FigureOptions,
-    Report,
-    stepwise,
-)
+from tools.paper.figure import STEPWISE, Claim, Figure, FigureOptions, Report, stepwise
 from tools.paper.learning_error import new_snapshot
 from tools.paper.plots import Stroke, draw
 from tools.paper.table import Entry

@@ -25,7 +25,7 @@ from tools.paper.growing import (
     GrowthEntry,
     Method,
 )
-from tools.paper.stages import settings, stage_of
+from tools.paper.worlds_as_tables import settings, stage_of
 
 METHODS: tuple[Method, ...] = get_args(Method)
 KINDS = ("any to any", "to the goal")

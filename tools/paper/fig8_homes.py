@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.health.budget import parse_budget
+from neurosnap.health.alarm_budget import parse_budget
 from tools.paper.figure import Figure, FigureOptions, Report, markdown
 from tools.paper.homes.cases import (
     KINDS,

@@ -7,20 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.sensorium import complete
-from tools.paper.explorers import (
-    CHECKS,
-    Journey,
-    explored,
-    journey,
-)
-from tools.paper.stages import Setting, Stage, stage_of
+from tools.paper.explorers import CHECKS, Journey, explored, journey
 from tools.paper.table import Entry
-from tools.paper.tabular import (
-    UPDATES,
-    PlaceTable,
-    follow,
-    q_learning,
-)
+from tools.paper.tabular import UPDATES, PlaceTable, follow, q_learning
+from tools.paper.worlds_as_tables import Setting, Stage, stage_of
 
 Method: TypeAlias = Literal[
     "growth and imagining",

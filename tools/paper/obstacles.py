@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.agent import Agent
-from neurosnap.agent.policies import new_policy
+from neurosnap.agent.agent_observation import Senses
 from neurosnap.agent.policy import EXPLORE, AgentKind
-from neurosnap.agent.senses import Senses
+from neurosnap.agent.policy_kinds import new_policy
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.sensorium import complete
 from tools.paper.table import Entry

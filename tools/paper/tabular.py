@@ -10,7 +10,7 @@ References:
 import numpy as np
 from numpy.typing import NDArray
 
-from tools.paper.stages import Stage
+from tools.paper.worlds_as_tables import Stage
 
 STEP, DISCOUNT, TRIES, UPDATES = 0.5, 0.95, 0.1, 50
 """Of learners of values: size of a step, discount, share of random actions, and

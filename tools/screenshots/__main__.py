@@ -15,8 +15,8 @@ from pathlib import Path
 # Run as a folder, that is on the path and the project's is not.
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from neurosnap.apps.viewer.opened_recording import ViewSession
 from neurosnap.apps.viewer.server import serving
-from neurosnap.apps.viewer.session import ViewSession
 from tools.browser import Scheme, new_page, started
 from tools.screenshots.recordings import recorded
 from tools.screenshots.states import STATES, enter

@@ -23,7 +23,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from tools.simulate.case import simulate
-from tools.simulate.weather import Tally
+from tools.simulate.simulated_faults import Tally
 
 
 def simulated(

@@ -1,8 +1,8 @@
 """One simulated case: a run, its faults, and its expected result.
 
 A schedule is a function of its seed alone. Supervision is one for all, as in
-`neurosnap.runtime.run`: when a life of the swarm ends before its time, the next
-goes on from the last whole tick of what is on disk.
+`neurosnap.runtime.run_with_restarts`: when a life of the swarm ends before its time,
+the next goes on from the last whole tick of what is on disk.
 """
 
 import logging
@@ -19,7 +19,7 @@ from neurosnap.errors import RecordingError, SwarmError
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording, part_paths
-from neurosnap.recording.replay.resume import find_resume_point
+from neurosnap.recording.replay.find_resume_point import find_resume_point
 from neurosnap.recording.write.rotation import Split
 from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.sources.open import open_source
@@ -27,8 +27,8 @@ from tests.support.lamp import lamp_options
 from tests.support.sources import written
 from tools.simulate.check import WrongError, check
 from tools.simulate.disk import Disk
+from tools.simulate.simulated_faults import Case, Tally, Weather, random_weather
 from tools.simulate.swarm import Life
-from tools.simulate.weather import Case, Tally, Weather, random_weather
 
 if TYPE_CHECKING:
     from neurosnap.sources.protocol import Argument

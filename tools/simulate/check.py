@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap import wire
-from neurosnap.agent.senses import Senses
+from neurosnap.agent.agent_observation import Senses
 from neurosnap.agent.tick import Mind, Sensed, Step, answered_at_once, tick
 from neurosnap.poc.order.graph import WiringKind
 from neurosnap.protocol.run_options import RunOptions

@@ -12,9 +12,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from neurosnap.errors import RecordingError
-from neurosnap.recording.read.file import RecordingFile
 from neurosnap.recording.read.recording import part_paths
-from tools.simulate.weather import Case
+from neurosnap.recording.read.recording_file import RecordingFile
+from tools.simulate.simulated_faults import Case
 
 _TORN = [0, 10, 20, 2000]  # bytes; fewer than what a run says of itself
 

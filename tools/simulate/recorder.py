@@ -13,7 +13,7 @@ from neurosnap.recording.write.rotation import SplitWriter
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.parts.recorder_process import describe
 from tools.simulate.disk import Disk
-from tools.simulate.weather import Case
+from tools.simulate.simulated_faults import Case
 
 
 class _Writer(Writer):

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 from neurosnap import wire
 from neurosnap.errors import AnswerLostError, MessageError, SwarmError
 from neurosnap.protocol.cell import Cell
-from neurosnap.protocol.partition import shares
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.worker import Worker
+from neurosnap.protocol.worker_shares import shares
 from neurosnap.protocol.world import World
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.runtime.parts import coordinator_process
@@ -24,9 +24,9 @@ from neurosnap.sources.protocol import Source
 from tools.simulate.check import WrongError
 from tools.simulate.disk import Disk
 from tools.simulate.recorder import Recorder
+from tools.simulate.simulated_faults import Case
 from tools.simulate.simulated_hub import Faults, SimulatedHub
 from tools.simulate.source import source_of
-from tools.simulate.weather import Case
 
 if TYPE_CHECKING:
     from neurosnap.fabric.in_memory import MemoryFabric

@@ -47,9 +47,9 @@ from neurosnap.protocol.run_options import HostKind, RunOptions
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.fit_agent import body_of
-from neurosnap.runtime.journaled_run import INTAKE
 from neurosnap.runtime.request import Restart, RunRequest, Supervision, Watcher
-from neurosnap.runtime.run import run
+from neurosnap.runtime.run_with_intake import INTAKE
+from neurosnap.runtime.run_with_restarts import run
 from neurosnap.sources.open import open_source
 from tools.soak.killer import Killer
 from tools.soak.memory import Gauge, Memory

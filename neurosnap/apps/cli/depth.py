@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from neurosnap.apps.cli.options import options_of, with_parameters
-from neurosnap.apps.cli.output import print_facts, progress, say, table, warn
-from neurosnap.apps.cli.shared import (
+from neurosnap.apps.cli.errors_and_signals import (
     RECORDINGS,
     Force,
     Format,
@@ -19,6 +17,8 @@ from neurosnap.apps.cli.shared import (
     run_async,
     unwinding,
 )
+from neurosnap.apps.cli.run_flags import options_of, with_parameters
+from neurosnap.apps.cli.terminal_output import print_facts, progress, say, table, warn
 from neurosnap.apps.new_files import free_path
 from neurosnap.depth.probe import Measured, Sweep
 from neurosnap.errors import InvalidValueError, NeurosnapError, NothingBegunError

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import msgspec
 import typer
 
-from neurosnap.apps.cli.options import FLAG, with_parameters
-from neurosnap.apps.cli.output import print_facts, say, table, warn
-from neurosnap.apps.cli.shared import (
+from neurosnap.apps.cli.errors_and_signals import (
     SET_UP,
     Force,
     Format,
@@ -19,9 +17,11 @@ from neurosnap.apps.cli.shared import (
     errors,
     run_async,
 )
+from neurosnap.apps.cli.run_flags import FLAG, with_parameters
+from neurosnap.apps.cli.terminal_output import print_facts, say, table, warn
 from neurosnap.apps.new_files import free_path
 from neurosnap.errors import InvalidValueError, MissingExtraError, NeurosnapError
-from neurosnap.fabric.events import wait_any
+from neurosnap.fabric.wait_for_events import wait_any
 from neurosnap.sensorium import visible
 from neurosnap.sources.mqtt.options import MqttBroker, MqttSensor
 from neurosnap.system.distribution import must_have

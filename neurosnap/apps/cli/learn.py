@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from neurosnap.apps.cli.options import FLAG, as_share, with_parameters
-from neurosnap.apps.cli.output import print_facts, progress, say, table
-from neurosnap.apps.cli.shared import (
+from neurosnap.apps.cli.errors_and_signals import (
     LEARN,
     Force,
     Format,
@@ -21,9 +19,11 @@ from neurosnap.apps.cli.shared import (
     errors,
     unwinding,
 )
+from neurosnap.apps.cli.run_flags import FLAG, as_share, with_parameters
+from neurosnap.apps.cli.terminal_output import print_facts, progress, say, table
 
 if TYPE_CHECKING:
-    from neurosnap.apps.export.learned import Findings
+    from neurosnap.apps.export.relations import Findings
     from neurosnap.recording.read.recording import Recording
     from neurosnap.sources.readings import Readings
 
@@ -116,7 +116,7 @@ def learn(
 
     Each relation comes with how often it was put to the test, and how often it failed.
     """
-    from neurosnap.apps.export.learned import form_of, learned_from
+    from neurosnap.apps.export.relations import form_of, learned_from
     from neurosnap.recording.read.recording import Recording
 
     with errors():
@@ -143,7 +143,7 @@ def learn(
 
 def _lines(learned: "Findings") -> Iterator[str]:
     """Yield the strongest relations as a table, and where the others are."""
-    from neurosnap.apps.export.learned import HEADS
+    from neurosnap.apps.export.relations import HEADS
 
     if rows := [learned.cells(row) for row in learned.rows[:_MOST]]:
         yield from table([HEADS, *rows], numbers=True)
@@ -178,7 +178,7 @@ def health(
     form: Format = "text",
 ) -> None:
     """Report which sensors of a home seem broken, since when, and why."""
-    from neurosnap.apps.health_log import health_of
+    from neurosnap.apps.health_of_readings import health_of
     from neurosnap.recording.read.recording import Recording
 
     with errors():
@@ -192,7 +192,7 @@ def health(
 
 def _opened(data: Path, context: typer.Context) -> "Recording | Readings":
     """Return the recording in a file, or else the readings that are asked for."""
-    from neurosnap.apps.export.learned import open_data
+    from neurosnap.apps.export.relations import open_data
     from neurosnap.sources.meaning import Wanted, parse_comparison
 
     given = context.params

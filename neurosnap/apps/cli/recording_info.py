@@ -14,18 +14,13 @@ import msgspec
 from rich.filesize import decimal
 
 from neurosnap import wire
-from neurosnap.apps.cli.output import (
-    fields,
-    in_ranges,
-    printable,
-    table,
-)
+from neurosnap.apps.cli.terminal_output import fields, in_ranges, printable, table
 from neurosnap.errors import RecordingError
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import Cut, damaged_in
 from neurosnap.recording.read.recording import Recording, begun, first_path, part_paths
-from neurosnap.recording.replay.births import RecordedBirth, births_of
+from neurosnap.recording.replay.grown_sensors import RecordedBirth, births_of
 from neurosnap.sources.live.statistics import outage_line, received_line
 from neurosnap.sources.open import is_live
 from neurosnap.system.local_time import local

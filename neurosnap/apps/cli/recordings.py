@@ -6,16 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from neurosnap.apps.cli.options import NETWORK, option
-from neurosnap.apps.cli.output import (
-    in_ranges,
-    print_facts,
-    printable,
-    progress,
-    say,
-    warn,
-)
-from neurosnap.apps.cli.shared import (
+from neurosnap.apps.cli.errors_and_signals import (
     LOST,
     RECORDINGS,
     Force,
@@ -27,6 +18,15 @@ from neurosnap.apps.cli.shared import (
     errors,
     run_async,
     unwinding,
+)
+from neurosnap.apps.cli.run_flags import NETWORK, option
+from neurosnap.apps.cli.terminal_output import (
+    in_ranges,
+    print_facts,
+    printable,
+    progress,
+    say,
+    warn,
 )
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.runtime.network import Network

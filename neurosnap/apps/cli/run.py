@@ -7,25 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from neurosnap.apps.cli.options import (
-    FLAG,
-    NETWORK,
-    Described,
-    Given,
-    option,
-    request_of,
-    with_run_options,
-)
-from neurosnap.apps.cli.output import (
-    outcome_facts,
-    outcome_lines,
-    print_facts,
-    progress,
-    say,
-    watcher,
-)
-from neurosnap.apps.cli.page import check_page, viewed
-from neurosnap.apps.cli.shared import (
+from neurosnap.apps.cli.errors_and_signals import (
     LEARN,
     LOST,
     Format,
@@ -34,6 +16,24 @@ from neurosnap.apps.cli.shared import (
     errors,
     new_log,
     run_async,
+)
+from neurosnap.apps.cli.run_flags import (
+    FLAG,
+    NETWORK,
+    Described,
+    Given,
+    option,
+    request_of,
+    with_run_options,
+)
+from neurosnap.apps.cli.serve_page import check_page, viewed
+from neurosnap.apps.cli.terminal_output import (
+    outcome_facts,
+    outcome_lines,
+    print_facts,
+    progress,
+    say,
+    watcher,
 )
 from neurosnap.errors import InvalidValueError
 from neurosnap.runtime.systemd import ServiceManager
@@ -113,7 +113,7 @@ def resume(
     named again, since a recording may be a stranger's.
     """
     from neurosnap.apps.config.load import named_source
-    from neurosnap.runtime.run import resumed
+    from neurosnap.runtime.run_with_restarts import resumed
 
     with errors():
         request = resumed(log, ticks, named_source(source) if source else trust_source)
@@ -127,7 +127,7 @@ def resume(
 
 def _carry_out(request: "RunRequest", form: str, *, view: bool = False) -> "Outcome":
     """Run a swarm and say how it went, in the browser too if that was asked for."""
-    from neurosnap.runtime.run import run as run_swarm
+    from neurosnap.runtime.run_with_restarts import run as run_swarm
 
     if request.log is not None:
         request.log.parent.mkdir(exist_ok=True)

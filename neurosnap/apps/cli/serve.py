@@ -12,7 +12,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 import msgspec
 import typer
 
-from neurosnap.apps.cli.options import (
+from neurosnap.apps.cli.errors_and_signals import (
+    LOST,
+    SWARMS,
+    Connect,
+    Format,
+    app,
+    convert,
+    errors,
+    new_log,
+    run_async,
+)
+from neurosnap.apps.cli.run_flags import (
     FLAG,
     NETWORK,
     RECORDING,
@@ -23,7 +34,7 @@ from neurosnap.apps.cli.options import (
     with_parameters,
     with_run_options,
 )
-from neurosnap.apps.cli.output import (
+from neurosnap.apps.cli.terminal_output import (
     outcome_facts,
     outcome_lines,
     print_facts,
@@ -31,17 +42,6 @@ from neurosnap.apps.cli.output import (
     say,
     warn,
     watcher,
-)
-from neurosnap.apps.cli.shared import (
-    LOST,
-    SWARMS,
-    Connect,
-    Format,
-    app,
-    convert,
-    errors,
-    new_log,
-    run_async,
 )
 from neurosnap.errors import InvalidValueError
 from neurosnap.runtime.network import Network
@@ -281,7 +281,7 @@ def coordinator(
     `cells`, in any order, on any machine. SOURCE and options are those of `run`.
     """
     from neurosnap.runtime.request import RunRequest
-    from neurosnap.runtime.run import run as run_swarm
+    from neurosnap.runtime.run_with_restarts import run as run_swarm
 
     with errors():
         check_swarm(swarm)  # which must be given here

@@ -9,17 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import msgspec
 import typer
 
-from neurosnap.apps.cli.options import FLAG, NETWORK, option, with_parameters
-from neurosnap.apps.cli.output import (
-    changed_line,
-    print_facts,
-    print_json,
-    say,
-    table,
-    warn,
-)
-from neurosnap.apps.cli.page import look
-from neurosnap.apps.cli.shared import (
+from neurosnap.apps.cli.errors_and_signals import (
     SWARMS,
     WATCH,
     Form,
@@ -30,8 +20,18 @@ from neurosnap.apps.cli.shared import (
     errors,
     run_async,
 )
+from neurosnap.apps.cli.run_flags import FLAG, NETWORK, option, with_parameters
+from neurosnap.apps.cli.serve_page import look
+from neurosnap.apps.cli.terminal_output import (
+    changed_line,
+    print_facts,
+    print_json,
+    say,
+    table,
+    warn,
+)
 from neurosnap.errors import InvalidValueError
-from neurosnap.fabric.events import first_of
+from neurosnap.fabric.wait_for_events import first_of
 from neurosnap.runtime.network import Network
 from neurosnap.sensorium import visible
 
@@ -99,7 +99,7 @@ def watch(
 
 def _watch_recording(log: Path, support: int | None, form: str) -> None:
     from neurosnap.apps.library import Recording
-    from neurosnap.protocol.anomaly_words import NamedAnomaly
+    from neurosnap.protocol.anomaly_report import NamedAnomaly
     from neurosnap.runtime.anomaly_feed import without_anomalies
 
     recording = Recording(log)
@@ -138,9 +138,9 @@ def _watch_swarm(
 
 def _report(told: "Fed", form: str) -> None:
     """Print an anomaly, news of health, or a change of the sensors."""
-    from neurosnap.agent.sensor_changes import Changed
+    from neurosnap.agent.growth_in_decisions import Changed
     from neurosnap.health.alarm import News
-    from neurosnap.protocol.anomaly_words import anomaly_line
+    from neurosnap.protocol.anomaly_report import anomaly_line
 
     if form == "json":
         print_json(told)

@@ -10,8 +10,8 @@ from typing import Annotated, Any, Literal, TypeAlias
 import msgspec
 
 from neurosnap.apps.config.sources import SourceTable, Text
-from neurosnap.health.budget import NEVER, parse_budget
-from neurosnap.protocol.option import declared, option
+from neurosnap.health.alarm_budget import NEVER, parse_budget
+from neurosnap.protocol.option_declaration import declared, option
 from neurosnap.protocol.run_options import FEW_CELLS, RunOptions
 from neurosnap.runtime.network import PRIVATE, Network
 from neurosnap.runtime.request import HERE, Placement, Supervision

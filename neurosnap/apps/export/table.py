@@ -5,9 +5,9 @@ was not known, is None. The state is one text: a letter a sensor, in their order
 where the sensor itself is in the state, F where its complement is, ? where neither;
 digits would be read back as a number.
 
-CSV is UTF-8, with times in UTC, bits as 1 and 0, and unknown values empty; what a
-spreadsheet would run as a formula is marked as text, as `neurosnap.sources.csv_file`
-says. Parquet has typed columns; unknown values are null.
+CSV is UTF-8, with times in UTC, bits as 1 and 0, and unknown values empty; formulas
+are marked as text, as `neurosnap.sources.csv_cells_and_formulas` says. Parquet has
+typed columns; unknown values are null.
 """
 
 import csv
@@ -24,9 +24,9 @@ from neurosnap.apps.new_files import placed
 from neurosnap.errors import InvalidValueError, MissingExtraError, RecordingError
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.ticks import Tick, ticks
-from neurosnap.recording.replay.births import births_of
+from neurosnap.recording.replay.grown_sensors import births_of
 from neurosnap.sensorium import unpack, unpack_readings
-from neurosnap.sources.csv_file import as_text
+from neurosnap.sources.csv_cells_and_formulas import as_text
 from neurosnap.system.distribution import must_have
 
 Kind: TypeAlias = Literal["time", "number", "bit", "text"]

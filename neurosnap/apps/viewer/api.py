@@ -33,9 +33,9 @@ from typing import Literal, TypeAlias
 
 import msgspec
 
-from neurosnap.agent.sensor_changes import Changed
+from neurosnap.agent.growth_in_decisions import Changed
 from neurosnap.health.alarm import SensorHealth
-from neurosnap.recording.replay.births import RecordedBirth
+from neurosnap.recording.replay.grown_sensors import RecordedBirth
 
 Bit: TypeAlias = Literal[0, 1] | None
 """On, off, or not known."""

@@ -14,22 +14,17 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.agent.sensor_changes import changes_in
+from neurosnap.agent.growth_in_decisions import changes_in
 from neurosnap.apps.viewer import api
-from neurosnap.apps.viewer.learned import SnapshotCache, drawn, graph_id
+from neurosnap.apps.viewer.learned_by_tick import SnapshotCache, drawn, graph_id
 from neurosnap.apps.viewer.tick_messages import Ticks
 from neurosnap.apps.viewer.waves import Imagined, first_shown, plan_of
 from neurosnap.apps.viewer.world_scene import Scene
-from neurosnap.errors import (
-    InvalidValueError,
-    MessageError,
-    RecordingError,
-    ShapeError,
-)
-from neurosnap.protocol.anomaly_words import evidence, named_anomaly, with_support
+from neurosnap.errors import InvalidValueError, MessageError, RecordingError, ShapeError
+from neurosnap.protocol.anomaly_report import evidence, named_anomaly, with_support
+from neurosnap.recording.read.random_access_by_tick import TickIndex
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.read.tick_index import TickIndex
-from neurosnap.recording.replay.learning import Learning
+from neurosnap.recording.replay.learn_again import Learning
 from neurosnap.sensorium import unpack
 from neurosnap.sources.live.statistics import outage_line, received_line
 from neurosnap.sources.open import STDIN

@@ -29,8 +29,8 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.auth import LOOPBACK, Address, Guard, Strangers, refusal
+from neurosnap.apps.viewer.opened_recording import ViewSession, news
 from neurosnap.apps.viewer.run_view import RunView
-from neurosnap.apps.viewer.session import ViewSession, news
 from neurosnap.apps.viewer.tick_difference import difference
 from neurosnap.apps.viewer.time_series import MOST_COLUMNS, MOST_SENSORS
 from neurosnap.errors import InvalidValueError, NeurosnapError

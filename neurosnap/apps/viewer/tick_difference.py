@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.apps.viewer.api import Arrow, Bit, Frame
-from neurosnap.apps.viewer.learned import classes, covers
+from neurosnap.apps.viewer.learned_by_tick import classes, covers
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.poc.order.literals import from_words
+from neurosnap.poc.order.literal_sets import from_words
 
 _LISTED = 50
 """Edges and classes that are listed."""

@@ -17,7 +17,7 @@ from neurosnap.apps.viewer.waves import Waves
 from neurosnap.errors import RecordingError, ShapeError
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.chunk_messages import ChunkMessages
-from neurosnap.recording.read.tick_index import TickIndex
+from neurosnap.recording.read.random_access_by_tick import TickIndex
 from neurosnap.sensorium import selection, unpack, unpack_readings
 
 NOT_RECORDED, UNKNOWN, OFF, ON, OFF_PREDICTED, ON_PREDICTED, CONTRADICTED = range(7)

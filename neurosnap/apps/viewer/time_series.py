@@ -1,6 +1,6 @@
 """Time series of a run: the state of every sensor at every tick, and other columns.
 
-Both are filled by `neurosnap.apps.viewer.history`, and thinned out where
+Both are filled by `neurosnap.apps.viewer.background_reading`, and thinned out where
 there are more ticks than can be drawn.
 """
 
@@ -30,7 +30,7 @@ from neurosnap.apps.viewer.tick_messages import (
     Ticks,
 )
 from neurosnap.errors import InvalidValueError
-from neurosnap.recording.replay.births import Births
+from neurosnap.recording.replay.grown_sensors import Births
 
 MOST_SENSORS = 500
 MOST_COLUMNS = 2000

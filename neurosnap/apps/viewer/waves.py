@@ -23,7 +23,7 @@ from neurosnap.agent.body import Body
 from neurosnap.agent.plan import plan_told
 from neurosnap.apps.viewer.api import MOST_IMAGINED, PlanView, WaveView
 from neurosnap.errors import MessageError
-from neurosnap.protocol.wave import DEEPEST
+from neurosnap.protocol.wave_settling import DEEPEST
 
 
 class _FoundWave(msgspec.Struct):

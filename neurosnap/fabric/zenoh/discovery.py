@@ -12,10 +12,10 @@ from typing import Any, Self
 import zenoh
 
 from neurosnap import wire
-from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.hub_address import HubAddress
+from neurosnap.fabric.wait_for_events import wait_any
+from neurosnap.fabric.zenoh.connect_session import reach
 from neurosnap.fabric.zenoh.inbox import Inbox
-from neurosnap.fabric.zenoh.session import reach
 
 _ALIVE = "alive/coordinator/*"
 

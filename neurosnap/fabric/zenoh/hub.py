@@ -18,10 +18,10 @@ from typing import Any
 import zenoh
 
 from neurosnap.errors import FabricError, InvalidValueError
-from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.hub_address import Credentials, check_endpoint, nearest
 from neurosnap.fabric.roles import access_list
-from neurosnap.fabric.zenoh.session import absence, configuration, reason_of
+from neurosnap.fabric.wait_for_events import wait_any
+from neurosnap.fabric.zenoh.connect_session import absence, configuration, reason_of
 
 _SPARE = 100  # sessions beside those expected: watchers, and parts that come back
 _RETRY = {"period_init_ms": 50, "period_max_ms": 1000, "period_increase_factor": 1.5}

@@ -18,8 +18,8 @@ import zenoh
 
 from neurosnap import wire
 from neurosnap.errors import InboxOverflowError
-from neurosnap.fabric.events import Failure
 from neurosnap.fabric.protocol import Handler
+from neurosnap.fabric.wait_for_events import Failure
 
 T = TypeVar("T")
 

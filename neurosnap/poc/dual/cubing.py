@@ -18,8 +18,7 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.poc.dual.mask_dual import LISTABLE, Dual
 from neurosnap.poc.dual.projection import ConvexSet, nearest, project
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.poc.order.literals import Literals, as_literals
-from neurosnap.poc.order.masks import members, to_mask
+from neurosnap.poc.order.literal_sets import Literals, as_literals, members, to_mask
 from neurosnap.poc.order.pocset import Element, PocSet
 
 Vertex: TypeAlias = NDArray[np.bool_]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.poc.order.masks import members, to_mask
+from neurosnap.poc.order.literal_sets import members, to_mask
 
 
 class CellComplex:

@@ -1,6 +1,6 @@
 """The coherent states of an order as bit masks, for `Cubing` and `ConvexSet`.
 
-Sets of literals are masks (`neurosnap.poc.order.masks`). A *closed* mask holds
+Sets of literals are masks (`neurosnap.poc.order.literal_sets`). A *closed* mask holds
 everything above its literals and all ubiquitous literals, and is coherent; closed masks
 and non-empty convex sets are the same thing ([GK] lemma:supporting halfspace), and a
 vertex is a closed mask that decides every sensor.
@@ -22,8 +22,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.order.literals import Literals, as_literals
-from neurosnap.poc.order.masks import from_mask, members, positive, starred, to_mask
+from neurosnap.poc.order.literal_sets import (
+    Literals,
+    as_literals,
+    from_mask,
+    members,
+    positive,
+    starred,
+    to_mask,
+)
 from neurosnap.poc.order.pocset import PocSet
 
 LISTABLE = 1_000_000

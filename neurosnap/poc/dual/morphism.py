@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.dual.mask_dual import Dual
-from neurosnap.poc.order.literals import Literals
+from neurosnap.poc.order.literal_sets import Literals
 from neurosnap.poc.order.pocset import Element, PocSet
 from neurosnap.sensorium import Sensorium
 

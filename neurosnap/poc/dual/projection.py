@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.dual.mask_dual import LISTABLE, Dual
-from neurosnap.poc.order.literals import Literals
+from neurosnap.poc.order.literal_sets import Literals
 
 
 def nearest(dual: Dual, vertex: int, goal: int) -> int:

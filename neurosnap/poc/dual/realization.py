@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.dual.homology import CellComplex
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.poc.order.literals import Literals, as_literals
+from neurosnap.poc.order.literal_sets import Literals, as_literals
 from neurosnap.poc.order.pocset import PocSet
 from neurosnap.sensorium import Sensorium, complete
 

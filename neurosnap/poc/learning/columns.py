@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.poc.order.literals import Words, from_words, to_words
+from neurosnap.poc.order.literal_sets import Words, from_words, to_words
 from neurosnap.sensorium import WORDS, Sensorium
 
 _CHUNK = 4096

@@ -18,14 +18,14 @@ from neurosnap.poc.learning.automatic_threshold import (
     share_of_changes,
 )
 from neurosnap.poc.learning.columns import Columns
-from neurosnap.poc.learning.counting_kernels import (
+from neurosnap.poc.learning.lazy_counting_kernels import (
     Lag,
     count_newborn,
     count_squares,
     learn_lazily,
     settle_all,
 )
-from neurosnap.poc.learning.pair_counts import OnProgress
+from neurosnap.poc.learning.pair_occasions import OnProgress
 from neurosnap.poc.learning.pairs import Weights
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.sensorium import Sensorium

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.poc.order.kernels import spread
-from neurosnap.poc.order.literals import Words
+from neurosnap.poc.order.literal_set_kernels import spread
+from neurosnap.poc.order.literal_sets import Words
 from neurosnap.system.compiled import njit
 
 Weight: TypeAlias = Any

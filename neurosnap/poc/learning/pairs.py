@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from neurosnap.poc.learning.archive import Arrays, entry
 from neurosnap.poc.learning.graph_kernels import draw
-from neurosnap.poc.order.literals import Words
+from neurosnap.poc.order.literal_sets import Words
 
 _EQUAL, _OPPOSITE = 3, 12
 

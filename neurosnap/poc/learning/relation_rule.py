@@ -2,7 +2,7 @@
 
 The threshold of a snapshot asks how small the weight against an implication is. Rare
 sensors pass it by chance, and noisy ones do not. The rule here asks three things of
-``a -> b``, counted on occasions (`neurosnap.poc.learning.pair_counts`):
+``a -> b``, counted on occasions (`neurosnap.poc.learning.pair_occasions`):
 
 - It can be noise what speaks against it: ``w_ab*`` is at most 4 % of all ticks, and the
   least of the four weights; and at most half of the occasions fail, be it those with
@@ -34,8 +34,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.poc.learning.columns import Columns
-from neurosnap.poc.learning.pair_counts import PairCounts
-from neurosnap.poc.order.literals import Words
+from neurosnap.poc.learning.pair_occasions import PairCounts
+from neurosnap.poc.order.literal_sets import Words
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from neurosnap.poc.learning.columns import Columns
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
-from neurosnap.poc.learning.pair_counts import OnProgress, PairCounts, count_pairs
+from neurosnap.poc.learning.pair_occasions import OnProgress, PairCounts, count_pairs
 from neurosnap.poc.learning.pairs import leads, pair_of, rows_of
 from neurosnap.poc.learning.relation_rule import judge
 from neurosnap.poc.learning.snapshot import Snapshot

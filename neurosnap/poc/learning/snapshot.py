@@ -17,17 +17,11 @@ from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning import graph_kernels as kernels
 from neurosnap.poc.learning.archive import Arrays, entry, pack_arrays, unpack_arrays
 from neurosnap.poc.learning.graph_kernels import Pairs
-from neurosnap.poc.learning.history import Newborn
-from neurosnap.poc.learning.pairs import (
-    Evidence,
-    Weights,
-    leads,
-    pair_of,
-    pairs_of,
-)
-from neurosnap.poc.learning.search import Count, Question, Search
+from neurosnap.poc.learning.history_questions import Count, Question, Search
+from neurosnap.poc.learning.pairs import Evidence, Weights, leads, pair_of, pairs_of
+from neurosnap.poc.learning.reading_history import Newborn
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.poc.order.literals import Words, as_literal
+from neurosnap.poc.order.literal_sets import Words, as_literal
 from neurosnap.sensorium import Sensorium, as_known, complete, pack, unpack
 
 OF_PAIRS = ("joints", "squares", "codes", "since")

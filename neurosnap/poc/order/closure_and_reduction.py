@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.poc.order.kernels import lowest
-from neurosnap.poc.order.literals import Words
+from neurosnap.poc.order.literal_set_kernels import lowest
+from neurosnap.poc.order.literal_sets import Words
 from neurosnap.system.compiled import njit
 
 _ONE = np.uint64(1)

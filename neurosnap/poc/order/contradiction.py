@@ -15,7 +15,7 @@ The exact routines at hand (`networkx.max_weight_clique` of the complement) have
 bound, and want whole weights.
 
 The graph has a vertex for each literal that clashes, in ascending order. Sets of
-vertices are masks, as in `neurosnap.poc.order.masks`.
+vertices are masks, as in `neurosnap.poc.order.literal_sets`.
 """
 
 import math
@@ -29,8 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.poc.order.literals import Literals, as_literals
-from neurosnap.poc.order.masks import from_mask, members
+from neurosnap.poc.order.literal_sets import Literals, as_literals, from_mask, members
 from neurosnap.sensorium import complement
 from neurosnap.system.compiled import njit
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.poc.order import kernels
+from neurosnap.poc.order import literal_set_kernels as kernels
 from neurosnap.poc.order.closure_and_reduction import Order, order_of, wired
-from neurosnap.poc.order.literals import (
+from neurosnap.poc.order.literal_sets import (
     Literals,
     Words,
     as_literal,
@@ -253,8 +253,8 @@ class PocGraph:
         """Return `wiring`, packed: a 64th of the work where few edges are looked at.
 
         Returns:
-            ``(2N, w)``, read-only, as in `neurosnap.poc.order.literals`; the same array
-            every time. The first call takes O(N²/16) time, if the order is known.
+            ``(2N, w)``, read-only, as in `neurosnap.poc.order.literal_sets`; the same
+            array every time. The first call takes O(N²/16) time, if the order is known.
         """
         if kind not in ("hasse", "derived"):
             raise InvalidValueError("kind", 'must be "hasse" or "derived"', kind)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.poc.order.literals import Literals, as_literal, as_literals
+from neurosnap.poc.order.literal_sets import Literals, as_literal, as_literals
 from neurosnap.sensorium import Sensorium, complement
 
 Element: TypeAlias = int | str

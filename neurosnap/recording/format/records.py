@@ -1,6 +1,6 @@
 """Parses and iterates over MCAP records; errors give their file position.
 
-The records in a chunk are walked in `neurosnap.recording.format.chunks`, compiled.
+The records in a chunk are walked in `neurosnap.recording.format.chunk_index`, compiled.
 """
 
 import io

@@ -9,7 +9,7 @@ import numpy as np
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
-from neurosnap.recording.format.chunks import FACTS, ChunkIndex
+from neurosnap.recording.format.chunk_index import FACTS, ChunkIndex
 from neurosnap.recording.format.records import Chunk, damaged_in
 
 M = TypeVar("M")

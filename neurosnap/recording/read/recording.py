@@ -25,16 +25,16 @@ from mcap.opcode import Opcode
 from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.format.chunks import find_record
+from neurosnap.recording.format.chunk_index import find_record
 from neurosnap.recording.format.completeness import (
     Completeness,
     RunningNumbers,
     added_up,
 )
+from neurosnap.recording.format.cuts_and_damage import scan_growth
 from neurosnap.recording.format.records import CLOSING, Chunk, Cut, Layout, opened
-from neurosnap.recording.format.scan import scan_growth
 from neurosnap.recording.read.chunk_messages import M, Recorded, decoded
-from neurosnap.recording.read.file import Noted, RecordingFile, identity
+from neurosnap.recording.read.recording_file import Noted, RecordingFile, identity
 
 
 def part_path(log: Path, number: int) -> Path:

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import msgspec
 
 from neurosnap.recording.format.records import TOTALS, Cut, Layout
-from neurosnap.recording.read.file import RecordingFile
-from neurosnap.recording.read.keyframes import starts
 from neurosnap.recording.read.recording import Recording
+from neurosnap.recording.read.recording_file import RecordingFile
+from neurosnap.recording.read.replay_starts import starts
 
 
 class _Break(NamedTuple):

@@ -14,14 +14,14 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError
-from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.hub_address import Credentials, HubAddress, nearest
-from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.fabric.wait_for_events import wait_any
 from neurosnap.fabric.zenoh.hub import open_hub
+from neurosnap.fabric.zenoh.zenoh_fabric import ZenohFabric
 from neurosnap.recording.read.chunk_messages import Recorded
+from neurosnap.recording.read.random_access_by_tick import TickIndex
 from neurosnap.recording.read.recording import Recording
-from neurosnap.recording.read.tick_index import TickIndex
-from neurosnap.recording.replay.learning import learned_at
+from neurosnap.recording.replay.learn_again import learned_at
 
 _NS = 1e9
 _WATCHERS = 1000

@@ -9,11 +9,11 @@ from pathlib import Path
 import msgspec
 
 from neurosnap.errors import RecordingError
-from neurosnap.recording.read.keyframes import starts
+from neurosnap.recording.read.random_access_by_tick import TickIndex
 from neurosnap.recording.read.recording import Recording
+from neurosnap.recording.read.replay_starts import starts
 from neurosnap.recording.read.stretches import stretches
-from neurosnap.recording.read.tick_index import TickIndex
-from neurosnap.recording.replay.replay import DifferenceError, Replay, start_of
+from neurosnap.recording.replay.compare_derived import DifferenceError, Replay, start_of
 
 
 class Verdict(msgspec.Struct, frozen=True, kw_only=True):

@@ -13,8 +13,8 @@ import msgspec
 from neurosnap.protocol.resume_point import ResumePoint, first_number
 from neurosnap.recording.format.completeness import Completeness, RunningNumbers
 from neurosnap.recording.read.chunk_messages import Recorded
-from neurosnap.recording.read.file import RecordingFile
 from neurosnap.recording.read.recording import Recording
+from neurosnap.recording.read.recording_file import RecordingFile
 from neurosnap.recording.read.stretches import lost_behind, pieces
 from neurosnap.recording.write.writer import Writer
 

@@ -15,8 +15,8 @@ from typing import Protocol
 
 from neurosnap import wire
 from neurosnap.errors import PartDiedError, SwarmError
-from neurosnap.fabric.events import first_of
 from neurosnap.fabric.protocol import Fabric
+from neurosnap.fabric.wait_for_events import first_of
 from neurosnap.runtime.parts.job import decoded
 
 _log = logging.getLogger(__name__)

@@ -10,12 +10,12 @@ from collections.abc import Collection
 import msgspec
 
 from neurosnap.errors import InvalidValueError, SwarmError
-from neurosnap.fabric.events import wait_any
 from neurosnap.fabric.protocol import Fabric
+from neurosnap.fabric.wait_for_events import wait_any
 from neurosnap.protocol.coordinator import Coordinator, Totals
 from neurosnap.protocol.resume_point import ResumePoint, first_number
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.replay.resume import restore
+from neurosnap.recording.replay.find_resume_point import restore
 from neurosnap.runtime.parts.coordinator_loop import Deadlines, run_coordinator
 from neurosnap.runtime.parts.job import PartContext, take_part
 from neurosnap.runtime.recorded_source import recordable

@@ -17,7 +17,7 @@ from neurosnap.health.alarm import Standing
 from neurosnap.health.monitor import Follower
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
-from neurosnap.recording.read.observations import (
+from neurosnap.recording.read.recorded_readings import (
     OwnReadings,
     observations,
     own_readings,

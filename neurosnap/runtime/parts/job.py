@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING, Annotated, Protocol, TypeAlias, TypeVar
 import msgspec
 
 from neurosnap import wire
-from neurosnap.agent.sensor_changes import Changed
+from neurosnap.agent.growth_in_decisions import Changed
 from neurosnap.errors import MessageError, NeurosnapError, PartDiedError
 from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.protocol import Fabric
-from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.fabric.zenoh.zenoh_fabric import ZenohFabric
 
 if TYPE_CHECKING:
     from neurosnap.fabric.in_memory import MemoryHub

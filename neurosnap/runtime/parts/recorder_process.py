@@ -18,8 +18,8 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.errors import NeurosnapError, RecordingError
-from neurosnap.fabric.events import first_of
 from neurosnap.fabric.protocol import Fabric
+from neurosnap.fabric.wait_for_events import first_of
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness

@@ -14,12 +14,12 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.agent.sensor_changes import body_after
+from neurosnap.agent.growth_in_decisions import body_after
 from neurosnap.errors import InvalidValueError, MessageError, ShapeError
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.health.alarm import Standing
-from neurosnap.health.budget import NEVER
-from neurosnap.protocol.anomaly_words import anomaly_line, named_anomaly, with_support
+from neurosnap.health.alarm_budget import NEVER
+from neurosnap.protocol.anomaly_report import anomaly_line, named_anomaly, with_support
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.parts.job import PartContext

@@ -9,10 +9,10 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.fabric.protocol import Fabric
-from neurosnap.protocol.partition import shares
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.protocol.worker import Worker
 from neurosnap.protocol.worker_kernels import warm
+from neurosnap.protocol.worker_shares import shares
 from neurosnap.runtime.parts.job import PartContext, decoded, take_part
 
 

@@ -10,15 +10,15 @@ import msgspec
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import MessageError, NeurosnapError
-from neurosnap.fabric.events import first_of
 from neurosnap.fabric.protocol import Fabric
+from neurosnap.fabric.wait_for_events import first_of
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.protocol.world import World
 from neurosnap.runtime.parts.job import PartContext, decoded, take_part
 from neurosnap.sources.camera import Camera
 from neurosnap.sources.live.journal import Journal
-from neurosnap.sources.live.latest_readings import Bits
+from neurosnap.sources.live.latest_or_late import Bits
 from neurosnap.sources.live.live_source import LiveSource
 from neurosnap.sources.live.remote_source import RemoteSource
 from neurosnap.sources.live.zenoh_source import Hub

@@ -35,7 +35,7 @@ import numpy as np
 from neurosnap import wire
 from neurosnap.errors import NeurosnapError, ShapeError
 from neurosnap.sources.live.journal import Journal, JournalRow, Readings, Taken
-from neurosnap.sources.live.latest_readings import Bits, LatestReadings
+from neurosnap.sources.live.latest_or_late import Bits, ClockMapping, LatestReadings
 from neurosnap.sources.live.statistics import Fate, Refusals, Statistics
 from neurosnap.sources.live.tick_schedule import TickSchedule
 from neurosnap.sources.protocol import Observed
@@ -45,8 +45,6 @@ WAITING = 1 << 16
 ROOM = 1024
 """Readings that wait when a feeder that can hold its writer back does so."""
 
-TOLERANCE = 1.0
-"""Seconds that clocks may differ by before one was put right."""
 SLOW = 30
 """Ticks in a row that are due before they are asked for, when the run is too slow."""
 _SLOW = (
@@ -598,26 +596,3 @@ def unknown(sensor: str) -> str:
         f"sensor: must be one the run began with, got {sensor[:100]!r}"
         " (name it among the sensors and start again)"
     )
-
-
-class ClockMapping:
-    """Converts stamps; equal ones stay equal, and in order they stay in order.
-
-    The difference of the two clocks is kept until it is clearly another one, because
-    the wall clock was put right: taken anew for each stamp it would jitter, and so
-    put equal ones in some order.
-
-    Args:
-        now: The clock that never goes back.
-        wall: Seconds since the epoch, at the same moment.
-    """
-
-    def __init__(self, now: float, wall: float) -> None:
-        self._offset = now - wall
-
-    def on_our_clock(self, at: float, now: float, wall: float) -> float:
-        """Return what our clock showed at `at`, in seconds since the epoch."""
-        offset = now - wall
-        if abs(offset - self._offset) > TOLERANCE:
-            self._offset = offset
-        return at + self._offset

@@ -17,7 +17,7 @@ import msgspec
 from neurosnap.errors import NeurosnapError, PartDiedError
 from neurosnap.sensorium import unpack
 from neurosnap.sources.live.journal import JournalRow
-from neurosnap.sources.live.latest_readings import Bits
+from neurosnap.sources.live.latest_or_late import Bits
 from neurosnap.sources.protocol import Observed
 
 _PATIENCE = 20.0  # seconds until the intake answers: it may be coming back

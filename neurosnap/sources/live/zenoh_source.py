@@ -33,8 +33,8 @@ from neurosnap import wire
 from neurosnap.errors import FabricError, InvalidValueError, NeurosnapError, within
 from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.roles import READING
+from neurosnap.fabric.zenoh.connect_session import connecting, reason_of
 from neurosnap.fabric.zenoh.discovery import id_of
-from neurosnap.fabric.zenoh.session import connecting, reason_of
 from neurosnap.sources.live.json_reading import LIMIT, hand_in, read_on, too_long
 from neurosnap.sources.live.live_source import LiveSource
 

@@ -35,7 +35,7 @@ from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
 
 from neurosnap.errors import InvalidValueError, NeurosnapError
-from neurosnap.fabric.events import wait_any
+from neurosnap.fabric.wait_for_events import wait_any
 from neurosnap.sources.mqtt.options import MqttBroker
 from neurosnap.sources.mqtt.outbox import TOGETHER, Outbox, Outgoing
 

@@ -18,7 +18,7 @@ from contextlib import suppress
 
 from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.sources.live.journal import Journal
-from neurosnap.sources.live.latest_readings import LatestReadings
+from neurosnap.sources.live.latest_or_late import LatestReadings
 from neurosnap.sources.live.live_source import LiveSource
 from neurosnap.sources.mqtt.connection import MqttLink
 from neurosnap.sources.mqtt.options import MqttOptions, MqttSensor

@@ -9,14 +9,14 @@ from gymnasium.spaces import Discrete
 
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body
-from neurosnap.agent.policies import Walker, new_policy
 from neurosnap.agent.policy import AgentKind
+from neurosnap.agent.policy_kinds import Walker, new_policy
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.sensorium import Sensorium
 from tests.support.strategies import as_set
-from world.making import Target
 from world.path_and_cycle import PathWorld
+from world.worlds_with_targets import Target
 
 BODY = Body.full(["a", "b"], ["x", "y"])
 

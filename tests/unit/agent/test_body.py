@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.agent.actions import Actions
+from neurosnap.agent.agent_observation import Senses
 from neurosnap.agent.body import Body, Context
-from neurosnap.agent.senses import Senses
 from neurosnap.errors import InvalidValueError
 
 

@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from neurosnap.agent.agent_observation import Senses
 from neurosnap.agent.body import Body, Context
 from neurosnap.agent.grower import LONGEST, Grower
-from neurosnap.agent.senses import Senses
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.learning.history import History
-from neurosnap.poc.learning.search import answered
+from neurosnap.poc.learning.history_questions import answered
+from neurosnap.poc.learning.reading_history import History
 from neurosnap.sensorium import complete
 
 Bits = NDArray[np.bool_]

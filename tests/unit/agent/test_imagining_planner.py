@@ -12,7 +12,7 @@ from neurosnap.agent.experience import Experience
 from neurosnap.agent.imagining_planner import ImaginingPlanner
 from neurosnap.agent.policy import Signal
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.learning.search import answered
+from neurosnap.poc.learning.history_questions import answered
 from neurosnap.poc.order.graph import PocGraph
 from tests.support.agent_oracles import complete, known, view
 

@@ -7,8 +7,8 @@ from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body
 from neurosnap.agent.growth import Growth
 from neurosnap.agent.retirement import is_needless
-from neurosnap.poc.learning.history import History
-from neurosnap.poc.learning.search import Search, answered
+from neurosnap.poc.learning.history_questions import Search, answered
+from neurosnap.poc.learning.reading_history import History
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.order.graph import PocGraph
 from world.toy_text import cliff_walking

@@ -18,8 +18,8 @@ from neurosnap.errors import InvalidValueError, SwarmError
 from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
 from neurosnap.poc.order.graph import WiringKind
 from neurosnap.protocol.cell import Cell
-from neurosnap.protocol.partition import hosts, shares
 from neurosnap.protocol.worker import Worker
+from neurosnap.protocol.worker_shares import hosts, shares
 from tests.support.memory_hubs import run_out
 from tools.simulate.simulated_hub import SimulatedHub
 

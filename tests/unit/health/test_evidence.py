@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.health.budget import parse_budget, shares
+from neurosnap.health.alarm_budget import parse_budget, shares
 from neurosnap.health.evidence import CLOCKS, KINDS, SUMS, JudgedSteps, follow, peaks
 from neurosnap.health.expectation import features, fitted, learned
-from neurosnap.health.steps import DAY, STEP, parts_of_day, steps_of
-from neurosnap.health.tail import MEAN, RATE, SHAPE, START, tail_of, weekly
+from neurosnap.health.tail_probability import MEAN, RATE, SHAPE, START, tail_of, weekly
+from neurosnap.health.ten_minute_steps import DAY, STEP, parts_of_day, steps_of
 
 
 def level(tail: np.ndarray, times: float) -> float:

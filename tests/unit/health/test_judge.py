@@ -5,7 +5,7 @@ import pytest
 
 from neurosnap.health.evidence import CHATTER, KINDS, LESS, MORE, SILENT, STUCK
 from neurosnap.health.judge import WELL, Judge
-from neurosnap.health.steps import DAY, STEP, WEEK
+from neurosnap.health.ten_minute_steps import DAY, STEP, WEEK
 
 OFF, ON = np.zeros(1, np.int32), np.ones(1, np.int32)
 VALID = np.ones(1, np.bool_)

@@ -4,7 +4,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.protocol.cell import Cell
-from neurosnap.protocol.wave import DEEPEST
+from neurosnap.protocol.wave_settling import DEEPEST
 from tests.support.wave_messages import LARGEST
 
 OWN = 2  # the literal of sensor 1
@@ -91,7 +91,7 @@ def test_what_cannot_be_right_is_a_fault_and_changes_nothing(
 def test_what_cannot_come_about_is_forgotten_at_the_first_announcement(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("neurosnap.protocol.host.WAVES", 3)
+    monkeypatch.setattr("neurosnap.protocol.cell_and_worker_base.WAVES", 3)
     cell = Cell(1)
     # Before any was announced to all, a wave may have any number.
     assert cell.receive([pulse(1000), pulse(9000), pulse(10_000)]) == []

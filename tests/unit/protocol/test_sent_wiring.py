@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from neurosnap import wire
 from neurosnap.errors import MessageError
 from neurosnap.protocol.cell import Cell
-from neurosnap.protocol.wave_control import SentWiring
+from neurosnap.protocol.wiring_and_waves import SentWiring
 from tests.support.edges import edge_list
 from tests.support.swarm_parts import Host, hosting, keys_of
 from tests.support.wave_messages import packed

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError
-from neurosnap.protocol.partition import shares
 from neurosnap.protocol.worker import Worker
+from neurosnap.protocol.worker_shares import shares
 from tests.support.wave_messages import packed, share, start, state_wave
 from tests.support.worker_messages import (
     ME,

@@ -5,8 +5,8 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
-from neurosnap.poc.learning.bands import head_of
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
+from neurosnap.poc.learning.snapshot_bands import head_of
 from neurosnap.protocol.key_frames import bands_of
 from neurosnap.protocol.worker_learning import WorkerLearning
 

@@ -4,7 +4,7 @@ import msgspec
 import pytest
 
 from neurosnap import wire
-from neurosnap.protocol.wave import DEEPEST
+from neurosnap.protocol.wave_settling import DEEPEST
 from tests.support.wave_messages import packed, start, state_wave
 from tests.support.worker_messages import (
     ME,
@@ -97,7 +97,7 @@ def test_more_pulses_than_may_wait_are_refused(monkeypatch: pytest.MonkeyPatch) 
 def test_more_batches_than_are_remembered_are_refused_until_waves_settle(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("neurosnap.protocol.host.REMEMBERED", 2)
+    monkeypatch.setattr("neurosnap.protocol.cell_and_worker_base.REMEMBERED", 2)
     worker = wired()
     worker.receive([start(1, 6)])
     for part in (0, 1):
@@ -112,7 +112,7 @@ def test_more_batches_than_are_remembered_are_refused_until_waves_settle(
 def test_more_waves_than_may_be_in_flight_are_refused_until_some_settle(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("neurosnap.protocol.host.WAVES", 3)
+    monkeypatch.setattr("neurosnap.protocol.cell_and_worker_base.WAVES", 3)
     worker = wired()
     waiting = [batch((0, 8, 1, 1), wave=wave) for wave in (2, 3, 4, 5)]
     (fault,) = worker.receive(waiting)

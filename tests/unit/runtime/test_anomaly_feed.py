@@ -7,11 +7,11 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
+from neurosnap.agent.growth_in_decisions import Changed
 from neurosnap.agent.memory import AgentMemory
-from neurosnap.agent.sensor_changes import Changed
 from neurosnap.fabric.protocol import Handler
 from neurosnap.fabric.zenoh.discovery import FoundSwarm
-from neurosnap.protocol.anomaly_words import NamedAnomaly
+from neurosnap.protocol.anomaly_report import NamedAnomaly
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.anomaly_feed import Fed, _Alarms, _Incarnation
 from neurosnap.runtime.parts.coordinator_process import RunDescription

@@ -10,7 +10,8 @@ from typing import Any, Self
 import pytest
 
 from neurosnap.errors import NothingBegunError
-from neurosnap.runtime import compilation, run
+from neurosnap.runtime import compilation
+from neurosnap.runtime import run_with_restarts as runs
 from neurosnap.runtime.request import RunRequest
 from tests.support.restart_runs import options_of
 
@@ -60,12 +61,12 @@ async def test_no_part_starts_before_all_is_compiled_and_it_is_compiled_once(
         begun.append(list(compiler.started))
         return "done"
 
-    monkeypatch.setattr(run, "run_journaled", begin)
-    running = asyncio.create_task(run.run(RunRequest(options_of(3)), asyncio.Event()))
+    monkeypatch.setattr(runs, "run_journaled", begin)
+    running = asyncio.create_task(runs.run(RunRequest(options_of(3)), asyncio.Event()))
     await compiler.begun.wait()
     assert not begun
     compiler.ended.set()
-    assert await running == await run.run(RunRequest(options_of(3)), asyncio.Event())
+    assert await running == await runs.run(RunRequest(options_of(3)), asyncio.Event())
     assert begun == [["compiler"], ["compiler"]]
 
 

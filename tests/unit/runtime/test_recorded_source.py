@@ -24,7 +24,7 @@ from neurosnap.runtime.parts.recorder_process import describe
 from neurosnap.runtime.recorded_source import reopened
 from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.restart_files import RestartFiles
-from neurosnap.runtime.run import resumed, run
+from neurosnap.runtime.run_with_restarts import resumed, run
 from neurosnap.sources.open import MQTT, STDIN, ZENOH, mqtt_options
 from tests.support.restart_runs import options_of
 from tests.support.run_options import options_for

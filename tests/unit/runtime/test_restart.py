@@ -8,10 +8,10 @@ import pytest
 
 from neurosnap.errors import PartDiedError, SwarmError
 from neurosnap.recording.replay.verify import verify
-from neurosnap.runtime import run as restart
+from neurosnap.runtime import run_with_restarts as restart
 from neurosnap.runtime.request import Outcome, RunRequest, Supervision, Watcher
 from neurosnap.runtime.restart_files import RestartFiles
-from neurosnap.runtime.run import Lives, Restarts, run
+from neurosnap.runtime.run_with_restarts import Lives, Restarts, run
 from tests.support.restart_runs import names, options_of
 
 TICKS = 12

@@ -12,7 +12,7 @@ from neurosnap.protocol.run_options import SMALLEST, RunOptions
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.restart_files import RestartFiles
-from neurosnap.runtime.run import run
+from neurosnap.runtime.run_with_restarts import run
 from tests.support.restart_runs import names, options_of
 from tests.support.rewritten_recordings import flipped
 

@@ -8,7 +8,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import InvalidValueError, SwarmError
-from neurosnap.fabric.zenoh.client import ZenohFabric
+from neurosnap.fabric.zenoh.zenoh_fabric import ZenohFabric
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.runtime import remote_parts, service

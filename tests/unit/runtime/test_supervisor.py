@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from neurosnap.agent.sensor_changes import Changed
+from neurosnap.agent.growth_in_decisions import Changed
 from neurosnap.health.alarm import AlarmProgress, Standing
 from neurosnap.runtime.child_processes import ChildProcesses, without_main
 from neurosnap.runtime.parts.job import (

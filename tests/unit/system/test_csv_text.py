@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from neurosnap.apps.export.table import Column, write_csv
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import visible
-from neurosnap.sources.csv_file import as_text, as_written
+from neurosnap.sources.csv_cells_and_formulas import as_text, as_written
 from neurosnap.sources.open import open_source
 
 EVIL = "=cmd|'/c calc'!A1"

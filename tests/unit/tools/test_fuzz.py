@@ -8,7 +8,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.fabric.in_memory import MemoryHub
-from neurosnap.protocol.host import check_readings
+from neurosnap.protocol.cell_and_worker_base import check_readings
 from neurosnap.runtime.parts.job import decoded
 from tests.support.exhaustive import rows
 from tests.support.memory_hubs import run_out

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
 from world.grid import GridWorld
-from world.making import Target, distances_to
 from world.path_and_cycle import CycleWorld, PathWorld, RandomFieldsWorld
 from world.places import PlacesWorld
+from world.worlds_with_targets import Target, distances_to
 
 WORLDS = [
     lambda: PathWorld(places=9, wait=True),

@@ -5,9 +5,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.health.learning import ACTIVATIONS
+from neurosnap.health.learn_normal import ACTIVATIONS
+from tools.paper.homes.flagged_sensors import HOUR, Mention, joined
 from tools.paper.homes.home import Home
-from tools.paper.homes.mention import HOUR, Mention, joined
 
 Flags = NDArray[np.bool_]
 Floats = NDArray[np.float64]

@@ -9,25 +9,11 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from tools.paper.homes.faults import (
-    LONG,
-    SEVERAL,
-    SINGLE,
-    affected,
-    faulty,
-    with_false,
-)
+from tools.paper.homes.faults import LONG, SEVERAL, SINGLE, affected, faulty, with_false
+from tools.paper.homes.flagged_sensors import HOUR, Mention
+from tools.paper.homes.health_monitor_method import SEGMENT
 from tools.paper.homes.home import Home, homes_in
-from tools.paper.homes.mention import HOUR, Mention
-from tools.paper.homes.methods import (
-    HORIZON,
-    METHODS,
-    WEEK,
-    Bench,
-    bench,
-    credited,
-)
-from tools.paper.homes.ours import SEGMENT
+from tools.paper.homes.methods import HORIZON, METHODS, WEEK, Bench, bench, credited
 from tools.paper.table import Entry
 
 Rows = NDArray[np.float64]

@@ -7,15 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from tools.paper.homes.baselines import (
-    Groups,
-    Logistic,
-    Silence,
-    known,
-)
+from tools.paper.homes.baselines import Groups, Logistic, Silence, known
+from tools.paper.homes.flagged_sensors import Mention, Method
+from tools.paper.homes.health_monitor_method import SEGMENT, Ours, Watched
 from tools.paper.homes.home import Home, read_home
-from tools.paper.homes.mention import Mention, Method
-from tools.paper.homes.ours import SEGMENT, Ours, Watched
 
 LEARNED = 300 * 3600.0
 """Seconds at the beginning of a home that are only learned from."""

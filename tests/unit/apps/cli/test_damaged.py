@@ -6,7 +6,7 @@ import pytest
 
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.recording.read.recording import Recording, part_paths
-from neurosnap.recording.replay.resume import find_resume_point
+from neurosnap.recording.replay.find_resume_point import find_resume_point
 from neurosnap.recording.write.rotation import Split
 from tests.support.command_line import call, flat
 from tests.support.recorded_runs import in_chunks, path_run, recorded

@@ -7,7 +7,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from neurosnap.apps.cli import app
-from neurosnap.apps.cli.options import (
+from neurosnap.apps.cli.run_flags import (
     AGENT,
     CELLS,
     LEARNING,

@@ -17,7 +17,7 @@ from neurosnap.apps.config.tables import Config, flattened
 from neurosnap.apps.config.validate import known_keys, problems
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.discounted import DiscountedSnapshot
-from neurosnap.protocol.option import declared
+from neurosnap.protocol.option_declaration import declared
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.sensorium import Sensorium
 from tools.json_schema import schema

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from neurosnap import wire
 from neurosnap.agent.plan import Plan, plan_reason, plan_told
 from neurosnap.apps.viewer import api
-from neurosnap.apps.viewer.history import RunHistory
+from neurosnap.apps.viewer.background_reading import RunHistory
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.waves import first_shown, plan_of
 from neurosnap.runtime.request import RunRequest
-from neurosnap.runtime.run import run
+from neurosnap.runtime.run_with_restarts import run
 from tests.support.lamp import BIRTH, GROWN, lamp_options
 
 TICKS, SENSORS = 120, 24

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
-from neurosnap.poc.learning.history import Newborn
+from neurosnap.poc.learning.reading_history import Newborn
 
 A, B, C = 0, 2, 4
 """The literals that say that the sensors are on."""

@@ -5,9 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.poc.learning.columns import Columns
-from neurosnap.poc.learning.history import History
-from neurosnap.poc.learning.pair_counts import count_pairs
+from neurosnap.poc.learning.pair_occasions import count_pairs
 from neurosnap.poc.learning.pairs import pair_of
+from neurosnap.poc.learning.reading_history import History
 
 SENSORS, LENGTH = 3, 64
 TICKS = st.lists(

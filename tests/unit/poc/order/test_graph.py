@@ -8,7 +8,7 @@ import pytest
 
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.poc.order.literals import to_words
+from neurosnap.poc.order.literal_sets import to_words
 from neurosnap.poc.order.pocset import PocSet
 from neurosnap.sensorium import Sensorium
 

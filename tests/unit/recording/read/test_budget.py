@@ -10,7 +10,7 @@ from mcap.records import Chunk, Header, Metadata
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
-from neurosnap.recording.format import chunks, records
+from neurosnap.recording.format import chunk_index, records
 from neurosnap.recording.format.records import MAGIC, RUN, sealed_facts
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
@@ -32,13 +32,13 @@ def _small(monkeypatch: pytest.MonkeyPatch) -> None:
 def unpacked(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Return the sizes of all chunks that are unpacked from now on."""
     sizes: list[int] = []
-    unpack = chunks._unpack_zstd
+    unpack = chunk_index._unpack_zstd
 
     def noted(packed: bytes, size: int) -> bytes:
         sizes.append(size)
         return unpack(packed, size)
 
-    monkeypatch.setattr(chunks, "_unpack_zstd", noted)
+    monkeypatch.setattr(chunk_index, "_unpack_zstd", noted)
     return sizes
 
 

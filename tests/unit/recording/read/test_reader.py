@@ -11,15 +11,9 @@ from mcap.writer import Writer as McapWriter
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
-from neurosnap.recording.format.chunks import unpack
+from neurosnap.recording.format.chunk_index import unpack
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.recording.format.records import (
-    PROFILE,
-    RUN,
-    TOTALS,
-    Chunk,
-    sealed_facts,
-)
+from neurosnap.recording.format.records import PROFILE, RUN, TOTALS, Chunk, sealed_facts
 from neurosnap.recording.read import ticks as module
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.ticks import ticks
@@ -69,7 +63,7 @@ def test_chunks_without_the_topic_are_not_unpacked(
         unpacked.append(chunk.number)
         return unpack(log, file, chunk)
 
-    monkeypatch.setattr("neurosnap.recording.format.chunks.unpack", note)
+    monkeypatch.setattr("neurosnap.recording.format.chunk_index.unpack", note)
     assert len(list(recording.messages({"observation"}))) == 5
     assert unpacked == [1, 3, 5, 7, 9]
     unpacked.clear()

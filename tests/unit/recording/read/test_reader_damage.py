@@ -16,10 +16,10 @@ from mcap.records import Chunk, Header, Message, Metadata
 from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.recording.format.completeness import Completeness
+from neurosnap.recording.format.cuts_and_damage import scan, scan_growth, scan_index
 from neurosnap.recording.format.records import LIMIT, RUN, TOTALS, Cut, sealed_facts
-from neurosnap.recording.format.scan import scan, scan_growth, scan_index
-from neurosnap.recording.read.file import RecordingFile
 from neurosnap.recording.read.recording import Recording
+from neurosnap.recording.read.recording_file import RecordingFile
 from neurosnap.recording.write import writer
 from tests.support.exhaustive import rows
 from tests.support.recordings import EACH, delivered, record, traffic

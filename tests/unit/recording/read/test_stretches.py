@@ -13,8 +13,8 @@ from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.recording.format.records import Chunk
 from neurosnap.recording.read.recording import Recording, part_path, part_paths
-from neurosnap.recording.replay.learning import snapshot_at
-from neurosnap.recording.replay.resume import find_resume_point, whole_ticks
+from neurosnap.recording.replay.find_resume_point import find_resume_point, whole_ticks
+from neurosnap.recording.replay.learn_again import snapshot_at
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.copying import salvage
 from neurosnap.recording.write.rotation import Split, SplitWriter

@@ -20,7 +20,7 @@ from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording, part_paths
-from neurosnap.recording.replay.resume import find_resume_point
+from neurosnap.recording.replay.find_resume_point import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.copying import salvage
 from neurosnap.recording.write.fsync_thread import FsyncThread

@@ -15,7 +15,7 @@ from neurosnap.errors import RecordingError
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording, part_path, part_paths
-from neurosnap.recording.replay.resume import find_resume_point
+from neurosnap.recording.replay.find_resume_point import find_resume_point
 from neurosnap.recording.replay.verify import verify
 from neurosnap.recording.write.rotation import LATE, Split, SplitWriter
 from neurosnap.runtime.parts.recorder_process import split_of

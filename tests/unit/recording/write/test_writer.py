@@ -9,7 +9,7 @@ from mcap.reader import make_reader
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
-from neurosnap.recording.format.chunks import index_chunk
+from neurosnap.recording.format.chunk_index import index_chunk
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer

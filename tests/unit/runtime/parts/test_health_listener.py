@@ -14,7 +14,7 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.health.alarm import Standing
 from neurosnap.health.monitor import Follower
-from neurosnap.health.steps import STEP
+from neurosnap.health.ten_minute_steps import STEP
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.parts import health_listener
 from neurosnap.runtime.parts.health_listener import HealthListener, Past

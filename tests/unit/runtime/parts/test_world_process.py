@@ -18,7 +18,7 @@ from neurosnap.protocol.world import World
 from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime.parts.world_process import run_world
 from neurosnap.runtime.request import RunRequest, Watcher
-from neurosnap.runtime.run import run
+from neurosnap.runtime.run_with_restarts import run
 from neurosnap.sensorium import pack
 from tests.support.patience import PATIENCE
 from tests.support.scripted_sources import Live, Scripted

@@ -10,14 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.errors import FabricError
-from neurosnap.sources.live.latest_readings import LatestReadings
-from neurosnap.sources.live.live_source import (
-    ROOM,
-    SLOW,
+from neurosnap.sources.live.latest_or_late import (
     TOLERANCE,
     ClockMapping,
-    LiveSource,
+    LatestReadings,
 )
+from neurosnap.sources.live.live_source import ROOM, SLOW, LiveSource
 from neurosnap.sources.live.tick_schedule import Clocked, OnChange, TickSchedule
 from neurosnap.sources.protocol import Observed
 from tests.support.fake_time import FakeTime, Told, timed

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from neurosnap.errors import NeurosnapError
 from neurosnap.sources.live.journal import Journal, read_journal
-from neurosnap.sources.live.latest_readings import LatestReadings
+from neurosnap.sources.live.latest_or_late import LatestReadings
 from neurosnap.sources.live.live_source import ROOM, LiveSource
 from neurosnap.sources.live.tick_schedule import Clocked, OnChange, TickSchedule
 from neurosnap.wire import Outage, Received

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.sources.live import stdin_source
-from neurosnap.sources.live.latest_readings import LatestReadings
+from neurosnap.sources.live.latest_or_late import LatestReadings
 from neurosnap.sources.live.live_source import ROOM, LiveSource
 from neurosnap.sources.live.stdin_source import Lines, StdinFeeder, first_line, names_in
 from neurosnap.sources.live.tick_schedule import OnChange

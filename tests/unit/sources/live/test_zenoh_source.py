@@ -8,7 +8,7 @@ import zenoh
 from neurosnap.errors import InvalidValueError
 from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.sources.live.json_reading import LIMIT
-from neurosnap.sources.live.latest_readings import LatestReadings
+from neurosnap.sources.live.latest_or_late import LatestReadings
 from neurosnap.sources.live.live_source import ROOM, LiveSource
 from neurosnap.sources.live.tick_schedule import Clocked
 from neurosnap.sources.live.zenoh_source import ZenohFeeder, hand_over

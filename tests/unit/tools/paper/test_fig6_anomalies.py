@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
-from neurosnap.protocol.anomaly import AnomalyDetector
+from neurosnap.protocol.anomaly_detector import AnomalyDetector
 from neurosnap.sensorium import complete
 from tools.paper import fig6_anomalies
 from tools.paper.fault_detection import (
@@ -21,14 +21,7 @@ from tools.paper.fault_detection import (
 )
 from tools.paper.fig6_anomalies import scored
 from tools.paper.figure import FigureOptions
-from tools.paper.sensor_faults import (
-    FAULTS,
-    PLACES,
-    Episode,
-    course,
-    faults,
-    seen,
-)
+from tools.paper.sensor_faults import FAULTS, PLACES, Episode, course, faults, seen
 
 pytestmark = pytest.mark.slow
 

@@ -20,17 +20,8 @@ from tools.paper.growing import (
     GrowthEntry,
     Method,
 )
-from tools.paper.stages import (
-    Setting,
-    StageEnv,
-    settings,
-    stage_of,
-)
-from tools.paper.tabular import (
-    PlaceTable,
-    follow,
-    q_learning,
-)
+from tools.paper.tabular import PlaceTable, follow, q_learning
+from tools.paper.worlds_as_tables import Setting, StageEnv, settings, stage_of
 
 pytestmark = [pytest.mark.slow, pytest.mark.exhaustive]
 

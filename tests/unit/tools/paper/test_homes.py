@@ -16,15 +16,9 @@ from tools.paper import fig8_homes, run
 from tools.paper.figure import FigureOptions
 from tools.paper.homes import cases, simulated
 from tools.paper.homes.baselines import Groups, Silence
-from tools.paper.homes.faults import (
-    SINGLE,
-    affected,
-    differing,
-    faulty,
-    with_false,
-)
+from tools.paper.homes.faults import SINGLE, affected, differing, faulty, with_false
+from tools.paper.homes.flagged_sensors import Mention, joined
 from tools.paper.homes.home import Home, merged, read_home
-from tools.paper.homes.mention import Mention, joined
 from tools.paper.homes.methods import METHODS, Bench, credited
 from tools.paper.homes.simulated import simulated_home
 

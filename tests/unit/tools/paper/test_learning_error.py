@@ -11,16 +11,10 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
 from neurosnap.poc.learning.pairs import rows_of
-from neurosnap.poc.order.literals import from_words
+from neurosnap.poc.order.literal_sets import from_words
 from tests.support.edges import edge_matrix, learned_edges
 from tools.paper.learning_error import LearningEntry, new_snapshot
-from tools.paper.walks import (
-    SETTINGS,
-    codes_of,
-    stationary,
-    thresholded,
-    walk,
-)
+from tools.paper.walks import SETTINGS, codes_of, stationary, thresholded, walk
 
 Fields = NDArray[np.bool_]
 

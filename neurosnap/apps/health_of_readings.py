@@ -1,0 +1,117 @@
+"""Finds broken sensors of a home in its recorded readings."""
+
+from collections.abc import Iterable, Iterator
+
+import msgspec
+
+from neurosnap.health.alarm import Alarm, AlarmProgress, News, SensorHealth, told
+from neurosnap.health.monitor import Follower
+from neurosnap.recording.read.recorded_readings import OwnReadings, observations
+from neurosnap.recording.read.recording import Recording
+from neurosnap.sources.readings import Readings, seconds_of
+from neurosnap.system.local_time import check_zone
+
+
+class Raised(msgspec.Struct, frozen=True):
+    """An alarm, and its end."""
+
+    alarm: Alarm
+    line: str
+    """The alarm in words."""
+    ended: str | None
+    """When the sensor was well again, or its next alarm began; None if in force."""
+    became: str | None
+    """The kind of that next alarm; None if there is none."""
+
+
+class HealthLog(msgspec.Struct, frozen=True):
+    """All that a monitor said of a home."""
+
+    alarms: list[Raised]
+    sensors: list[SensorHealth]
+    """How each sensor is at the end."""
+    progress: AlarmProgress
+    budget: str
+
+    def lines(self) -> Iterator[str]:
+        """Yield it for people, a line each."""
+        for raised in self.alarms:
+            yield f"{told(raised.alarm.step + 1, raised.alarm.zone)}  {raised.line}{_end_of(raised)}"
+        yield self.progress.line()
+        bad = sum(raised.ended is None for raised in self.alarms)
+        count = len(self.alarms)
+        alarms = "1 alarm" if count == 1 else f"{count} alarms"
+        yield f"{alarms}, {bad} in force (budget {self.budget})"
+
+
+def health_of(
+    found: Recording | Readings, budget: str, zone: str | None = None
+) -> HealthLog:
+    """Return what a monitor says of a home, by a recording or a table of readings.
+
+    Args:
+        found: What the home's own sensors read, and when.
+        budget: Of alarms, such as ``1/week``.
+        zone: The home's time zone; if None, the one that `found` has.
+
+    Raises:
+        InvalidValueError: The budget or the zone is none; or a table has no times, or
+            not in order.
+        RecordingError: The recording is damaged, or not a run's.
+    """
+    if zone is not None:
+        check_zone(zone)
+    readings: Iterator[OwnReadings]
+    if isinstance(found, Recording):
+        names, theirs = found.options.body.own, found.options.zone
+        readings = (each for _, each in observations(found))
+    else:
+        names, theirs = found.columns.sensorium.names, found.zone
+        readings = _rows(found)
+    return follow(readings, Follower(names, budget, zone or theirs), budget)
+
+
+def _rows(readings: Readings) -> Iterator[OwnReadings]:
+    for tick, at in enumerate(seconds_of(readings).tolist()):
+        yield OwnReadings(at, *readings.columns.row(tick))
+
+
+def follow(
+    readings: Iterable[OwnReadings], follower: Follower, budget: str
+) -> HealthLog:
+    """Return what a monitor says of a home, from the first observation to the last.
+
+    Args:
+        readings: In order.
+        follower: Has followed nothing yet.
+        budget: Of alarms, that it keeps.
+
+    Raises:
+        InvalidValueError: What the readings raise.
+    """
+    raised: list[Raised] = []
+    for each in readings:
+        for news in follower.observe(each.on, each.known, each.at, begins=each.begins):
+            _end(raised, news)
+            if (alarm := news.alarm) is not None:
+                raised.append(Raised(alarm, alarm.line(), None, None))
+    monitor = follower.monitor
+    return HealthLog(raised, monitor.sensors, monitor.progress, budget)
+
+
+def _end(raised: list[Raised], news: News) -> None:
+    """Note that the alarm of a sensor, if there is one, ended."""
+    became = None if news.alarm is None else news.alarm.kind
+    for place, each in enumerate(raised):
+        if each.ended is None and each.alarm.sensor == news.sensor:
+            raised[place] = msgspec.structs.replace(
+                each, ended=told(news.step, news.zone), became=became
+            )
+
+
+def _end_of(raised: Raised) -> str:
+    if raised.ended is None:
+        return ""
+    if raised.became is None:
+        return f" Well again {raised.ended}."
+    return f" Became {raised.became!r} {raised.ended}."

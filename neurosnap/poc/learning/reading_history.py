@@ -1,0 +1,199 @@
+"""The last readings of every sensor, as bits, and counts over them.
+
+A sensor that is grown later is a function of what was read before. With the history its
+weights can start as if it had been there as long as the history goes back.
+
+A *ring* says which of the last ticks something was so, one bit a tick. Tick ``t``,
+counted from 0, is bit ``t % 64`` of word ``t // 64 % W``; so a ring of ``W`` words
+keeps ``R = 64 W`` ticks, and the next takes the place of the oldest.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.poc.learning.archive import Arrays, entry, rows_in
+from neurosnap.poc.learning.history_questions import Answer, Count, Question
+from neurosnap.poc.order.literal_sets import Words
+
+_ONE, _TOP = np.uint64(1), np.uint64(63)
+
+
+class Newborn(NamedTuple):
+    """What is known of a sensor that is grown, of its pairs with those before it."""
+
+    ticks: int
+    """How long the history is."""
+    squares: NDArray[Any]
+    """``(4, sensor)``: the weights ``w_ij, w_ij*, w_i*j, w_i*j*``, itself first."""
+    codes: NDArray[np.uint8]
+    """``(sensor,)``: what follows from them; see `neurosnap.poc.learning.pairs`.
+    """
+
+
+class History:
+    """A ring of observations: which sensors read on, and which read off.
+
+    Both are rings. A reading that was unknown is in neither.
+
+    Args:
+        sensors: How many there are.
+        length: Ticks kept, a multiple of 64.
+
+    Attributes:
+        on: ``(W, N)``: the ticks at which each sensor read on.
+        off: ``(W, N)``: at which it read off.
+        tick: The last tick it holds, counted from 1; 0: none.
+
+    Raises:
+        InvalidValueError: `length` is no multiple of 64 from 64 up.
+    """
+
+    def __init__(self, sensors: int, length: int) -> None:
+        if length < 64 or length % 64:
+            rule = "must be a multiple of 64 from 64 up"
+            raise InvalidValueError("history", rule, length)
+        self.on: Words = np.zeros((length // 64, sensors), np.uint64)
+        self.off = self.on.copy()
+        self.tick = 0
+
+    @property
+    def length(self) -> int:
+        """How many ticks it keeps."""
+        return 64 * len(self.on)
+
+    @property
+    def ticks(self) -> int:
+        """How many ticks it holds."""
+        return min(self.tick, self.length)
+
+    def record(
+        self, bits: NDArray[np.bool_], known: NDArray[np.bool_] | None = None
+    ) -> None:
+        """Record an observation, ``(N,)``, in the place of the oldest. O(N) time."""
+        word, place = self.tick // 64 % len(self.on), np.uint64(self.tick % 64)
+        off = ~bits
+        if known is not None:
+            bits, off = bits & known, off & known
+        for ring, flags in (self.on, bits), (self.off, off):
+            row = ring[word]
+            row &= ~(_ONE << place)
+            row |= flags.astype(np.uint64) << place
+        self.tick += 1
+
+    def ticks_of(self, literal: int) -> Words:
+        """Return ``(W,)``, the ticks at which `literal` was read."""
+        return (self.off if literal & 1 else self.on)[:, literal >> 1]
+
+    def rings(self, literals: NDArray[np.int64]) -> Words:
+        """Return ``(W, n)``, the ticks at which each of ``n`` literals was read."""
+        sensors, off = literals >> 1, (literals & 1).astype(np.bool_)
+        rings = self.on[:, sensors]
+        if off.any():
+            rings[:, off] = self.off[:, sensors[off]]
+        return rings
+
+    def occasions_held(
+        self, sources: NDArray[np.int64], targets: NDArray[np.int64]
+    ) -> NDArray[np.int64]:
+        """Return on how many occasions implications were tested, and held.
+
+        As in the table of relations, ``a -> b`` is tested where ``a`` is on, and where
+        ``b`` is off; the test that was made less often counts. O(W n) time.
+
+        Args:
+            sources: ``(n,)`` literals.
+            targets: ``(n,)``: what each of them implies.
+
+        Returns:
+            ``(n,)``; 0 for two literals of the same sensor.
+        """
+
+        def begun(a: NDArray[np.int64], b: NDArray[np.int64]) -> NDArray[np.int64]:
+            both = self.rings(a) & self.rings(b)
+            both &= ~following(both, self.tick)
+            runs: NDArray[np.int64] = np.bitwise_count(both).sum(axis=0, dtype=np.int64)
+            return runs
+
+        return np.minimum(begun(sources, targets), begun(sources ^ 1, targets ^ 1))
+
+    def answer(self, question: Question) -> Answer:
+        """Answer a question. O(W n) time for ``n`` literals counted."""
+        return Answer(
+            {literal: self.ticks_of(literal) for literal in question.readings},
+            tuple(self._counted(count) for count in question.counts),
+        )
+
+    def _counted(self, count: Count) -> NDArray[Any]:
+        rings = self.rings(count.literals)
+        rings &= count.within[:, np.newaxis]
+        counted: NDArray[Any] = np.bitwise_count(rings).sum(axis=0)
+        return counted
+
+    def arrays(self) -> Arrays:
+        """Return its whole state as arrays, by name."""
+        return {"on": self.on, "off": self.off, "next": np.array(self.tick, np.int64)}
+
+    @classmethod
+    def from_arrays(cls, arrays: Arrays, sensors: int) -> Self:
+        """Return the history of so many sensors that has these arrays.
+
+        Raises:
+            ValueError: They make no sense.
+        """
+        words = rows_in(arrays, "on")
+        history = cls(sensors, 64 * words)
+        history.on[:] = entry(arrays, "on", (words, sensors), np.uint64)
+        history.off[:] = entry(arrays, "off", (words, sensors), np.uint64)
+        history.tick = entry(arrays, "next", (), np.int64).item()
+        if history.tick < 0 or (history.on & history.off).any():
+            raise ValueError("on, off: must exclude each other")
+        return history
+
+
+def following(ring: Words, ticks: int) -> Words:
+    """Return the ticks that follow those of a ring, after so many ticks in all.
+
+    ``(W,)`` or ``(W, n)``. The oldest tick that is kept follows one that is not known.
+    """
+    later: Words = (ring << _ONE) | np.roll(ring >> _TOP, 1, axis=0)
+    return _without_oldest(later, ticks)
+
+
+def preceding(ring: Words, ticks: int) -> Words:
+    """Return the ticks that those of a ring follow, see `following`."""
+    ring = _without_oldest(ring.copy(), ticks)
+    earlier: Words = (ring >> _ONE) | np.roll(ring << _TOP, -1, axis=0)
+    return earlier
+
+
+def _without_oldest(ring: Words, ticks: int) -> Words:
+    """Clear the bit of the oldest tick."""
+    word, bit = divmod(ticks % (64 * len(ring)), 64)
+    ring[word] &= ~(_ONE << np.uint64(bit))
+    return ring
+
+
+def conjunction(
+    read: Mapping[int, Words], now: Sequence[int], before: Sequence[int], ticks: int
+) -> tuple[Words, Words]:
+    """Return when a sensor was on, and off, that is on iff all of some literals are.
+
+    It has read on when all of them were read, and off when the complement of one was.
+
+    Args:
+        read: The ticks at which each of the literals, and of their complements, was.
+        now: Those of the same tick.
+        before: Those of the tick before.
+        ticks: How many there were so far.
+
+    Returns:
+        ``(W,)`` each.
+    """
+    members = [read[a] for a in now] + [following(read[a], ticks) for a in before]
+    others = [read[a ^ 1] for a in now]
+    others += [following(read[a ^ 1], ticks) for a in before]
+    return np.bitwise_and.reduce(members), np.bitwise_or.reduce(others)

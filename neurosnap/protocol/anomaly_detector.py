@@ -1,0 +1,194 @@
+"""Anomalies: observations that contradict what was learned before them.
+
+A run learns from an observation before it takes a state from it, and an implication
+that an observation breaks may be gone by then. It always is where one exception is
+enough: in an empirical snapshot as long as ``tau clock <= 1``, in a discounted one if
+``1 - q >= tau``. There no complete observation is incoherent once it is learned
+([GK] eqn:virtual implication). So a watcher is to be shown an observation with the
+graph from before, and the snapshot learns it afterwards.
+
+That alone tells when something begins, and not that it goes on: each implication breaks
+once. A watcher may hold on to the order that was broken first, and go on judging by it
+for a while. What lasts longer than that is learned like anything else: a sensor stuck
+for good becomes a fact about the world, and its repair an anomaly.
+"""
+
+from collections.abc import Iterable
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap import wire
+from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
+from neurosnap.poc.learning.reading_history import History
+from neurosnap.poc.learning.snapshot import Snapshot
+from neurosnap.poc.order.contradiction import Contradiction, contradiction
+from neurosnap.poc.order.graph import PocGraph
+from neurosnap.sensorium import selection
+
+MOST = 64
+"""Broken implications that one anomaly lists; a thousand sensors may break as many as
+there are pairs of them."""
+
+_CHUNK = 4096  # links whose occasions are counted at a time; 8 MB or so
+_FADING = 0.02
+_STILL = 0.001
+
+
+class AnomalyDetector:
+    """Follows a run and finds its anomalies.
+
+    Which of several smallest sets of culprits is returned goes by what came before:
+    the sensors that have been candidates most, each time for a share of the blame, lose
+    2 % of it a tick. Among equals it is what did *not* change since the last coherent
+    observation: as a rule the world moves and the sensor at fault does not.
+
+    Args:
+        sensors: How many there are.
+        hold: For how many ticks after the first anomaly to go on judging by the order
+            that it broke; 0: always by the order given.
+        occasions: Whether to keep the last readings of all sensors, and count in them
+            the occasions that what an anomaly breaks rests on.
+
+    Examples:
+        >>> from neurosnap.poc.learning.empirical import EmpiricalSnapshot
+        >>> watcher, snapshot = AnomalyDetector(2), EmpiricalSnapshot(2, 0.25)
+        >>> for tick, bits in enumerate([(0, 0), (0, 1), (1, 1), (1, 0)]):
+        ...     found = watcher.watch(tick, snapshot.poc_graph(), np.array(bits) > 0)
+        ...     state = snapshot.observe(bits)
+        >>> [(one.source, one.target) for one in found.links], found.candidates
+        ([(0, 2)], (0, 1))
+    """
+
+    def __init__(
+        self,
+        sensors: int,
+        hold: int = 0,
+        *,
+        occasions: bool = False,
+    ) -> None:
+        self._sensors = sensors
+        self._hold = hold
+        self._history = History(sensors, wire.HISTORY) if occasions else None
+        self._begin()
+
+    def _begin(self) -> None:
+        self._held: PocGraph | None = None
+        self._until = 0
+        self._since: int | None = None
+        self._tick = -1
+        self._blame = np.zeros(self._sensors)
+        self._calm = np.zeros(2 * self._sensors, np.bool_)
+
+    def watch(
+        self,
+        tick: int,
+        graph: PocGraph,
+        bits: NDArray[np.bool_],
+        known: NDArray[np.bool_] | None = None,
+        snapshot: Snapshot | None = None,
+    ) -> wire.Anomaly | None:
+        """Return what is wrong with an observation, if anything is.
+
+        Args:
+            tick: Of the observation; larger every time.
+            graph: What was believed before it: it is not learned yet.
+            bits: ``(N,)``, one bit a sensor.
+            known: ``(N,)`` bool, which of them are known; None if all are.
+            snapshot: Where to find evidence; it did not learn the observation yet.
+
+        Cost:
+            O(N²/64) time where nothing is wrong; otherwise as `contradiction`.
+        """
+        seen = selection(bits, known)
+        self._blame *= (1 - _FADING) ** (tick - self._tick)
+        self._tick = tick
+        if self._held is not None and tick > self._until:
+            self._held = self._since = None
+        order = graph if self._held is None else self._held
+        still = ~(seen ^ self._calm)[::2]
+        found = contradiction(order, seen, self._blame + _STILL * still)
+        anomaly: wire.Anomaly | None = None
+        if found.coherent:
+            self._calm = seen
+            if self._held is None:
+                self._since = None
+        else:
+            if self._since is None:
+                self._since = tick
+            if self._hold and self._held is None:
+                self._held, self._until = order, tick + self._hold
+            self._blame[list(found.candidates)] += 1 / len(found.candidates)
+            anomaly = self._anomaly(found, snapshot, self._since)
+        if self._history is not None:
+            self._history.record(seen[::2], seen[::2] | seen[1::2])
+        return anomaly
+
+    def _anomaly(
+        self,
+        found: Contradiction,
+        snapshot: Snapshot | None,
+        since: int,
+    ) -> wire.Anomaly:
+        """Return an anomaly with what speaks for the implications it breaks."""
+        chains = found.chains
+        held: dict[tuple[int, int], int] = {}
+        if self._history is not None:
+            links = {pair for chain in chains for pair in pairwise(chain)}
+            held = _held(links, self._history)
+            weakest = [min(held[pair] for pair in pairwise(chain)) for chain in chains]
+            order = sorted(range(len(chains)), key=lambda k: -weakest[k])
+            chains = tuple(chains[k] for k in order)
+        return wire.Anomaly(
+            tick=self._tick,
+            since=since,
+            culprits=found.culprits,
+            candidates=found.candidates,
+            exact=found.exact,
+            implications=len(chains) + found.more,
+            links=tuple(
+                _weighed(number, pair, snapshot, held.get(pair, -1))
+                for number, chain in enumerate(chains[:MOST])
+                for pair in pairwise(chain)
+            ),
+        )
+
+    def to_bytes(self) -> bytes:
+        """Return what it remembers, for a key-frame, and forget everything else."""
+        self._begin()
+        return b"" if self._history is None else pack_arrays(self._history.arrays())
+
+    def restore(self, data: bytes) -> None:
+        """Be as what `to_bytes` returned says.
+
+        Raises:
+            ValueError: It is damaged, or of other sensors.
+        """
+        if self._history is not None:
+            self._history = History.from_arrays(unpack_arrays(data), len(self._blame))
+
+
+def _weighed(
+    number: int, pair: tuple[int, int], snapshot: Snapshot | None, held: int
+) -> wire.WeighedLink:
+    """Return a broken link with what speaks for it, as far as a snapshot knows."""
+    if snapshot is None or pair[0] >> 1 == pair[1] >> 1:
+        return wire.WeighedLink(number, *pair, occasions=held)
+    one = snapshot.evidence(*pair)
+    both, against = float(one.both), float(one.against)
+    return wire.WeighedLink(number, *pair, both, against, one.since, held)
+
+
+def _held(
+    links: Iterable[tuple[int, int]], history: History
+) -> dict[tuple[int, int], int]:
+    """Return on how many occasions each link was tested and held."""
+    held: dict[tuple[int, int], int] = {}
+    every = sorted(links)
+    for start in range(0, len(every), _CHUNK):
+        some = every[start : start + _CHUNK]
+        sources, targets = np.array(some, np.int64).T
+        counted = history.occasions_held(sources, targets)
+        held.update(zip(some, counted.tolist(), strict=True))
+    return held

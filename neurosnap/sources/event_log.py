@@ -1,0 +1,147 @@
+"""Turns events (one sensor's new value) into readings, one tick per change.
+
+What happens at the same time is one tick, unless a sensor changes twice. Between its
+events a sensor reads what it read last. Events that change nothing are no ticks.
+
+A log of events is a table with time, sensor and value. The header says which column is
+which, in any order; Home Assistant's own history export calls them ``last_changed``,
+``entity_id`` and ``state``.
+"""
+
+from array import array
+
+import numpy as np
+
+from neurosnap.poc.learning.columns import GrowingColumns
+from neurosnap.sensorium import Sensorium
+from neurosnap.sources.csv_cells_and_formulas import TableFile
+from neurosnap.sources.meaning import Reader, Wanted, refused
+from neurosnap.sources.readings import Readings, parse_time, utc
+
+_UNKNOWN = -1
+
+
+class Events:
+    """Takes events in any order; of those at the same time, the first comes first.
+
+    What a sensor reads before its first event is unknown.
+    """
+
+    def __init__(self) -> None:
+        self._sensors: dict[str, int] = {}
+        self._times, self._who, self._said = array("d"), array("q"), array("b")
+
+    def add(self, time: float, name: str, value: bool | None) -> None:
+        """Add an event.
+
+        Args:
+            time: Seconds since 1970.
+            name: Of the sensor.
+            value: What it reads from then on; None if that is unknown.
+        """
+        self._times.append(time)
+        self._who.append(self._sensors.setdefault(name, len(self._sensors)))
+        self._said.append(_UNKNOWN if value is None else int(value))
+
+    def read(
+        self, time: float, reader: Reader, text: str, where: str, name: str
+    ) -> None:
+        """Add an event by what the data say of it.
+
+        Raises:
+            InvalidValueError: They say neither on nor off.
+        """
+        try:
+            self.add(time, reader.name, reader.read(text))
+        except ValueError as error:
+            raise refused(where, name, error, text) from None
+
+    def readings(self) -> Readings:
+        """Return the readings; sensors are in the order of their names.
+
+        Raises:
+            InvalidValueError: A name cannot name a sensor.
+        """
+        names = sorted(self._sensors)
+        growing = GrowingColumns(Sensorium(names))
+        place = np.argsort([self._sensors[name] for name in names])
+        now = np.full(len(names), _UNKNOWN, np.int8)
+        changed: set[int] = set()
+        moments: list[str] = []
+        last = 0.0
+
+        def tick() -> None:
+            growing.append(now == 1, now != _UNKNOWN)
+            moments.append(utc(last))
+            changed.clear()
+
+        order = np.argsort(np.frombuffer(self._times), kind="stable").tolist()
+        for event in order:
+            time, sensor = self._times[event], int(place[self._who[event]])
+            if now[sensor] == self._said[event]:
+                continue
+            if changed and (time != last or sensor in changed):
+                tick()
+            now[sensor], last = self._said[event], time
+            changed.add(sensor)
+        if changed:
+            tick()
+        return Readings(growing.columns(), moments)
+
+
+_ROLES = {
+    "time": ("time", "timestamp", "last_changed", "last_updated"),
+    "sensor": ("sensor", "entity_id"),
+    "value": ("value", "state"),
+}
+
+
+def roles(header: list[str], time: str | None = None) -> tuple[int, int, int] | None:
+    """Return which columns hold time, sensor and value; None if it is no log.
+
+    Args:
+        header: The names of the columns.
+        time: The name of the column with the time, if it was told.
+    """
+    names = [name.casefold() for name in header]
+    found = []
+    for role, words in _ROLES.items():
+        if role == "time" and time is not None:
+            words = (time.casefold(),)
+        places = [names.index(word) for word in words if word in names]
+        if not places:
+            return None
+        found.append(places[0])
+    when, who, what = found
+    return when, who, what
+
+
+def read_event_log(
+    file: TableFile, places: tuple[int, int, int], wanted: Wanted
+) -> Readings:
+    """Return the readings of a log.
+
+    Args:
+        file: The log.
+        places: As `roles` returns them.
+        wanted: Which sensors to read.
+
+    Raises:
+        InvalidValueError: A line breaks a rule.
+    """
+    events = Events()
+    readers: dict[str, list[Reader]] = {}
+    when, who, what = places
+    for line, data in file.lines():
+        cells = file.cells(line, data)
+        name = cells[who]
+        if name not in readers:
+            readers[name] = wanted.readers(name)
+        if not readers[name]:
+            continue
+        where = f"{file.path}:{line}"
+        time = parse_time(cells[when], f"{where}: {file.header[when]}")
+        for reader in readers[name]:
+            events.read(time, reader, cells[what], where, name)
+    wanted.check(list(readers), file.path)
+    return events.readings()

@@ -1,0 +1,63 @@
+"""The alarms that a monitor raised in a home, each with its end."""
+
+import numpy as np
+import pytest
+
+from neurosnap.apps import health_of_readings
+from neurosnap.health.alarm import Alarm, News, told
+from neurosnap.health.monitor import Follower
+from neurosnap.recording.read.recorded_readings import OwnReadings
+
+
+def alarm(kind: str, step: int) -> News:
+    """Return that an alarm was raised after a step."""
+    found = Alarm("UTC", "door", kind, step - 3, step, 9.0, 1.0, 0.01, 0, 2.5, 0, None)
+    return News(step + 1, "door", found, "UTC")
+
+
+class Scripted(Follower):
+    """A follower that says what it is told to, whatever it observes."""
+
+    def __init__(self, said: list[list[News]]) -> None:
+        super().__init__(["door"])
+        self._said = iter(said)
+
+    def observe(self, *_: object, **__: object) -> list[News]:
+        return next(self._said)
+
+
+def log_of(said: list[list[News]]) -> health_of_readings.HealthLog:
+    off = np.zeros(1, np.bool_)
+    observations = [OwnReadings(float(at), off, ~off) for at in range(len(said))]
+    return health_of_readings.follow(observations, Scripted(said), "1/week")
+
+
+def test_an_alarm_that_becomes_another_is_over() -> None:
+    less, silent = alarm("less", 10), alarm("silent", 20)
+    found = log_of([[less], [silent]])
+    ends = [(each.ended, each.became) for each in found.alarms]
+    assert ends == [(told(21, "UTC"), "silent"), (None, None)]
+    lines = list(found.lines())
+    assert lines[0].endswith(f" Became 'silent' {told(21, 'UTC')}.")
+    assert lines[-1] == "2 alarms, 1 in force (budget 1/week)"
+
+
+SILENT, STUCK = alarm("silent", 10), alarm("stuck", 40)
+OVER = News(31, "door", None, "UTC")
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        [[SILENT], [OVER], [STUCK]],
+        [[SILENT, OVER, STUCK]],
+        [[SILENT], [OVER, alarm("stuck", 30)]],
+    ],
+    ids=["step by step", "several steps at once", "an end and an alarm in one step"],
+)
+def test_an_alarm_ends_before_a_later_one_begins(
+    said: list[list[News]],
+) -> None:
+    found = log_of(said)
+    ends = [(each.ended, each.became) for each in found.alarms]
+    assert ends == [(told(31, "UTC"), None), (None, None)]

@@ -1,0 +1,195 @@
+"""The coordinator's messages to the cells, and its count of returned waves."""
+
+import numpy as np
+import pytest
+
+from neurosnap import wire
+from neurosnap.errors import AnswerLostError, MessageError
+from neurosnap.protocol.wiring_and_waves import WaveControl
+from tests.support.edges import edge_list
+from tests.support.wave_messages import packed
+
+SENSORS = 4
+CHAIN = {(0, 2), (2, 4), (5, 3), (3, 1)}
+
+
+def rewire(control: WaveControl, wanted: set[tuple[int, int]]) -> None:
+    control.rewire(edge_list(wanted))
+
+
+def begin(
+    control: WaveControl,
+    kind: wire.WaveKind,
+    tick: int = 0,
+    signal: tuple[int, ...] = (),
+) -> wire.WaveStart:
+    """Start a wave that takes one message."""
+    (start,) = control.start(kind, tick, signal)
+    assert isinstance(start, wire.WaveStart)
+    return start
+
+
+def settled(wave: int, literal: int, *credit: int, epoch: int = 0) -> wire.CellReport:
+    return wire.CellReport(wave, literal // 2, 0, (literal,), (0,), credit, 0, epoch)
+
+
+# Waves --------------------------------------------------------------------------------
+
+
+def test_cells_are_told_which_waves_they_can_forget() -> None:
+    control = WaveControl(SENSORS)
+    assert begin(control, "signal", 0, (0,)).settled_below == 1
+    assert begin(control, "signal", 0, (0,)).settled_below == 1
+    control.report(settled(2, 0, 0))
+    assert begin(control, "signal", 0, (0,)).settled_below == 1
+    control.report(settled(1, 0, 0))
+    assert begin(control, "signal", 0, (0,)).settled_below == 3
+
+
+# Who is told of a wave ----------------------------------------------------------------
+
+
+def told_of(messages: list[wire.Message]) -> list[tuple[int, int]]:
+    """Return the cell and the fence of each start."""
+    return [(m.cell, m.fence) for m in messages if isinstance(m, wire.WaveStart)]
+
+
+A_FEW, MANY = (0, 1, 9, 4), (0, 2, 4, 6, 8)
+
+
+@pytest.mark.parametrize(
+    ("workers", "signals", "expected"),
+    [
+        (0, [(0,)], [[(-1, 1)]]),  # the first goes to all
+        (0, [MANY, A_FEW], [[(-1, 1)], [(0, 1), (2, 1), (4, 1)]]),
+        (0, [(0,), MANY, (0,)], [[(-1, 1)], [(-1, 2)], [(0, 2)]]),
+        (3, [(4,), (4,), A_FEW], [[(-1, 1)], [(-1, 2)], [(-1, 3)]]),
+    ],
+)
+def test_a_wave_of_a_few_goes_to_their_cells_only(
+    workers: int, signals: list[tuple[int, ...]], expected: list[list[tuple[int, int]]]
+) -> None:
+    control = WaveControl(8, workers=workers)
+    starts = [control.start("signal", 1, signal) for signal in signals]
+    assert [told_of(each) for each in starts] == expected
+    for start in (one for each in starts for one in each):
+        assert isinstance(start, wire.WaveStart)
+        own = f"wavestart/{start.cell}"
+        assert start.key == ("wavestart" if start.cell < 0 else own)
+    assert control.in_flight == tuple(range(1, len(signals) + 1))
+
+
+def test_the_first_wave_after_a_wiring_is_announced_to_all() -> None:
+    control = WaveControl(SENSORS)
+    rewire(control, CHAIN)
+    control.start("state", 1)
+    assert told_of(control.start("signal", 1, (0,))) == [(0, 1)]
+    rewire(control, set())
+    assert told_of(control.start("signal", 1, (0,))) == [(-1, 3)]
+    assert told_of(control.start("signal", 1, (0,))) == [(0, 3)]
+
+
+def test_cells_hear_of_a_wave_now_and_then_so_that_they_can_forget() -> None:
+    control = WaveControl(SENSORS)
+    announced = []
+    for number in range(1, 300):
+        ((cell, _),) = told_of(control.start("signal", 0, (0,)))
+        if cell < 0:
+            announced.append(number)
+        control.report(settled(number, 0, 0))
+    assert len(announced) > 3
+    assert max(np.diff(announced)) <= 70
+
+
+# By which wiring a cell acted ---------------------------------------------------------
+
+
+def test_a_report_by_a_lost_wiring_counts_for_nothing_and_a_repeat_mends_it() -> None:
+    control = WaveControl(SENSORS)
+    rewire(control, CHAIN)
+    control.start("signal", 0, (5,))
+    with pytest.raises(MessageError, match=r"of epoch 1, got epoch 0 from cell 2$"):
+        control.report(settled(1, 5, 0))
+    assert control.in_flight == (1,)
+    control.repeat(1, ())
+    wave = control.report(settled(2, 5, 0, epoch=2))
+    assert wave is not None
+    assert wave.hops == {5: 0}
+
+
+# Repeats ------------------------------------------------------------------------------
+
+
+def test_a_repeat_goes_out_after_whole_wirings_under_a_new_number() -> None:
+    control = WaveControl(SENSORS)
+    rewire(control, CHAIN)
+    control.start("signal", 4, (0, 5))
+    assert control.repeat(1, ()) == [
+        wire.Wiring(0, 2, 0, add=(2,)),
+        wire.Wiring(1, 2, 0, add=(4,), add_complement=(1,)),
+        wire.Wiring(2, 2, 0, add_complement=(3,)),
+        wire.WaveStart(2, 4, "signal", 1, 2, (0, 5), 1, 2),
+    ]
+    assert control.in_flight == (2,)
+
+
+READ = (0, 3, 4, 7)
+
+
+@pytest.mark.parametrize(
+    ("kind", "signal", "seeds", "observed", "again"),
+    [
+        ("state", (), 4, READ, wire.WaveStart(3, 7, "state", 2, 1, READ, 2, 3)),
+        ("state", (), 1, (), wire.WaveStart(3, 7, "state", 0, 1, (), 2, 3)),
+        ("signal", (6,), 0, READ, wire.WaveStart(3, 7, "signal", 0, 1, (6,), 2, 3)),
+    ],
+)
+def test_what_is_repeated_keeps_its_signal_and_what_is_given_up_counts_no_more(
+    kind: wire.WaveKind,
+    signal: tuple[int, ...],
+    seeds: int,
+    observed: tuple[int, ...],
+    again: wire.WaveStart,
+) -> None:
+    control = WaveControl(SENSORS)
+    control.start("signal", 7, (0,))  # as long as it is not settled, none below is
+    control.start(kind, 7, signal, seeds=seeds)
+    assert control.repeat(2, observed) == [again]
+    assert control.in_flight == (1, 3)
+    assert control.report(settled(2, 6, 0)) is None
+    assert control.report(settled(1, 0, 0)) is not None
+    assert control.report(settled(1, 0, 0)) is None
+    assert list(control.in_flight) == [3]
+
+
+def test_a_wave_sent_often_enough_is_lost_and_the_error_says_where() -> None:
+    control = WaveControl(SENSORS, repeats=2)
+    rewire(control, CHAIN)
+    control.start("state", 9)
+    observed = (0, 2, 5, 7)
+    control.repeat(1, observed)
+    control.repeat(2, observed)
+    control.report(settled(3, 0, 4, epoch=1))
+    expected = (
+        r"^wave 3 \(tick 9\): must settle within its deadline, got 3 tries;"
+        r" missing credit 0\.9375, silent: cell/1, cell/2, cell/3$"
+    )
+    with pytest.raises(AnswerLostError, match=expected):
+        control.repeat(3, observed)
+
+
+# Workers ------------------------------------------------------------------------------
+
+
+def test_a_lost_wave_names_the_workers_that_owe_a_report() -> None:
+    control = WaveControl(7, repeats=0, workers=3)
+    rewire(control, {(0, 2), (2, 4), (4, 6), (3, 1), (5, 3), (7, 5), (0, 8), (0, 13)})
+    control.start("signal", 0, (0,))
+    fired = packed(0, 2), packed(0, 1)
+    control.report(wire.WorkerReport(1, 0, 0, *fired, (1,), 0, epoch=1))
+    expected = (
+        r"^wave 1 \(tick 0\): must settle within its deadline, got 1 tries; missing"
+        r" credit 0\.5, silent: worker/0, worker/1, worker/2$"
+    )
+    with pytest.raises(AnswerLostError, match=expected):
+        control.repeat(1, ())
