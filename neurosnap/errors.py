@@ -101,7 +101,7 @@ class SwarmError(NeurosnapError):
 
 
 class NothingBegunError(NeurosnapError):
-    """A run was asked to end before anything of it had begun."""
+    """A run was stopped before any part of it had begun."""
 
 
 class PartDiedError(SwarmError):
@@ -121,7 +121,7 @@ class RecordingError(NeurosnapError):
 
 
 class NoRecordingError(RecordingError):
-    """What was named as a recording is no file that can be opened."""
+    """The path given for a recording is not a file that can be opened."""
 
 
 @contextmanager

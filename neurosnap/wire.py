@@ -497,7 +497,7 @@ class Band(_Message, frozen=True):
 
 
 class Recall(_Message, frozen=True, omit_defaults=True):
-    """What cells are asked of the last readings of their sensors.
+    """A question to cells about the last readings of their sensors.
 
     The readings are a ring of bits: tick ``t``, counted from 1, is bit ``(t - 1) % R``
     of ``R`` ticks. Bits travel packed, several rings one after the other, each as many
@@ -528,7 +528,7 @@ class Recall(_Message, frozen=True, omit_defaults=True):
 
 
 class Recalled(_Message, frozen=True, omit_defaults=True):
-    """What a cell, or a worker for all its cells, answers to a `Recall`.
+    """The answer of a cell or a worker to a `Recall`.
 
     Each of its fields is about those of the literals asked that are the sender's, in
     the order in which they were asked.
@@ -553,7 +553,7 @@ class Recalled(_Message, frozen=True, omit_defaults=True):
 
 
 class Reminder(_Message, frozen=True):
-    """The last readings of sensors whose cells lack them."""
+    """The last readings of some sensors, sent to cells that lack them."""
 
     _key: ClassVar[str] = "reminder/{0.to}"
 
@@ -666,7 +666,7 @@ class Image(_Message, frozen=True):
 
 
 class Fault(_Message, frozen=True):
-    """A part met a message that is bad or unexpected, and dropped it."""
+    """The report of a part that dropped a bad or unexpected message."""
 
     _sender: ClassVar[str] = "{0.who}"
     _key: ClassVar[str] = "fault/{0.who}"

@@ -1,4 +1,4 @@
-"""A browser that looks at the page of `neurosnap view`, for tests and measurements."""
+"""A browser that opens the page of `neurosnap view`, for tests and measurements."""
 
 import asyncio
 import os

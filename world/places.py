@@ -1,4 +1,4 @@
-"""The base of the worlds: places, moves, and sensors with fields.
+"""The base of the worlds: places, moves, and the places where each sensor is on.
 
 An agent is at exactly one place. An action takes it to the place that `moves` says, and
 it observes of every sensor whether the place is in that sensor's field. There is no

@@ -1,4 +1,4 @@
-"""What an agent senses: its world's sensors, its actions, and actions in context.
+"""The observation of an agent: its world's sensors, its actions, actions in context.
 
 `Contexts` says which contexts hold in a state, and of which one can tell.
 """
@@ -65,7 +65,7 @@ class Contexts:
 
 
 class Senses:
-    """Turns what the world shows into what the agent observes."""
+    """Makes an agent's observation from its world's readings and its last action."""
 
     def __init__(self, body: Body) -> None:
         own, felt = len(body.own), len(body.actions) * body.senses_actions

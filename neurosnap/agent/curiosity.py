@@ -1,4 +1,4 @@
-"""Chooses where to explore: what is unknown, or most likely to surprise.
+"""Chooses which action to explore: the one that promises most surprises a step.
 
 While states are imagined, nearest first, each outcome is put down as unknown or known.
 An unknown one is a sure surprise. Of a known one that was never seen, and of a new
@@ -20,7 +20,7 @@ Trial = tuple[ImaginedState, int, str]
 
 
 class Curiosity:
-    """Chooses what to try, among what was imagined so far.
+    """Chooses which action to try, and in which of the states imagined so far.
 
     Args:
         experience: What was met so far.

@@ -146,7 +146,7 @@ def attribute(env: gymnasium.Env[Any, Any], name: str) -> Any:  # noqa: ANN401
 
 
 class Continuing(Autoreset):
-    """An environment that goes on: the step after an episode's end begins the next.
+    """An environment whose next episode begins with the step after the last one's end.
 
     As in `gymnasium.wrappers.Autoreset`: that step resets, whatever the action is, with
     reward 0.0. But no end is ever reported. An action that is ignored is no action:
@@ -189,7 +189,7 @@ class Continuing(Autoreset):
 
 @dataclass(frozen=True, slots=True)
 class Outing:
-    """What an agent did in an environment, and how that went."""
+    """The result of an agent's steps in an environment."""
 
     steps: int
     """Actions taken."""

@@ -19,7 +19,7 @@ BEGINNING: Final = -1
 
 
 class Experience:
-    """The sensations an agent has met, and the places where its episodes ended.
+    """The states an agent has met, the actions it tried, and where episodes ended.
 
     Attributes:
         met: ``(2N,)``: the literals that were in a state.

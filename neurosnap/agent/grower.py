@@ -51,7 +51,7 @@ LONGEST: Final = 8
 
 
 class Candidates(NamedTuple):
-    """Literals that may be in a cover."""
+    """The literals that may be part of a context to be grown."""
 
     literals: Numbers
     """``(n,)``."""
@@ -119,7 +119,7 @@ class _Candidate(msgspec.Struct):
 
 
 class Grower:
-    """Watches what actions lead to and says which sensor to grow next.
+    """Compares results of actions with predictions, and finds the next sensor to grow.
 
     Args:
         body: What is sensed and done, with room for what is grown; each action in the

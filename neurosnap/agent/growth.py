@@ -22,7 +22,7 @@ _EVERY = 8  # ticks from one look at whether a sensor is needed to the next
 
 
 class Growth:
-    """Notices what an action did not guarantee, and has a sensor ready for it.
+    """Finds the next sensor to grow or to retire, by what each action led to.
 
     Args:
         body: What is sensed and done, with room for what is grown.

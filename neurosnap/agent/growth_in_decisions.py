@@ -1,4 +1,4 @@
-"""The part of a decision that reports grown and retired sensors.
+"""Reads from a decision which sensors were grown and which were retired.
 
 Cell processes import this module: it needs neither numpy nor numba.
 """
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Changed(msgspec.Struct, frozen=True):
-    """A sensor that was grown, or is read no more, as people are told of it."""
+    """A sensor that was grown or retired, in the form that is reported."""
 
     tick: int
     """The tick whose decision says so; it is so from the next observation on."""

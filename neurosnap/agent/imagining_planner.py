@@ -40,7 +40,7 @@ _Search = Generator[list[Signal], Closures, "Plan | None"]
 
 
 class ImaginingPlanner:
-    """Plans by imagined waves; where that leads nowhere, greedily, as `Planner` does.
+    """A policy that plans by imagined waves, and greedily where these find no plan.
 
     Args:
         body: What is sensed and done.

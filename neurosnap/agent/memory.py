@@ -32,7 +32,7 @@ _NO_HISTORY = History(0, 64)
 
 
 class AgentMemory:
-    """Follows an agent from step to step.
+    """The memory of an agent, updated at each step.
 
     Args:
         body: What is sensed and done at first. If it has room, sensors are grown.

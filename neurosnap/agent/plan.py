@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImaginedState:
-    """What an action is imagined to lead to, or the state things are in now."""
+    """A state that an action is imagined to lead to, or the present state."""
 
     place: NDArray[np.bool_]
     """``(2N,)``: the literals that hold, as far as they tell places apart."""
@@ -36,7 +36,7 @@ class ImaginedState:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """Actions in a row, and where each is to be taken."""
+    """A list of actions, and the state in which each is to be taken."""
 
     actions: tuple[int, ...]
     """One or more."""
@@ -70,7 +70,7 @@ def plan_reason(plan: Plan, names: Sequence[str]) -> str:
 
 
 class PlanTold(NamedTuple):
-    """What a reason says of the plan that is followed."""
+    """The part of a decision's reason that describes the plan."""
 
     left: int
     """Actions to be taken, this one included."""

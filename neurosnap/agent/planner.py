@@ -32,7 +32,7 @@ _SHOWN = 4  # subgoals a reason names
 
 
 class Planner:
-    """Decides by greedy reactive planning.
+    """A policy that plans greedily: one step ahead, toward the nearest subgoal.
 
     Subgoals are counted among the literals of the world's state sensors and those of
     the target: sensors of the agent's own action, and of the previous step, are no

@@ -1,4 +1,4 @@
-"""The interface of a policy, the kinds of policies, and the default.
+"""The interface of a policy, and the defaults of exploration and threshold.
 
 A policy does not know who answers what it asks. In process it is the propagation over
 the graph, in a swarm it is waves: the decisions are the same. The paper's policies are
@@ -43,7 +43,7 @@ action, -1 for none, and the reason."""
 
 
 class Policy(Protocol):
-    """What decides once the state is known."""
+    """Chooses the action of a tick once the state is known."""
 
     def decide(self, tick: int, state: NDArray[np.bool_]) -> Deliberation:
         """Decide what to do; each round asks for one closure at least.

@@ -1,4 +1,4 @@
-"""The policies by name, and the two that do not plan: walker and excited agent.
+"""The kinds of policies by name: the walker, the excited agent and the planners.
 
 The *walker* acts at random, and asks one planning wave a tick: what it asks, and what
 it does, is drawn without regard to the answer.
@@ -37,7 +37,7 @@ from neurosnap.errors import InvalidValueError, either, similar
 
 
 class Walker:
-    """Decides at random.
+    """A policy that chooses actions at random.
 
     Args:
         actions: How many there are; 0 for a source that takes none.
@@ -67,7 +67,7 @@ class Walker:
 
 
 class Excited:
-    """Decides by excitation.
+    """A policy that takes an action with a better result, if one is certain.
 
     Args:
         body: Its sensors include `better` and `worse`.
@@ -113,7 +113,7 @@ class Excited:
 
 
 class Aims(TypedDict, total=False):
-    """What a policy is to achieve, and how it explores."""
+    """The target of a policy, and how it explores."""
 
     target: Iterable[str | int]
     """For a planner: literals of the world's own, by name or number, to be achieved

@@ -23,7 +23,7 @@ from neurosnap.wire import Decision
 
 @dataclass(slots=True)
 class Mind:
-    """What an agent has from tick to tick; `tick` alone changes it while one is on."""
+    """The lasting parts of an agent: what it has learned, its policy, its memory."""
 
     snapshot: Snapshot
     policy: Policy
@@ -49,7 +49,7 @@ class Sensed(NamedTuple):
 
 
 class Step(enum.Enum):
-    """What a tick needs done with its observation."""
+    """A request of a tick that its caller must carry out."""
 
     LEARN = enum.auto()
     """The snapshot learns it; the answer is nothing."""

@@ -25,7 +25,7 @@ class Raised(msgspec.Struct, frozen=True):
 
 
 class HealthLog(msgspec.Struct, frozen=True):
-    """All that a monitor said of a home."""
+    """The alarms of a home and the health of its sensors, as its monitor gave them."""
 
     alarms: list[Raised]
     sensors: list[SensorHealth]

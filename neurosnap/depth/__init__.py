@@ -1,1 +1,1 @@
-"""How many hops a wave takes, against the longest chain of implications."""
+"""Measures how many hops a wave takes, against the longest chain of implications."""

@@ -1,4 +1,4 @@
-"""A swarm that learns nothing: it is wired to given orders, and its waves are timed.
+"""A swarm that is wired to given orders and learns nothing, to time its waves.
 
 It conducts in the coordinator's place. What it measures is what the cells did: hops and
 pulses are from their reports, the time is from the wave's start to its last credit.
@@ -24,7 +24,7 @@ from neurosnap.runtime.parts.job import PartContext, take_part
 
 
 class Measured(msgspec.Struct, frozen=True):
-    """One wave, measured."""
+    """The measured time and depth of one wave."""
 
     sensors: int
     """Cells in the swarm."""
@@ -127,7 +127,7 @@ class Sweep(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Probe:
-    """The sans-I/O core; see `neurosnap.runtime.parts.coordinator_loop.Core`.
+    """The pure core of a probe; see `neurosnap.runtime.parts.coordinator_loop.Core`.
 
     Args:
         sweep: What to do.
@@ -240,7 +240,7 @@ class Probe:
 
 
 class ProbeJob(msgspec.Struct, frozen=True):
-    """Conducts a swarm as a probe."""
+    """The job of the coordinator of a probe."""
 
     sweep: Sweep
     sensors: int

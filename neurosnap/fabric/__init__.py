@@ -1,1 +1,1 @@
-"""How messages travel: one protocol, two implementations, one test suite."""
+"""Carries messages between parts: over Zenoh, or in memory."""

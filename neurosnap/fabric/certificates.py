@@ -50,7 +50,7 @@ _SKEW = timedelta(hours=1)  # how far behind another machine's clock may be
 
 
 class Made(msgspec.Struct):
-    """What `make_keys` made."""
+    """The files that `make_keys` wrote."""
 
     folder: str
     roles: tuple[str, ...]

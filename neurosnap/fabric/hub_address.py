@@ -1,4 +1,4 @@
-"""How to reach a hub: its endpoint and a part's credentials.
+"""The address of a hub: its endpoint, and the credentials of a part that connects.
 
 Credentials are a certificate, its key, and the authority that is trusted. They are read
 and checked once, by what starts the parts; a part only gets the paths.
@@ -86,7 +86,7 @@ def key_file(folder: Path, stem: str) -> Path:
 
 
 class HubAddress(msgspec.Struct, frozen=True):
-    """Where a hub listens, and what is shown to it.
+    """The endpoint of a hub, and the credentials to show it.
 
     Raises:
         InvalidValueError: The endpoint breaks the rule of `check_endpoint`.

@@ -31,7 +31,7 @@ def matches(expression: str, key: str) -> bool:
 
 
 class MemoryHub:
-    """What connects the `MemoryFabric` ends of one swarm."""
+    """Connects the `MemoryFabric` ends of one swarm."""
 
     def __init__(self) -> None:
         self.description: bytes | None = None

@@ -21,7 +21,7 @@ READING = "reading"
 
 
 class Rights(NamedTuple):
-    """What one role may do."""
+    """The permissions of one role."""
 
     publishes: tuple[str, ...] = ()
     """Topics it may send to."""

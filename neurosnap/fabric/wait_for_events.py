@@ -39,7 +39,7 @@ async def first_of(
 
 
 class Failure:
-    """The first error of any handler, and who waits for it; used on the loop alone.
+    """The first error of any handler, for tasks of the event loop that wait for it.
 
     Handlers run as callbacks of the loop, or on a thread that is not awaited, where an
     exception would only be logged; here it ends the part that owns the fabric.

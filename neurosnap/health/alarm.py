@@ -1,4 +1,4 @@
-"""An alarm: one line about a sensor that a person can act on.
+"""An alarm: a sensor that seems broken, described in one line.
 
 And the news of a home: which alarms begin and end from one look at its sensors to the
 next.
@@ -26,7 +26,7 @@ class Companion(msgspec.Struct, frozen=True):
 
 
 class Alarm(msgspec.Struct, frozen=True):
-    """A sensor of which the evidence says that it is broken."""
+    """A sensor that is broken by the evidence against it."""
 
     zone: str
     """The home's time zone."""
@@ -140,7 +140,7 @@ def _times(evidence: float) -> str:
 
 
 class AlarmProgress(msgspec.Struct, frozen=True):
-    """How much of a home is learned."""
+    """How much of a home's normal behaviour has been learned."""
 
     activations: int
     """How often sensors came on."""
@@ -159,7 +159,7 @@ class AlarmProgress(msgspec.Struct, frozen=True):
 
 
 class SensorHealth(msgspec.Struct, frozen=True):
-    """How a sensor is."""
+    """The health of one sensor."""
 
     sensor: str
     known: bool
@@ -169,7 +169,7 @@ class SensorHealth(msgspec.Struct, frozen=True):
 
 
 class Standing(msgspec.Struct, frozen=True):
-    """How the sensors of a home are."""
+    """The health of all sensors of a home."""
 
     step: int
     """The step that is under way."""
@@ -219,7 +219,7 @@ def news(before: Standing | None, now: Standing) -> Iterator[News]:
 
 
 class Newsreader:
-    """Tells a home's news in lines, each once, from one standing after the other.
+    """Reports each new or ended alarm of a home once, in one line.
 
     What the first one has is no news: it is known from before a run was resumed.
     """

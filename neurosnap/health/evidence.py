@@ -1,4 +1,4 @@
-"""The five kinds of evidence against a sensor, followed from step to step.
+"""The five kinds of evidence that a sensor is broken, updated at each step.
 
 ``silent``: what was expected since it last came on, by four clocks: the rates that
 the others' activity gives over ten minutes, an hour and four hours, and the time in
@@ -42,7 +42,7 @@ _MOST = 3.0
 
 
 class JudgedSteps(NamedTuple):
-    """What some steps are judged by: what was read, and what was to be expected."""
+    """The readings of some steps, and what was expected of them."""
 
     rates: Floats
     """``(4, steps, sensors)``: by which the first three clocks go on a step; the last

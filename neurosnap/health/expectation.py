@@ -1,4 +1,4 @@
-r"""What is expected of a sensor, given what the others do.
+r"""How often a sensor should come on, given what the other sensors do.
 
 A sensor comes on at a rate that is a sum of non-negative shares: of each other sensor
 that came on in the same window or in the windows just before, of the time of day, and

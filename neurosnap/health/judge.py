@@ -42,14 +42,14 @@ _ACCEPTED = 2 * WEEK
 
 
 class RateChanges(NamedTuple):
-    """Which sensors went into alarm in a step, and which came out of it."""
+    """The sensors whose alarm began in a step, and those whose alarm ended."""
 
     begun: list[int]
     ended: list[int]
 
 
 class Judge:
-    """The evidence against the sensors of a home, and their alarms.
+    """Judges the sensors of a home: the evidence against each, and its alarm.
 
     An alarm ends when its sensor is well again: it came on after a silence, went off
     after it was stuck, or came on as usual for a day. The evidence for it starts from

@@ -36,7 +36,7 @@ _LATELY = 6
 
 @dataclass(frozen=True)
 class LearnedRates:
-    """What was learned from a history; all of it follows from that."""
+    """The normal behaviour of sensors, learned from a home's history."""
 
     weights: Floats
     """``(3, features, sensors)``, see `expectation`."""

@@ -45,7 +45,7 @@ _SLACK = WEEK
 
 
 class HealthMonitor:
-    """The health of the sensors of a home.
+    """Monitors the health of a home's sensors, step by step.
 
     Args:
         names: Of the sensors.

@@ -24,7 +24,7 @@ _SATURDAY = 5
 
 
 class Steps:
-    """What happened in steps that are over, oldest first.
+    """The readings of completed steps, oldest first.
 
     Args:
         came_on: ``(steps, sensors)``, how often a sensor came on.

@@ -1,1 +1,1 @@
-"""The swarm protocol, pure: cells, workers, waves and the coordinator."""
+"""The pure cores of a swarm: cells, workers, waves and the coordinator."""

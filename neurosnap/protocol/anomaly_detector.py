@@ -37,7 +37,7 @@ _STILL = 0.001
 
 
 class AnomalyDetector:
-    """Follows a run and finds its anomalies.
+    """Detects anomalies in a run, observation by observation.
 
     Which of several smallest sets of culprits is returned goes by what came before:
     the sensors that have been candidates most, each time for a share of the blame, lose

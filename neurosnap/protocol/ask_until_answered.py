@@ -16,7 +16,7 @@ _NAMED = 10  # parts, in an error
 
 
 class Round(Generic[T]):
-    """What is under way, how often it was asked, and what was answered.
+    """One request to several parts: how often it was asked, and the answers so far.
 
     Args:
         what: Names it in an error, as in ``recall 3 (tick 4)``.

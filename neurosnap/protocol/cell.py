@@ -53,7 +53,7 @@ class _Wave(msgspec.Struct):
 
 
 class Cell(Host[_Wave, wire.Observation]):
-    """The sans-I/O core of one cell.
+    """The pure core of one cell.
 
     Args:
         cell: Its sensor's number; its literals are ``2 * cell`` and ``2 * cell + 1``.

@@ -1,4 +1,4 @@
-"""The base of cell and worker, and the bounds of what they store.
+"""The base of cell and worker: checks what they receive, and bounds what they store.
 
 A message that cannot be right is refused and changes nothing. The coordinator numbers
 waves and wirings one by one, and its messages arrive in order, so a number far beyond
@@ -29,7 +29,7 @@ REMEMBERED = 1 << 17
 
 
 class HostWave(Protocol):
-    """What a host knows of one wave."""
+    """The state of one wave in a cell or worker."""
 
     seen: set[tuple[int, int]]
     """What came, so that nothing counts twice."""

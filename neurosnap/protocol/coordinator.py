@@ -59,7 +59,7 @@ _WHO = "coordinator"
 
 
 class Totals(msgspec.Struct, kw_only=True):
-    """What a run comes to, as the coordinator counts it."""
+    """The coordinator's counts for a whole run."""
 
     ticks: int = 0
     """Observations learned from, each with its state."""
@@ -88,7 +88,7 @@ class Totals(msgspec.Struct, kw_only=True):
 
 
 class Coordinator:
-    """The sans-I/O core.
+    """The pure core of the coordinator.
 
     Args:
         options: The run's.

@@ -22,7 +22,7 @@ _CODES = np.array([0, 1, 2, 3, 4, 8, 12], np.uint8)
 
 
 class LearnControl:
-    """Tells the workers what to learn, and puts together what that changed.
+    """Tells the workers what to learn, and joins the changes they report.
 
     Args:
         shares: The sensors of each worker, whose pairs with those before them it has.

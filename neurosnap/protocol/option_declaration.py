@@ -10,7 +10,7 @@ import msgspec
 
 
 class Shown(NamedTuple):
-    """How an option is shown to those who use it."""
+    """The help, unit, range and default of an option as users see them."""
 
     text: str
     """Its help."""

@@ -24,7 +24,7 @@ _REMINDED = 64  # cells in one message, at most: no session takes in what is ver
 
 
 class RecallControl:
-    """Asks the parts that have cells, and puts together what they answer.
+    """Asks cells and workers about past readings, and joins their answers.
 
     Args:
         sensors: How many cells there are.

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class ResumePoint(msgspec.Struct, frozen=True):
-    """What a run that is resumed has behind it; small, and sent to every part."""
+    """The state of a run that is resumed, small enough to be sent to every part."""
 
     log: str
     """The recording it goes on from; of several files the last."""

@@ -1,4 +1,4 @@
-"""The coordinator's side of the network: wirings sent, and waves in flight.
+"""Sends the cells their wirings, starts waves, and repeats those that are late.
 
 A wiring goes out as the change against what was told before; only what is wired whole
 can have missed anything before. A cell that is a process is told of its own edges, and
@@ -183,7 +183,7 @@ class WaveControl:
 
 
 class SentWiring:
-    """The edges of all cells, and what was told of them.
+    """The edges of all cells, and those that each part has been told of.
 
     The edges are a list and not a matrix: a hundred thousand cells have a million of
     them, out of 40 thousand million pairs.

@@ -43,7 +43,7 @@ class _WorkerWave(msgspec.Struct):
 
 
 class Worker(Host[_WorkerWave, Ints]):
-    """The sans-I/O core of one worker.
+    """The pure core of one worker.
 
     Args:
         worker: Its number.

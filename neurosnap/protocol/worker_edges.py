@@ -15,7 +15,7 @@ from neurosnap.protocol.worker_kernels import Ints, Net, Pulses
 
 
 class WorkerEdges:
-    """The edges that lead from the cells of one worker, and what may lead to them.
+    """The out-edges of one worker's cells, and checks of the pulses that reach them.
 
     Args:
         hosted: The cells of every worker, ascending, without a gap.

@@ -33,7 +33,7 @@ class Pulses(NamedTuple):
 
 
 class Fired(NamedTuple):
-    """What fired by some pulses, and what ended here."""
+    """The literals that some pulses made fire, and the credit that ended here."""
 
     literals: Ints
     """``(f,)``, the literals that fired, by hops."""

@@ -1,4 +1,4 @@
-"""A worker's share of learning: the pairs of sensors that it learns.
+"""The learning of one worker: its share of the pairs of sensors.
 
 A share begins with nothing learned, or with the bands that the coordinator sends behind
 the key-frame that a run goes on from. For later key-frames it sends its own, when told.
@@ -24,7 +24,7 @@ _SINGLE = 9  # bytes that a single pair takes
 
 
 class WorkerLearning:
-    """What one worker learns, and says of it.
+    """Learns one worker's share of pairs, and reports what changed.
 
     Args:
         worker: Its number.

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class World:
-    """A source and what is sensed of it, tick by tick.
+    """A source of observations, and its agent's observation at each tick.
 
     Args:
         source: Where observations come from; the caller closes it.

@@ -32,7 +32,7 @@ _READINGS = "a,b,c\n0,0,0\n1,1,0\n0,1,\n1,1,1\n0,0,1\n1,1,0\n"
 
 
 class CompileJob(msgspec.Struct, frozen=True):
-    """Compiles what a run needs, by a short run that learns likewise in memory."""
+    """Compiles a run's code by a short run of the same kind in memory."""
 
     options: RunOptions | None
     """Of the run; None for what workers need, whatever the run."""

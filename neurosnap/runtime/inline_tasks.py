@@ -1,4 +1,4 @@
-"""Parts as tasks of this event loop, on a network in memory."""
+"""Runs parts as tasks of this event loop, on a network in memory."""
 
 import asyncio
 from collections.abc import Collection, Sequence

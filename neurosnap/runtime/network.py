@@ -1,4 +1,4 @@
-"""Where a swarm's hub listens, and how parts and services connect to it."""
+"""The network of a swarm: where its hub listens, and how parts connect to it."""
 
 import asyncio
 from pathlib import Path
@@ -21,7 +21,7 @@ from neurosnap.runtime.parts.job import PartConnection
 
 
 class Network(msgspec.Struct, frozen=True, kw_only=True):
-    """How a swarm's parts reach each other.
+    """The options of a swarm's network.
 
     By default the hub listens on a socket in a folder that no other user can enter: no
     port is taken, and no other user can connect.

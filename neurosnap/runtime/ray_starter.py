@@ -1,4 +1,4 @@
-"""Parts as actors on the nodes of a Ray cluster.
+"""Runs parts as actors on the nodes of a Ray cluster.
 
 Room for all of them is reserved at once, as one placement group: either every part can
 be started, or none is. Workers are spread over the nodes. All other parts are on the

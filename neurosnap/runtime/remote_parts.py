@@ -1,4 +1,4 @@
-"""Parts that can join a swarm from another host, made from its description.
+"""Makes the parts that join a swarm from another host, by its description.
 
 Each is made from the coordinator's description of the run, and from what its own host
 alone can know.

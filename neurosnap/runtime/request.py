@@ -26,7 +26,7 @@ from neurosnap.system.distribution import must_have
 
 
 class Supervision(msgspec.Struct, frozen=True, kw_only=True):
-    """What happens when a part dies."""
+    """The rules for a part that dies: restarts and their limits."""
 
     restart_on_error: Annotated[
         bool,
@@ -82,7 +82,7 @@ class StarterKind(Protocol):
 
 
 class Placement(msgspec.Struct, frozen=True, kw_only=True):
-    """Where the parts are."""
+    """The machine or the cluster on which the parts run."""
 
     place: Annotated[
         str,
@@ -167,7 +167,7 @@ class Site:
 
 @dataclass(frozen=True)
 class RunRequest:
-    """A run: what, where, and what happens when a part dies."""
+    """The request for one run: its options, its places, its rules for failures."""
 
     options: RunOptions
     """What to run."""

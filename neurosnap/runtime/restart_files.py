@@ -40,7 +40,7 @@ _CHUNK = re.compile(
 
 
 class RestartFiles:
-    """The files of one run, from one life of its swarm to the next.
+    """The files of one run over the restarts of its swarm.
 
     Args:
         log: The recording; of several files the first.

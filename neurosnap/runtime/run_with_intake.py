@@ -1,4 +1,4 @@
-"""Runs a swarm with a live source whose readings are journaled until recorded.
+"""Runs a swarm with an intake process, which journals live readings until recorded.
 
 The journal lies beside the recording. When the run ends in order, and all that came is
 in the recording, it is deleted; otherwise it stays, and a run that is resumed from the
@@ -67,7 +67,7 @@ Work = Callable[[RunRequest], Awaitable[Outcome]]
 
 
 class IntakeJob(msgspec.Struct, frozen=True):
-    """Takes in readings, keeps them and gives them to the world."""
+    """The job of the intake: journals readings, and gives them to the world."""
 
     options: RunOptions
     folder: str

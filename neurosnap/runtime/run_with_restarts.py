@@ -1,4 +1,4 @@
-"""Runs a source through a swarm, and restarts it when a part dies.
+"""Runs a swarm, and restarts it when a part dies.
 
 The parts of a swarm share one state: what the snapshot holds, what the cells are wired
 to, where the world is. So they are supervised *one for all*: when one dies, all are

@@ -12,7 +12,7 @@ from neurosnap.runtime.parts.job import Job, PartConnection, Report
 
 
 class Handle(Protocol):
-    """A part that was started. What is done to one that has ended does nothing."""
+    """A part that was started; stopping one that has ended does nothing."""
 
     def ask(self) -> None:
         """Ask it to end in order."""

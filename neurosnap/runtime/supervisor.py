@@ -43,7 +43,7 @@ class RunningPart:
 
 
 class Supervisor:
-    """Starts parts and watches over them.
+    """Starts parts, and watches whether they live.
 
     A part that ends before it was asked to, or otherwise than in order, makes `failed`
     fire; `error` then names it and says why, in the part's own words where it left any.

@@ -13,7 +13,7 @@ _STATUS = 1.0  # seconds between two words about how far it is
 
 
 class ServiceManager:
-    """The service manager that started this process. Use as a context manager."""
+    """The service manager that started this process; a context manager."""
 
     def __init__(self) -> None:
         self._address = os.environ.get("NOTIFY_SOCKET", "")

@@ -1,4 +1,4 @@
-"""Images that an environment renders.
+"""Takes the images that an environment renders.
 
 Drawing changes nothing: what is observed is the same without.
 """

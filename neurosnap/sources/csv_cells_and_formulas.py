@@ -1,4 +1,4 @@
-"""Reads tables with one column per sensor and one row per tick, such as CSV files.
+"""Reads CSV tables, one row per tick, and keeps spreadsheets from running their cells.
 
 Cells are 0 and 1, false and true, off and on, or say that nothing is known. A file is
 read as it is gone through, and never held in memory.
@@ -50,7 +50,7 @@ class TableFile(Protocol):
 
 
 class CsvFile:
-    """Reads the header, and then the lines below as often as asked.
+    """A CSV file, whose lines can be read as often as asked.
 
     Args:
         path: Where it is.
@@ -139,7 +139,7 @@ def _lines(path: str) -> Iterator[tuple[int, bytes]]:
 
 
 class TableRow(NamedTuple):
-    """One row."""
+    """One row of a table: its time and its readings."""
 
     time: str
     """What its column of time says; nothing, if there is none."""

@@ -1,4 +1,4 @@
-"""Turns events (one sensor's new value) into readings, one tick per change.
+"""Turns a log of events, each a sensor's new value, into readings at ticks.
 
 What happens at the same time is one tick, unless a sensor changes twice. Between its
 events a sensor reads what it read last. Events that change nothing are no ticks.
@@ -22,7 +22,7 @@ _UNKNOWN = -1
 
 
 class Events:
-    """Takes events in any order; of those at the same time, the first comes first.
+    """Collects events in any order, and makes readings of them.
 
     What a sensor reads before its first event is unknown.
     """

@@ -25,7 +25,7 @@ _WHEN = re.compile(
 
 
 class Comparison(NamedTuple):
-    """When a sensor with a number is on."""
+    """A comparison that says when a sensor with a number is on."""
 
     source: str
     """What the sensor is called in the data."""
@@ -102,7 +102,7 @@ def parse_comparison(text: str, name: str = "") -> Comparison:
 
 @dataclass(frozen=True)
 class Wanted:
-    """Which sensors are read, and how.
+    """The sensors that are wanted, and how each is read.
 
     Args:
         patterns: Names, or patterns with ``*`` and ``?``; none: what a kind of data

@@ -82,7 +82,7 @@ def _read_table(file: TableFile, wanted: Wanted) -> Readings:
 
 
 class FileSource:
-    """The readings in a file, one after the other; actions change nothing.
+    """A source that gives the readings of a file; actions change nothing.
 
     A tick at which nothing is known is left out.
 

@@ -13,7 +13,7 @@ from neurosnap.poc.learning.columns import Columns
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """Columns, and the moment of each tick where the data say it."""
+    """The readings of a file, and the time of each tick if it is known."""
 
     columns: Columns
     times: Sequence[str] | None = None

@@ -108,7 +108,7 @@ def _sync(path: Path) -> None:
 
 
 class OwnFile(io.FileIO):
-    """A new file that notices when another program writes to it, or its disk forgets.
+    """A new file that detects writes by other programs, and data its disk lost.
 
     It looks before each write: what was cut short has its old length again after it.
     """

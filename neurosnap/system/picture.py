@@ -1,4 +1,4 @@
-"""Colours of a picture, and its files: PNG for the screen, SVG and PDF for print.
+"""Colours and files of pictures: PNG for the screen, SVG and PDF for print.
 
 The same picture gives the same bytes each time with the same matplotlib: no file holds
 the time, and the names inside an SVG are numbers that its content alone decides.

@@ -1,4 +1,4 @@
-"""Plants small bugs one by one, and says which of them no test notices.
+"""Plants small bugs one by one, and reports those that no test notices.
 
 Each row of `mutants.toml` is a bug: a text in a file, what it becomes, and the tests
 that are to fail then. A row whose text is not there once is an error: the code has

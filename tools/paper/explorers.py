@@ -1,4 +1,4 @@
-"""Agents that explore a world, with or without growth, and are sent on journeys."""
+"""Agents that explore a world, with or without growth, and then travel to targets."""
 
 from collections.abc import Callable, Iterable
 from copy import deepcopy

@@ -1,4 +1,4 @@
-"""The table of results: each entry is computed once and stored whole or not at all.
+"""The table of results, whose entries are each computed once and stored atomically.
 
 Rows are computed by processes. They come in order, whichever process computed them, so
 the number of workers shows nowhere in a result.

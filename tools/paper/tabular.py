@@ -1,4 +1,4 @@
-"""Tabular learners: given the number of each place instead of sensors.
+"""Tabular learners, which are given the number of each place instead of sensors.
 
 References:
     Sutton & Barto, "Reinforcement Learning: An Introduction", 2nd edition 2018:

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Whole swarms in simulation, with crashes, restarts, cuts and losses.
+"""Simulates whole swarms, with crashes, restarts, cuts and losses.
 
     tools/simulate [--schedules 20000] [--seed 0] [--only SEED]
 

@@ -1,4 +1,4 @@
-"""The faults that may happen to a simulated swarm, and those that did."""
+"""The faults that may happen to a simulated swarm, and those that happened."""
 
 import random
 from pathlib import Path

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Runs that are disturbed, or very long, and checks of their results.
+"""Disturbs swarms or runs them for long, and checks their results.
 
 With --fault kill, parts of a running swarm are killed. Every role and every pair of
 roles is killed with SIGKILL as often as any other, in a random order and at random

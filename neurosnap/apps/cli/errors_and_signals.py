@@ -1,4 +1,4 @@
-"""Helpers that all verbs share: the app, error output, stopping a run."""
+"""Turns errors and signals into exit codes, for every command; stops a run in order."""
 
 import asyncio
 import signal

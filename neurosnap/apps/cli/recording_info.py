@@ -29,7 +29,7 @@ _SECOND = 10**9
 
 
 class Info(msgspec.Struct, frozen=True):
-    """What is in a recording."""
+    """The summary of a recording."""
 
     path: str
     size: int

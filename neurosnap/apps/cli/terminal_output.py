@@ -1,4 +1,4 @@
-"""Prints lines, tables, progress and the summary of a run."""
+"""Prints to the terminal: lines, tables, progress, the summary of a run."""
 
 import shlex
 import sys

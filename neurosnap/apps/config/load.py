@@ -86,7 +86,7 @@ class Origin:
 
 
 class Loaded(msgspec.Struct, frozen=True):
-    """A description, every value of which was judged alone."""
+    """A loaded description of a run, each of whose values is valid by itself."""
 
     config: Config
     """What it says; a table with a wrong value is left out, and has its defaults."""

@@ -33,7 +33,7 @@ _CLOSING = {"[": "]", "{": "}"}
 
 
 class ConfigFault(msgspec.Struct, frozen=True, kw_only=True):
-    """One thing that is wrong."""
+    """One problem in a run's description."""
 
     file: str | None = None
     """The file it stands in; None if it was given on the command line."""

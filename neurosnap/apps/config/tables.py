@@ -37,7 +37,7 @@ def _options(table: str) -> Any:  # noqa: ANN401 - a struct made at run time
 
 
 class RunTable(_options("run"), frozen=True, kw_only=True):  # type: ignore[call-arg, misc]
-    """How long it runs, and what is random in it."""
+    """The length of the run, and the seed of its random numbers."""
 
 
 class AgentTable(_options("agent"), frozen=True, kw_only=True):  # type: ignore[call-arg, misc]
@@ -104,7 +104,7 @@ class CellsTable(_options("cells"), frozen=True, kw_only=True):  # type: ignore[
 
 
 class AnomaliesTable(_options("anomalies"), frozen=True, kw_only=True):  # type: ignore[call-arg, misc]
-    """What is reported of observations against what was learned."""
+    """Which anomalies are reported: observations that contradict what was learned."""
 
 
 class HealthTable(_options("health"), frozen=True, kw_only=True):  # type: ignore[call-arg, misc]
@@ -153,7 +153,7 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     source: SourceTable
     """Where the observations come from."""
     run: RunTable = RunTable()
-    """How long it runs, and what is random in it."""
+    """The length of the run, and the seed of its random numbers."""
     agent: AgentTable = AgentTable()
     """How actions are chosen."""
     snapshot: SnapshotTable = SnapshotTable()
@@ -161,7 +161,7 @@ class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     cells: CellsTable = CellsTable()
     """Where the cells are, and how they are wired."""
     anomalies: AnomaliesTable = AnomaliesTable()
-    """What is reported of observations against what was learned."""
+    """Which anomalies are reported: observations that contradict what was learned."""
     health: HealthTable = HealthTable()
     """What is reported of sensors that seem broken."""
     recording: RecordingTable = RecordingTable()

@@ -20,7 +20,7 @@ from neurosnap.errors import InvalidValueError, either, similar
 
 
 class Problem(NamedTuple):
-    """One thing that is wrong."""
+    """One problem with a value of a table."""
 
     keys: Keys
     """The way to it."""

@@ -45,7 +45,7 @@ class Column(NamedTuple):
 
 
 class Table:
-    """Makes rows of ticks.
+    """Makes one row of a table from each tick.
 
     Args:
         body: What the run senses and does, with all that it grows; a sensor is not
@@ -175,7 +175,7 @@ _CELLS = 1 << 20
 
 
 class Exported(msgspec.Struct, frozen=True):
-    """What was written."""
+    """The result of an export: the file, and how many ticks it holds."""
 
     path: str
     ticks: int

@@ -102,7 +102,7 @@ class Runs(msgspec.Struct, frozen=True):
 
 
 class Run(msgspec.Struct, frozen=True, kw_only=True):
-    """What is being looked at."""
+    """The run on the page: its sensors, its length, its options."""
 
     log: str
     """The file's name."""
@@ -169,7 +169,7 @@ class BrokenView(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class AnomalyView(msgspec.Struct, frozen=True, kw_only=True):
-    """What was observed contradicts what was learned before."""
+    """An observation that contradicts what was learned before."""
 
     culprits: list[int]
     """The likeliest of the smallest sets of sensors that can be wrong."""
@@ -185,7 +185,7 @@ class AnomalyView(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Frame(msgspec.Struct, frozen=True, kw_only=True):
-    """What happened at one tick."""
+    """All that is shown of one tick."""
 
     tick: int
     bits: list[Bit]
@@ -300,7 +300,7 @@ class Points(msgspec.Struct, frozen=True):
 
 
 class ReadSoFar(msgspec.Struct, frozen=True, kw_only=True):
-    """What is found by reading a recording through, as far as that was done."""
+    """The base of answers that depend on how far the recording has been read."""
 
     read_to: int = 0
     """The last tick that was read."""
@@ -345,7 +345,7 @@ class RaisedAlarm(msgspec.Struct, frozen=True):
 
 
 class Marks(ReadSoFar, frozen=True, kw_only=True):
-    """What happened in stretches of ticks that are as long as one another."""
+    """The number of events in each of several equal stretches of ticks."""
 
     first: int
     last: int
@@ -369,14 +369,14 @@ class Marks(ReadSoFar, frozen=True, kw_only=True):
 
 
 class Beside(msgspec.Struct, frozen=True):
-    """The tick that was looked for."""
+    """The nearest tick with an anomaly or an alarm."""
 
     tick: int | None
     """None if there is none, or it was not read yet."""
 
 
 class RasterPart(ReadSoFar, frozen=True, kw_only=True):
-    """Some sensors over time: a column a tick, of every so many ticks."""
+    """The states of some sensors over time, one column per shown tick."""
 
     first: int
     """The tick of the first column."""
@@ -419,6 +419,6 @@ class Presence(msgspec.Struct, frozen=True):
 
 
 class Wrong(msgspec.Struct, frozen=True):
-    """What is wrong: with the question, or with the recording."""
+    """An error: in the request, or of the recording."""
 
     error: str

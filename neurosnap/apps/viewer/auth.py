@@ -38,7 +38,7 @@ Strangers: TypeAlias = dict[tuple[str, int] | None, asyncio.Transport]
 
 
 class Address(msgspec.Struct, frozen=True):
-    """Where a page is, and what lets one in."""
+    """The address of a page, with the secret token that opens it."""
 
     port: int
     token: str
@@ -56,7 +56,7 @@ def refusal(status: int, error: str) -> Response:
 
 
 class Guard:
-    """Lets through what is asked rightly; puts on every answer what it may not do.
+    """Rejects requests without the token, and adds security headers to every answer.
 
     Args:
         app: Whom the rest is left to.

@@ -1,4 +1,4 @@
-"""Reads a recording once from its first tick to its last, in the background.
+"""Reads a recording in the background, for plots, health and marks of the page.
 
 A recording is opened without reading it all, and plots, raster, marks and health show
 all of it. So they fill up while one looks at something else, and what is not there yet
@@ -35,7 +35,7 @@ _BATCH = 64
 
 
 class RunHistory:
-    """What a run was over time, as far as it was read.
+    """The course of a run over time, as far as its recording has been read.
 
     Reading is for one thread at a time and may go on while others look. So an answer
     says how far was read before it looks at what was: later, it would call itself whole
@@ -200,7 +200,7 @@ class HealthView:
 
 
 class RunMarks:
-    """What happened in a run, as far as it was read.
+    """The events of a run, as far as its recording has been read.
 
     Args:
         run_view: The view that is read.

@@ -1,4 +1,4 @@
-"""What a run had learned by a tick: its snapshot, its drawn order, its evidence.
+"""The snapshot and the drawn order that a run had learned by a given tick.
 
 A recording has a key-frame every so many ticks; from there the observations that were
 recorded are learned again, as the coordinator did. Snapshots that were come by on the

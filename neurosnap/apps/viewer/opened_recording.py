@@ -1,4 +1,4 @@
-"""A recording opened for viewing and shared by requests; it may still be growing.
+"""A recording that is open on the page, shared by requests and possibly still growing.
 
 A view of the run is used by one thread at a time and may take a while to answer: others
 wait meanwhile, and the event loop does not. A recording that is being written is looked
@@ -36,7 +36,7 @@ _HEARTBEAT = 15.0
 
 
 class ViewSession:
-    """What is open, and what is read of it in the background.
+    """An open recording: its view, and the reading of it in the background.
 
     Args:
         log: The recording.

@@ -1,4 +1,4 @@
-"""A recorded run, tick by tick: everything the page shows about it.
+"""Everything that the page shows of a recorded run, tick by tick.
 
 Nothing is derived again that was recorded: the state of a tick is the one the recording
 has, which is the one that `neurosnap verify` derives. Only the learned order is worked

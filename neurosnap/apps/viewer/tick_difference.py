@@ -1,4 +1,4 @@
-"""What differs between two ticks, of one recording or of two.
+"""The differences between two ticks, of one recording or of two.
 
 Compared are readings, decisions, believed states and learned orders, of the sensors
 that both have, by their names.
@@ -21,7 +21,7 @@ _LISTED = 50
 
 
 class Felt(msgspec.Struct, frozen=True, kw_only=True):
-    """A sensor that is not the same at two ticks; each pair is here and there."""
+    """A sensor that differs between two ticks; a pair has its value at each."""
 
     sensor: int
     """Its number here."""
@@ -32,7 +32,7 @@ class Felt(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Only(msgspec.Struct, frozen=True, kw_only=True):
-    """What one order implies and the other does not; literals are numbered as here."""
+    """The implications of one order that the other lacks."""
 
     edges: list[Arrow]
     """Covering edges, the first `_LISTED` of them."""
@@ -43,7 +43,7 @@ class Only(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class TickDifference(msgspec.Struct, frozen=True, kw_only=True):
-    """What differs between a tick here and a tick there."""
+    """All differences between one tick and another."""
 
     tick: int
     then: int

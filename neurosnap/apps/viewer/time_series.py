@@ -134,7 +134,7 @@ class TimeSeries:
 
 
 class Raster:
-    """What every sensor was at every tick, as far as that has been read."""
+    """The state of every sensor at every tick, as far as it has been read."""
 
     def __init__(self, run_view: RunView) -> None:
         self._run_view = run_view

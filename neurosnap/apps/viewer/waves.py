@@ -35,7 +35,7 @@ class _FoundWave(msgspec.Struct):
 
 
 class Waves:
-    """Waves by tick, filled with what was recorded, in any order."""
+    """The recorded waves of each tick; messages may be added in any order."""
 
     def __init__(self, sensors: int) -> None:
         self._literals = range(2 * sensors)

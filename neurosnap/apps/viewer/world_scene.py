@@ -39,7 +39,7 @@ _SEEDS = ("layout_seed", "target")
 
 
 class Scene:
-    """What is known of a run's world; nothing, if it is none of ours."""
+    """The world of a run as it can be drawn; empty for a world that is not ours."""
 
     def __init__(self, options: RunOptions) -> None:
         self.stage: Stage | None = None

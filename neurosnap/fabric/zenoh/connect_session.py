@@ -1,4 +1,4 @@
-"""Configures Zenoh sessions, and opens one with a hub that may not be up yet.
+"""Configures and opens Zenoh sessions, with a hub that may not be up yet.
 
 No session uses multicast, and every message is bounded. Zenoh's own patience cannot be
 cut short: its ``open`` blocks in C. So each try is a short one, on a thread that is

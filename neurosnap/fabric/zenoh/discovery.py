@@ -53,7 +53,7 @@ def is_of(name: str, swarm: str) -> bool:
 
 @dataclass(eq=False)
 class FoundSwarm:
-    """A swarm that came."""
+    """A swarm that was found on the network."""
 
     name: str
     """What it is called on the wire."""
@@ -62,7 +62,7 @@ class FoundSwarm:
 
 
 class Discovery:
-    """Looks out for the swarms of one id. Use as an async context manager.
+    """Searches the network for swarms of one id; an async context manager.
 
     Args:
         swarm: The id.

@@ -28,7 +28,7 @@ _CHUNK = 4096  # deliveries a poll handles before other tasks get their turn
 
 
 class Inbox(Generic[T]):
-    """A bounded queue from any thread to one that delivers.
+    """A bounded queue that any thread fills and one thread delivers.
 
     Args:
         owner: Whose inbox it is, for the error.
@@ -144,7 +144,7 @@ class Inbox(Generic[T]):
 
 
 class Poll:
-    """Empties a channel every so often, for readers that need rate and not latency.
+    """Empties a channel at intervals, for readers that need rate and not latency.
 
     Messages wait in Zenoh's channel until they are read, which costs neither a thread
     nor the GIL. A full channel holds back the hub, and so the senders: a slow reader

@@ -51,7 +51,7 @@ def pieces(delivery: wire.Delivery) -> Sequence[tuple[bytes, bytes]]:
 
 
 class Assembly:
-    """Puts together what came in pieces, for one subscription.
+    """Reassembles the messages of one subscription that came in pieces.
 
     A piece that is out of turn ends what it does not belong to: then the message is
     lost, which shows in its sender's numbers. Only one message is in hand at a time.

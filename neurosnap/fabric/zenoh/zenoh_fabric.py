@@ -1,4 +1,4 @@
-"""The fabric over Zenoh: one session per process, no discovery by multicast.
+"""The fabric over Zenoh: sends, receives, and flushes before it closes.
 
 What keeps the promises of `neurosnap.fabric.protocol`: one session and one priority a
 process; no callback that blocks, so that no receiver ever stalls the hub; every put

@@ -22,7 +22,7 @@ _CHUNK = 4096
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """What every sensor read at every tick.
+    """The reading of every sensor at every tick.
 
     Tick ``t``, counted from 0, is bit ``t % 64`` of word ``t // 64``; bits beyond the
     last tick are 0.

@@ -217,7 +217,7 @@ _ROUNDING = 1e-9
 
 
 class DiscountedSnapshot(Snapshot):
-    """Weighs the present more than the past ([GK] defn:discounted update).
+    """A snapshot that weighs the present more ([GK] defn:discounted update).
 
     Each observation takes a share ``1 - decay`` of the weight; the graph is derived
     from the new weights; then every square with an implication gives up the weight

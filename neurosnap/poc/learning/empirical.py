@@ -35,7 +35,7 @@ _BATCH = 64
 
 
 class EmpiricalSnapshot(Snapshot):
-    """Counts every pair of sensations, and forgets none ([GK] defn:empirical snapshot).
+    """A snapshot that counts and forgets nothing ([GK] defn:empirical snapshot).
 
     Its test is exact: weights are integers, compared with ``threshold * clock`` in
     double precision. Counts are 32 bits wide, which the clock must not outgrow. With

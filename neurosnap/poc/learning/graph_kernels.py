@@ -24,7 +24,7 @@ _ONE = np.uint64(1)
 
 
 class Pairs(NamedTuple):
-    """What is known of pairs of sensors besides their weights.
+    """The codes of pairs of sensors, and when each last changed.
 
     One entry a pair: of all pairs, or of those of some rows that lie side by side.
 

@@ -1,4 +1,4 @@
-"""Questions about past readings, answered by one process or by many cells.
+"""Questions about past readings, to be answered by one process or by many cells.
 
 A search is a coroutine that yields a question and is sent the answer. So it does not
 matter who has the history: one object, or the cells, each that of its own sensor.
@@ -19,7 +19,7 @@ Numbers: TypeAlias = NDArray[np.intp]
 
 
 class Count(NamedTuple):
-    """At how many of some ticks was each of some literals read?"""
+    """Asks at how many of some ticks each of some literals was read."""
 
     within: Words
     """``(W,)``, the ticks, as bits of a ring."""
@@ -28,7 +28,7 @@ class Count(NamedTuple):
 
 
 class Question(NamedTuple):
-    """What a history is asked at once."""
+    """One question to a history."""
 
     readings: tuple[int, ...] = ()
     """Literals: the ticks at which each was read, each literal once."""
@@ -37,7 +37,7 @@ class Question(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """What a history says to a question."""
+    """The answer of a history to one question."""
 
     readings: dict[int, Words]
     """By literal: ``(W,)``, the ticks at which it was read, as bits of the ring."""

@@ -1,4 +1,4 @@
-"""Compiled loops that count pairs of sensors, and judge those that may have changed.
+"""Compiled loops that count pairs lazily: pairs that cannot change yet are skipped.
 
 Most pairs cannot change their code for many observations to come. These are left alone,
 and codes, dates and graph are after every observation as if all had been judged.
@@ -89,7 +89,7 @@ _ONE = np.uint64(1)
 
 
 class Lag(NamedTuple):
-    """What is put off. `learn_lazily` takes it as a plain tuple, see `Pairs`."""
+    """The counting that is put off; `learn_lazily` takes it as a plain tuple."""
 
     readings: NDArray[np.uint64]
     """``(N,)``: whether a sensor read on at clock ``t``, as bit ``t % 64``."""

@@ -41,7 +41,7 @@ _EQUAL, _OPPOSITE = 3, 12
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """The square of an implication ``a -> b``, as it stands now.
+    """The evidence for and against an implication ``a -> b``, as it stands now.
 
     Weights are whole numbers of observations in an empirical snapshot, and shares of
     1 in a discounted one ([GK] eqn:virtual implication).

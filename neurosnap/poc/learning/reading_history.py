@@ -23,7 +23,7 @@ _ONE, _TOP = np.uint64(1), np.uint64(63)
 
 
 class Newborn(NamedTuple):
-    """What is known of a sensor that is grown, of its pairs with those before it."""
+    """The weights and codes of a new sensor's pairs with the sensors before it."""
 
     ticks: int
     """How long the history is."""
@@ -35,7 +35,7 @@ class Newborn(NamedTuple):
 
 
 class History:
-    """A ring of observations: which sensors read on, and which read off.
+    """The last observations: which sensors read on, and which off, as rings of bits.
 
     Both are rings. A reading that was unknown is in neither.
 

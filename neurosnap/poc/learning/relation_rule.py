@@ -61,7 +61,7 @@ _CODES = (4, 1, 2, 8)
 
 
 class Judged(NamedTuple):
-    """What the rule says of pairs."""
+    """The verdict of the rule on each pair."""
 
     codes: NDArray[np.uint8]
     """``(P,)``, as in `neurosnap.poc.learning.pairs`; 3 and 12 for near copies and

@@ -54,7 +54,7 @@ _SURE = 1.645
 
 @dataclass(frozen=True, slots=True)
 class Relation:
-    """A relation of two sensors, and what speaks for it.
+    """A relation of two sensors, and the evidence for it.
 
     A relation is put to the test on the occasions on which it could fail, and counted
     from both sides: ``a implies b`` where ``a`` is on, and where ``b`` is off; ``never

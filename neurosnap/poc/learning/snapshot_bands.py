@@ -16,7 +16,7 @@ from neurosnap.poc.learning.snapshot import OF_PAIRS, Snapshot
 
 
 class Stretch(NamedTuple):
-    """Some of the numbers of an array."""
+    """A stretch of the numbers of one array."""
 
     array: str
     """Its name."""

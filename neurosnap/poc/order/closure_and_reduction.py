@@ -21,7 +21,7 @@ _ONE = np.uint64(1)
 
 
 class Order(NamedTuple):
-    """What follows from a relation on ``n`` literals; read-only ([GK] "poc graph")."""
+    """The order that a relation on ``n`` literals generates ([GK] "poc graph")."""
 
     closed: Words
     """``(n, w)``: bit ``b`` of row ``a`` iff ``a <= b``, a path leads there."""

@@ -1,4 +1,4 @@
-"""Finds and verifies a file's chunks and messages, even if it is damaged.
+"""Unpacks and verifies chunks, and finds the messages in them.
 
 Surely a record is a chunk whose messages match its checksum, or metadata with a right
 checksum of its own. Bytes that merely look like one are passed over.

@@ -21,7 +21,7 @@ _NOTHING: Mapping[str, int] = MappingProxyType({})
 
 
 class Completeness(msgspec.Struct, frozen=True):
-    """What a recording holds of what was sent."""
+    """The messages of each part that a recording holds, and those that it lacks."""
 
     messages: int
     """Messages recorded, each once."""

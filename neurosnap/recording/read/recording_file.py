@@ -37,7 +37,7 @@ _AS_WRITTEN = dict(enumerate(wire.TOPICS, start=1))
 
 
 class Noted(msgspec.Struct, frozen=True):
-    """What the writer noted at the end about completeness."""
+    """The writer's final note on completeness."""
 
     completeness: Completeness
     """The balance it came to."""

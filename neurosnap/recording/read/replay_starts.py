@@ -1,4 +1,4 @@
-"""Key-frames of a recording: the places where a replay can start.
+"""The places where a replay can start: the whole key-frames of a recording.
 
 What a key-frame says is all there is to know, so nothing before it has to be read. Of
 what was sent after it, something may have overtaken it on the way to the recorder.
@@ -16,7 +16,7 @@ the longest way passes two queues on one host, or on two."""
 
 
 class Start(NamedTuple):
-    """A key-frame one can start from."""
+    """A key-frame from which a replay can start."""
 
     frame: wire.KeyFrame
     sequence: int

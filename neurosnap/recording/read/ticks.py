@@ -19,7 +19,7 @@ WINDOW = 1024
 
 
 class Tick(msgspec.Struct):
-    """What was recorded of one tick; None for what was not."""
+    """The recorded messages of one tick; those that are missing are None."""
 
     number: int
     observation: wire.Observation | None = None

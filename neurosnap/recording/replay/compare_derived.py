@@ -43,7 +43,7 @@ _Key: TypeAlias = tuple[str, int, int]
 
 
 class DifferenceError(NeurosnapError):
-    """What was derived is not what was recorded."""
+    """A derived message differs from the recorded one."""
 
 
 def start_of(recording: Recording, tick: int = 0) -> Start | None:

@@ -32,7 +32,7 @@ class RecordedBirth(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Births:
-    """Follows a run, and lists what it grows.
+    """Lists the sensors that a run grows, message by message.
 
     Args:
         body: What is sensed when the run starts.

@@ -1,4 +1,4 @@
-"""Learns again what a run learned: from a key-frame, or from nothing, tick by tick."""
+"""Repeats the learning of a recorded run, tick by tick, from a key-frame or from 0."""
 
 import copy
 from collections.abc import Iterable, Iterator, Mapping
@@ -20,7 +20,7 @@ from neurosnap.sensorium import unpack_readings
 
 
 class Learning:
-    """What was learned up to a tick. Its snapshot's state is left unset.
+    """The learning of a run up to a tick, without the snapshot's state.
 
     Args:
         path: The recording, for errors.

@@ -29,7 +29,7 @@ _BURST = 256  # messages sent before other tasks get their turn
 
 
 class Played(msgspec.Struct):
-    """What was played."""
+    """The result of a playback."""
 
     ticks: int = 0
     messages: int = 0
@@ -37,7 +37,7 @@ class Played(msgspec.Struct):
 
 
 class Playing(NamedTuple):
-    """How a recording is played, and who is told."""
+    """The options of a playback."""
 
     rate: float = 1.0
     """How many times as fast as it was recorded."""

@@ -17,7 +17,7 @@ from neurosnap.recording.replay.compare_derived import DifferenceError, Replay, 
 
 
 class Verdict(msgspec.Struct, frozen=True, kw_only=True):
-    """What a replay found."""
+    """The result of verifying a recording."""
 
     files: int
     """How many files it is recorded in."""

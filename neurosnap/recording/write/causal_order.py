@@ -12,7 +12,7 @@ from neurosnap import wire
 
 
 class Arrival(NamedTuple):
-    """A message that came."""
+    """A received message, and when it came."""
 
     message: wire.Message
     delivery: wire.Delivery
@@ -21,7 +21,7 @@ class Arrival(NamedTuple):
 
 
 class CoordinatorProgress(NamedTuple):
-    """How far the coordinator has come, by what it has said."""
+    """The progress of the coordinator, by the messages it has sent."""
 
     tick: int = 0
     """The last tick of which it asked for the observation."""
@@ -76,7 +76,7 @@ class CoordinatorProgress(NamedTuple):
 
 
 class CausalOrder:
-    """Lets messages wait for the word of the coordinator that they answer.
+    """Holds each reply back until the request that it answers.
 
     Each sender's own order is kept. The word may be lost, or never have been said: so
     what waits is let go after a while, and bounded by what comes in that time.

@@ -57,7 +57,7 @@ def _copy_into(
 
 
 class Salvaged(msgspec.Struct, frozen=True):
-    """What was written, and what could not be."""
+    """The result of a salvage: what was written, and what was lost."""
 
     path: str
     completeness: Completeness

@@ -1,4 +1,4 @@
-"""The event loop around a pure coordinator core: deliveries and deadlines.
+"""Drives the pure core of a coordinator: delivers messages, and keeps deadlines.
 
 It waits until every part is there, hands the core what arrives, publishes what the core
 answers, and keeps a deadline for every wave in flight, and for the world's next
@@ -27,7 +27,7 @@ _WORD = 0.25  # seconds between two words of how far it is, at most
 
 
 class Core(Protocol):
-    """The pure core that is driven: messages in, messages out."""
+    """The pure core that the loop drives: messages in, messages out."""
 
     finished: bool
 

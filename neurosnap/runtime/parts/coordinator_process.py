@@ -105,7 +105,7 @@ def answer_within(options: RunOptions) -> float | None:
 
 
 class CoordinatorJob(msgspec.Struct, frozen=True):
-    """The coordinator: learns, conducts and decides."""
+    """The job of the coordinator."""
 
     description: RunDescription
     """What the run is."""

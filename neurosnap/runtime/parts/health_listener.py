@@ -36,7 +36,7 @@ _logger = logging.getLogger(__name__)
 
 
 class Past(NamedTuple):
-    """A recording of what was read before."""
+    """The recorded readings of the time before a run was resumed."""
 
     log: Path
     """The recording; of several files the first."""

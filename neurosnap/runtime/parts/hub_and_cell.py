@@ -33,7 +33,7 @@ async def run_cell(cell: int, fabric: Fabric, stop: asyncio.Event) -> None:
 
 
 class CellJob(msgspec.Struct, frozen=True):
-    """One cell."""
+    """The job of one cell."""
 
     cell: int
     """Its sensor's number."""
@@ -45,7 +45,7 @@ class CellJob(msgspec.Struct, frozen=True):
 
 
 class HubJob(msgspec.Struct, frozen=True):
-    """The router that all others connect to."""
+    """The job of the hub, the router that all parts connect to."""
 
     sessions: int
     """How many may connect."""

@@ -37,41 +37,41 @@ _PROGRESS = 0.05  # seconds between two reports of progress
 
 
 class Ready(msgspec.Struct, frozen=True, tag=True):
-    """The part is up."""
+    """A part reports that it is ready."""
 
     who: str
 
 
 class Advanced(msgspec.Struct, frozen=True, tag=True):
-    """The part has come so far."""
+    """A part reports how many ticks it has done."""
 
     who: str
     tick: Annotated[int, msgspec.Meta(ge=0)]
 
 
 class Grown(msgspec.Struct, frozen=True, tag=True):
-    """Sensors were grown, or retired."""
+    """A part reports that sensors were grown or retired."""
 
     who: str
     changes: list[Changed]
 
 
 class Health(msgspec.Struct, frozen=True, tag=True):
-    """The sensors of the home are so now: a `Standing`, which no cell has to know."""
+    """A part reports the health of the home's sensors, as a `Standing`."""
 
     who: str
     standing: msgspec.Raw
 
 
 class Done(msgspec.Struct, frozen=True, tag=True):
-    """The part has done its work, with this result."""
+    """A part reports that it has done its work, with this result."""
 
     who: str
     result: msgspec.Raw = msgspec.Raw(b"null")
 
 
 class Failed(msgspec.Struct, frozen=True, tag=True):
-    """The part cannot go on."""
+    """A part reports that it cannot go on."""
 
     who: str
     what: str
@@ -91,7 +91,7 @@ def decode_report(content: bytes) -> Report:
 
 
 class Line(Protocol):
-    """Where reports go, such as a pipe."""
+    """The channel that takes reports, such as a pipe."""
 
     def send_bytes(self, buf: bytes, /) -> None:
         """Send one report."""
@@ -159,7 +159,7 @@ class Reporter:
 
 
 class PartConnection(msgspec.Struct, frozen=True):
-    """Where a part connects to the network, and as which part of which swarm."""
+    """The name of a part, the id of its swarm, and the address of its hub."""
 
     who: str
     """Its name, as in `Message.sender`."""
@@ -212,7 +212,7 @@ class PartContext:
 
 
 class Job(Protocol):
-    """What a part does, with all it needs: a struct that can be pickled.
+    """The work of a part, as a struct that can be pickled.
 
     Its class must be importable: the part looks it up by its module.
     """

@@ -36,7 +36,7 @@ _FLUSH = 0.2  # seconds a chunk may wait before it goes to the operating system
 
 
 class RecorderJob(msgspec.Struct, frozen=True):
-    """The recorder."""
+    """The job of the recorder."""
 
     options: RunOptions
     """The run's."""

@@ -47,7 +47,7 @@ def has_status(options: RunOptions) -> bool:
 
 
 class StatusListener:
-    """Hands what a swarm publishes to a publisher. Called on the fabric's thread.
+    """Passes a swarm's messages to a publisher, on the fabric's thread.
 
     Args:
         publisher: Publishes it.
@@ -180,7 +180,7 @@ def _publisher(options: RunOptions) -> "MqttPublisher | None":
 
 
 class StatusJob(msgspec.Struct, frozen=True):
-    """Reports on a run; see `publish_status`."""
+    """The job of the status publisher."""
 
     options: RunOptions
     past: ResumePoint | None = None

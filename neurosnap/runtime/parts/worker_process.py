@@ -17,7 +17,7 @@ from neurosnap.runtime.parts.job import PartContext, decoded, take_part
 
 
 class WorkerJob(msgspec.Struct, frozen=True):
-    """One worker, with its share of the cells."""
+    """The job of one worker, with its share of the cells."""
 
     worker: int
     """Its number."""

@@ -103,7 +103,7 @@ async def run_world(
 
 
 class WayIn(msgspec.Struct, frozen=True):
-    """How outside readings that are kept get to the world."""
+    """The way by which journaled readings from outside get to the world."""
 
     journal: str
     """The folder that they are kept in."""
@@ -112,7 +112,7 @@ class WayIn(msgspec.Struct, frozen=True):
 
 
 class WorldJob(msgspec.Struct, frozen=True):
-    """The world, or the file of readings."""
+    """The job of the world: a source, or a file of readings."""
 
     options: RunOptions
     past: ResumePoint | None

@@ -1,4 +1,4 @@
-"""The journal: readings of a live source, on disk before they make a tick.
+"""The journal: keeps readings of a live source on disk before they make a tick.
 
 What comes from outside comes once. So each row, the readings of one tick, is written
 here before it is used, and a run that goes on after a death reads it again; and so is
@@ -63,7 +63,7 @@ Readings: TypeAlias = dict[int, tuple[bool | None, float]]
 
 
 class Taken(msgspec.Struct, frozen=True, array_like=True, tag="taken"):
-    """What was taken in since the last row."""
+    """The readings received since the last row."""
 
     received: wire.Received = wire.Received()
     """What has been received up to it."""
@@ -71,7 +71,7 @@ class Taken(msgspec.Struct, frozen=True, array_like=True, tag="taken"):
 
 
 class Begin(msgspec.Struct, frozen=True, array_like=True, tag="begin"):
-    """What a file begins with."""
+    """The first record of a journal file."""
 
     sensors: tuple[str, ...]
     first: Number
@@ -125,7 +125,7 @@ def pack_known(known: NDArray[np.bool_] | None) -> bytes:
 
 
 class Acted(msgspec.Struct, frozen=True, array_like=True, tag="acted"):
-    """The action of a tick is about to be carried out."""
+    """The record that a tick's action is about to be carried out."""
 
     tick: Number
 
@@ -137,7 +137,7 @@ _decoder: msgspec.msgpack.Decoder[Record] = msgspec.msgpack.Decoder(Record)
 
 
 class Content(msgspec.Struct, frozen=True):
-    """What a journal holds."""
+    """The content of a journal."""
 
     sensors: tuple[str, ...]
     rows: tuple[JournalRow, ...]

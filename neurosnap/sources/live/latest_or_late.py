@@ -1,4 +1,4 @@
-"""The latest reading of every sensor, and whether it is still valid.
+"""The latest reading of every sensor: which readings are late, which are still valid.
 
 No clock and no threads: every time is an argument, in seconds on one clock that never
 goes back. It holds one reading a sensor, however many come.
@@ -153,7 +153,7 @@ def _spans(name: str, given: Spans, count: int) -> NDArray[np.float64]:
 
 
 class ClockMapping:
-    """Converts stamps; equal ones stay equal, and in order they stay in order.
+    """Converts senders' timestamps to our clock; their order is preserved.
 
     The difference of the two clocks is kept until it is clearly another one, because
     the wall clock was put right: taken anew for each stamp it would jitter, and so

@@ -1,4 +1,4 @@
-"""A live source in another process: its questions and answers.
+"""A live source in another process, with the messages to and from it.
 
 Messages go over a socket in a folder of the run's own, each behind its length: the
 world says which tick it goes on from; then it asks for row after row, and gets each
@@ -25,23 +25,23 @@ _AGAIN = 0.02  # seconds between two tries
 
 
 class Ask(msgspec.Struct, frozen=True, array_like=True, tag="ask"):
-    """Give the next row, once `action` is carried out."""
+    """A request for the next row, once `action` is carried out."""
 
     action: int
 
 
 class IntakeRecall(msgspec.Struct, frozen=True, array_like=True, tag="recall"):
-    """A world is there that goes on from a tick: say what was known then."""
+    """A request for the readings known at the tick from which a world goes on."""
 
     tick: int
 
 
 class Over(msgspec.Struct, frozen=True, array_like=True, tag="over"):
-    """There is none any more."""
+    """The answer that the source has no more rows."""
 
 
 class IntakeFailed(msgspec.Struct, frozen=True, array_like=True, tag="failed"):
-    """There cannot be one."""
+    """The answer that the source failed."""
 
     what: str
 

@@ -71,7 +71,7 @@ _logger = logging.getLogger(__name__)
 
 
 class Refusals:
-    """Logs what is refused or lost, a line a second at most. To be used under a lock.
+    """Logs refused and lost readings, one line a second at most; used under a lock.
 
     Args:
         clock: Seconds that never go back.

@@ -63,7 +63,7 @@ Receive: TypeAlias = Callable[[str, bytes, bool], None]
 
 
 class MqttLink:
-    """One client of a broker, kept alive.
+    """A client of an MQTT broker that reconnects by itself.
 
     Args:
         broker: Where it is.

@@ -22,7 +22,7 @@ _TOPIC = "must be a topic, without + and #"
 
 
 class MqttBroker(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Where the broker is, and how it is spoken to."""
+    """The address of the broker, and the connection's options."""
 
     host: Text = "localhost"
     """Its name or address."""
@@ -204,7 +204,7 @@ class MqttOptions(
     tag_field="kind",
     tag="mqtt",
 ):
-    """Sensors from topics, actions to topics."""
+    """The options of an MQTT source: sensors and actions by topics."""
 
     broker: MqttBroker = MqttBroker()
     """Where everything goes through."""

@@ -34,7 +34,7 @@ class Outgoing(NamedTuple):
 
 
 class Outbox:
-    """Held and passing messages, and which of them the broker has yet to get."""
+    """The messages that the broker has yet to get."""
 
     def __init__(self) -> None:
         self._held: dict[str, bytes] = {}

@@ -21,7 +21,7 @@ _SHOWN = 40  # characters of a payload in an error
 
 
 class Payload:
-    """What was published, decoded once however many sensors read it, if it can be.
+    """A published payload, decoded once for all sensors that read it.
 
     Args:
         topic: Where to.

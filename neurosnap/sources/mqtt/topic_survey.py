@@ -56,7 +56,7 @@ _NO_NAME = re.compile(r"\W+")
 
 
 class HeardTopic(msgspec.Struct):
-    """What was received on one topic."""
+    """The messages received on one topic."""
 
     topic: str
     messages: int = 0
@@ -68,7 +68,7 @@ class HeardTopic(msgspec.Struct):
 
 
 class Survey:
-    """Collects messages, and says what they look like."""
+    """Collects messages, and reports which topics look like binary sensors."""
 
     def __init__(self) -> None:
         self._heard: dict[str, HeardTopic] = {}

@@ -1,4 +1,4 @@
-"""What every fault-detection method reports for each fault, table by table."""
+"""Tables of the reports of every fault-detection method for each fault."""
 
 import hashlib
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""A method's result for a home: sensors it flags, each with a stretch of time."""
+"""The sensors that a method flags in a home, each with a stretch of time."""
 
 from typing import NamedTuple, Protocol
 

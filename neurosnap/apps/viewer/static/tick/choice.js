@@ -1,4 +1,4 @@
-// What is selected: a sensor with its edges, or an edge with its weights.
+// The card of what is selected: a sensor with its edges, or an edge with its weights.
 
 import { find, link, make, write } from "../base/dom.js";
 import { bitWord, conditions, drawn, few, isComplement, literalName, sensorOf } from "../base/literals.js";

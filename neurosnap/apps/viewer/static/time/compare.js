@@ -1,4 +1,4 @@
-// Two ticks beside each other: of this recording, or of this and another.
+// The comparison of two ticks: of this recording, or of this and another.
 
 import { counted, find, link, make, table, write } from "../base/dom.js";
 import { bitWord, drawn, few, literalName } from "../base/literals.js";

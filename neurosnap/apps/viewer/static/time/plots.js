@@ -1,4 +1,4 @@
-// What happens over time: a small plot for each kind of number, all over the same ticks.
+// Small plots over time, one for each kind of number, all over the same ticks.
 
 import { Gathering } from "../base/api.js";
 import { find, make, number, write } from "../base/dom.js";
