@@ -34,7 +34,7 @@ class InvalidValueError(NeurosnapError, ValueError):
 
 
 def similar(given: object, known: Iterable[str]) -> str:
-    """Return a question after what was meant, for the end of a rule; or nothing.
+    """Return a hint at the most similar name, for the end of a rule; or nothing.
 
     Examples:
         >>> similar("planer", ["walker", "planner"]), similar("x", ["walker"])
@@ -126,7 +126,7 @@ class NoRecordingError(RecordingError):
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Let an error of the system say which file it is about.
+    """Add the file's name to an error of the operating system.
 
     A full disk shows when a file is written to, and the error does not name it then; a
     draft's name would mean nothing to whoever asked for the file.

@@ -58,7 +58,7 @@ class Actions(Contexts):
 
 
 def guaranteed(closures: Sequence[NDArray[np.bool_]]) -> NDArray[np.bool_]:
-    """Return what each action guarantees ([GK] consequences of an action).
+    """Return the literals that each action guarantees ([GK] consequences of an action).
 
     Args:
         closures: For each action, ``↑signal``: ``(2N,)``.

@@ -242,12 +242,12 @@ class Agent:
 
     @property
     def snapshot(self) -> Snapshot:
-        """What has been learned."""
+        """The snapshot: what has been learned."""
         return self._mind.snapshot
 
     @property
     def body(self) -> Body:
-        """What is sensed and done by now."""
+        """The body: what is sensed and done, grown sensors included."""
         return self._mind.memory.body
 
     @property
@@ -262,7 +262,7 @@ class Agent:
 
     @property
     def chance(self) -> dict[str, tuple[str, ...]]:
-        """What is left to chance, by action: own sensors that nothing is grown for.
+        """The results left to chance, by action: own sensors that nothing is grown for.
 
         Each cover that seemed to tell when an action switches one of these on, or off,
         has failed, and four times as often as not.
@@ -270,7 +270,7 @@ class Agent:
         return self._mind.memory.chance
 
     def set_down(self) -> None:
-        """Let what is observed next follow no action, as the agent was moved.
+        """Begin a new trajectory with the next observation: the agent was moved.
 
         To be told before an observation that begins a trajectory though the last one
         had not come to its end: after a limit on time, or a reset.
@@ -317,7 +317,7 @@ class Agent:
         return self.decision
 
     def consequences(self, action: int | str) -> NDArray[np.bool_]:
-        """Return what an action taken here guarantees: ``(2N,)``.
+        """Return the literals that an action taken here guarantees: ``(2N,)``.
 
         Args:
             action: Its name or number.

@@ -45,7 +45,7 @@ class Contexts:
     def told(
         self, state: NDArray[np.bool_], known: NDArray[np.bool_]
     ) -> NDArray[np.bool_]:
-        """Return of which one can tell whether they hold: ``(contexts,)``.
+        """Return which contexts are known to hold or not to hold: ``(contexts,)``.
 
         A literal is told where it or its complement is in the state, or its reading was
         known. A context is told where all its literals are, or one that is not in the

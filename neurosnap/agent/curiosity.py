@@ -61,7 +61,7 @@ class Curiosity:
         self._end = self._end or state
 
     def is_settled(self, steps: int) -> bool:
-        """Return whether nothing is better that is so many steps away, or more."""
+        """Return whether no trial at this distance or beyond can be better."""
         return not self._aims and self._hope >= 1 / (steps + 1)
 
     def choice(self, draw: float, chance: bool) -> Trial | None:

@@ -54,19 +54,19 @@ class Experience:
         self.plan: Plan | None = None
 
     def aim(self) -> None:
-        """Have another target: no plan is under way, and no place is raised."""
+        """Change the target: drop the plan under way, and lower all raised places."""
         self.plan = None
         self.raised.clear()
 
     def lift(self, place: bytes, height: int) -> None:
-        """Let a place, as `key` tells it apart, be raised by no less than `height`."""
+        """Raise a place, given by its `key`, to `height` at least."""
         if height > self.raised.get(place, 0):
             self.raised[place] = height
             if len(self.raised) > _MOST:
                 del self.raised[next(iter(self.raised))]
 
     def key(self, place: NDArray[np.bool_]) -> bytes:
-        """Return what tells a place from another one.
+        """Return the key by which places are told apart.
 
         It is what is said there of the sensors that some action has a foreseeable
         effect on. Any other reading, a coin's say, is never part of an imagined place.
@@ -194,7 +194,7 @@ class Experience:
         }
 
     def restore(self, arrays: Arrays) -> None:
-        """Be as the arrays say.
+        """Restore the whole state from arrays.
 
         Raises:
             ValueError: They make no sense.

@@ -310,7 +310,7 @@ class Grower:
         return {"covers": self._counts, "trials": np.frombuffer(text, np.uint8)}
 
     def restore(self, arrays: Arrays) -> None:
-        """Be as the arrays say.
+        """Restore the whole state from arrays.
 
         Raises:
             ValueError: They make no sense.

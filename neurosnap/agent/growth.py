@@ -119,7 +119,7 @@ class Growth:
         return self.history.arrays() | self._grower.arrays()
 
     def restore(self, arrays: Arrays) -> None:
-        """Be as the arrays say.
+        """Restore the whole state from arrays.
 
         Raises:
             ValueError: They make no sense.
@@ -129,7 +129,7 @@ class Growth:
 
 
 def apply_change(body: Body, decision: Decision, snapshot: Snapshot) -> None:
-    """Let a snapshot go on as a decision says; the body is the one after it.
+    """Grow or retire a sensor of a snapshot, by a decision and the body after it.
 
     Raises:
         MessageError: What is said of a newborn is not of the sensors before it.
@@ -150,7 +150,7 @@ def apply_change(body: Body, decision: Decision, snapshot: Snapshot) -> None:
 
 
 def birth_fields(newborn: Newborn, snapshot: Snapshot) -> dict[str, int | bytes]:
-    """Return what a decision says of a newborn, by field."""
+    """Return the fields of a decision that describe a newborn sensor."""
     kind = "<u4" if isinstance(snapshot, EmpiricalSnapshot) else "<f8"
     return {
         "history": newborn.ticks,

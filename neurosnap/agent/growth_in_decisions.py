@@ -29,7 +29,7 @@ class Changed(msgspec.Struct, frozen=True):
 
 
 def changes_in(decision: Decision, body: "Body") -> Iterator[Changed]:
-    """Yield what a decision says of sensors that come or go; the body is that after."""
+    """Yield the sensors a decision grows or retires; the body is the one after it."""
     for sensor, retires in ((decision.born, False), (decision.retires, True)):
         if 0 <= sensor < body.size:
             yield Changed(decision.tick, sensor, body.sensors[sensor], retires)

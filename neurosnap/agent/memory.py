@@ -133,7 +133,7 @@ class AgentMemory:
         return {} if self._growth is None else self._growth.changes
 
     def follow(self, decision: Decision, snapshot: Snapshot) -> bool:
-        """Let body and snapshot go on as a decision says.
+        """Apply the grown or retired sensor of a decision to body and snapshot.
 
         Returns:
             Whether any sensor came or went.
@@ -168,7 +168,7 @@ class AgentMemory:
         return arrays if self._growth is None else arrays | self._growth.arrays()
 
     def restore(self, data: bytes) -> None:
-        """Be as what `to_bytes` returned says.
+        """Restore the whole state from the bytes of `to_bytes`.
 
         Raises:
             ValueError: It is damaged, or of another agent.

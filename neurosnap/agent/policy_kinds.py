@@ -63,7 +63,7 @@ class Walker:
         return pick(self._actions, draws[0]), "random walk"
 
     def grow(self, body: Body) -> None:
-        """Go on as before: what it does does not depend on its sensors."""
+        """Change nothing: a walker does not depend on its sensors."""
 
 
 class Excited:

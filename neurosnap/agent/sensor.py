@@ -157,7 +157,7 @@ class Attribute:
 
 
 def itself(state: Any) -> Any:  # noqa: ANN401 - whatever a state is
-    """Return the state: what sensors are of unless told otherwise."""
+    """Return the state itself: the default attribute of a sensor."""
     return state
 
 

@@ -47,7 +47,7 @@ class HealthLog(msgspec.Struct, frozen=True):
 def health_of(
     found: Recording | Readings, budget: str, zone: str | None = None
 ) -> HealthLog:
-    """Return what a monitor says of a home, by a recording or a table of readings.
+    """Return the alarms and health of a home, by a recording or a table of readings.
 
     Args:
         found: What the home's own sensors read, and when.
@@ -79,7 +79,7 @@ def _rows(readings: Readings) -> Iterator[OwnReadings]:
 def follow(
     readings: Iterable[OwnReadings], follower: Follower, budget: str
 ) -> HealthLog:
-    """Return what a monitor says of a home, from the first observation to the last.
+    """Return the alarms and health of a home, from the first observation to the last.
 
     Args:
         readings: In order.

@@ -71,7 +71,7 @@ class Recording:
 
     @property
     def options(self) -> RunOptions:
-        """What was run."""
+        """The options of the recorded run."""
         return self.file.options
 
     @property
@@ -81,7 +81,7 @@ class Recording:
 
     @property
     def whole(self) -> bool:
-        """Whether it has its end, and nothing that was sent is missing from it."""
+        """Whether the recording has its end and lacks no message that was sent."""
         return self.file.whole
 
     def verify(self, start: int = 0) -> Verdict:
@@ -105,7 +105,7 @@ class Recording:
         return recorded(self.file, support)
 
     def snapshot_at(self, tick: int | None = None) -> Snapshot:
-        """Return what was learned by a tick, or by the last."""
+        """Return the snapshot as learned by a tick, or by the last."""
         return snapshot_at(self.file, tick)[1]
 
     def order_at(self, tick: int | None = None) -> PocGraph:

@@ -52,7 +52,7 @@ def free_log(path: Path) -> Path:
 
 @contextmanager
 def placed(path: Path, *, force: bool, reads: Collection[Path]) -> Iterator[Path]:
-    """Give a place to write, which becomes `path` if nothing goes wrong.
+    """Give a temporary file to write, which becomes `path` if nothing goes wrong.
 
     Only those may read it who may read all that is exported.
 

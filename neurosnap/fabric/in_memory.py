@@ -123,7 +123,7 @@ class MemoryHub:
         self._by_topic.clear()
 
     def send(self, sender: str, delivery: wire.Delivery) -> None:
-        """Put a delivery on its way to everybody who listens to its key."""
+        """Send a delivery to every subscriber of its key."""
         for receiver in self._route(delivery.key):
             link = (sender, receiver)
             if self._loses(link):
@@ -159,13 +159,13 @@ class MemoryHub:
                 handler(who, False)
 
     def announce(self, who: str) -> None:
-        """Show `who` as alive to everybody who watches."""
+        """Announce the part `who` as alive to all watchers."""
         self._alive.append(who)
         for _, handler in self._watchers:
             handler(who, True)
 
     def watch(self, who: str, handler: PresenceHandler) -> None:
-        """Tell `handler` who is there, and from now on who comes and goes."""
+        """Call `handler` for each part that is there, and each that comes or goes."""
         self._watchers.append((who, handler))
         for present in list(self._alive):
             handler(present, True)
@@ -258,6 +258,6 @@ class MemoryFabric:
         await self._failure.wait(stop)
 
     def fail(self, error: BaseException) -> None:
-        """Let `serve` raise `error`."""
+        """Make `serve` raise `error`."""
         if self._failure is not None:
             self._failure.set(error)

@@ -193,7 +193,7 @@ class News(msgspec.Struct, frozen=True):
     """The home's time zone."""
 
     def line(self) -> str:
-        """Return it for people."""
+        """Return the text of the alarm in one line."""
         said = f"{self.sensor}: well again" if self.alarm is None else self.alarm.line()
         return f"{told(self.step, self.zone)}  {said}"
 

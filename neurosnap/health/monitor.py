@@ -264,7 +264,7 @@ def companion(
     sensor: int,
     since: int,
 ) -> Companion | None:
-    """Return who makes a silence most surprising: it came on without the sensor.
+    """Return the other sensor whose activity makes a silence most surprising.
 
     Of each other sensor the hours are counted in which it came on, and in which of them
     the sensor did, too, before and since. It is the one with the most hours since, each

@@ -89,7 +89,7 @@ class AnomalyDetector:
         known: NDArray[np.bool_] | None = None,
         snapshot: Snapshot | None = None,
     ) -> wire.Anomaly | None:
-        """Return what is wrong with an observation, if anything is.
+        """Return the anomaly of an observation, if there is one.
 
         Args:
             tick: Of the observation; larger every time.
@@ -155,12 +155,12 @@ class AnomalyDetector:
         )
 
     def to_bytes(self) -> bytes:
-        """Return what it remembers, for a key-frame, and forget everything else."""
+        """Return the detector's state for a key-frame, and forget everything else."""
         self._begin()
         return b"" if self._history is None else pack_arrays(self._history.arrays())
 
     def restore(self, data: bytes) -> None:
-        """Be as what `to_bytes` returned says.
+        """Restore the detector's state from the bytes of `to_bytes`.
 
         Raises:
             ValueError: It is damaged, or of other sensors.

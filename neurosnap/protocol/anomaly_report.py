@@ -10,7 +10,7 @@ from neurosnap.sensorium import visible
 
 
 def with_support(anomaly: wire.Anomaly, support: int) -> wire.Anomaly | None:
-    """Return an anomaly without what rests on too little.
+    """Return an anomaly without the implications that rest on too few occasions.
 
     A broken implication rests on the occasions of the least of its links.
 
@@ -73,7 +73,7 @@ class NamedAnomaly(msgspec.Struct, frozen=True):
 
 
 def named_anomaly(anomaly: wire.Anomaly, sensors: Sequence[str]) -> NamedAnomaly:
-    """Return what people are told of an anomaly, as it came, not checked yet.
+    """Return an anomaly with names in place of numbers; its support is not checked.
 
     Raises:
         MessageError: It is no anomaly of such sensors.
@@ -128,7 +128,7 @@ def anomaly_line(told: NamedAnomaly) -> str:
 
 
 def evidence(link: Link) -> str:
-    """Return what speaks for a broken implication, and against it."""
+    """Return the evidence for and against a broken implication, in words."""
     on = "" if link.occasions is None else f" on {link.occasions} occasions"
     return (
         f"{link.support:g} for{on}, {link.against:g} against, since tick {link.since}"

@@ -241,11 +241,11 @@ class Coordinator:
         return [*first, *self._learning.passed_on, self.decision]
 
     def begin_with(self, frame: wire.KeyFrame) -> None:
-        """Let workers that share the learning begin with a recorded key-frame."""
+        """Set the recorded key-frame from which workers that share learning begin."""
         self._learning.begins = frame.snapshot if self._learning.shares else b""
 
     def resume(self, ticks: int, bands: Iterable[wire.Band] = ()) -> None:
-        """Let a run that ended run on to `ticks`.
+        """Continue a run that has ended, up to `ticks`.
 
         Workers that share the learning are passed the bands of the tick it is at.
         """

@@ -87,7 +87,7 @@ class LearnControl:
         return self.ask(msgspec.structs.replace(last, frame=tick, begins=begins))
 
     def forget(self) -> None:
-        """Let nothing be under way, nor have been learned last."""
+        """Reset: no request is under way, and nothing was learned last."""
         self.under_way, self._last = None, wire.Learn(0)
 
     def repeat(self) -> list[wire.Message]:

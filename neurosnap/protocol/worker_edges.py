@@ -155,7 +155,7 @@ def joined(edges: Ints) -> NDArray[np.int64]:
 
 
 def parted(edges: NDArray[np.int64]) -> Ints:
-    """Return what `joined` was given."""
+    """Undo `joined`: return the edges as ``(e, 2)``."""
     return np.stack((edges >> 32, edges & 0xFFFFFFFF), axis=1).astype(np.int32)
 
 

@@ -185,7 +185,7 @@ def _carry(counts: NDArray[np.int64]) -> None:
 
 
 def warm() -> None:
-    """Have the loops compiled, or read from the cache, before the first wave."""
+    """Compile the loops, or load them from the cache, before the first wave."""
     none = np.empty(0, np.int32)
     zero = np.zeros(1, np.int32)
     reached = np.full(1, -1, np.int32)

@@ -10,7 +10,7 @@ from neurosnap.sources.protocol import Argument, Source
 
 
 def body_of(source: Source, agent: AgentKind, room: int = 0) -> Body:
-    """Return what an agent senses of a source.
+    """Return the body of an agent for a source.
 
     A walker does what it does without regard to what it leads to, and gets the world's
     own sensors alone; the others sense their actions, too, in every context.

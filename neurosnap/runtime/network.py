@@ -57,7 +57,7 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
     ] = False
 
     def check(self, *parts: str) -> None:
-        """Refuse what cannot be, before anything is started.
+        """Refuse options that do not go together, before any part is started.
 
         Args:
             parts: Whose keys have to be there; none: those that every launcher of a

@@ -40,7 +40,7 @@ class Note(msgspec.Struct, frozen=True, kw_only=True):
 
 @contextmanager
 def noted(swarm: str, source: str, endpoint: str, log: Path | None) -> Iterator[None]:
-    """Let a swarm of this process be found while the context is entered.
+    """Register a swarm of this process while the context is entered.
 
     Notes of launchers that were killed are taken away.
 

@@ -106,7 +106,7 @@ class Placement(msgspec.Struct, frozen=True, kw_only=True):
         return self.place == "here"
 
     def check(self, cells: CellKind) -> None:
-        """Refuse what cannot be placed, before anything is started.
+        """Refuse parts that cannot be placed, before any part is started.
 
         Raises:
             InvalidValueError: There is no such starter, or it cannot start such cells;

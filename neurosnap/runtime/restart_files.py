@@ -55,7 +55,7 @@ class RestartFiles:
         """Files of the recording that are damaged, and that it goes on without."""
 
     def check_free(self) -> None:
-        """Refuse to record where a run left something that was cut short.
+        """Refuse to record over files that an interrupted run left.
 
         Raises:
             InvalidValueError: Its launcher was killed; the text says how to go on.
@@ -147,7 +147,7 @@ class RestartFiles:
                 self.kept.remove(path)
 
     def keep_furthest(self) -> None:
-        """Let the recording be the one of two that has more whole ticks.
+        """Keep as the recording the one of two that has more whole ticks.
 
         Of a run in several files, ``NAME.broken`` is one of them, and goes back to its
         place. Blocks for as long as it takes to derive the last ticks of both again.

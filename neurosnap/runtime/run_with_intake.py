@@ -108,7 +108,7 @@ class IntakeJob(msgspec.Struct, frozen=True):
         part.reporter.done(source.statistics())
 
     def _routing(self) -> contextlib.AbstractAsyncContextManager[None]:
-        """Be the hub, if it is one."""
+        """Run the hub, if the intake is one."""
         if self.hub is None:
             return contextlib.nullcontext()
         return routing(self.hub, self.sessions)
@@ -326,7 +326,7 @@ class _WorldServer:
             writer.close()
 
     def leave(self) -> None:
-        """Let changes be kept while no world asks for them."""
+        """Journal changes while no world asks for them."""
         self._keeping = asyncio.create_task(
             asyncio.to_thread(self._source.keep_changes), name="intake/keep"
         )

@@ -153,7 +153,7 @@ class Supervisor:
             self.blame(kind(f"{who}: {what}"))
 
     def blame(self, error: Exception) -> None:
-        """Let the first error be the run's, but for a death.
+        """Record the run's error: the first one, or the first death of a part.
 
         Who cannot go on may suffer from another's death, which shows a moment later.
         """

@@ -295,7 +295,7 @@ def as_text(text: str) -> str:
 
 
 def as_written(text: str) -> str:
-    """Return what `as_text` was given.
+    """Undo `as_text`: return the text without its apostrophe.
 
     Examples:
         >>> as_written("'=1+1"), as_written("'tis")

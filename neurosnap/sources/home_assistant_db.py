@@ -55,7 +55,7 @@ class _Attributes(msgspec.Struct):
 
 
 def read_home_assistant(path: str, wanted: Wanted) -> Readings:
-    """Return what the sensors of a home read.
+    """Return the readings of a home's sensors.
 
     Args:
         path: Where the database is.

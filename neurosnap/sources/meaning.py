@@ -64,7 +64,7 @@ def plain_unit(unit: str) -> str:
 
 
 def parse_comparison(text: str, name: str = "") -> Comparison:
-    """Return what a text such as ``hall > 21 °C, off < 20`` says.
+    """Parse a comparison such as ``hall > 21 °C, off < 20``.
 
     Args:
         text: The comparison.

@@ -38,7 +38,7 @@ def must_have(package: str, extra: str) -> str:
 
 
 def namesake() -> str:
-    """Return what is wrong when PyPI's ``neurosnap`` shares our folder; else nothing.
+    """Return an error text if PyPI's ``neurosnap`` shares our folder; else nothing.
 
     One look into the folder that holds the package: this runs at every start, and
     importing `importlib.metadata` would take longer than all else.

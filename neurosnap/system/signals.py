@@ -21,7 +21,7 @@ _SHOW_CURSOR = b"\x1b[?25h"
 
 
 def quit_at_once() -> None:
-    """Let signals end the program at once, while it has nothing to tidy up."""
+    """Make signals end the program at once, while it has nothing to tidy up."""
     for number in heeded():
         signal.signal(number, quit_now)
 

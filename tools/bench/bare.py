@@ -120,7 +120,7 @@ def _await(line: Connection, count: int) -> bytes:
 
 
 def be_hub(endpoint: str, sessions: int, say_up: Connection) -> None:
-    """Be the hub: the swarm's own, with the same settings."""
+    """Run a hub with the settings of a swarm's own."""
     _end_with_parent()
     from neurosnap.fabric.zenoh.hub import open_hub
 

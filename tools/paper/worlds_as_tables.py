@@ -180,7 +180,7 @@ class StageEnv(gymnasium.Env[NDArray[np.int8], np.int64]):
         return self.reading(), {}
 
     def put(self, place: int) -> None:
-        """Put whoever acts at a place."""
+        """Put the agent at a place."""
         self.place = place
 
     def reading(self) -> NDArray[np.int8]:

@@ -103,7 +103,7 @@ class Disk:
         return [content for content in self.damaged if content not in there]
 
     def check_space(self) -> None:
-        """Be full, maybe.
+        """Raise an error as a full disk does, in some cases.
 
         Raises:
             OSError: It is.

@@ -116,7 +116,7 @@ class Struggle:
                 self.process.send_signal(number)
 
     def judge(self) -> Struck:
-        """Wait for its end; say what became of it."""
+        """Wait for the run's end, and return its result."""
         wrong = []
         try:
             self.process.wait(PATIENCE)

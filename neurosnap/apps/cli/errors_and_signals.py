@@ -123,14 +123,14 @@ def errors() -> Iterator[None]:
 
 
 def fail(text: str, code: int) -> NoReturn:
-    """Say what went wrong, and end with `code`."""
+    """Print an error, and end with exit code `code`."""
     # No markup: the text may hold what rich would read as markup.
     screen.print(Text.assemble(("error:", "red"), f" {text}"), soft_wrap=True)
     raise typer.Exit(code)
 
 
 def end_by(recording: "Recording") -> None:
-    """Say what a recording lacks, if anything; end with `LOST` then."""
+    """Print what a recording lacks; if it lacks anything, end with exit code `LOST`."""
     warn(*(f"damaged: {line}" for line in recording.damage))
     if (cut := recording.cut) is not None:
         warn(f"cut short: {recording.path} at byte {cut.offset} of {cut.size}")
@@ -214,7 +214,7 @@ def _unwind(number: int, frame: FrameType | None) -> NoReturn:
 def heard(
     loop: asyncio.AbstractEventLoop, on_signal: Callable[[int], None]
 ) -> Iterator[None]:
-    """Have `on_signal` called on the loop with the number of each signal.
+    """Call `on_signal` on the event loop with the number of each signal.
 
     Once the block is left the program has ended in order, and has only to say so: where
     it would have quit at a signal before, it ignores it then. The loop's own

@@ -73,7 +73,7 @@ class Info(msgspec.Struct, frozen=True):
 
 
 def describe(recording: Recording) -> Info:
-    """Return what is in a recording.
+    """Return the summary of a recording.
 
     Raises:
         RecordingError: It is not what a writer of ours writes.

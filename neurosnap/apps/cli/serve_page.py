@@ -24,7 +24,7 @@ _NEEDED = ("starlette", "uvicorn")
 
 
 def check_page() -> None:
-    """Refuse to begin what is to be looked at where nothing can serve a page.
+    """Refuse a command with a page if the packages that serve it are not installed.
 
     Raises:
         MissingExtraError: What serves it is not installed.

@@ -39,7 +39,7 @@ screen = Console(stderr=True, highlight=False)
 
 
 def say(form: str, *lines: str) -> None:
-    """Print lines for people: on standard output, or beside it where JSON goes."""
+    """Print lines of text: on standard output, or on standard error beside JSON."""
     for line in lines:
         if form == "json":
             warn(line)
@@ -151,7 +151,7 @@ def health_facts(standing: "Standing") -> dict[str, object]:
 
 
 def watcher(on_tick: "Callable[[int], None]") -> Watcher:
-    """Return what prints a run's restarts, changes and news of health."""
+    """Return the functions that print a run's restarts, changes and news of health."""
     reader = Newsreader()
     return Watcher(
         on_tick,
@@ -162,7 +162,7 @@ def watcher(on_tick: "Callable[[int], None]") -> Watcher:
 
 
 def restart_lines(event: Restart) -> Iterator[str]:
-    """Say that a run goes on, what that costs, and what it could not go on from."""
+    """Yield the lines about a restart: its cause, its cost, the recordings kept."""
     what = "readings are lost" if event.outside else "ticks are done again"
     cost = f"; {event.lost} {what}" if event.lost else ""
     yield f"going on from tick {event.tick}: {event.why}{cost}"
@@ -266,7 +266,7 @@ def in_ranges(ranges: Iterable[tuple[int, int]]) -> str:
 
 
 def changed_line(changed: "Changed") -> str:
-    """Return what is said when a sensor is grown, or read no more.
+    """Return the line about a sensor that was grown or retired.
 
     Examples:
         >>> from neurosnap.agent.growth_in_decisions import Changed

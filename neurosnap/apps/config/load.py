@@ -55,7 +55,7 @@ class Origin:
     def fault(
         self, keys: Keys, rule: str, value: object = msgspec.UNSET
     ) -> ConfigFault:
-        """Return what is wrong with the value of a key, with the place it stands in.
+        """Return the fault in the value of a key, with its line in the file.
 
         What is not there itself stands where its table does.
         """
@@ -135,7 +135,7 @@ def described(
 
 
 def named_source(source: str) -> Opening:
-    """Return what opens a source: a world, readings, or what a TOML file describes."""
+    """Return the source of a name: a world, readings, or that of a TOML file."""
     loaded = described(source, {}, {})
     if loaded.found:
         raise loaded.origin.error(loaded.found)

@@ -225,7 +225,7 @@ def _is_one(value: object, kind: inspect.Type) -> bool:
 
 
 def name_of(kind: inspect.Type) -> str:
-    """Return what something should be, in a few words."""
+    """Return the name of an expected type, in a few words."""
     match kind:
         case inspect.Metadata():
             return name_of(kind.type)

@@ -106,7 +106,7 @@ class Findings:
         }
 
     def cells(self, row: Relation) -> tuple[str, ...]:
-        """Return what a row shows, in the order of `HEADS`."""
+        """Return the cells of a row, in the order of `HEADS`."""
         both = row.relation in ("the same", "opposite") or "nearly" in row.relation
         failed = f"{row.failed} + {row.failed_back}" if both else str(row.failed)
         # Down, so that what failed once in ten thousand ticks does not say 100 %.
@@ -198,7 +198,7 @@ def learned_from(
     every: bool = False,
     on_progress: OnProgress | None = None,
 ) -> Findings:
-    """Return what readings say, or what the run of a recording has learned.
+    """Return the relations of a file of readings, or those a recorded run has learned.
 
     Args:
         source: What `found` is called.

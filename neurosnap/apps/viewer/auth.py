@@ -45,12 +45,12 @@ class Address(msgspec.Struct, frozen=True):
 
     @property
     def url(self) -> str:
-        """What to open in a browser. Who has it may look at the recording."""
+        """The address to open in a browser; it alone gives access to the recording."""
         return f"http://{LOOPBACK}:{self.port}/?token={self.token}"
 
 
 def refusal(status: int, error: str) -> Response:
-    """Return what is wrong, as JSON."""
+    """Return an error as JSON."""
     body = msgspec.json.encode(Wrong(error))
     return Response(body, status, media_type="application/json")
 

@@ -69,7 +69,7 @@ class RunHistory:
         return _with(so_far, api.Series(columns=curves))
 
     def grown(self) -> api.GrownView:
-        """Return what the run has grown."""
+        """Return the sensors that the run has grown."""
         so_far, births = self._so_far(self._run_view.last), self._series.births
         grows = births.body.room > 0
         grown = api.GrownView(births=births.listed, room=births.room, done=not grows)

@@ -114,7 +114,7 @@ class SnapshotCache:
 
 @functools.lru_cache(maxsize=4)
 def graph_id(graph: PocGraph, body: Body) -> str:
-    """Return what tells one order from another.
+    """Return the id of an order.
 
     The Hasse wiring says all there is to draw, classes included, but for which sensors
     are read. A row of ticks mostly has one order.

@@ -93,7 +93,7 @@ class ViewSession:
             yield self.run_view
 
     def trouble(self) -> str | None:
-        """Return what has become of the recording; None if it is there."""
+        """Return why the recording cannot be read any more; None if it can."""
         name = self._log.name
         try:
             if not self.run_view.recording.replaced():
@@ -103,7 +103,7 @@ class ViewSession:
         return f"{name} was replaced by another recording: reload the page to see that"
 
     async def run(self) -> api.Run:
-        """Return what is being looked at, as it is now: this is how a page begins.
+        """Return the run as it is now, with which a page begins.
 
         Raises:
             RecordingError: It is not there any more, or cannot be read.
@@ -115,7 +115,7 @@ class ViewSession:
         return await self.ask(RunView.run, self.live)
 
     async def look(self, *, anew: bool = False) -> None:
-        """See whether the recording has grown, if it is time to.
+        """Check whether the recording has grown, if it is time to.
 
         With `anew` in any case: where it had ended there may be another now.
 

@@ -51,7 +51,7 @@ _encoder = msgspec.json.Encoder()
 class _Server(uvicorn.Server):
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Leave signals to the caller, who has handlers for them."""
+        """Leave signals to the handlers of the caller."""
         yield
 
 
@@ -176,7 +176,7 @@ class Questions:
         """Held by the question that holds two views: two might wait for each other."""
 
     def endpoints(self) -> dict[str, Endpoint]:
-        """Return what answers each question, by its name."""
+        """Return the function that answers each request, by name."""
         every: tuple[Endpoint, ...] = (
             *(self.runs, self.run, self.presence, self.events),
             *(self.frames, self.graph, self.edge, self.image),

@@ -62,7 +62,7 @@ class TickDifference(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def difference(here: RunView, tick: int, there: RunView, then: int) -> TickDifference:
-    """Return what differs between two ticks.
+    """Return the differences between two ticks.
 
     Args:
         here: The one recording.

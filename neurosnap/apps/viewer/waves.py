@@ -56,7 +56,7 @@ class Waves:
             found.pulses += report.pulses
 
     def settled(self, tick: int, observed: tuple[int, ...]) -> bool:
-        """Return whether nothing more can come of a tick's waves.
+        """Return whether all waves of a tick have settled, so that no more is reported.
 
         Args:
             tick: The tick.

@@ -57,7 +57,7 @@ def configuration(mode: str, **more: object) -> zenoh.Config:
 
 
 def connecting(hub: HubAddress, patience: float) -> zenoh.Config:
-    """Return that of a session that goes on trying to connect, for some seconds."""
+    """Return the configuration of a session that tries to connect for some seconds."""
     guard: dict[str, object] = {}
     if hub.credentials is not None:
         guard["transport__link__tls"] = hub.credentials.to_connect()
@@ -153,7 +153,7 @@ def reason_of(error: object) -> str:
 
 
 def absence(endpoint: str) -> str:
-    """Return what to say of a hub that cannot be reached."""
+    """Return the error text for a hub that cannot be reached."""
     return (
         f"waiting for a hub at {endpoint}: start one with"
         f" `neurosnap serve hub --listen {endpoint}`; if one is there, its log says"

@@ -78,7 +78,7 @@ class DeniedSessions:
         self._report(f"session refused: {plain}")
 
     def close(self) -> None:
-        """Say how many were left out, and begin anew."""
+        """Log how many refusals were left out, and reset the count."""
         if self._unreported:
             self._report(f"session refused: and {self._unreported} more like these")
         self._unreported = 0

@@ -21,7 +21,7 @@ _ALIVE = "alive/coordinator/*"
 
 
 def incarnation(swarm: str, number: int) -> str:
-    """Return what the swarm of an id is called on the wire, after so many restarts.
+    """Return the name on the wire of the swarm of an id, after so many restarts.
 
     Examples:
         >>> incarnation("demo", 0), incarnation("demo", 2)
@@ -31,7 +31,7 @@ def incarnation(swarm: str, number: int) -> str:
 
 
 def id_of(name: str) -> str:
-    """Return the id of the swarm that is called so on the wire.
+    """Return the id of a swarm, given its name on the wire.
 
     Examples:
         >>> id_of("demo"), id_of("demo-2")

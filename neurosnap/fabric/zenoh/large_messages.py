@@ -29,7 +29,7 @@ _BESIDE_A_PIECE = struct.Struct("<QQII")  # and which piece it is, of how many
 
 
 def pieces(delivery: wire.Delivery) -> Sequence[tuple[bytes, bytes]]:
-    """Return what a message is put as: payloads, each with what travels beside it.
+    """Return the pieces of a message: payloads, each with its attachment.
 
     Raises:
         FabricError: No session would take it in.

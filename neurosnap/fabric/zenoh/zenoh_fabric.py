@@ -307,5 +307,5 @@ class ZenohFabric:
         await self._failure.wait(stop)
 
     def fail(self, error: BaseException) -> None:
-        """Let `serve` raise `error`."""
+        """Make `serve` raise `error`."""
         self._failure.set(error)

@@ -72,7 +72,7 @@ class Dual:
         return from_mask(mask, self.total)
 
     def closed(self, literals: NDArray[np.bool_]) -> int | None:
-        """Return what all vertices with some literals share; None if there are none."""
+        """Return the literals that all vertices with some literals share; else None."""
         closed = self._ubiquitous
         for a in np.flatnonzero(literals).tolist():
             closed |= self.up[a]

@@ -92,7 +92,7 @@ class Persistence:
         return {"spells": self.spells[0], "last": self._last}
 
     def restore(self, arrays: Arrays) -> None:
-        """Be as the arrays say; it is no sensor's turn.
+        """Restore the whole state from arrays; it is no sensor's turn.
 
         Raises:
             ValueError: They make no sense.

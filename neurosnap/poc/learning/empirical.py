@@ -103,7 +103,7 @@ class EmpiricalSnapshot(Snapshot):
         names: Iterable[str] | None = None,
         on_progress: OnProgress | None = None,
     ) -> Self:
-        """Return what a snapshot is after observing all rows of a table, in order.
+        """Return the snapshot after observing all rows of a table, in order.
 
         Args:
             data: ``(T, N)``: an array of bool or numbers, 0, 1 or NaN for unknown; a

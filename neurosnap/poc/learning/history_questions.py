@@ -50,7 +50,7 @@ Search: TypeAlias = Generator[Question, Answer, T]
 
 
 def answered(asking: Generator[Q, A, T], answer: Callable[[Q], A]) -> T:
-    """Return what a search, or another generator that asks, finds by the answers."""
+    """Run a search, or another generator that asks, and return its result."""
     try:
         question = next(asking)
         while True:
@@ -61,7 +61,7 @@ def answered(asking: Generator[Q, A, T], answer: Callable[[Q], A]) -> T:
 
 
 def together(searches: Sequence[Search[T]]) -> Search[list[T]]:
-    """Let searches go on side by side, all of them a question further each time.
+    """Run several searches at once, all of them one question further each time.
 
     It takes as many questions as the longest.
 

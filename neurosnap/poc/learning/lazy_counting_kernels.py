@@ -216,7 +216,7 @@ def _turns(count: int, clock: int, spells: Spells | None) -> NDArray[np.bool_]:
 
 @njit()
 def limit_of(share: float, clock: int, auto: bool) -> np.uint32:
-    """Return what a whole number must be below to be below the limit.
+    """Return the least whole number that is not below the limit.
 
     The product is rounded once, as a double, and so does not fall as the clock rises.
     """

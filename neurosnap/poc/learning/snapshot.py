@@ -163,7 +163,7 @@ class Snapshot(abc.ABC):
         return self._square(*self._proper(a, b))[0]
 
     def evidence(self, a: int, b: int) -> Evidence:
-        """Return what speaks for and against ``a -> b``, and since when it is so.
+        """Return the evidence for and against ``a -> b``, and since when it holds.
 
         Its contrapositive ``b* -> a*`` has the same, with ``w_ab`` and ``w_a*b*``
         having changed places.
@@ -235,7 +235,7 @@ class Snapshot(abc.ABC):
         return changed
 
     def changes(self) -> Changes:
-        """Return what the last observation changed.
+        """Return the pairs whose implications the last observation changed.
 
         Only of the latest changes of a row it is known when they were, so this is of no
         use after a `grow`.
@@ -261,7 +261,7 @@ class Snapshot(abc.ABC):
         former: NDArray[np.intp],
         codes: NDArray[np.uint8],
     ) -> bool:
-        """Let the graph have what others learned: pairs that are related anew.
+        """Update the graph by pairs whose implications others have learned.
 
         ``(C,)`` each: their latter sensors, their former ones, and what relates them.
 
@@ -274,7 +274,7 @@ class Snapshot(abc.ABC):
         return codes.size > 0
 
     def draw_share(self, share: "Snapshot") -> None:
-        """Let the graph, which has no edges of these pairs, have those of a share.
+        """Add the edges of a share's pairs to the graph, which has none of them yet.
 
         O(N²) time.
         """
@@ -283,7 +283,7 @@ class Snapshot(abc.ABC):
         self._graph = None
 
     def without_pairs(self) -> Self:
-        """Return what is left of a snapshot whose pairs others have: with its graph."""
+        """Return a copy without the pairs, which others have, but with the graph."""
         rest = self.from_arrays(self.head(), range(0))
         rest._pairs.rows[:] = self._pairs.rows  # noqa: SLF001 - its own class
         return rest
@@ -296,7 +296,7 @@ class Snapshot(abc.ABC):
         off: Words,
         unread: Sequence[int] = (),
     ) -> Search[Newborn]:
-        """Find out what a history makes of a sensor that was never read.
+        """Compute the weights of a newly grown sensor from a history.
 
         Its weights come from how often it would have read what together with each
         other sensor, as long as the history goes back: the counts of an empirical
@@ -325,7 +325,7 @@ class Snapshot(abc.ABC):
     def grow(
         self, sensor: int, name: str, newborn: Newborn, reads: bool | None
     ) -> None:
-        """Let a sensor that was never read be one that was.
+        """Add a grown sensor, which was never read before, with its weights.
 
         Nothing else changes.
 
@@ -518,7 +518,7 @@ class Snapshot(abc.ABC):
 
     @classmethod
     def from_bytes(cls, data: bytes, name: str = "data") -> Self:
-        """Return what `to_bytes` made `data` of, bit for bit.
+        """Return the snapshot that `to_bytes` packed into `data`, bit for bit.
 
         Args:
             data: What was saved.
@@ -534,7 +534,7 @@ class Snapshot(abc.ABC):
     @classmethod
     @contextmanager
     def reading(cls, name: str) -> Iterator[None]:
-        """Say of what cannot be read that it is none of this kind."""
+        """Turn errors of reading into one: the data are no snapshot of this kind."""
         try:
             yield
         except ValueError as error:

@@ -34,7 +34,7 @@ def head_of(snapshot: Snapshot) -> bytes:
 def stretches_of(
     snapshot: Snapshot, most: int, shares: Sequence[range] = ()
 ) -> Iterator[Stretch]:
-    """Yield what the head lacks. They show the snapshot's own memory, and copy nothing.
+    """Yield the stretches that the head lacks, as views of the snapshot's own memory.
 
     Args:
         snapshot: Must not change before the last of them was used. One that has a share

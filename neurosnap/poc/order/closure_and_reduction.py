@@ -21,7 +21,7 @@ _ONE = np.uint64(1)
 
 
 class Order(NamedTuple):
-    """The order that a relation on ``n`` literals generates ([GK] "poc graph")."""
+    """The read-only order of a relation on ``n`` literals ([GK] "poc graph")."""
 
     closed: Words
     """``(n, w)``: bit ``b`` of row ``a`` iff ``a <= b``, a path leads there."""

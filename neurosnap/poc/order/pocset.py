@@ -435,7 +435,7 @@ def element(sensorium: Sensorium, name: int | str) -> int:
 
 
 def generated(sensorium: Sensorium, relations: Sequence[OrderRelation]) -> PocGraph:
-    """Return the graph of relations, once they are known to contradict nothing.
+    """Return the graph of relations; refuse those that contradict each other.
 
     O(N³/16) time, for the closure.
 

@@ -47,7 +47,7 @@ class DifferenceError(NeurosnapError):
 
 
 def start_of(recording: Recording, tick: int = 0) -> Start | None:
-    """Return where to begin with a recording; None if with the run.
+    """Return the key-frame where a replay begins; None for the start of the run.
 
     Args:
         recording: A run's.

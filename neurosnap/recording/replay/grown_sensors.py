@@ -82,7 +82,7 @@ class Births:
         return self.body.room - len(self.body.grown)
 
     def at(self, tick: int) -> tuple[RecordedBirth, ...]:
-        """Return what was grown by a tick, as one would have known it then."""
+        """Return the sensors grown by a tick, as known at that tick."""
         return tuple(
             birth
             if birth.retired is None or birth.retired <= tick
@@ -138,7 +138,7 @@ class Births:
 
 
 def births_of(recording: Recording) -> Births:
-    """Return what a recorded run has grown.
+    """Return the sensors that a recorded run has grown.
 
     Cost: reading every decision and key-frame, where there is room for any sensor.
 

@@ -44,7 +44,7 @@ class Learning:
         return other
 
     def restore(self, frame: wire.KeyFrame, bands: Iterable[wire.Band] = ()) -> None:
-        """Be at the tick of a key-frame, with the bands that belong to it.
+        """Go to the tick of a key-frame, given with its bands.
 
         Raises:
             RecordingError: It holds no snapshot, no agent, or one of other sensors.

@@ -116,7 +116,7 @@ class CausalOrder:
                 yield early
 
     def rest(self) -> list[Arrival]:
-        """Return what waits, and let it wait no longer."""
+        """Return all messages that still wait, and release them."""
         early, self._early, self._behind = self._early, [], set()
         return early
 

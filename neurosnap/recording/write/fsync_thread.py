@@ -29,7 +29,7 @@ class FsyncThread:
         self._named: set[Path] = set()  # whose names the disk has; the thread's own
 
     def sync(self, files: Sequence[Writer]) -> bool:
-        """Let what files were given so far be written to the disk; do not wait for it.
+        """Sync the data written to files so far, without waiting.
 
         Does nothing while the last sync is under way.
 
@@ -69,7 +69,7 @@ class FsyncThread:
                 os.close(descriptor)
 
     def save(self, file: Writer, then: Callable[[], None]) -> None:
-        """Let a file be saved; wait first until the one before is.
+        """Sync and finish a file, once the one before is synced.
 
         Args:
             file: It has its end.

@@ -347,7 +347,7 @@ class SplitWriter:
         return self._saving.check() and not self._harmed
 
     def sync(self) -> bool:
-        """Let what was flushed be written to the disk, on a thread.
+        """Sync all flushed data to disk, on a thread.
 
         Returns:
             Whether a sync began; false while the previous one is under way.

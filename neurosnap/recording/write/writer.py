@@ -332,7 +332,7 @@ class Writer:
         return completeness
 
     def balance(self, expected: Mapping[str, int]) -> Completeness:
-        """Return what it holds by now of what was sent; `expected` as in `finish`."""
+        """Return the completeness so far; `expected` as in `finish`."""
         balance = self.sequences.completeness(expected, foreign=self.foreign)
         return msgspec.structs.replace(balance, gaps=self._gaps)
 
@@ -355,7 +355,7 @@ class Writer:
 
     @property
     def harm(self) -> str:
-        """What was done to the file by others, or by its disk; empty: nothing."""
+        """Damage to the file by other programs or its disk; empty if none."""
         if self._stream.closed:
             return self._harm
         is_there = False

@@ -33,7 +33,7 @@ class Core(Protocol):
 
     @property
     def tick(self) -> int:
-        """How far it has come, for those who watch."""
+        """The last whole tick, for reports of progress."""
         ...
 
     @property
@@ -83,7 +83,7 @@ async def run_coordinator(
     on_progress: Callable[[int], None] = lambda _: None,
     on_decision: Callable[[wire.Decision], None] = lambda _: None,
 ) -> float:
-    """Let `core` direct the swarm until it has finished or `stop` is set.
+    """Run `core` as the swarm's coordinator until it has finished or `stop` is set.
 
     Reads `wire.COORDINATOR_KEYS` and the presence of `parts`; publishes what the core
     says. On `stop`, and when a part leaves in order
@@ -156,7 +156,7 @@ class WorldDeadline:
                 pass
 
     def check(self) -> None:
-        """Log who is waited for, once it takes long.
+        """Log that the world's observation is late, once it takes long.
 
         Raises:
             PartDiedError: It takes longer than it may: who hangs is as good as dead.
@@ -228,7 +228,7 @@ class _CoordinatorLoop:
         self._report_progress()
 
     def begin(self) -> None:
-        """Let the core begin: all parts are there."""
+        """Begin the run: all parts are there."""
         self.send(self._core.begin)
         self._begun = True
         self._report_progress()

@@ -17,7 +17,7 @@ from neurosnap.runtime.parts.job import PartContext, decoded, take_part
 
 
 async def run_cell(cell: int, fabric: Fabric, stop: asyncio.Event) -> None:
-    """Be the cell of sensor `cell` until `stop` is set.
+    """Run the cell of sensor `cell` until `stop` is set.
 
     Reads `wire.cell_keys`; publishes pulses, reports and faults.
     Cancellation ends it at once; the fabric is the caller's to close.
@@ -39,7 +39,7 @@ class CellJob(msgspec.Struct, frozen=True):
     """Its sensor's number."""
 
     async def run(self, part: PartContext) -> None:
-        """Be the cell until the end."""
+        """Run the cell until the end."""
         async with part.connection.fabric(swift=True) as fabric:
             await take_part(fabric, run_cell(self.cell, fabric, part.stop))
 
@@ -65,7 +65,7 @@ class HubJob(msgspec.Struct, frozen=True):
 
 @asynccontextmanager
 async def routing(own: HubAddress, sessions: int) -> AsyncIterator[None]:
-    """Be the hub while the context is entered.
+    """Run the hub while the context is entered.
 
     Args:
         own: Where it listens, with the hub's credentials.

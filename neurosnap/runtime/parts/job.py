@@ -116,7 +116,7 @@ class Reporter:
         self._next_progress = 0.0
 
     def ready(self) -> None:
-        """Say that the part is up."""
+        """Report that the part is up."""
         self._send(Ready(self._who))
 
     def progress(self, tick: int) -> None:

@@ -29,7 +29,7 @@ class WorkerJob(msgspec.Struct, frozen=True):
     """The run whose learning they share, too; None if they share none."""
 
     async def run(self, part: PartContext) -> None:
-        """Be the worker until the end.
+        """Run the worker until the end.
 
         Reads `wire.worker_keys`, and `wire.LEARNING_KEYS` if it learns; publishes
         bursts, reports and faults, and what it learned.

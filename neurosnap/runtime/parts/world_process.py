@@ -36,7 +36,7 @@ async def run_world(
     known: Bits | None = None,
     frames: int = 0,
 ) -> None:
-    """Be the world until the source is over or `stop` is set.
+    """Run the world until the source is over or `stop` is set.
 
     Reads ``decision``, and ``state`` where a sensor looks back at it; publishes
     ``observation``, and ``image`` behind it. The decision of tick `t` makes the
@@ -163,7 +163,7 @@ def _opened(options: RunOptions, way_in: WayIn | None, hub: Hub) -> Source:
 
 @asynccontextmanager
 async def synced(source: Source, seconds: float) -> AsyncIterator[None]:
-    """Let what a source keeps survive a power cut after `seconds`; 0: none does.
+    """Sync a source's journal every `seconds`, against power cuts; 0: never.
 
     What the disk fails of, the source fails of.
     """

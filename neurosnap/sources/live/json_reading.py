@@ -69,7 +69,7 @@ _ons = msgspec.json.Decoder(_On)
 
 
 def read(payload: bytes) -> Reading:
-    """Return what is said in one JSON object.
+    """Return the reading in one JSON object.
 
     Raises:
         InvalidValueError: It is none, is longer than `LIMIT`, or has fields that do not
@@ -86,7 +86,7 @@ def read(payload: bytes) -> Reading:
 
 
 def read_on(payload: bytes) -> tuple[bool | None, float | None]:
-    """Return what is said of one sensor, on a key of its own, and its time, if any.
+    """Return the reading of one sensor, sent on its own key, and its time, if any.
 
     Raises:
         InvalidValueError: It is no value, or an object without one or with more.
@@ -124,7 +124,7 @@ def _decoded(decoder: msgspec.json.Decoder[_T], payload: bytes, what: str) -> _T
 
 
 def hand_in(source: LiveSource, payload: bytes, *, spare: bool) -> None:
-    """Hand in what one JSON object says.
+    """Give the reading in one JSON object to a source.
 
     Args:
         source: Takes it.

@@ -71,11 +71,11 @@ class LatestReadings:
         self._silent_from = np.full(count, np.inf)
 
     def start_listening(self, now: float) -> None:
-        """Let silence count from now on; before, it means nothing."""
+        """Begin to count silence: from now on every message is received."""
         self._silent_from = np.where(self._seen, now + self._span, np.inf)
 
     def stop_listening(self) -> None:
-        """Let silence mean nothing until `start_listening`: nothing is received."""
+        """Ignore silence until `start_listening`: no message is received."""
         self._silent_from[:] = np.inf
         self._on_until[self._seen] = -np.inf
 

@@ -163,7 +163,7 @@ class LiveSource:
         return self._tick()
 
     def step(self, action: int) -> Observed | None:
-        """Let `action` be carried out, and wait for the next tick.
+        """Carry out `action`, and wait for the next tick.
 
         It may be the first call, where a run goes on that had its first tick before.
 
@@ -183,7 +183,7 @@ class LiveSource:
         return self._tick()
 
     def resume_after(self, tick: int) -> Bits | None:
-        """Let the row after `tick` be given next.
+        """Continue with the row after `tick`.
 
         With a journal this comes before anything is asked; without one it does nothing.
 
@@ -448,13 +448,13 @@ class LiveSource:
             self._count("outages")
 
     def end(self) -> None:
-        """Let the source be over once all that came was shown."""
+        """End the source once all readings received were shown."""
         with self._condition:
             self._ended = True
             self._condition.notify_all()
 
     def fail(self, error: BaseException) -> None:
-        """Let a caller that waits for a tick get `error`, unless the source is closed.
+        """Raise `error` in a caller that waits for a tick, unless the source is closed.
 
         Whole readings that came before have their ticks first.
         """
@@ -591,7 +591,7 @@ class LiveSource:
 
 
 def unknown(sensor: str) -> str:
-    """Return what to say of a sensor that the run does not have."""
+    """Return the error text for a sensor that the run does not have."""
     return (
         f"sensor: must be one the run began with, got {sensor[:100]!r}"
         " (name it among the sensors and start again)"

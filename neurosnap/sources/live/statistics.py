@@ -41,7 +41,7 @@ _FATES = {
 
 
 def received_line(counts: Mapping[str, int]) -> str:
-    """Say how many readings were received, and what became of them.
+    """Return the line about received readings: how many were shown, late or refused.
 
     Examples:
         >>> received_line({"shown": 706, "dropped": 0, "kept": 447})
@@ -53,7 +53,7 @@ def received_line(counts: Mapping[str, int]) -> str:
 
 
 def outage_line(outage: wire.Outage, zone: str) -> str:
-    """Say when nothing was listened to, by the clock of a zone, and why."""
+    """Return the line about an outage: when it was, by the clock of a zone, and why."""
     since, until = (
         local(at, zone).isoformat(" ", "milliseconds")
         for at in (outage.since, outage.until)

@@ -112,7 +112,7 @@ class MqttLink:
         self._was_connected = self._forget = False
 
     def hold(self, topic: str, payload: bytes) -> None:
-        """Let `topic` say `payload`, retained, from now on; from any thread."""
+        """Publish `payload` on `topic`, retained, from now on; from any thread."""
         with self._lock:
             if self._outbox.hold(topic, payload):
                 self._wake()

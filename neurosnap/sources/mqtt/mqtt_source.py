@@ -108,7 +108,7 @@ class MqttFeeder:
         self._thread.start()
 
     def stop(self) -> None:
-        """Say goodbye to the broker; may be called twice.
+        """Disconnect from the broker; may be called twice.
 
         Takes no longer than a connection that is being made: a broker that accepts and
         then says nothing holds it up for five seconds, and one whose machine does not

@@ -235,7 +235,7 @@ def slugs(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def beliefs(literals: NDArray[np.bool_]) -> list[bytes]:
-    """Return what a state says of every sensor.
+    """Return the belief about every sensor in a state.
 
     Args:
         literals: ``(2N,)``, coherent.
