@@ -155,9 +155,8 @@ def _spans(name: str, given: Spans, count: int) -> NDArray[np.float64]:
 class ClockMapping:
     """Converts senders' timestamps to our clock; their order is preserved.
 
-    The difference of the two clocks is kept until it is clearly another one, because
-    the wall clock was put right: taken anew for each stamp it would jitter, and so
-    put equal ones in some order.
+    The difference of the two clocks is kept until the wall clock was clearly put right:
+    taken anew for each timestamp it would jitter, and give equal ones some order.
 
     Args:
         now: The clock that never goes back.
