@@ -9,6 +9,7 @@ asked                                               answer
 ``/api/runs``                                       `Runs`
 ``/api/run``                                        `Run`
 ``/api/frames?from=&to=``                           `Frames`
+``/api/wave?tick=&wave=``                            `WaveView`
 ``/api/graph?tick=``                                `Graph`
 ``/api/edge?source=&target=&tick=``                 `Edge`
 ``/api/series?from=&to=&points=``                   `Series`
@@ -135,8 +136,9 @@ class WaveView(msgspec.Struct, frozen=True, kw_only=True):
     kind: Literal["state", "signal"]
     signal: list[int]
     """The literals it started from."""
-    hops: list[tuple[int, int]]
-    """Each literal that fired, and the hops at which it was first reached; by hops."""
+    hops: list[tuple[int, int]] | None
+    """Each literal that fired, and the hops at which it was first reached; by hops.
+    None if the wave was imagined and comes with others: ask for it alone."""
     depth: int
     """The most of these hops."""
     pulses: int

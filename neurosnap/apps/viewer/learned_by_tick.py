@@ -69,10 +69,10 @@ class SnapshotCache:
         if learning.tick >= first:
             yield learning
         ahead = self.tick_index.observations(learning.tick + 1, last)
-        decisions = (
-            self.tick_index.decisions(learning.tick + 1, last) if learning.grows else {}
+        changes = (
+            self.tick_index.changes(learning.tick + 1, last) if learning.grows else {}
         )
-        for tick in learning.learn_to(last, ahead, decisions):
+        for tick in learning.learn_to(last, ahead, changes):
             if tick % _STRIDE == 0 or tick == last:
                 self._keep(learning)
             if tick >= first:

@@ -60,7 +60,7 @@ class ViewSession:
     def _open(self) -> None:
         # Both or none: what is read through has a view of the same file.
         run_view = RunView(self._log)
-        self.history = RunHistory(RunView(self._log, run_view.scene))
+        self.history = RunHistory(RunView(self._log, run_view))
         self.run_view = run_view
         self.live = self._is_live(self._grows())
 

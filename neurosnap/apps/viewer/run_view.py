@@ -7,6 +7,7 @@ out, by learning what was observed from the nearest key-frame on.
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Self
 
 import msgspec
 import numpy as np
@@ -43,19 +44,20 @@ class RunView:
 
     Args:
         path: The recording: whole, cut short, or growing.
-        scene: Its world, where that is known already.
+        other: A view of the same recording: what can be shared with it is.
 
     Raises:
         RecordingError: It cannot be read, or is not a run's.
     """
 
-    def __init__(self, path: Path, scene: Scene | None = None) -> None:
+    def __init__(self, path: Path, other: Self | None = None) -> None:
         self.path = path
         self.recording = Recording.open(path, verify=False)
         self.options = self.recording.options
-        self.tick_index = TickIndex(self.recording)
+        lessons = None if other is None else other.tick_index.lessons
+        self.tick_index: TickIndex = TickIndex(self.recording, lessons)
         self.recall = SnapshotCache(self.tick_index, self.options)
-        self.scene = Scene(self.options) if scene is None else scene
+        self.scene: Scene = Scene(self.options) if other is None else other.scene
         self._image: wire.Image | None = None  # the last that was found
         self.first = self._first()
         self.last = self.tick_index.last_tick()
@@ -138,6 +140,19 @@ class RunView:
             for tick in range(first, last + 1)
             if tick in ticks.states
         ]
+
+    def wave(self, tick: int, number: int) -> api.WaveView:
+        """Return a wave of a tick with its hops.
+
+        Raises:
+            InvalidValueError: The tick has no such wave.
+            RecordingError: A message that is needed is not what it should be.
+        """
+        waves = Ticks(self.tick_index, self.options, tick, tick).waves(tick)
+        found = next((wave for wave in waves if wave.wave == number), None)
+        if found is None:
+            raise InvalidValueError("wave", f"must be a wave of tick {tick}", number)
+        return found
 
     def graph(self, tick: int) -> api.Graph:
         """Return the learned order after a tick; 0 for before the first.

@@ -8,8 +8,10 @@ path is ever made of what a request says.
 
 import asyncio
 import contextlib
+import ctypes
 import secrets
 import socket
+import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 from functools import partial
@@ -40,8 +42,11 @@ STRANGERS = 64
 _GRACE = 3
 """Seconds an answer may take to end once the server is to."""
 _STATIC = Path(__file__).parent / "static"
-_FRAMES_AT_ONCE = 30
-"""Frames read before another question has its turn: many are asked for in advance."""
+_TURN = 0.1
+"""Seconds, about, after which another question has its turn: a page asks for many
+frames in advance, and those of a run that imagines take long."""
+_ARENA_MAX, _MMAP_THRESHOLD = -8, -3
+"""Parameters of glibc's mallopt."""
 _DIGITS = 10
 """The most digits a number may have: none of ours has more."""
 Endpoint = Callable[[Request], Awaitable[Response]]
@@ -90,6 +95,7 @@ async def serving(*sessions: ViewSession, port: int = 0) -> AsyncIterator[Addres
     Raises:
         InvalidValueError: The port is in use, may not be used, or is none.
     """
+    _return_freed_memory()
     stop = asyncio.Event()
     with _listener(port) as listener:
         # Connections inherit it. An answer goes out in two parts, its head first: the
@@ -150,6 +156,18 @@ def _application(sessions: Sequence[ViewSession], stop: asyncio.Event) -> ASGIAp
     )
 
 
+def _return_freed_memory() -> None:
+    """Have the C library return large blocks to the system once they are freed.
+
+    Chunks of a megabyte are unpacked in several threads. What glibc keeps of them for
+    later takes more memory than all that is cached.
+    """
+    with contextlib.suppress(AttributeError, OSError):  # another C library
+        mallopt = ctypes.CDLL(None).mallopt
+        mallopt(_ARENA_MAX, 1)
+        mallopt(_MMAP_THRESHOLD, 128 * 1024)
+
+
 def _listener(port: int) -> socket.socket:
     """Return a socket that listens on loopback."""
     if not 0 <= port < 1 << 16:
@@ -179,7 +197,7 @@ class Questions:
         """Return the function that answers each request, by name."""
         every: tuple[Endpoint, ...] = (
             *(self.runs, self.run, self.presence, self.events),
-            *(self.frames, self.graph, self.edge, self.image),
+            *(self.frames, self.wave, self.graph, self.edge, self.image),
             *(self.series, self.raster, self.marks, self.beside),
             *(self.births, self.health, self.difference),
         )
@@ -242,18 +260,26 @@ class Questions:
         if last - first >= api.MOST_FRAMES:
             rule = f"must be at most {api.MOST_FRAMES - 1} after from"
             raise InvalidValueError("to", rule, last)
-        session = self._asked(request)
-        at_once = session.run_view.at_once(_FRAMES_AT_ONCE)
+        session, at_once = self._asked(request), 1
         found: list[api.Frame] = []
-        for start in range(first, last + 1, at_once):
-            end = min(start + at_once - 1, last)
-            found += await session.ask(RunView.frames, start, end)
+        while first <= last and not await request.is_disconnected():
+            end = min(first + at_once - 1, last)
+            async with session.held() as view:
+                began = time.perf_counter()
+                found += await asyncio.to_thread(view.frames, first, end)
+            took, first = time.perf_counter() - began, end + 1
+            at_once = max(1, int(min(2, _TURN / took) * at_once))
         return _answer(api.Frames(found))
 
     async def graph(self, request: Request) -> Response:
         """Answer what the learned order is after a tick."""
         tick = whole(request.query_params, "tick")
         return _answer(await self._asked(request).ask(RunView.graph, tick))
+
+    async def wave(self, request: Request) -> Response:
+        """Answer what a wave reached, and after how many hops."""
+        named = [whole(request.query_params, name) for name in ("tick", "wave")]
+        return _answer(await self._asked(request).ask(RunView.wave, *named))
 
     async def edge(self, request: Request) -> Response:
         """Answer what speaks for and against an implication."""

@@ -137,10 +137,17 @@ class Imagined:
 
 
 def first_shown(waves: Sequence[WaveView]) -> list[WaveView]:
-    """Return the waves of a tick that are shown: of imagined ones the oldest."""
+    """Return the waves of a tick that are shown: of imagined ones the oldest.
+
+    These come without their hops: a search takes hundreds, of which one is looked at.
+    """
     imagined = [wave.wave for wave in waves if wave.imagined]
     left_out = set(imagined[MOST_IMAGINED:])
-    return [wave for wave in waves if wave.wave not in left_out]
+    return [
+        msgspec.structs.replace(wave, hops=None) if wave.imagined else wave
+        for wave in waves
+        if wave.wave not in left_out
+    ]
 
 
 def plan_of(decision: wire.Decision | None, actions: Sequence[str]) -> PlanView | None:

@@ -14,6 +14,9 @@ from neurosnap.recording.format.records import Chunk, damaged_in
 
 M = TypeVar("M")
 
+_DECODED = 10
+"""Bytes of memory for each byte of a message that is decoded and kept, about."""
+
 UNREADABLE = (msgspec.MsgspecError, UnicodeDecodeError, RecursionError)
 """What decoding raises; deep nesting is the last."""
 
@@ -65,6 +68,7 @@ class ChunkMessages:
         self, path: Path, chunk: Chunk, found: ChunkIndex, topics: dict[int, str]
     ) -> None:
         self.size = len(found.data)
+        """Bytes of memory it takes by now, about: more for each topic asked for."""
         self._path = path
         self._chunk = chunk
         self._found = found
@@ -117,7 +121,8 @@ class ChunkMessages:
             RecordingError: As from `recorded`.
         """
         if topic not in self._kept:
-            self._kept[topic] = [*self.recorded((topic,))]
+            kept = self._kept[topic] = [*self.recorded((topic,))]
+            self.size += _DECODED * sum(len(one.payload) for one in kept)
         return self._kept[topic]
 
     def all(self, topic: str, kind: type[M]) -> list[M]:

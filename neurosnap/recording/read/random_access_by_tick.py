@@ -8,16 +8,54 @@ looks at one tick mostly looks at the next.
 from bisect import bisect_right
 from collections import OrderedDict
 from collections.abc import Iterator
+from pathlib import Path
+from threading import Lock
+from typing import NamedTuple
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
 from neurosnap.recording.read.chunk_messages import ChunkMessages, M
 from neurosnap.recording.read.recording import Recording
 
-ROOM = 48 * 2**20
-"""Bytes of unpacked chunks that are kept, at most; the last one in any case."""
+ROOM = 24 * 2**20
+"""Bytes of unpacked chunks that are kept, at most, with what was decoded of them; the
+last one in any case."""
 _OBSERVATIONS = 100_000
-"""Observations that are kept beyond that: learning takes nothing else of a chunk."""
+"""Observations that are kept beyond that."""
+
+
+class Lessons(NamedTuple):
+    """What learning takes of a chunk."""
+
+    observations: list[wire.Observation]
+    changes: list[wire.Decision]
+    """Decisions that say which sensor comes or goes."""
+
+
+class LessonCache:
+    """The lessons of the chunks looked at last. Threads may share it."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._kept: OrderedDict[tuple[Path, int], Lessons] = OrderedDict()
+        self._observations = 0
+
+    def find(self, chunk: tuple[Path, int]) -> Lessons | None:
+        """Return the lessons of a chunk, by its file and offset there, if kept."""
+        with self._lock:
+            if chunk in self._kept:
+                self._kept.move_to_end(chunk)
+            return self._kept.get(chunk)
+
+    def keep(self, chunk: tuple[Path, int], lessons: Lessons) -> None:
+        """Keep the lessons of a chunk, and forget those asked for longest ago."""
+        with self._lock:
+            if chunk not in self._kept:
+                self._observations += len(lessons.observations)
+            self._kept[chunk] = lessons
+            while self._observations > _OBSERVATIONS and len(self._kept) > 1:
+                _, forgotten = self._kept.popitem(last=False)
+                self._observations -= len(forgotten.observations)
 
 
 class TickIndex:
@@ -25,17 +63,19 @@ class TickIndex:
 
     Args:
         recording: It may grow.
+        lessons: Those of another index of the same recording, to be shared; None: its
+            own.
     """
 
-    def __init__(self, recording: Recording) -> None:
+    def __init__(
+        self, recording: Recording, lessons: LessonCache | None = None
+    ) -> None:
+        self.lessons = lessons or LessonCache()
         self.damage: dict[int, str] = {}
         """For each chunk that cannot be read, why."""
         self.recording = recording
         self._first_ticks: dict[int, int] = {}
         self._kept: OrderedDict[int, ChunkMessages] = OrderedDict()
-        self._size = 0  # of those, in bytes
-        self._observed: OrderedDict[int, list[wire.Observation]] = OrderedDict()
-        self._observations = 0
 
     def __len__(self) -> int:
         """Return the number of chunks."""
@@ -49,9 +89,8 @@ class TickIndex:
         """
         grown, moved = self.recording.grow()
         if moved:
-            for kept in (self._first_ticks, self._kept, self._observed, self.damage):
+            for kept in (self._first_ticks, self._kept, self.damage):
                 kept.clear()
-            self._size = self._observations = 0
         elif grown:
             # What was behind the last tick may be in front of a next one now.
             self._first_ticks = {k: v for k, v in self._first_ticks.items() if v}
@@ -73,9 +112,9 @@ class TickIndex:
             self.damage.setdefault(number, str(error))
             raise
         self._kept[number] = chunk
-        self._size += chunk.size
-        while self._size > ROOM and len(self._kept) > 1:
-            self._size -= self._kept.popitem(last=False)[1].size
+        size = sum(kept.size for kept in self._kept.values())
+        while size > ROOM and len(self._kept) > 1:
+            size -= self._kept.popitem(last=False)[1].size
         return chunk
 
     def readable(self, start: int, stop: int) -> Iterator[tuple[int, ChunkMessages]]:
@@ -94,15 +133,21 @@ class TickIndex:
 
     def observed(self, number: int) -> list[wire.Observation]:
         """Return the observations in a chunk; none if it cannot be read."""
-        if number in self._observed:
-            self._observed.move_to_end(number)
-            return self._observed[number]
-        found = self._said(number, "observation", wire.Observation)
-        self._observed[number] = found
-        self._observations += len(found)
-        while self._observations > _OBSERVATIONS and len(self._observed) > 1:
-            self._observations -= len(self._observed.popitem(last=False)[1])
-        return found
+        return self._lessons(number).observations
+
+    def _lessons(self, number: int) -> Lessons:
+        """Return what learning takes of a chunk; nothing if it cannot be read."""
+        file, noted = self.recording.chunks[number]
+        key = file.path, noted.start_offset
+        lessons = self.lessons.find(key)
+        if lessons is None:
+            said = self._said(number, "decision", wire.Decision)
+            lessons = Lessons(
+                self._said(number, "observation", wire.Observation),
+                [each for each in said if max(each.born, each.retires) >= 0],
+            )
+            self.lessons.keep(key, lessons)
+        return lessons
 
     def observations(self, first: int, last: int) -> Iterator[wire.Observation]:
         """Yield the observations there are of some ticks, in order, each once."""
@@ -115,8 +160,8 @@ class TickIndex:
             if due > last:
                 return
 
-    def decisions(self, first: int, last: int) -> dict[int, wire.Decision]:
-        """Return the decisions there are of some ticks, by tick.
+    def changes(self, first: int, last: int) -> dict[int, wire.Decision]:
+        """Return the decisions of some ticks that say which sensor comes or goes.
 
         The chunks of their observations are unpacked, and the one behind: a decision
         follows its observation.
@@ -124,8 +169,8 @@ class TickIndex:
         behind = min(self.chunk_of(last) + 2, len(self))
         return {
             decision.tick: decision
-            for _, chunk in self.readable(self.chunk_of(first), behind)
-            for decision in chunk.all("decision", wire.Decision)
+            for number in range(self.chunk_of(first), behind)
+            for decision in self._lessons(number).changes
             if first <= decision.tick <= last
         }
 

@@ -181,7 +181,7 @@ def learned_at(recording: Recording, tick: int) -> Snapshot:
     if (found := index.keyframe(tick)) is not None:
         learning.restore(*found)
     first = learning.tick + 1
-    decisions = index.decisions(first, tick) if learning.grows else {}
-    for _ in learning.learn_to(tick, index.observations(first, tick), decisions):
+    changes = index.changes(first, tick) if learning.grows else {}
+    for _ in learning.learn_to(tick, index.observations(first, tick), changes):
         pass
     return learning.snapshot

@@ -72,7 +72,12 @@ class Page {
       change: () => this.showWords(),
       reasons: () => this.reasons(),
     });
-    this.wave = new WaveView({ names, actions: run.actions, change: () => this.changeWave() });
+    this.wave = new WaveView({
+      names,
+      actions: run.actions,
+      fetchWave: notices.watched("wave", api.fetchWave),
+      change: () => this.changeWave(),
+    });
     this.facts = new FactsView(names, run);
     this.world = new WorldView(run.world);
     this.image = new ImageView(run);

@@ -140,8 +140,11 @@ def test_waves_reach_what_is_above_their_signals(log: Path, tmp_path: Path) -> N
         graph = run_view.learned(frame.tick).snapshot.poc_graph()
         kinds = [wave.kind for wave in frame.waves]
         assert kinds == ["state"] + ["signal"] * (len(kinds) - 1)
-        for wave in frame.waves:
+        for shown in frame.waves:
+            wave = run_view.wave(frame.tick, shown.wave)
+            assert shown.hops == (None if wave.imagined else wave.hops)
             assert wave.settled
+            assert wave.hops is not None
             above = np.flatnonzero(graph.up(wave.signal)).tolist()
             assert sorted(literal for literal, _ in wave.hops) == above
             assert wave.depth == max(hops for _, hops in wave.hops)

@@ -90,7 +90,10 @@ def test_a_frame_has_the_oldest_of_the_imagined_waves() -> None:
         )
 
     waves = [wave(number) for number in range(1, 1000)]
-    assert first_shown(waves) == waves[: api.MOST_IMAGINED + 3]
+    shown = first_shown(waves)
+    assert [wave.wave for wave in shown] == list(range(1, api.MOST_IMAGINED + 4))
+    assert shown[:3] == waves[:3]
+    assert {wave.hops for wave in shown[3:]} == {None}
     assert first_shown(waves[:3]) == waves[:3]
 
 

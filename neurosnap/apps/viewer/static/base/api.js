@@ -48,6 +48,9 @@ export const fetchRun = () => ask("run");
 /** The frames of ticks `from` to `to`, both included, as far as there are any. */
 export const fetchFrames = async (from, to) => (await ask("frames", { from, to })).frames;
 
+/** A wave of a tick with its hops. */
+export const fetchWave = (tick, wave) => ask("wave", { tick, wave });
+
 /** The learned order after a tick. */
 export const fetchGraph = (tick) => ask("graph", { tick });
 

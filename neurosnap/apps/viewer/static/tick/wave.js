@@ -11,8 +11,8 @@ const REST = 0.8; // hops' time that a wave played within a tick stands still at
 /** The panel of the wave, and the clock it is shown by. */
 export class WaveView {
   /**
-   * @param {{names: string[], actions: string[], change: () => void}} on `change` is called
-   *   when it shows something else
+   * @param {{names: string[], actions: string[], fetchWave: Function, change: () => void}} on
+   *   `change` is called when it shows something else
    */
   constructor(on) {
     this._on = on;
@@ -124,10 +124,19 @@ export class WaveView {
     const known = new Map(frame.waves.map((wave) => [this._keyOf(wave), wave]));
     this._offer(known, frame.left_out);
     this._wave = known.get(this._which) ?? known.get(STATE) ?? null;
+    if (this._wave?.hops === null) this._fetch(frame.tick, this._wave);
     this._hops = new Map(this._wave?.hops);
     if (this._at !== null) this._at = Math.min(this._at, this._wave?.depth ?? 0);
     this._draw(frame);
     this._say();
+  }
+
+  /** Ask for the hops of a wave, which imagined ones come without. */
+  async _fetch(tick, wave) {
+    wave.hops = []; // asked for once
+    wave.hops = (await this._on.fetchWave(tick, wave.wave).catch(() => wave)).hops;
+    if (this._wave === wave) this._hops = new Map(wave.hops);
+    this._changed();
   }
 
   /** What a wave has in common with those of other ticks that ask the same. */
