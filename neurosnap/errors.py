@@ -81,7 +81,7 @@ class FabricError(NeurosnapError):
 
 
 class InboxOverflowError(FabricError):
-    """An inbox was pushed more than it may hold before it was read.
+    """An inbox received more messages than it can hold before it was read.
 
     Args:
         owner: Whose inbox it is.
@@ -117,7 +117,7 @@ class AnswerLostError(PartDiedError):
 
 
 class RecordingError(NeurosnapError):
-    """A recording cannot be read, is not one of ours, or cannot be written."""
+    """A file cannot be read or written as a recording, or neurosnap did not make it."""
 
 
 class NoRecordingError(RecordingError):

@@ -67,7 +67,7 @@ class _Message(msgspec.Struct, frozen=True, gc=False, tag=str.lower):
 
 
 class Received(msgspec.Struct, frozen=True, gc=False, omit_defaults=True):
-    """How many readings a live source has received up to a tick, by what they became.
+    """Counts of the readings a live source has received: shown, late, refused, dropped.
 
     A reading is one message or line, whatever it says of how many sensors. The fields
     but the last two add up to all that was received.
@@ -149,7 +149,7 @@ class Wiring(_Message, frozen=True):
 
 
 class WaveStart(_Message, frozen=True):
-    """A wave begins: the cells of its signal fire.
+    """A wave begins: the literals that it starts from fire.
 
     It goes to every cell, or only to those of the signal: waking every cell for a wave
     that concerns a few would make its time grow with the number of cells.
@@ -330,7 +330,7 @@ class State(_Message, frozen=True):
 
 
 class Reached(_Message, frozen=True):
-    """What a settled planning wave reached: all above its signal."""
+    """What a settled planning wave reached: all that its starting literals imply."""
 
     _key: ClassVar[str] = "reached"
 
@@ -374,7 +374,7 @@ class WeighedLink(msgspec.Struct, frozen=True, gc=False, omit_defaults=True):
 
 
 class Anomaly(_Message, frozen=True, omit_defaults=True):
-    """An observation contradicts what was believed before it was learned from.
+    """An observation contradicts what had been learned before that observation.
 
     Of each broken implication the links it follows from are listed: one, wherever every
     sensor was read.
@@ -602,7 +602,7 @@ class Learn(_Message, frozen=True, omit_defaults=True):
 
 
 class Learned(_Message, frozen=True, omit_defaults=True):
-    """What a worker's learning changed in the order, and what it was asked for.
+    """What a worker's learning changed in the order, and implications it was asked for.
 
     Of a row, the pairs of one sensor with those before it, in which much changes, all
     codes are sent, two a byte; of others the pairs that do. In pieces where it is much.

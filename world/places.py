@@ -23,7 +23,7 @@ _MUCH = 1 << 28  # bytes that any machine has
 
 
 class PlacesWorld(gymnasium.Env[NDArray[np.int8], np.int64]):
-    """A world of places; its kinds differ in what they pass here.
+    """The base class of worlds of places; subclasses pass it their moves and sensors.
 
     Args:
         sensors: A name for each sensor.

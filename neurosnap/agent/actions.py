@@ -19,7 +19,7 @@ from neurosnap.errors import InvalidValueError
 
 
 class Actions(Contexts):
-    """The actions of a body, and what to ask in order to know what they lead to.
+    """The actions of a body, and the literals from which a wave predicts each.
 
     Args:
         body: With at least one action, each of them a sensor.

@@ -146,7 +146,7 @@ def attribute(env: gymnasium.Env[Any, Any], name: str) -> Any:  # noqa: ANN401
 
 
 class Continuing(Autoreset):
-    """An environment whose next episode begins with the step after the last one's end.
+    """An environment that begins its next episode by itself, one step after an end.
 
     As in `gymnasium.wrappers.Autoreset`: that step resets, whatever the action is, with
     reward 0.0. But no end is ever reported. An action that is ignored is no action:

@@ -1,4 +1,4 @@
-"""Greedy planning: the closest point to the target, and an action that leads nearer.
+"""Greedy planning: the state in the target nearest to now, and an action toward it.
 
 The subgoals are the projection of the state onto the target in the model space: what
 would be sensed at the closest point of the target.

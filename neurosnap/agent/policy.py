@@ -1,4 +1,4 @@
-"""The interface of a policy, and the defaults of exploration and threshold.
+"""The interface of a policy, and default values for exploring and for learning.
 
 A policy does not know who answers what it asks. In process it is the propagation over
 the graph, in a swarm it is waves: the decisions are the same. The paper's policies are

@@ -1,4 +1,4 @@
-"""The kinds of policies by name: the walker, the excited agent and the planners.
+"""The policies by name: random walker, excitation-driven agent, planners.
 
 The *walker* acts at random, and asks one planning wave a tick: what it asks, and what
 it does, is drawn without regard to the answer.
@@ -67,7 +67,7 @@ class Walker:
 
 
 class Excited:
-    """A policy that takes an action with a better result, if one is certain.
+    """A policy that takes an action that certainly improves its state, if there is one.
 
     Args:
         body: Its sensors include `better` and `worse`.

@@ -143,7 +143,7 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class Attribute:
-    """What a sensor reads of a state, by its name.
+    """The attribute of a state that a sensor reads, given by the attribute's name.
 
     No lambda: it stays the same under a copy, and an environment that Gymnasium makes
     again from its spec must compare equal.

@@ -1,4 +1,4 @@
-"""Makes a swarm's keys, and loads and checks them before any handshake.
+"""Makes a swarm's TLS keys and certificates, and checks them before any handshake.
 
 They are a private authority and a certificate per role. The folder comes whole or not
 at all, and only its owner can look into it. What a part on another machine needs is the

@@ -22,7 +22,7 @@ _WILDCARDS = {"0.0.0.0": "127.0.0.1", "[::]": "[::1]"}
 
 
 class Credentials(msgspec.Struct, frozen=True):
-    """A role's key, the certificate for it, and the authority's."""
+    """A role's private key, its certificate, and the certificate of the authority."""
 
     role: Role
     """Whose they are: ``cell`` for every cell."""
@@ -86,7 +86,7 @@ def key_file(folder: Path, stem: str) -> Path:
 
 
 class HubAddress(msgspec.Struct, frozen=True):
-    """The endpoint of a hub, and the credentials to show it.
+    """The endpoint of a hub, and the credentials that a part shows to the hub.
 
     Raises:
         InvalidValueError: The endpoint breaks the rule of `check_endpoint`.

@@ -14,7 +14,7 @@ from neurosnap.system.local_time import local
 
 
 class Companion(msgspec.Struct, frozen=True):
-    """A sensor that another one used to come on with, and does no longer."""
+    """A sensor that another one used to come on with, but no longer does."""
 
     name: str
     together: int
@@ -26,7 +26,7 @@ class Companion(msgspec.Struct, frozen=True):
 
 
 class Alarm(msgspec.Struct, frozen=True):
-    """A sensor that is broken by the evidence against it."""
+    """A sensor that seems broken, and the evidence against it."""
 
     zone: str
     """The home's time zone."""

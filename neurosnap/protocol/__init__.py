@@ -1,1 +1,1 @@
-"""The pure cores of a swarm: cells, workers, waves and the coordinator."""
+"""The logic of cells, workers, waves and the coordinator: messages in, messages out."""

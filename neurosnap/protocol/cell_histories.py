@@ -17,7 +17,7 @@ from neurosnap.errors import MessageError
 
 
 class PartHistory:
-    """The histories of those cells of a part that were asked for one."""
+    """The histories of a part's cells, kept for the cells that were asked for them."""
 
     def __init__(self, who: str, cells: range) -> None:
         self._who = who

@@ -49,7 +49,7 @@ def option(
 
 
 class Declared(NamedTuple):
-    """An option as its field declares it."""
+    """An option as a struct's field declares it: type, default, text for users."""
 
     field: str
     hint: Any

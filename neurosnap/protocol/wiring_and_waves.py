@@ -1,4 +1,4 @@
-"""Sends the cells their wirings, starts waves, and repeats those that are late.
+"""Sends the cells their wirings, starts waves, and repeats waves that are late.
 
 A wiring goes out as the change against what was told before; only what is wired whole
 can have missed anything before. A cell that is a process is told of its own edges, and

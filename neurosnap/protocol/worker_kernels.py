@@ -11,7 +11,7 @@ Ints = NDArray[np.int32]
 
 
 class Net(NamedTuple):
-    """The out-edges of some cells' literals, which are numbered on from `first`."""
+    """The out-edges of some cells' literals, which are numbered from `first` up."""
 
     first: int
     """The first of the literals."""
@@ -24,7 +24,7 @@ class Net(NamedTuple):
 
 
 class Pulses(NamedTuple):
-    """Pulses of one wave, one a place."""
+    """Some pulses of one wave, as arrays with one entry per pulse."""
 
     sources: Ints
     targets: Ints
@@ -33,7 +33,7 @@ class Pulses(NamedTuple):
 
 
 class Fired(NamedTuple):
-    """The literals that some pulses made fire, and the credit that ended here."""
+    """The literals that pulses made fire, and the credit that ended in this worker."""
 
     literals: Ints
     """``(f,)``, the literals that fired, by hops."""

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class World:
-    """A source of observations, and its agent's observation at each tick.
+    """The world's logic: answers each decision with what its agent observes next.
 
     Args:
         source: Where observations come from; the caller closes it.

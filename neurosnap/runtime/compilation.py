@@ -1,4 +1,4 @@
-"""Compiles a run's code before its parts start: in one process, once a machine.
+"""Compiles a run's code before its parts start: in one process, once per machine.
 
 Each part that needs compiled code would compile it by itself, all at the same time, and
 on a small machine take longer than parts may take to come up.

@@ -1,4 +1,4 @@
-"""Makes the parts that join a swarm from another host, by its description.
+"""Makes the parts that another host adds to a swarm, from the run's description.
 
 Each is made from the coordinator's description of the run, and from what its own host
 alone can know.
@@ -66,7 +66,7 @@ def parse_ranges(name: str, text: str) -> list[int]:
 
 
 class RemotePart(NamedTuple):
-    """A part that a host starts."""
+    """A part that joins a swarm from another host."""
 
     who: str
     """Its name."""

@@ -17,7 +17,7 @@ from neurosnap.system.distribution import must_have
 
 
 class Camera:
-    """Takes an image of an environment each so many ticks, the first at tick 1.
+    """Takes an image of an environment every so many ticks, the first at tick 1.
 
     Args:
         source: What was opened to be drawn.

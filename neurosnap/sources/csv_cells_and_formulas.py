@@ -1,4 +1,4 @@
-"""Reads CSV tables, one row per tick, and keeps spreadsheets from running their cells.
+"""Reads CSV tables, and writes text that a spreadsheet will not run as a formula.
 
 Cells are 0 and 1, false and true, off and on, or say that nothing is known. A file is
 read as it is gone through, and never held in memory.
@@ -35,7 +35,7 @@ _MARK = b"\xef\xbb\xbf"
 
 
 class TableFile(Protocol):
-    """A file with a header, and lines of as many cells below it."""
+    """A table file: a header, and lines with as many entries as the header has."""
 
     path: str
     header: list[str]

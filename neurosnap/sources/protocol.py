@@ -13,7 +13,7 @@ Argument: TypeAlias = bool | int | float | str
 
 
 class Observed(msgspec.Struct, frozen=True, eq=False):
-    """One observation: what the sensors read, and what it follows from.
+    """One observation: what the sensors read, and whether it follows an action.
 
     It holds for good: no later step changes it, and any thread may read it.
     """

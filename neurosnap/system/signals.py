@@ -1,4 +1,4 @@
-"""Signal handling before a verb has begun: the program ends at once.
+"""Signal handling before a command has begun: a signal ends the program at once.
 
 SIGINT, SIGTERM and SIGHUP mean the same. Until there is something to end in order, or
 to tidy up (`neurosnap.apps.cli.errors_and_signals`), they end the program at once, with

@@ -25,7 +25,7 @@ WORKERS = 2
 
 @dataclass(frozen=True)
 class Honest:
-    """What a small run without any meddling was."""
+    """A small run without any meddling: its options, its recording, its messages."""
 
     options: RunOptions
     log: Path

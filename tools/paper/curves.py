@@ -30,7 +30,7 @@ class Rate(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Curve:
-    """The errors of a cell over its runs.
+    """The errors of one learner in one setting, run by run and step by step.
 
     Entry ``t - 1`` belongs to step ``t``, which is after ``t`` observations.
     """

@@ -152,7 +152,7 @@ def _explored(
 
 
 class Journey(NamedTuple):
-    """What came of being sent somewhere."""
+    """The result of an agent's way to a target: its steps, waves and falls."""
 
     steps: int
     """Taken; -1 if it did not arrive."""

@@ -30,7 +30,7 @@ HOLD = 200
 
 
 class DetectionEntry(Entry, frozen=True, kw_only=True):
-    """A learner in a world with one kind of fault, under the eyes of all judges."""
+    """A learner in a world with one kind of fault, and all anomaly detectors."""
 
     VERSION = 3
     steps: int

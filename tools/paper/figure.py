@@ -69,7 +69,7 @@ class Claim(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Report:
-    """What one figure has to show."""
+    """The contents of one figure: its rows, its facts, its claims, its picture."""
 
     columns: tuple[str, ...]
     """The names of the columns of its CSV."""

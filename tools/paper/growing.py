@@ -41,7 +41,7 @@ _Task: TypeAlias = tuple[int, int, NDArray[np.bool_]]
 
 
 class GrowthEntry(Entry, frozen=True, kw_only=True):
-    """One method in one world: what it has learned when, and its journeys after it."""
+    """One method in one world: its learning curve, and its journeys after learning."""
 
     VERSION = 2
 

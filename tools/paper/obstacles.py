@@ -39,7 +39,7 @@ _TIMES = 20  # how often every action is seen at every place
 
 
 class ObstacleEntry(Entry, frozen=True, kw_only=True):
-    """One agent in one world, put down everywhere; its runs differ in their luck."""
+    """One agent in one world, started once from every place; seeds tell runs apart."""
 
     VERSION = 2
 
@@ -63,7 +63,7 @@ class ObstacleEntry(Entry, frozen=True, kw_only=True):
 
 @dataclass(frozen=True)
 class Arena:
-    """A world with a target, and what perfect exposure teaches of it."""
+    """A world with a target, and the snapshot of an agent that has seen all of it."""
 
     world: World
     blocked: NDArray[np.bool_]

@@ -39,7 +39,7 @@ Their order goes into the seed of every walk: add last.
 
 @dataclass(frozen=True)
 class Course:
-    """A walk that was drawn, and the order that is true wherever it may lead."""
+    """The readings of a random walk, and the order that holds on every walk."""
 
     bits: NDArray[np.bool_]
     """``(steps, N)``: what the sensors should read."""
@@ -49,7 +49,7 @@ class Course:
 
 @dataclass(frozen=True)
 class Episode:
-    """A fault: what it is of, and when it begins and is over."""
+    """A fault: which sensors it affects, and when it begins and ends."""
 
     first: int
     end: int

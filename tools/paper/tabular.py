@@ -18,7 +18,7 @@ planning updates per step of Dyna-Q."""
 
 
 class Walker:
-    """Someone on a stage who is told where they are."""
+    """A walker in a world given as a table; it observes the number of its place."""
 
     def __init__(self, stage: Stage, seed: int) -> None:
         self.stage = stage

@@ -154,7 +154,7 @@ class Stage:
 
 
 class StageEnv(gymnasium.Env[NDArray[np.int8], np.int64]):
-    """A stage to act on.
+    """A Gymnasium environment made from a `Stage`.
 
     Args:
         stage: Which.

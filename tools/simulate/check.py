@@ -32,7 +32,7 @@ _TOPICS = ("observation", "state", "reached", "decision")
 
 
 class WrongError(Exception):
-    """A simulated run did not come to what it must."""
+    """A simulated run did not have its expected result."""
 
 
 class Truth(msgspec.Struct):

@@ -11,7 +11,7 @@ NAME = "tools.simulate.lamp:Lamp-v0"
 
 
 class Lamp(gymnasium.Env[Any, Any]):
-    """A lamp and two switches: to press it lights it if both are on, else puts it out.
+    """A lamp with two switches: a press lights it if both are on, and else puts it out.
 
     Actions 0 and 1 turn the switches, action 2 presses.
     """

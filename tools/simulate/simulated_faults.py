@@ -10,7 +10,7 @@ from neurosnap.recording.write.rotation import Split
 
 
 class Weather(msgspec.Struct, frozen=True, kw_only=True):
-    """How bad it gets; each a probability, by delivery where nothing else is said."""
+    """The probability of each simulated fault; per delivery unless stated otherwise."""
 
     hubs: int = 1
     """How many there are, linked in a line; the parts are spread over them."""
@@ -45,7 +45,7 @@ class Weather(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Tally(msgspec.Struct):
-    """What happened."""
+    """Counts of what happened in the simulated runs: faults, restarts, ticks."""
 
     schedules: int = 0
     ticks: int = 0
@@ -91,7 +91,7 @@ class Tally(msgspec.Struct):
 
 
 class Case(msgspec.Struct):
-    """A run, and what may and does happen to it in all its lives."""
+    """A simulated run, the faults it may have, and those it had, over all restarts."""
 
     options: RunOptions
     log: Path

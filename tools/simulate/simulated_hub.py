@@ -32,7 +32,7 @@ class Faults:
 
 
 class SimulatedHub(MemoryHub):
-    """A hub whose deliveries are drawn.
+    """A hub that picks the order and the faults of its deliveries at random.
 
     Args:
         seed: Draws the order of deliveries and the faults.

@@ -1,4 +1,4 @@
-"""Ends runs by a signal at a random moment, and checks that they end in order.
+"""Ends runs by a signal at a random moment, and checks that each run ends cleanly.
 
 A run is started anew each time and gets SIGINT, SIGTERM or SIGHUP, alone or with its
 whole process group, at any moment from its first line to its last; before some of them
@@ -52,7 +52,7 @@ class Struck(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Struggle:
-    """A run in a process group, a folder for temporary files and one for notes."""
+    """A run with a process group, a temporary folder and launcher notes of its own."""
 
     def __init__(
         self,

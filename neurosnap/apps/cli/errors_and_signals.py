@@ -1,4 +1,4 @@
-"""Turns errors and signals into exit codes, for every command; stops a run in order."""
+"""Turns errors and signals into exit codes, and ends a run cleanly on either."""
 
 import asyncio
 import signal

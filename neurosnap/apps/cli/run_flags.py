@@ -111,7 +111,7 @@ _PARSERS: dict[str, Callable[[Any], Any]] = {"SIZE": in_bytes, "SHARE": as_share
 
 
 class RunOption(NamedTuple):
-    """An option of a run, as its field declares it."""
+    """An option of a run, as the command line offers it."""
 
     key: str
     """The dotted key in a description, such as ``cells.kind``."""

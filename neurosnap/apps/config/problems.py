@@ -52,7 +52,7 @@ class ConfigFault(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ConfigError(InvalidValueError):
-    """A description of a run is refused; the text has a line for every fault told.
+    """A run's description is refused; the text has one line for each reported problem.
 
     Args:
         faults: What is wrong with it; at least one thing.
@@ -99,7 +99,7 @@ class _Cut(NamedTuple):
 
 
 class LineNumbers:
-    """Finds the line of a key.
+    """Finds the line on which a key of a TOML document stands.
 
     Args:
         text: A TOML document, for which ``tomllib.loads(text)`` raises nothing.

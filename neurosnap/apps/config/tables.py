@@ -148,7 +148,7 @@ class RecordingTable(_options("recording"), frozen=True, kw_only=True):  # type:
 
 
 class Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A run of neurosnap. Paths are relative to this file."""
+    """The description of a run. Its paths are relative to the file that holds it."""
 
     source: SourceTable
     """Where the observations come from."""

@@ -294,7 +294,7 @@ class Edge(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Points(msgspec.Struct, frozen=True):
-    """One column over time, thinned out so that least and most stay."""
+    """One column over time, thinned out so that its minima and maxima are kept."""
 
     ticks: list[int]
     values: list[float | None]
@@ -393,7 +393,7 @@ class RasterPart(ReadSoFar, frozen=True, kw_only=True):
 
 
 class Event(msgspec.Struct, frozen=True, kw_only=True):
-    """What is new in a recording that grows; at most ten a second.
+    """What is new in a growing recording; at most ten events are sent a second.
 
     The first of a stream has the newest frame, those after it the newest of the frames
     since; a page that wants all of them asks for the others. The frame that came last

@@ -21,7 +21,7 @@ _LISTED = 50
 
 
 class Felt(msgspec.Struct, frozen=True, kw_only=True):
-    """A sensor that differs between two ticks; a pair has its value at each."""
+    """A sensor that differs between two ticks, with both values of each field."""
 
     sensor: int
     """Its number here."""

@@ -39,7 +39,7 @@ _SEEDS = ("layout_seed", "target")
 
 
 class Scene:
-    """The world of a run as it can be drawn; empty for a world that is not ours."""
+    """The world of a run, to be drawn; empty if it is none of neurosnap's worlds."""
 
     def __init__(self, options: RunOptions) -> None:
         self.stage: Stage | None = None

@@ -144,7 +144,7 @@ class Inbox(Generic[T]):
 
 
 class Poll:
-    """Empties a channel at intervals, for readers that need rate and not latency.
+    """Empties a channel at intervals, for readers that can wait but must keep up.
 
     Messages wait in Zenoh's channel until they are read, which costs neither a thread
     nor the GIL. A full channel holds back the hub, and so the senders: a slow reader

@@ -38,7 +38,7 @@ LISTABLE = 1_000_000
 
 
 class Dual:
-    """The order of a poc set as masks, and the walks over its vertices.
+    """The dual of a poc set, on bit masks: lists its vertices and steps between them.
 
     Attributes:
         poc: As given.
@@ -161,7 +161,7 @@ class Dual:
 
 
 class Counter:
-    """Counts in the dual of an order.
+    """Counts the vertices and faces of an order's dual, without listing them.
 
     Args:
         decided: For each representative of a proper element, the representatives

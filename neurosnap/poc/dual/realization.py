@@ -21,7 +21,7 @@ from neurosnap.sensorium import Sensorium, complete
 
 
 class Realization:
-    """Fields of sensors over a finite set of points ([GK] realization).
+    """The points of a finite set at which each sensor is on ([GK] realization).
 
     Args:
         rows: One field a sensor: ``(points,)`` bits, where it is on.

@@ -68,7 +68,7 @@ whether it is a sensor's turn to be tested at this tick."""
 
 
 class Persistence:
-    """How often each literal was read, and how often it ended.
+    """How often each literal was read, and how often a spell of such readings ended.
 
     That a door is open with a lamp on for an hour is one occasion, and not as many as
     ticks were counted. Unknown readings in between are left out. A sensor that is grown

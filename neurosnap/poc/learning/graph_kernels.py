@@ -24,7 +24,7 @@ _ONE = np.uint64(1)
 
 
 class Pairs(NamedTuple):
-    """The codes of pairs of sensors, and when each last changed.
+    """Which implications hold in each pair of sensors, as codes, and when each changed.
 
     One entry a pair: of all pairs, or of those of some rows that lie side by side.
 
@@ -48,7 +48,7 @@ class Pairs(NamedTuple):
 
 
 class Row(NamedTuple):
-    """The four weights of the pairs of a sensor with those before it: ``(i,)`` each.
+    """The four weights of each pair that sensor ``i`` forms with the sensors before it.
 
     Each is in one piece of memory, else a loop over them takes four times as long.
     """

@@ -19,7 +19,7 @@ Numbers: TypeAlias = NDArray[np.intp]
 
 
 class Count(NamedTuple):
-    """Asks at how many of some ticks each of some literals was read."""
+    """Asks for the number of the given ticks at which each given literal was read."""
 
     within: Words
     """``(W,)``, the ticks, as bits of a ring."""

@@ -23,7 +23,7 @@ _ONE, _TOP = np.uint64(1), np.uint64(63)
 
 
 class Newborn(NamedTuple):
-    """The weights and codes of a new sensor's pairs with the sensors before it."""
+    """The weights of a new sensor's pairs with earlier sensors, and what they imply."""
 
     ticks: int
     """How long the history is."""

@@ -36,7 +36,7 @@ _WHOLE = 16  # a row has changed much if more than one in so many of its pairs h
 
 
 class Changes(NamedTuple):
-    """The pairs of sensors whose implications changed, and their new codes.
+    """The pairs of sensors whose implications changed, and what they imply now.
 
     Of a row, the pairs of one sensor with those before it, in which much changed, there
     are all codes; of others the pairs that did.

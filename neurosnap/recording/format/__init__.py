@@ -1,1 +1,1 @@
-"""The layout of a recording: MCAP records, chunks, schemas, running numbers."""
+"""The layout of a recording: MCAP records, chunks, schemas, sequence numbers."""

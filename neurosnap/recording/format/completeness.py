@@ -60,7 +60,7 @@ def added_up(balances: Iterable[Completeness]) -> Completeness:
 
 
 class RunningNumbers:
-    """The running numbers of all senders, as they arrive.
+    """The sequence numbers received from each sender, and the gaps in them.
 
     Memory grows with the senders and the open gaps, not with the messages.
 

@@ -1,4 +1,4 @@
-"""Scans a recording for its whole records and chunks, where it is cut, and damage.
+"""Scans a recording for whole records and chunks, for cuts, and for damage.
 
 The heads of its records say it, from one to the next. Where a file was cut short, or
 still grows, the walk goes on where it stopped once there is more. What is no record is

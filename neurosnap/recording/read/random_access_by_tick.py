@@ -25,7 +25,7 @@ _OBSERVATIONS = 100_000
 
 
 class Lessons(NamedTuple):
-    """What learning takes of a chunk."""
+    """The messages of a chunk that change what is learned."""
 
     observations: list[wire.Observation]
     changes: list[wire.Decision]
@@ -33,7 +33,7 @@ class Lessons(NamedTuple):
 
 
 class LessonCache:
-    """The lessons of the chunks looked at last. Threads may share it."""
+    """A cache of what recently read chunks teach. Threads may share it."""
 
     def __init__(self) -> None:
         self._lock = Lock()

@@ -71,7 +71,7 @@ def lacks_key_frame(recording: Recording) -> RecordingError:
 
 
 class Replay:
-    """A recorded run, derived again as far as one iterates over `ticks`.
+    """A recorded run that is derived again, tick by tick, by iterating over `ticks`.
 
     Args:
         recording: What to replay.

@@ -201,7 +201,7 @@ class PartConnection(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class PartContext:
-    """Context passed to every job."""
+    """What a job is given to work with: a connection, a stop event, a reporter."""
 
     connection: PartConnection
     """Its place on the network."""

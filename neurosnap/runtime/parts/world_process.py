@@ -103,7 +103,7 @@ async def run_world(
 
 
 class WayIn(msgspec.Struct, frozen=True):
-    """The way by which journaled readings from outside get to the world."""
+    """Where the world gets journaled readings: the journal's folder, or an address."""
 
     journal: str
     """The folder that they are kept in."""

@@ -34,7 +34,7 @@ _reader = Reader("reading")
 
 
 class Reading(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One object: of a single sensor, or of all sensors; `read` checks which."""
+    """One JSON object with the reading of one sensor or of all; `read` checks which."""
 
     sensor: str | None = None
     on: _Value | msgspec.UnsetType = msgspec.UNSET

@@ -153,7 +153,7 @@ def _spans(name: str, given: Spans, count: int) -> NDArray[np.float64]:
 
 
 class ClockMapping:
-    """Converts senders' timestamps to our clock; their order is preserved.
+    """Converts senders' timestamps to the receiver's clock; their order is preserved.
 
     The difference of the two clocks is kept until the wall clock was clearly put right:
     taken anew for each timestamp it would jitter, and give equal ones some order.

@@ -42,7 +42,7 @@ _PATIENCE = 10.0  # seconds the hub may take to answer
 
 
 class Hub(Protocol):
-    """Where a swarm's messages pass, as in a `PartConnection`."""
+    """The id of a swarm and the address of its hub, as in a `PartConnection`."""
 
     @property
     def swarm(self) -> str:

@@ -66,7 +66,7 @@ def mqtt_source(
 
 
 class MqttFeeder:
-    """Turns messages into readings, and choices into messages.
+    """Turns MQTT messages into readings, and actions into MQTT messages.
 
     Args:
         options: What is read and done.

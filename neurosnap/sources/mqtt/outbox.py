@@ -23,7 +23,7 @@ TOGETHER = 16
 
 
 class Outgoing(NamedTuple):
-    """One message."""
+    """A message that waits to be published: topic, payload, whether it is kept."""
 
     topic: str
     """Where to."""

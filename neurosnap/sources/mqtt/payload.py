@@ -84,7 +84,7 @@ class Payload:
 
 
 class PayloadReader:
-    """One sensor's reading of payloads.
+    """Reads the payloads of one sensor's topic: on, off or unknown.
 
     Args:
         sensor: Which, and how it reads.

@@ -49,7 +49,7 @@ def known(home: Home, until: float) -> Flags:
 
 
 class Silence(_Baseline):
-    """Names a sensor after some times its longest silence, in activations of others."""
+    """Flags a sensor that is silent for a multiple of its longest silence so far."""
 
     def __init__(self, home: Home, until: float, patience: float = 2.0) -> None:
         super().__init__(home, until)
@@ -121,7 +121,7 @@ class Silence(_Baseline):
 
 
 class Groups(_Baseline):
-    """Names what differs in a minute of a set of sensors, or a transition, not seen."""
+    """Flags sensors that make a minute, or a transition, unlike any in the past."""
 
     def __init__(self, home: Home, until: float) -> None:
         super().__init__(home, until)

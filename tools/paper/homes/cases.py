@@ -179,7 +179,7 @@ _TABLES: dict[str, Callable[[Bench, int], Rows]] = {
 
 
 class HomeEntry(Entry, frozen=True, kw_only=True):
-    """What every method says of one home: a table's cases, drawn by a seed a run."""
+    """The reports of every method for one home; each run draws its cases by a seed."""
 
     VERSION = 5
 

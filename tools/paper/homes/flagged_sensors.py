@@ -8,7 +8,7 @@ HOUR = 3600.0
 
 
 class Mention(NamedTuple):
-    """A sensor that is named."""
+    """A sensor that a method names as broken, and from when to when."""
 
     sensor: int
     begin: float

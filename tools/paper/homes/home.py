@@ -18,7 +18,7 @@ Spans = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Home:
-    """A home; sensors have the numbers of their places."""
+    """A recorded home; a sensor's number is its position in `sensors`."""
 
     sensors: tuple[str, ...]
     spans: tuple[Spans, ...]

@@ -1,4 +1,4 @@
-// Finds and makes elements of the page; has the colours and the font of drawings.
+// Helpers for the page: find and make elements, look up colours and the font.
 
 /** The element with an id. */
 export const find = (id) => document.getElementById(id);
