@@ -5,6 +5,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 LOG := logs/path-$(shell date +%Y%m%d-%H%M%S).mcap
+PAGE := $(LOG:.mcap=.html)
 # Many tests wait for processes: more workers than there are cores.
 WORKERS ?= $(shell expr $$(nproc) + 2)
 # In the order of their folders: those that start processes come first, so that no long one
@@ -23,6 +24,9 @@ PIP := -m pip install --quiet
 run: .venv/installed
 	$(BIN)/neurosnap run neurosnap/Path-v0 --ticks 300 --seed 7 --out $(LOG)
 	$(BIN)/neurosnap verify $(LOG)
+	$(BIN)/neurosnap export $(LOG) --out $(PAGE)
+	@if [ -n "$$DISPLAY$$WAYLAND_DISPLAY" ] || [ "$$(uname)" = Darwin ]; then \
+		$(BIN)/python -m webbrowser "file://$(abspath $(PAGE))" || true; fi
 
 test: .venv/compiled
 	$(PYTEST) $(WORKERS) -m "not exhaustive"

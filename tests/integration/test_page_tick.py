@@ -9,6 +9,8 @@ import pytest
 from playwright.async_api import expect
 
 from neurosnap.apps.viewer.run_view import RunView
+from neurosnap.depth.measure import from_recording
+from neurosnap.recording.read.recording import Recording
 from tests.support.browser_pages import (
     IN_BROWSER,
     go_to,
@@ -440,6 +442,34 @@ async def test_sensors_are_found_by_what_is_believed_and_read(unread_log: Path) 
             await expect(page.locator("#choice-title")).to_have_text(name)
     await page.fill("#search-text", "is:warm")
     await expect(page.locator("#search-found")).to_contain_text("is: one of on, off")
+
+
+async def test_depths_of_all_waves_are_dots_and_a_click_plays_one(
+    planner_log: Path,
+) -> None:
+    rows = Counter(
+        (row.kind, row.height, row.depth)
+        for row in from_recording(Recording.open(planner_log))
+    )
+    page = await page_at(planner_log, 1)
+    dots = page.locator("#depths-dots rect")
+    await expect(dots).to_have_count(len(rows))
+    words = [await dot.get_attribute("aria-label") or "" for dot in await dots.all()]
+    found = [tuple(map(int, re.findall(r"\d+", each))) for each in words]
+    assert sorted(found) == sorted((*pair, n) for (_, *pair), n in rows.items())
+    deepest = max(range(len(found)), key=lambda k: found[k][1])
+    height, depth, _ = found[deepest]
+    await dots.first.focus()
+    for _ in range(deepest):
+        await page.keyboard.press("ArrowRight")
+    await page.keyboard.press("Enter")
+    await expect(page.locator("#wave-hop")).to_have_attribute("max", str(depth))
+    await expect(page.locator("#wave-play")).to_have_text("Show state")
+    await expect(page.locator("#diagram-facts")).to_contain_text(f"height {height}")
+    ring, dot = page.locator("#depths-ring"), dots.nth(deepest)
+    boxes = [await one.bounding_box() for one in (ring, dot)]
+    middles = [(b["x"] + b["width"] / 2, b["y"] + b["height"] / 2) for b in boxes if b]
+    assert middles[0] == pytest.approx(middles[1], abs=0.5)
 
 
 @pytest.mark.slow

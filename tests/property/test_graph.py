@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.order.graph import PocGraph, WiringKind
+from neurosnap.poc.order.graph import BEYOND_HEIGHT, PocGraph, WiringKind
 from tests.support import oracles
 from tests.support.edges import edges_of
 from tests.support.strategies import as_set, graphs, subsets
@@ -44,9 +44,9 @@ def test_depth_counts_hops_and_stays_within_height_and_two(
 ) -> None:
     wires, signal = edges_of(graph.wiring(kind)), data.draw(subsets(graph))
     assert graph.depth(signal, kind) == oracles.hops(wires, signal)
-    assert graph.depth(signal, kind) <= graph.height() + 2
+    assert graph.depth(signal, kind) <= graph.height() + BEYOND_HEIGHT
     for a in range(len(graph)):
-        assert graph.depth([a], kind) <= graph.height() + 2
+        assert graph.depth([a], kind) <= graph.height() + BEYOND_HEIGHT
 
 
 @given(

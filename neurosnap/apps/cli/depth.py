@@ -22,6 +22,7 @@ from neurosnap.apps.cli.terminal_output import print_facts, progress, say, table
 from neurosnap.apps.new_files import free_path
 from neurosnap.depth.probe import Measured, Sweep
 from neurosnap.errors import InvalidValueError, NeurosnapError, NothingBegunError
+from neurosnap.poc.order.graph import BEYOND_HEIGHT
 from neurosnap.system.picture import KINDS
 
 if TYPE_CHECKING:
@@ -88,7 +89,8 @@ def depth(
             raise NeurosnapError("depth: must have a wave to measure, got none")
         out.mkdir(parents=True, exist_ok=True)
         with unwinding():
-            wrote, lacking = write_all(rows, out)
+            source = "swarms of given orders" if log is None else log.name
+            wrote, lacking = write_all(rows, out, source)
         if lacking:
             warn(f"no picture: {lacking}")
         line, files = fit(rows), {path.suffix[1:]: str(path) for path in wrote}
@@ -135,8 +137,13 @@ def _lines(rows: Sequence[Measured], line: "FittedLine | None") -> Iterator[str]
             )
         )
     yield from table(shown, numbers=True)
+    most = BEYOND_HEIGHT
+    beyond = [row.depth - row.height for row in rows if row.depth > row.height]
+    more = f"up to {max(beyond)} more in {len(beyond)}" if beyond else "more in none"
+    rule = f"allowed: {most} hops more where sensors are equal"
+    yield f"depth: at most the height in {len(rows) - len(beyond)} waves, {more} ({rule})"
     if line is not None:
-        yield f"time over depth: {1e6 * line.slope:.0f} µs a hop, R² {line.r2:.3f}"
+        yield f"time over depth: {line.words}"
 
 
 def _span(values: Sequence[int]) -> str:

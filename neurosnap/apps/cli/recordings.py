@@ -173,16 +173,18 @@ def export(
             "-o",
             metavar="FILE",
             help="Where to write; must not exist yet. Its ending says what: .csv or"
-            " .parquet: a table with a row for each tick. .mcap: all that is intact of a"
-            " damaged recording.",
+            " .parquet: a table with a row for each tick. .html: the page of `neurosnap"
+            " view`, which opens anywhere. .mcap: all that is intact of a damaged"
+            " recording.",
             show_default="a .csv beside the recording",
         ),
     ] = None,
     force: Force = False,
     form: Format = "text",
 ) -> None:
-    """Convert a recording to a table, or save what is intact of it."""
+    """Convert a recording to a table or a page, or save what is intact of it."""
     from neurosnap.apps.export.table import export as write
+    from neurosnap.apps.viewer.page_file import write_page
     from neurosnap.recording.read.recording import Recording
     from neurosnap.recording.write.copying import salvage
 
@@ -196,6 +198,14 @@ def export(
                 _report_salvaged(salvage(log, path), form)
             return
         recording = Recording.open(log)
+        if path.suffix.lower() == ".html":
+            with unwinding():
+                write_page(log, path, force=force)
+            size = path.stat().st_size
+            say(form, f"wrote {path} ({size / 1e6:.2f} MB), which opens in a browser")
+            print_facts(form, {"path": str(path), "bytes": size})
+            end_by(recording)
+            return
         with unwinding():
             found = write(recording, path, force=force)
         say(form, f"wrote {path}")

@@ -18,6 +18,7 @@ asked                                               answer
 ``/api/health``                                     `HomeHealth`
 ``/api/marks?from=&to=&bins=``                      `Marks`
 ``/api/beside?tick=&way=``                          `Beside`
+``/api/depths``                                     `Depths`
 ``/api/raster?from=&to=&columns=&sensor=&sensors=`` `RasterPart`
 ``/api/events``                                     `Event`, again
 ``/api/presence``                                   `Presence`
@@ -40,6 +41,8 @@ from neurosnap.recording.replay.grown_sensors import RecordedBirth
 
 Bit: TypeAlias = Literal[0, 1] | None
 """On, off, or not known."""
+
+WaveKind: TypeAlias = Literal["state", "signal"]
 
 Column: TypeAlias = Literal[
     "edges",
@@ -133,7 +136,7 @@ class WaveView(msgspec.Struct, frozen=True, kw_only=True):
     """One wave of a tick, by what the cells reported of it."""
 
     wave: int
-    kind: Literal["state", "signal"]
+    kind: WaveKind
     signal: list[int]
     """The literals it started from."""
     hops: list[tuple[int, int]] | None
@@ -368,6 +371,27 @@ class Marks(ReadSoFar, frozen=True, kw_only=True):
     """How many of its ticks have no state in the recording."""
     alarms: list[RaisedAlarm]
     """Those raised there, the first `MOST_ALARMS`."""
+
+
+class DepthCount(msgspec.Struct, frozen=True):
+    """How many waves of a kind had a height and a depth; the first of them."""
+
+    kind: WaveKind
+    height: int
+    depth: int
+    count: int
+    tick: int
+    wave: int
+
+
+class Depths(ReadSoFar, frozen=True, kw_only=True):
+    """Depth against height, of all waves of a run."""
+
+    beyond: int
+    """Hops that a wave may take beyond the height, where sensors are equal."""
+    counts: list[DepthCount]
+    left_out: int
+    """Waves that are in no count, as there are too many pairs."""
 
 
 class Beside(msgspec.Struct, frozen=True):

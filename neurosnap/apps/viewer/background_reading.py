@@ -20,7 +20,7 @@ from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.api import HomeHealth, RaisedAlarm
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.tick_messages import NOT_RECORDED, Ticks, conditions
-from neurosnap.apps.viewer.time_series import Raster, TimeSeries
+from neurosnap.apps.viewer.time_series import DepthCounts, Raster, TimeSeries
 from neurosnap.errors import MessageError, RecordingError, ShapeError
 from neurosnap.health.alarm import News
 from neurosnap.health.alarm_budget import NEVER
@@ -49,6 +49,7 @@ class RunHistory:
         self._run_view = run_view
         self._series = TimeSeries(run_view)
         self._raster = Raster(run_view)
+        self._depths = DepthCounts()
         self._health = HealthView(run_view)
         self._marks = RunMarks(run_view, self._series, self._health)
         self.read_to = run_view.first - 1
@@ -92,6 +93,11 @@ class RunHistory:
         so_far = self._so_far(last)
         return _with(so_far, self._marks.marks(first, last, bins))
 
+    def depths(self) -> api.Depths:
+        """Return how many waves had which height and depth."""
+        so_far = self._so_far(self._run_view.last)
+        return _with(so_far, self._depths.depths())
+
     def beside(self, tick: int, way: int) -> api.Beside:
         """Return the nearest anomaly or alarm before (-1) or after (1) a tick."""
         return self._marks.beside(tick, way)
@@ -130,6 +136,7 @@ class RunHistory:
         else:
             for tick in range(first, last + 1):
                 what[tick - first] = conditions(view.tick_index, ticks, tick)
+            self._depths.read(ticks)
             self._marks.read(ticks, first, last)
             self._health.read(ticks, first, last)
         self._series.read(ticks, what, first, last)

@@ -41,12 +41,12 @@ class SnapshotCache:
     def at(self, tick: int) -> Learning:
         """Return what was learned by a tick; not to be changed.
 
-        Cost: as `walk`.
+        Cost: as `walk`; none if it was asked for before.
 
         Raises:
             RecordingError: As from `walk`.
         """
-        return next(self.walk(tick, tick))
+        return self._kept.get(tick) or next(self.walk(tick, tick))
 
     def walk(self, first: int, last: int) -> Iterator[Learning]:
         """Yield what was learned by each tick.

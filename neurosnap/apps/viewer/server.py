@@ -199,7 +199,7 @@ class Questions:
             *(self.runs, self.run, self.presence, self.events),
             *(self.frames, self.wave, self.graph, self.edge, self.image),
             *(self.series, self.raster, self.marks, self.beside),
-            *(self.births, self.health, self.difference),
+            *(self.births, self.health, self.depths, self.difference),
         )
         return {each.__name__: each for each in every}
 
@@ -335,6 +335,10 @@ class Questions:
     async def health(self, request: Request) -> Response:
         """Answer which sensors seem broken."""
         return _answer(self._asked(request).history.health)
+
+    async def depths(self, request: Request) -> Response:
+        """Answer how many waves had which height and depth."""
+        return _answer(self._asked(request).history.depths())
 
     # Two ticks ------------------------------------------------------------------------
 

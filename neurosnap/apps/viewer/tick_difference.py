@@ -15,6 +15,7 @@ from neurosnap.apps.viewer.learned_by_tick import classes, covers
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.literal_sets import from_words
+from neurosnap.recording.replay.learn_again import Learning
 
 _LISTED = 50
 """Edges and classes that are listed."""
@@ -74,30 +75,33 @@ def difference(here: RunView, tick: int, there: RunView, then: int) -> TickDiffe
         InvalidValueError: There is no such tick.
         RecordingError: An observation or a key-frame that is needed is not there.
     """
-    one, other = here.learned(tick), there.learned(then)
+    frames = here.frames(tick, tick), there.frames(then, then)
+    mine, its = (found[0] if found else None for found in frames)
+    return compared(here.learned(tick), mine, there.learned(then), its)
+
+
+def compared(
+    one: Learning, mine: Frame | None, other: Learning, its: Frame | None
+) -> TickDifference:
+    """Return what differs between two ticks: what was learned by them, their frames."""
     graph, their_graph = one.snapshot.poc_graph(), other.snapshot.poc_graph()
     own = one.body.sensors[: one.body.size]
     theirs = {name: k for k, name in enumerate(other.body.sensors[: other.body.size])}
     pairs = [(k, theirs[name], name) for k, name in enumerate(own) if name in theirs]
     places = literals_of([k for k, _, _ in pairs])
-    mine = restricted(graph, places)
-    its = restricted(their_graph, literals_of([k for _, k, _ in pairs]))
-    frames = here.frames(tick, tick), there.frames(then, then)
+    order = restricted(graph, places)
+    their_order = restricted(their_graph, literals_of([k for _, k, _ in pairs]))
     return TickDifference(
-        tick=tick,
-        then=then,
+        tick=one.tick,
+        then=other.tick,
         sensors=len(pairs),
-        felt=_felt(frames[0][0], frames[1][0], pairs) if all(frames) else None,
-        actions=(_action(frames[0]), _action(frames[1])),
+        felt=_felt(mine, its, pairs) if mine and its else None,
+        actions=(mine.action if mine else None, its.action if its else None),
         height=(graph.height(), their_graph.height()),
         edges=(len(covers(graph)), len(covers(their_graph))),
-        here=only_in(mine, its, places.tolist()),
-        there=only_in(its, mine, places.tolist()),
+        here=only_in(order, their_order, places.tolist()),
+        there=only_in(their_order, order, places.tolist()),
     )
-
-
-def _action(frames: list[Frame]) -> str | None:
-    return frames[0].action if frames else None
 
 
 def _felt(frame: Frame, other: Frame, pairs: list[tuple[int, int, str]]) -> list[Felt]:

@@ -56,6 +56,8 @@ class Ticks:
         self.states: dict[int, wire.State] = {}
         self.decisions: dict[int, wire.Decision] = {}
         self.anomalies: dict[int, wire.Anomaly] = {}
+        self.reached: dict[int, wire.Reached] = {}
+        """By wave."""
         self._literals: dict[int, NDArray[np.bool_]] = {}
         self._range = range(first, last + 1)
         self._sensors = len(options.sensors)
@@ -134,6 +136,9 @@ class Ticks:
         for anomaly in chunk.all("anomaly", wire.Anomaly):
             if anomaly.tick in self._range:
                 self.anomalies.setdefault(anomaly.tick, anomaly)
+        for reached in chunk.all("reached", wire.Reached):
+            if reached.tick in self._range:
+                self.reached.setdefault(reached.wave, reached)
         if self._waves is not None:
             for start in chunk.all("wavestart", wire.WaveStart):
                 if start.tick in self._range:

@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 
 WiringKind: TypeAlias = Literal["hasse", "derived"]
+BEYOND_HEIGHT = 2
+"""Hops that a wave may take beyond the height where sensors are equal, or nearly so:
+one to the literal that stands for its class, one from that to the others of a class."""
 
 
 class PocGraph:
@@ -289,7 +292,7 @@ class PocGraph:
         """Return the hops over a wiring until the last of ``up(signal)`` is reached.
 
         Returns:
-            At most ``height() + 2``; any literal is 0 hops from itself.
+            At most ``height() + BEYOND_HEIGHT``; any literal is 0 hops from itself.
 
         Raises:
             InvalidValueError: Another `kind`, or an entry that is no literal.

@@ -12,7 +12,7 @@ import msgspec
 import pytest
 
 from neurosnap import wire
-from neurosnap.depth.measure import COLUMNS, draw, fit, measure, write_csv
+from neurosnap.depth.measure import COLUMNS, FittedLine, draw, fit, measure, write_csv
 from neurosnap.depth.probe import Measured, Probe, Sweep
 from neurosnap.errors import InvalidValueError, SwarmError
 from neurosnap.fabric.in_memory import MemoryFabric, MemoryHub
@@ -77,6 +77,16 @@ def test_a_line_is_fitted(
     assert found == (expected and pytest.approx(expected, abs=1e-12))
 
 
+@pytest.mark.parametrize(
+    ("r2", "words"),
+    [(0.5, "3 µs a hop, R² 0.500"), (0.499, "no line fits, R² 0.499")],
+)
+def test_a_line_that_does_not_explain_half_has_no_slope(r2: float, words: str) -> None:
+    line = FittedLine(3e-6, 0.0, r2)
+    assert line.words == words
+    assert line.explains == ("hop" in words)
+
+
 # Writing ------------------------------------------------------------------------------
 
 
@@ -108,7 +118,7 @@ def test_a_csv_has_a_row_a_wave(tmp_path: Path) -> None:
     ids=["two groups", "one depth", "no depth", "state waves only", "both kinds"],
 )
 def test_a_figure_is_drawn_whole(tmp_path: Path, rows: list[Measured]) -> None:
-    paths = draw(rows, tmp_path)
+    paths = draw(rows, tmp_path, "a.mcap")
     assert set(tmp_path.iterdir()) == set(paths)
     png, svg, pdf = (path.read_bytes() for path in paths)
     assert png.startswith(b"\x89PNG\r\n\x1a\n")

@@ -7,6 +7,7 @@ import { find, flash, write } from "./base/dom.js";
 import { explain } from "./base/terms.js";
 import { bind } from "./keys.js";
 import { OrderView } from "./order/order_view.js";
+import { DepthView } from "./run/depths.js";
 import { FrameCache } from "./run/frames.js";
 import { GrowthView } from "./run/growth.js";
 import { HealthView } from "./run/health.js";
@@ -78,6 +79,8 @@ class Page {
       fetchWave: notices.watched("wave", api.fetchWave),
       change: () => this.changeWave(),
     });
+    const fetchDepths = notices.watched("depths", api.fetchDepths);
+    this.depths = new DepthView(fetchDepths, (dot) => this.playWave(dot));
     this.facts = new FactsView(names, run);
     this.world = new WorldView(run.world);
     this.image = new ImageView(run);
@@ -204,6 +207,15 @@ class Page {
     flash(find(way > 0 ? "anomaly-on" : "anomaly-back"), way > 0 ? "no later" : "no earlier");
   }
 
+  /** Go to the tick of a wave, and play it. */
+  async playWave({ tick, wave }) {
+    this.time.player.pause();
+    this.time.player.seek(tick);
+    if (!(await this.frameCache.at(tick).catch(said))) return; // said where it was asked
+    this.move();
+    this.wave.play(wave);
+  }
+
   /** Say what was learned between the ends of the range. */
   compareRange() {
     const [from, to] = this.time.range.shown;
@@ -240,6 +252,7 @@ class Page {
     label.hidden = this.wave.shown === null;
     label.classList.toggle("imagined", this.wave.imagined);
     write(label, this.wave.name);
+    this.depths.show(this.frame.height, this.wave.wave);
   }
 
   // Selecting ------------------------------------------------------------------------
@@ -284,6 +297,7 @@ class Page {
     this.time.setEnds(first, ticks);
     this.growth.load().catch(said);
     this.health.load().catch(said);
+    this.depths.load().catch(said);
   }
 
   showWhat() {

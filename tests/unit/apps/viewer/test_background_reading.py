@@ -1,5 +1,6 @@
 """Background reading of a run matches its messages and key-frames."""
 
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from neurosnap.apps.viewer.tick_messages import (
     UNKNOWN,
 )
 from neurosnap.apps.viewer.time_series import thinned
+from neurosnap.depth.measure import from_recording
 from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.anomaly_report import evidence, named_anomaly, with_support
 from neurosnap.recording.read.recording import Recording
@@ -84,6 +86,26 @@ def test_an_answer_that_is_whole_lacks_nothing_that_is_read_meanwhile(
 
     monkeypatch.setattr(history, "_so_far", so_far_in_the_end)
     assert ask(history) == ask(whole)
+
+
+@pytest.mark.parametrize("most", [2000, 3])
+def test_every_wave_is_counted_once_by_height_and_depth(
+    most: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(time_series, "_MOST_PLACES", most)
+    path = recorded(planner_run(), tmp_path / "run.mcap")
+    rows = from_recording(Recording.open(path))
+    depths = read(path).depths()
+    assert depths.done
+    assert sum(each.count for each in depths.counts) + depths.left_out == len(rows)
+    pairs = Counter((row.kind, row.height, row.depth) for row in rows)
+    for one in depths.counts:
+        assert one.count == pairs[one.kind, one.height, one.depth]
+        (frame,) = RunView(path).frames(one.tick, one.tick)
+        (wave,) = [wave for wave in frame.waves if wave.wave == one.wave]
+        assert (wave.kind, wave.depth) == (one.kind, one.depth)
+    assert len(depths.counts) == min(most, len(pairs))
+    assert (depths.left_out > 0) == (most < len(pairs))
 
 
 # Marks ------------------------------------------------------------------------------

@@ -66,6 +66,9 @@ export const fetchBirths = () => ask("births");
 /** Which sensors seem broken, as far as that was read. */
 export const fetchHealth = () => ask("health");
 
+/** How many waves had which height and depth, as far as that was read. */
+export const fetchDepths = () => ask("depths");
+
 /** What sensors were at ticks: `from`, `to`, `columns`, `sensor`, `sensors`. */
 export const fetchRaster = (query) => ask("raster", query);
 

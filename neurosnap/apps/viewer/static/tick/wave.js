@@ -2,7 +2,6 @@
 
 import { counted, find, make, write } from "../base/dom.js";
 import { literalName } from "../base/literals.js";
-import { term } from "../base/terms.js";
 
 const HOP = 450; // milliseconds
 const STATE = ""; // where the others have a name, which is never empty
@@ -21,7 +20,6 @@ export class WaveView {
     this._at = null; // hops gone; null: it is not being looked at
     this._hops = new Map();
     this._started = null;
-    this._drawn = "";
     find("wave-which").addEventListener("change", (event) => {
       this._which = event.target.value;
       this._take(this._frame);
@@ -54,6 +52,20 @@ export class WaveView {
   take(which) {
     this._which = which;
     if (this._frame) this._take(this._frame);
+  }
+
+  /** The wave of this tick that is looked at; null: there is none. */
+  get wave() {
+    return this._wave;
+  }
+
+  /** Play a wave of this tick, or the deepest if it is not among those shown. */
+  play(number) {
+    const wave = this._frame.waves.find((one) => one.wave === number) ?? deepest(this._frame.waves);
+    if (wave !== null) this._which = this._keyOf(wave);
+    this._at = null;
+    this._take(this._frame);
+    this.toggle();
   }
 
   /** What the wave is called. */
@@ -127,7 +139,7 @@ export class WaveView {
     if (this._wave?.hops === null) this._fetch(frame.tick, this._wave);
     this._hops = new Map(this._wave?.hops);
     if (this._at !== null) this._at = Math.min(this._at, this._wave?.depth ?? 0);
-    this._draw(frame);
+    find("wave-hop").max = this._wave?.depth ?? 0;
     this._say();
   }
 
@@ -178,27 +190,6 @@ export class WaveView {
     find("wave-which").value = this._which;
   }
 
-  _draw(frame) {
-    const depth = this._wave?.depth ?? 0;
-    const bars = [["depth", depth], ["height", frame.height]];
-    // Of other waves the longest chain that starts in their signal was not recorded here.
-    if (this._wave?.kind === "state") bars.splice(1, 0, ["longest", frame.longest]);
-    const key = bars.join();
-    if (key === this._drawn) return;
-    this._drawn = key;
-    const most = Math.max(1, ...bars.map(([, value]) => value));
-    find("wave-bars").replaceChildren(
-      ...bars.map(([name, value]) => {
-        const bar = make("i", { className: name });
-        bar.style.width = `${(100 * value) / most}%`;
-        return make("div", {}, make("span", {}, term(name)), bar, make("b", {}, String(value)));
-      }),
-    );
-    const says = bars.map(([name, value]) => `${name} ${value}`).join(", ");
-    find("wave-bars").setAttribute("aria-label", says);
-    find("wave-hop").max = depth;
-  }
-
   _say() {
     const [depth, hop] = [this._wave?.depth ?? 0, this._at === null ? null : Math.floor(this._at)];
     find("wave-hop").value = this._at ?? depth;
@@ -220,7 +211,7 @@ export class WaveView {
     const whole = this._wave.settled ? "" : " It has not settled.";
     const what = this._wave.imagined ? `${this.name}. `.replace("i", "I") : "";
     const all = `${this._hops.size} literals reached with ${this._wave.pulses} pulses.${whole}`;
-    if (hop === null) return what + all;
+    if (hop === null) return `${what}Depth ${this._wave.depth} of height ${this._frame.height}. ${all}`;
     const there = [...this._hops.values()].filter((at) => at <= hop).length;
     return `${what}Hop ${hop} of ${this._wave.depth}: ${there} of ${all}`;
   }
