@@ -74,6 +74,6 @@ def test_defn_dual_map_preserves_medians_and_turns_compositions(
     for u, v, w in itertools.product(list(far.vertices()), repeat=3):
         images = [f.dual(x) for x in (u, v, w)]
         assert (f.dual(far.median(u, v, w)) == near.median(*images)).all()
-    identity = PocMorphism.identity(second.p)
+    identity = PocMorphism.named(second.p, second.p)
     assert all((identity.dual(u) == u).all() for u in far.vertices())
-    assert identity @ f == f == f @ PocMorphism.identity(first.p)
+    assert identity @ f == f == f @ PocMorphism.named(first.p, first.p)

@@ -50,7 +50,7 @@ def thresholds(length: int = 6) -> Example:
         for k in range(1, length + 1)
     ]
     poc = chain("a", length)
-    realization = Realization(rows, poc.sensorium, map(_cell_name, cells))
+    realization = Realization(rows, poc.sensorium)
     return Example(poc=poc, realization=realization, cells=tuple(cells))
 
 
@@ -68,7 +68,7 @@ def beacons(length: int = 6) -> Example:
     ]
     return Example(
         poc=PocSet(names, exclusive(names)),
-        realization=Realization(rows, names, map(_cell_name, cells)),
+        realization=Realization(rows, names),
         cells=tuple(cells),
         marked=tuple(f"{name}*" for name in names),
     )
@@ -108,8 +108,7 @@ def path_with_motion(length: int = 5) -> Example:
     relations += [f"{a} < {b}" for a, b in itertools.pairwise(positions)]
     relations += ["fwd < a1*", f"back < a{length}"]
     names = [*positions, *steps]
-    called = [f"{x} {act}".strip() for x, act in points]
-    realization = Realization(rows, names, called)
+    realization = Realization(rows, names)
     return Example(poc=PocSet(names, relations), realization=realization)
 
 
@@ -133,7 +132,7 @@ def grid_with_holes(
     numbered = tuple(tuple(number[place] for place in cell) for cell in cells)
     bits = [[c[0][0] < k for c in cells] for k in range(1, columns)]
     bits += [[c[0][1] < k for c in cells] for k in range(1, rows)]
-    realization = Realization(bits, poc.sensorium, map(str, cells))
+    realization = Realization(bits, poc.sensorium)
     return Example(poc=poc, realization=realization, cells=numbered)
 
 
@@ -168,7 +167,7 @@ def _compass(reach: int, apart: tuple[int, ...]) -> Example:
     ]
     return Example(
         poc=PocSet(names, relations),
-        realization=Realization(rows, names, map(_cell_name, cells)),
+        realization=Realization(rows, names),
         cells=tuple(cells),
         marked=tuple(f"{name}*" for name in names),
     )
@@ -178,8 +177,3 @@ def _segment(edges: int) -> list[tuple[int, ...]]:
     """Return the cells of a line of vertices and edges."""
     cells: list[tuple[int, ...]] = [(k,) for k in range(edges + 1)]
     return cells + [(k, k + 1) for k in range(edges)]
-
-
-def _cell_name(cell: tuple[int, ...]) -> str:
-    """Return the name of a cell: its vertices."""
-    return "–".join(map(str, cell))

@@ -56,11 +56,6 @@ class PocMorphism:
         self._refuse_disorder()
 
     @classmethod
-    def identity(cls, poc: PocSet) -> "PocMorphism":
-        """Return the morphism that sends everything to itself."""
-        return cls(poc, poc, poc.sensorium.names)
-
-    @classmethod
     def named(cls, source: PocSet, target: PocSet) -> "PocMorphism":
         """Return the morphism that sends each sensor to the one of the same name.
 

@@ -26,12 +26,11 @@ class Realization:
     Args:
         rows: One field a sensor: ``(points,)`` bits, where it is on.
         sensors: Their names; ``s0``, ``s1``, and so on without them.
-        points: A name for each point; without them points are called by number.
 
     Raises:
         ShapeError: Fields have unequal lengths, there is no point, or not one name a
-            field or a point.
-        InvalidValueError: An entry is not 0 or 1, or two points have one name.
+            field.
+        InvalidValueError: An entry is not 0 or 1.
 
     Examples:
         >>> r = Realization([[1, 0, 0], [0, 0, 1]], ["a", "b"])
@@ -43,7 +42,6 @@ class Realization:
         self,
         rows: Iterable[ArrayLike],
         sensors: Iterable[str] | Sensorium | None = None,
-        points: Iterable[str] | None = None,
     ) -> None:
         if isinstance(rows, str):
             raise InvalidValueError("fields", "must be one row of bits a sensor", rows)
@@ -59,14 +57,6 @@ class Realization:
         self._sensorium = sensors
         self._fields = self._checked_fields(listed)
         self._fields.flags.writeable = False
-        count = self._fields.shape[1]
-        names = map(str, range(count)) if points is None else points
-        self._points = tuple(names)
-        if len(self._points) != count:
-            rule = f"must be {count}, one a column"
-            raise ShapeError("points", rule, len(self._points))
-        if len(set(self._points)) != count:
-            raise InvalidValueError("points", "must have different names", self._points)
 
     def _checked_fields(self, rows: list[NDArray[Any]]) -> NDArray[np.bool_]:
         """Return fields of equal length as one array."""
@@ -95,11 +85,6 @@ class Realization:
         """The sensors' names."""
         return self._sensorium
 
-    @property
-    def points(self) -> tuple[str, ...]:
-        """The points' names."""
-        return self._points
-
     def poc_set(self) -> PocSet:
         """Return the order of the fields by inclusion.
 
@@ -108,31 +93,17 @@ class Realization:
         """
         return PocSet.from_graph(PocGraph(inclusions(self._fields)), self._sensorium)
 
-    def breaks(self, poc: PocSet) -> tuple[str, str] | None:
-        """Return a relation that the fields break, if this is no poc morphism.
-
-        Args:
-            poc: A poc set on the same sensors.
-
-        Returns:
-            Names of ``a <= b`` such that `a` is on at a point where `b` is off.
-
-        Raises:
-            InvalidValueError: `poc` has other sensors.
-        """
-        wrong = self._checked(poc).order & ~inclusions(self._fields)
-        if not wrong.any():
-            return None
-        a, b = np.argwhere(wrong)[0].tolist()
-        return poc.name(a), poc.name(b)
-
-    def vertex(self, point: int | str) -> NDArray[np.bool_]:
+    def vertex(self, point: int) -> NDArray[np.bool_]:
         """Return what a point shows: ``(2N,)`` bool, a complete *-selection.
 
         Raises:
             InvalidValueError: There is no such point.
         """
-        return complete(self._fields[:, self._number(point)])
+        count = self._fields.shape[1]
+        if isinstance(point, bool) or point not in range(count):
+            rule = f"must be the number of one of {count} points"
+            raise InvalidValueError("point", rule, point)
+        return complete(self._fields[:, point])
 
     def vertices(self, poc: PocSet | None = None) -> list[NDArray[np.bool_]]:
         """Return the consistent vertices ([GK] defn:consistent vertices).
@@ -188,16 +159,6 @@ class Realization:
             names = list(self._sensorium.names)
             raise InvalidValueError("poc set", f"must be on {names}", str(poc))
         return poc
-
-    def _number(self, point: int | str) -> int:
-        """Return the column of a point."""
-        if isinstance(point, str) and point in self._points:
-            return self._points.index(point)
-        whole = isinstance(point, int | np.integer) and not isinstance(point, bool)
-        if whole and 0 <= int(point) < len(self._points):
-            return int(point)
-        rule = f"must be one of {len(self._points)} points, by name or number"
-        raise InvalidValueError("point", rule, point)
 
 
 def corners(poc: PocSet, vertices: Iterable[NDArray[np.bool_]]) -> NDArray[np.bool_]:

@@ -262,14 +262,11 @@ class PocSet:
                 return self.name(a), self.name(int(hit[0]))
         return None
 
-    def hasse(self, *, bounds: bool = False) -> list[tuple[int, int]]:
+    def hasse(self) -> list[tuple[int, int]]:
         """Return the pairs of neighbours in the order, by representatives.
 
-        Args:
-            bounds: Whether the minimum and the maximum belong to it.
-
         Returns:
-            Pairs ``(a, b)``, `a` directly below `b`, sorted.
+            Pairs ``(a, b)``, `a` directly below `b`, sorted; the bounds are left out.
 
         Examples:
             >>> PocSet.parse("a, b : a < b").hasse()
@@ -279,14 +276,7 @@ class PocSet:
         edges = self._graph.hasse()[head == np.arange(self.minimum)]
         heads = np.unique(head)
         low, high = edges[:, heads].nonzero()
-        pairs = list(zip(heads[low].tolist(), heads[high].tolist(), strict=True))
-        if bounds:
-            lowest = np.delete(heads, high).tolist()
-            pairs += [(self.minimum, a) for a in lowest]
-            pairs += [(a ^ 1, self.maximum) for a in lowest]
-            if not lowest:
-                pairs.append((self.minimum, self.maximum))
-        return sorted(pairs)
+        return sorted(zip(heads[low].tolist(), heads[high].tolist(), strict=True))
 
     def height(self) -> int:
         """Return the edges on the longest chain of literals, the bounds not counted.
