@@ -50,23 +50,29 @@ def main() -> None:
     resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
     _context.set_forkserver_preload(["tools.bench.bare"])
     start(time.sleep, 0).join()  # the fork server's imports are not what is measured
+    # Only now, and only here: the fork server has forked with nothing of ours loaded.
+    from neurosnap.fabric.hub_address import HubAddress
+    from neurosnap.fabric.zenoh.connect_session import connecting
+    from neurosnap.fabric.zenoh.hub import open_hub
+
     with tempfile.TemporaryDirectory(prefix="bench-") as folder:
         endpoint = f"unixsock-stream/{folder}/hub"
-        if given.what == "spawn":
-            measured = measure_spawn(endpoint, given.count, memory=given.memory)
-        else:
-            measured = measure_ring(endpoint, given.count, given.laps)
+        config = str(connecting(HubAddress(endpoint), _PATIENCE))
+        began = time.perf_counter()
+        with open_hub([endpoint], given.count):
+            if given.what == "spawn":
+                measured = measure_spawn(config, given.count, began, given.memory)
+            else:
+                measured = measure_ring(config, given.count, given.laps)
     print(json.dumps(measured))
 
 
 def measure_spawn(
-    endpoint: str, count: int, *, memory: bool = False
+    config: str, count: int, began: float, memory: bool
 ) -> dict[str, float]:
     """Return the seconds from the start of the hub until `count` processes are up."""
     up, say_up = _context.Pipe(duplex=False)
-    began = time.perf_counter()
-    open_hub(endpoint, count)
-    processes = [start(be_bare, endpoint, i, say_up) for i in range(count)]
+    processes = [start(be_bare, config, i, say_up) for i in range(count)]
     _await(up, count)
     measured = {"seconds": time.perf_counter() - began}
     if memory:
@@ -74,14 +80,13 @@ def measure_spawn(
     return measured
 
 
-def measure_ring(endpoint: str, count: int, laps: int) -> dict[str, float]:
+def measure_ring(config: str, count: int, laps: int) -> dict[str, float]:
     """Return the median seconds a hop of `laps` laps round `count` processes."""
-    open_hub(endpoint, count)
     up, say_up = _context.Pipe(duplex=False)
     line, line_end = _context.Pipe()
     for number in range(count):
         end = line_end if number == 0 else None
-        start(be_relay, endpoint, number, count, laps, say_up, end)
+        start(be_relay, config, number, count, laps, say_up, end)
     _await(up, count)
     line.send_bytes(b"go")
     took = json.loads(_await(line, 1))
@@ -102,13 +107,6 @@ def start(work: Callable[..., None], *arguments: object) -> "ForkServerProcess":
     return process
 
 
-def open_hub(endpoint: str, sessions: int) -> None:
-    """Start the hub in a process of its own; return once it is up."""
-    up, say_up = _context.Pipe(duplex=False)
-    start(be_hub, endpoint, sessions, say_up)
-    _await(up, 1)
-
-
 def _await(line: Connection, count: int) -> bytes:
     """Wait for `count` words on `line` and return the last; raise when none comes."""
     word = b""
@@ -119,21 +117,10 @@ def _await(line: Connection, count: int) -> bytes:
     return word
 
 
-def be_hub(endpoint: str, sessions: int, say_up: Connection) -> None:
-    """Run a hub with the settings of a swarm's own."""
-    _end_with_parent()
-    from neurosnap.fabric.zenoh.hub import open_hub
-
-    session = open_hub([endpoint], sessions)
-    say_up.send_bytes(b"1")
-    signal.pause()
-    session.close()
-
-
-def be_bare(endpoint: str, number: int, say_up: Connection) -> None:
+def be_bare(config: str, number: int, say_up: Connection) -> None:
     """Open a session, declare one subscriber, stay."""
     _end_with_parent()
-    session = _open(endpoint)
+    session = zenoh.open(zenoh.Config.from_json5(config))
     callback = zenoh.handlers.Callback(_ignore, indirect=False)
     subscriber = session.declare_subscriber(f"bare/*/{number}", callback)
     say_up.send_bytes(b"1")
@@ -142,7 +129,7 @@ def be_bare(endpoint: str, number: int, say_up: Connection) -> None:
 
 
 def be_relay(
-    endpoint: str,
+    config: str,
     number: int,
     count: int,
     laps: int,
@@ -151,7 +138,7 @@ def be_relay(
 ) -> None:
     """Put on to the next whatever comes; the first process times the laps."""
     _end_with_parent()
-    session = _open(endpoint)
+    session = zenoh.open(zenoh.Config.from_json5(config))
     onward = session.declare_publisher(
         f"ring/{(number + 1) % count}", congestion_control=_BLOCK
     )
@@ -179,29 +166,6 @@ def be_relay(
         line.recv_bytes()
         onward.put(_PAYLOAD)
     signal.pause()
-
-
-def _open(endpoint: str) -> zenoh.Session:
-    """Open a client session with the swarm's settings."""
-    config = zenoh.Config()
-    settings: dict[str, object] = {
-        "mode": "client",
-        "connect/endpoints": [endpoint],
-        "connect/timeout_ms": 60_000,
-        "connect/retry": {
-            "period_init_ms": 50,
-            "period_max_ms": 200,
-            "period_increase_factor": 1.5,
-        },
-        "listen/endpoints": [],
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-        "scouting/delay": 0,
-        "transport/shared_memory/enabled": False,
-    }
-    for key, value in settings.items():
-        config.insert_json5(key, json.dumps(value))
-    return zenoh.open(config)
 
 
 def _ignore(sample: zenoh.Sample) -> None:
