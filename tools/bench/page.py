@@ -1,7 +1,6 @@
 """Measures the page without a graphics card: playing, and seeking a far tick."""
 
 import asyncio
-import random
 import statistics
 import tempfile
 from collections.abc import Iterator
@@ -10,14 +9,13 @@ from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
+from msgspec.structs import replace
 from playwright.async_api import CDPSession
 
 from neurosnap.apps.viewer.opened_recording import ViewSession
 from neurosnap.apps.viewer.server import serving
-from tests.support.run_options import options_for
-from tests.support.sources import written
 from tools.bench.report import Line, Sizes
-from tools.bench.run import run_once
+from tools.bench.run import line_options, run_once
 from tools.browser import NO_BROWSER, browsing, chromium, wait_shown
 
 _SPEED = 60
@@ -108,15 +106,8 @@ def _walks(ticks: int, *sizes: int) -> Iterator[list[Path]]:
 
 def _walk(folder: Path, sensors: int, ticks: int) -> Path:
     """Record readings of five chains of thresholds, each of a walk of its own."""
-    chance = random.Random(0)
-    lines = [",".join(f"w{k % 5}_below_{k // 5}" for k in range(sensors))]
-    places = [sensors // 10] * 5
-    for _ in range(ticks):
-        places = [x + chance.choice((-1, 0, 1)) for x in places]
-        lines.append(",".join(f"{places[k % 5] < k // 5:d}" for k in range(sensors)))
-    readings = written(folder, "\n".join(lines) + "\n", f"{sensors}.csv")
     log = folder / f"{sensors}.mcap"
-    run_once(options_for(str(readings), 0, ticks=ticks, cells="inline"), log)
+    run_once(replace(line_options(sensors, ticks, folder, 5), cells="inline"), log)
     return log
 
 

@@ -116,13 +116,23 @@ def _line(count: int, sizes: Sizes, folder: Path) -> Line:
     )
 
 
-def line_options(count: int, ticks: int, folder: Path) -> RunOptions:
-    """Return a run of a walker on a line, whose readings are written there."""
-    rng, places, at = np.random.default_rng(1), np.arange(count), count // 2
-    rows = [",".join(f"x{place}" for place in places)]
+def line_options(count: int, ticks: int, folder: Path, walkers: int = 1) -> RunOptions:
+    """Return a run of walkers on lines, whose readings are written there.
+
+    Args:
+        count: Sensors, which the walkers share: each is on while one is below a place.
+        ticks: Of the run.
+        folder: Where the readings go.
+        walkers: How many there are, each on a line of its own.
+    """
+    rng, places = np.random.default_rng(1), np.arange(count) // walkers
+    last = count // walkers
+    at = np.full(walkers, last // 2)
+    rows = [",".join(f"w{k % walkers}_below_{k // walkers}" for k in range(count))]
     for _ in range(ticks):
-        at = int(np.clip(at + rng.integers(-1, 2), 0, count))
-        rows.append(",".join(map(str, (places < at).astype(int).tolist())))
+        at = np.clip(at + rng.integers(-1, 2, walkers), 0, last)
+        below = np.resize(at, count) < places
+        rows.append(",".join(map(str, below.astype(int).tolist())))
     path = written(folder, "\n".join(rows) + "\n", f"{count}.csv")
     return options_for(str(path), 0, ticks=ticks, workers=_WORKERS)
 
