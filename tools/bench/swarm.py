@@ -1,16 +1,23 @@
 """Measures a swarm: its start, and the time per hop."""
 
+import asyncio
 import json
 import multiprocessing
 import statistics
 import subprocess
 import sys
+import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
-from neurosnap.depth.probe import Measured, Sweep
+import msgspec
+
+from neurosnap.depth.probe import Measured, ProbeJob, Sweep
 from neurosnap.runtime.child_processes import allow_files
+from neurosnap.runtime.launch import Jobs, host_jobs, launch
+from neurosnap.runtime.request import Site, Watcher
 from tools.bench.bare import mean_pss
-from tools.bench.probe import probe
 from tools.bench.report import Line, Sizes, ratio_of_pairs
 
 _ROOT = Path(__file__).parents[2]
@@ -36,7 +43,7 @@ def spawn(sizes: Sizes) -> list[Line]:
         waves.append(wave.seconds)
         ours.append(seconds)
     ratio = min(ours) / min(theirs)
-    time = Line(
+    start = Line(
         f"{sizes.cells:,} cells, a process each, up and wired",
         f"{min(ours):.1f} s ({ratio:.2f} ×; a wave through all {min(waves):.2f} s)",
         f"bare Zenoh processes {min(theirs):.1f} s",
@@ -50,7 +57,7 @@ def spawn(sizes: Sizes) -> list[Line]:
             "ratio_of_pairs": ratio_of_pairs(ours, theirs),
         },
     )
-    return [time, _memory(sizes)]
+    return [start, _memory(sizes)]
 
 
 def _memory(sizes: Sizes) -> Line:
@@ -109,6 +116,29 @@ def hop(sizes: Sizes) -> list[Line]:
             (f"one hop, whole wave / {high} hops", quotients),
         )
     ]
+
+
+def probe(
+    sweep: Sweep, weigh: Callable[[], None] | None = None
+) -> tuple[float, list[Measured]]:
+    """Return when a swarm that only passes waves was up, in seconds, and its waves.
+
+    Args:
+        sweep: Its cells and waves.
+        weigh: Called once some waves have passed; the swarm is stopped after it.
+    """
+    (count,) = sweep.sizes
+    jobs = Jobs(partial(ProbeJob, sweep, count), host_jobs(count, sweep.sharing))
+    stop, began, seconds = asyncio.Event(), time.perf_counter(), list[float]()
+
+    def on_wave(passed: int) -> None:
+        seconds.append(time.perf_counter() - began)  # first when every cell is there
+        if passed and weigh is not None and not stop.is_set():
+            weigh()
+            stop.set()
+
+    result = asyncio.run(launch(jobs, Site(), stop, Watcher(on_wave))).result
+    return seconds[0], msgspec.json.decode(result, type=list[Measured])
 
 
 def run_bare(*arguments: object) -> dict[str, float]:
