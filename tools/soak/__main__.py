@@ -51,6 +51,7 @@ from neurosnap.runtime.request import Restart, RunRequest, Supervision, Watcher
 from neurosnap.runtime.run_with_intake import INTAKE
 from neurosnap.runtime.run_with_restarts import run
 from neurosnap.sources.open import open_source
+from tests.support.course import course
 from tools.soak.killer import Killer
 from tools.soak.memory import Gauge, Memory
 from tools.soak.outside import feed, lines_in
@@ -169,7 +170,7 @@ async def soak(
     inline = msgspec.structs.replace(options, ticks=ticks, **alone)
     await run(RunRequest(inline, calm), asyncio.Event())
     found = _look(log, killer, time.perf_counter() - began)
-    found.equal = _course(calm, ticks) == _course(log, ticks)
+    found.equal = course(log, ticks) == course(calm)
     found.left.remove(calm.name)
     return found
 
@@ -256,21 +257,6 @@ def _look(log: Path, killer: Killer, seconds: float) -> Soaked:
         left=sorted(path.name for path in {*log.parent.iterdir()} - files),
         seconds=seconds,
     )
-
-
-def _course(log: Path, ticks: int) -> list[tuple[object, ...]]:
-    """Return the states and decisions of a recorded run, but for its last decision.
-
-    A run that is asked to stop has decided on its next tick already.
-    """
-    found: list[tuple[object, ...]] = []
-    for recorded in Recording.open(log).messages(("state", "decision")):
-        match recorded.message:
-            case wire.State() as state:
-                found.append(("state", state.tick, state.literals, state.incoherent))
-            case wire.Decision() as decision if decision.tick < ticks:
-                found.append(msgspec.structs.astuple(decision))
-    return found
 
 
 def main(arguments: list[str] | None = None) -> int:
