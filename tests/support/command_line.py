@@ -21,9 +21,9 @@ def last_json(stdout: str) -> dict[str, Any]:
     return facts
 
 
-def happy(*arguments: object, stdin: str | None = None) -> dict[str, Any]:
+def happy(*arguments: object) -> dict[str, Any]:
     """Run a command that succeeds; return the JSON object it prints last."""
-    result = call(*arguments, "--format", "json", stdin=stdin)
+    result = call(*arguments, "--format", "json")
     assert result.exit_code == 0, result.stderr
     return last_json(result.stdout)
 

@@ -10,7 +10,6 @@ environment and its three files, and with the parts of its swarm below it.
 What hangs on how the program starts is for tests that start it by its command line.
 """
 
-import fcntl
 import multiprocessing
 import os
 import resource
@@ -41,8 +40,6 @@ class Command:
             ``python -W error -c``.
         folder: Where it runs; if None, where the tests run.
         environment: What it finds in its environment.
-        buffer: How many bytes the pipe of its standard input holds, where that is not
-            for the system to say: who writes more waits until they are read.
         own_session: Whether it leads a session, and a process group.
         largest: Bytes that a file it writes may have, at most, or None.
     """
@@ -52,7 +49,6 @@ class Command:
         *arguments: object,
         folder: Path | None = None,
         environment: Mapping[str, str] = os.environ,
-        buffer: int | None = None,
         own_session: bool = False,
         largest: int | None = None,
     ) -> None:
@@ -60,8 +56,6 @@ class Command:
         (input_, into), (out_of, output), (err_of, errors) = (
             os.pipe() for _ in range(3)
         )
-        if buffer is not None:
-            fcntl.fcntl(into, fcntl.F_SETPIPE_SZ, buffer)
         theirs = (
             Connection(input_, writable=False),
             Connection(output, readable=False),

@@ -12,7 +12,7 @@ from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.replay.find_resume_point import find_resume_point
 from neurosnap.runtime.inline_tasks import InlineTasks
-from neurosnap.runtime.request import Outcome, RunRequest, Site, Watcher
+from neurosnap.runtime.request import Outcome, RunRequest, Site
 from neurosnap.runtime.run_with_restarts import run
 from neurosnap.runtime.starter import Starter
 from tests.support.scripted_sources import Scripted
@@ -28,25 +28,11 @@ class InlineSite(Site):
 
 
 def recorded_run(
-    options: RunOptions,
-    log: Path,
-    *,
-    past: ResumePoint | None = None,
-    stop_at: int | None = None,
+    options: RunOptions, log: Path, *, past: ResumePoint | None = None
 ) -> Outcome:
-    """Record a run, asked to stop once `stop_at` ticks are whole."""
-
-    async def work() -> Outcome:
-        stop = asyncio.Event()
-
-        def on_progress(tick: int) -> None:
-            if stop_at is not None and tick >= stop_at:
-                stop.set()
-
-        request = RunRequest(options, log, past, site=InlineSite())
-        return await run(request, stop, Watcher(on_progress))
-
-    return asyncio.run(work())
+    """Record a run."""
+    request = RunRequest(options, log, past, site=InlineSite())
+    return asyncio.run(run(request, asyncio.Event()))
 
 
 def resumed_run(log: Path, new: Path, ticks: int) -> Outcome:
