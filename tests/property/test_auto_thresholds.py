@@ -16,6 +16,7 @@ from neurosnap.poc.learning.history_questions import answered
 from neurosnap.poc.learning.reading_history import History
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.sensorium import Sensorium
+from tests.support import oracles
 from tests.support.edges import learned_edges
 from tests.support.hypothesis_settings import examples
 from tests.support.strategies import as_set
@@ -128,17 +129,6 @@ def staying(read: list[int], star: int) -> Fraction:
     return 1 - Fraction(ended, read.count(star))
 
 
-def has_cycle(edges: set[tuple[int, int]]) -> bool:
-    left = set(edges)
-    while left:
-        sources = {a for a, _ in left}
-        kept = {(a, b) for a, b in left if b in sources}
-        if kept == left:
-            return True
-        left = kept
-    return False
-
-
 @examples(15)
 @given(noisy_walks(), st.integers(1, 1400))
 def test_it_is_what_its_observations_say(walk: tuple[Bits, Bits], cut: int) -> None:
@@ -179,7 +169,7 @@ def test_whatever_is_tolerated_the_order_is_one(walk: tuple[Bits, Bits]) -> None
         if tick % 97 and tick != len(bits):
             continue
         edges = learned_edges(snapshot, equivalences=False)
-        assert not has_cycle(edges)
+        assert not oracles.has_cycle(edges)
         assert {(b ^ 1, a ^ 1) for a, b in edges} == edges
         square_of = {(a & ~1, b & ~1): 0 for a, b in edges if a > b}
         for a, b in edges:
