@@ -9,9 +9,8 @@ import zenoh
 
 from neurosnap import wire
 from neurosnap.fabric.zenoh.large_messages import LARGEST
-from tests.support.fabrics import Seen
+from tests.support.fabrics import Heard, Seen
 from tests.support.secured_hub import SWARM, hub_with
-from tests.support.witnesses import Heard
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
@@ -29,7 +28,7 @@ async def test_a_huge_message_fills_nobodys_memory(role_keys: Path) -> None:
             session = hub.session()
             try:
                 cell.publish(PULSE)
-                await heard.wait(PULSE)
+                await heard.wait_for(PULSE)
                 before = process.memory_info().rss
                 sizes = (LARGEST + MIB, HUGE, LARGEST + MIB)
                 for wave, size in enumerate(sizes, PULSE.wave + 1):
@@ -47,11 +46,11 @@ async def test_a_huge_message_fills_nobodys_memory(role_keys: Path) -> None:
                         congestion_control=zenoh.CongestionControl.BLOCK,
                         attachment=bytes(16),
                     )
-                    await heard.wait(after)
+                    await heard.wait_for(after)
                 grown = process.memory_info().rss - before
             finally:
                 session.close()
-    assert len(heard.messages) == 4
+    assert len(heard.messages()) == 4
     assert grown < HUGE // 2
 
 
@@ -75,6 +74,6 @@ async def test_a_key_frame_larger_than_any_message_arrives(role_keys: Path) -> N
             await coordinator.announce()
             await seen.wait(("coordinator", True))
             coordinator.publish(frame, last)
-            assert await heard.wait(last) == [frame, last]
-            assert await polled.wait(last) == [frame, last]
-    assert polled.sequences == heard.sequences == [0, 1]
+            assert await heard.wait_for(last) == [frame, last]
+            assert await polled.wait_for(last) == [frame, last]
+    assert polled.sequences() == heard.sequences() == [0, 1]

@@ -18,12 +18,11 @@ from neurosnap.fabric.zenoh.zenoh_fabric import ZenohFabric
 from neurosnap.recording.format.completeness import Completeness
 from tests.support.command_line import happy, refused
 from tests.support.exhaustive import rows
-from tests.support.fabrics import Seen, are_one_network
+from tests.support.fabrics import Heard, Seen, are_one_network
 from tests.support.ports import free_port
 from tests.support.recorded_messages import assert_true_run, of_type
 from tests.support.secured_hub import SWARM, Hub, hub_with, run_swarm
 from tests.support.services import going
-from tests.support.witnesses import Heard
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
@@ -78,15 +77,15 @@ async def test_a_cell_cannot_conduct_others_and_a_watcher_says_nothing(
         usher.publish(wire.Leave("cell/0"), wire.Fault("watcher", ""))
         # In order on one session: once its pulse is there, the rest would be too.
         intruder.publish(*FORBIDDEN, PULSE)
-        assert await everything.wait(PULSE) == [PULSE]
+        assert await everything.wait_for(PULSE) == [PULSE]
         # What was dropped shows as a gap.
-        assert everything.sequences == [len(FORBIDDEN)]
-        assert await neighbour.wait(PULSE) == [PULSE]
+        assert everything.sequences() == [len(FORBIDDEN)]
+        assert await neighbour.wait_for(PULSE) == [PULSE]
         # The same wiring, from there, by whom it may come.
         async with there.end("coordinator") as coordinator:
             coordinator.publish(WIRING)
-            await neighbour.wait(WIRING)
-        assert world.messages == []
+            await neighbour.wait_for(WIRING)
+        assert world.messages() == []
 
 
 async def test_a_cell_can_neither_listen_to_others_nor_pass_for_them(
@@ -114,14 +113,14 @@ async def test_a_cell_can_neither_listen_to_others_nor_pass_for_them(
         for end in (cell, ears):
             await end.confirm()
         spy.publish(PULSE)
-        await everything.wait(PULSE)  # behind all that it asked for
+        await everything.wait_for(PULSE)  # behind all that it asked for
         for end in (cell, ears):
             await end.announce()
             await seen.wait((end.who, True))
         world.publish(observation, last)
-        assert await everything.wait(last) == [PULSE, observation, last]
-        assert await allowed.wait(observation) == [PULSE, observation]
-        assert set(overheard.messages) <= {PULSE}  # its own
+        assert await everything.wait_for(last) == [PULSE, observation, last]
+        assert await allowed.wait_for(observation) == [PULSE, observation]
+        assert set(overheard.messages()) <= {PULSE}  # its own
         assert spied.changes == []
         assert ("coordinator", True) not in seen.changes
 
@@ -145,7 +144,7 @@ async def test_a_cell_gains_nothing_as_a_peer_or_a_router(
             await cell.announce()
             await seen.wait(("cell/0", True))
             cell.publish(PULSE)
-            assert await everything.wait(PULSE) == [PULSE]
+            assert await everything.wait_for(PULSE) == [PULSE]
     assert ("coordinator", True) not in seen.changes
 
 
@@ -177,7 +176,7 @@ def test_hubs_of_different_keys_are_not_linked(role_keys: Path, tmp_path: Path) 
                 await seen.wait(("cell/1", True))
                 fault = wire.Fault("cell/1", mark)
                 cell.publish(fault)
-                assert await heard.wait(fault) == [fault]
+                assert await heard.wait_for(fault) == [fault]
                 assert seen.changes == [("cell/1", True)]
 
         asyncio.run(pass_by())

@@ -32,11 +32,22 @@ class Heard:
 
     async def wait(self, count: int) -> list[wire.Delivery]:
         """Return what came once there are at least `count`."""
+        await self._until(lambda: len(self.deliveries) >= count)
+        return self.deliveries
+
+    async def wait_for(self, message: wire.Message) -> list[wire.Message]:
+        """Return what came once a message is among it."""
+        await self._until(lambda: message in self.messages())
+        return self.messages()
+
+    async def _until(self, holds: Callable[[], bool]) -> None:
         async with asyncio.timeout(PATIENCE):
-            while len(self.deliveries) < count:
+            while not holds():
                 await self._more.wait()
                 self._more.clear()
-        return self.deliveries
+
+    def messages(self) -> list[wire.Message]:
+        return [wire.decode(each.key, each.payload) for each in self.deliveries]
 
     def sequences(self) -> list[int]:
         return [delivery.sequence for delivery in self.deliveries]
