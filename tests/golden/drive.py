@@ -107,7 +107,6 @@ def drive(
     past: ResumePoint | None = None,
     lost: Lost = lambda _who, _message: False,
     until: int | None = None,
-    stop: Callable[[Coordinator], bool] = lambda _: False,
 ) -> Driven:
     """Make a run.
 
@@ -118,7 +117,6 @@ def drive(
         past: Where it goes on from, if it does.
         lost: Which messages do not arrive.
         until: All die in the tick after this one; None: none does.
-        stop: It is asked to stop as soon as this is true of its coordinator.
     """
     core = coordinator_for(options, past)
     driven, links = Driven(core), _Links(seed, lost)
@@ -136,12 +134,8 @@ def drive(
             links.send(message)
 
     publish("begin", core.begin())
-    left, asked = 40, False  # deliveries between the last tick and the deaths
+    left = 40  # deliveries between the last tick and the deaths
     while not core.finished and left:
-        if not asked and stop(core):
-            asked = True
-            publish("stop", core.stop())
-            continue
         delivered = links.deliver()
         if delivered is None:
             assert core.in_flight, f"silent for ever at tick {core.tick}"

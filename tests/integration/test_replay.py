@@ -16,7 +16,6 @@ from neurosnap.depth.measure import from_recording
 from neurosnap.errors import RecordingError
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.protocol.cell import Cell
-from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.run_options import RunOptions, SnapshotKind, WiringKind
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.random_access_by_tick import TickIndex
@@ -81,9 +80,8 @@ def lossy_run(
     log: Path,
     seed: int,
     lost: Lost | None = None,
-    stop: Callable[[Coordinator], bool] = lambda _: False,
-) -> Coordinator:
-    """Record a run; return its coordinator.
+) -> None:
+    """Record a run.
 
     Args:
         options: What to run; it reads `readings`.
@@ -91,7 +89,6 @@ def lossy_run(
         seed: Draws the order of the messages.
         lost: The first message to a cell of which this is true is lost, and a wave that
             is stuck for it is declared late; None if none is.
-        stop: The run is asked to stop as soon as this is true.
     """
     left = lost
 
@@ -102,31 +99,14 @@ def lossy_run(
         left = None
         return True
 
-    driven = drive(options, Scripted(readings()), seed, lost=loses, stop=stop)
+    driven = drive(options, Scripted(readings()), seed, lost=loses)
     record(driven, options, log)
-    return driven.core
 
 
 LOST: dict[str, Lost] = {
     "pulse": lambda m: isinstance(m, wire.Pulse) and m.wave > 20,
     "start": lambda m: isinstance(m, wire.WaveStart) and m.wave > 20,
 }
-
-
-STOPS: dict[str, Callable[[Coordinator], bool]] = {
-    "between two ticks": lambda core: core.tick >= 9 and not core.in_flight,
-    "in the middle of a tick": lambda core: core.tick >= 9 and bool(core.in_flight),
-    "where a key-frame is due": lambda core: core.tick == 7,
-    "before the first": lambda _: True,
-}
-
-
-@pytest.mark.parametrize("when", STOPS)
-def test_a_run_may_stop_anywhere(runs: Runs, tmp_path: Path, when: str) -> None:
-    log = tmp_path / "log"
-    core = lossy_run(options_for(runs.csv), log, 0, stop=STOPS[when])
-    verdict = assert_true_run(log)
-    assert verdict.ticks == core.tick < TICKS
 
 
 # What was changed ---------------------------------------------------------------------
