@@ -15,17 +15,15 @@ from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.protocol.anomaly_report import NamedAnomaly
 from neurosnap.protocol.run_options import SMALLEST, CellKind, RunOptions
 from neurosnap.recording.read.recording import Recording, part_paths
-from neurosnap.recording.replay.find_resume_point import find_resume_point
 from neurosnap.recording.replay.grown_sensors import births_of
 from neurosnap.recording.replay.learn_again import Learning, learned_at
 from neurosnap.recording.replay.verify import verify
-from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime import anomaly_feed
 from neurosnap.runtime.request import RunRequest, Watcher
 from neurosnap.runtime.run_with_restarts import run
 from tests.support.course import course
 from tests.support.lamp import BIRTH, LIMITED, lamp_options
-from tests.support.recorded_messages import assert_true_run, first, of_type
+from tests.support.recorded_messages import of_type
 from tests.support.recorded_runs import recorded
 from tests.support.rewritten_recordings import changing, flipped, rewritten
 from tests.support.run_options import options_for
@@ -144,37 +142,6 @@ def test_a_decision_that_cannot_be_right_is_named(
     observation = wire.Observation(1, b"\0\0\0\0", known=b"\1\0\0\0")
     with pytest.raises(RecordingError, match=re.escape(rule)):
         learning.learn(observation, msgspec.structs.replace(birth, **wrong))
-
-
-def prefix(log: Path, target: Path, places: int) -> Path:
-    """Write the beginning of a recording, as a crash leaves it."""
-    recording = Recording.open(log)
-    with Writer(target) as writer:
-        writer.start(recording.metadata)
-        for each in list(recording.messages())[:places]:
-            writer.add(each.delivery, each.log_time)
-    return target
-
-
-@pytest.mark.parametrize("kind", [wire.Recall, wire.Recalled])
-@pytest.mark.parametrize("round_", [1, 2])
-def test_cut_in_the_middle_of_a_question_it_goes_on_the_same(
-    kind: type[wire.Recall] | type[wire.Recalled],
-    round_: int,
-    inline: Path,
-    tmp_path: Path,
-) -> None:
-    messages = list(Recording.open(inline).messages())
-    place, _ = first(
-        messages, kind, lambda one: (one.tick, one.round) == (BIRTH, round_)
-    )
-    cut, log = prefix(inline, tmp_path / "cut", place + 1), tmp_path / "log"
-    assert verify(cut).same
-    options, past = find_resume_point(cut)
-    assert past.tick == BIRTH - 1
-    asyncio.run(run(RunRequest(options, log, past), asyncio.Event()))
-    assert course(log) == course(inline)
-    assert_true_run(log, ticks=TICKS)
 
 
 @pytest.mark.parametrize(
