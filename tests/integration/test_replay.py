@@ -1,7 +1,6 @@
 """Replay reproduces a recorded run; resume continues it from its end or from a cut."""
 
 import itertools
-import random
 import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -35,7 +34,6 @@ from tests.support.rewritten_recordings import (
     flipped,
     rewritten,
     saying,
-    shuffled,
     write_again,
 )
 from tests.support.scripted_sources import Scripted
@@ -349,41 +347,6 @@ def test_a_repeat_that_names_another_wave_is_found(runs: Runs, tmp_path: Path) -
 
 
 # What was cut -------------------------------------------------------------------------
-
-
-def offsets(log: Path, count: int) -> list[int]:
-    """Return places to cut at: round every chunk's end, and drawn ones."""
-    size = log.stat().st_size
-    chunks = Recording.open(log).files[0].layout.chunks
-    edges = [chunk.offset + step for chunk in chunks for step in (-1, 0, 1)]
-    chance = random.Random(3)
-    drawn = [chance.randrange(size) for _ in range(count)]
-    return sorted({*chance.sample(edges, min(count, len(edges))), *drawn, size - 1})
-
-
-@pytest.mark.parametrize("seed", [None, 0])
-def test_a_recording_cut_anywhere_is_incomplete_and_never_different(
-    runs: Runs, tmp_path: Path, seed: int | None
-) -> None:
-    recording = Recording.open(runs.of("csv").log)
-    recorded: Iterable[Recorded] = list(recording.messages())
-    if seed is not None:
-        recorded = shuffled(seed)(list(recorded))
-    whole = write_again(recording, tmp_path / "log", recorded, chunk=1500)
-    first_chunk = Recording.open(whole).files[0].layout.chunks[0].offset
-    ticks = set()
-    for size in offsets(whole, 30):
-        cut = tmp_path / "cut"
-        cut.write_bytes(whole.read_bytes()[:size])
-        try:
-            verdict = verify(cut)
-        except RecordingError:  # it says little or nothing of its run
-            assert size < first_chunk
-            continue
-        assert verdict.difference is None, f"cut at {size}: {verdict.difference}"
-        assert not verdict.complete, f"cut at {size}"
-        ticks.add(verdict.ticks)
-    assert len(ticks) > (5 if seed is None else 1)
 
 
 @pytest.mark.parametrize("what", ["pulse", "start"])
