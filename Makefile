@@ -55,7 +55,7 @@ figures: .venv/installed-dev
 
 # In an environment of its own: what the pages are made of must not need the rest.
 docs: build/docs/installed
-	build/docs/bin/python tools/site
+	tools/site/build build/docs/bin/python
 
 build/docs/installed: pyproject.toml $(if $(LOCKED),.venv/installed)
 	$(PYTHON) -m venv build/docs

@@ -2,6 +2,8 @@
 
 import mimetypes
 import shutil
+import subprocess
+import sys
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +14,6 @@ import pytest
 from playwright.async_api import ConsoleMessage, Route
 
 from tools.browser import NO_BROWSER, browsing, chromium
-from tools.site.__main__ import built
 
 ROOT = Path(__file__).parents[2]
 HOST = "site.test"
@@ -47,7 +48,9 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
             ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__")
         )
     shutil.copy(ROOT / "zensical.toml", folder)
-    assert built(folder) == []
+    command = [folder / "tools/site/build", sys.executable]
+    built = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert built.returncode == 0, built.stdout
     return folder / "build/site"
 
 
