@@ -48,7 +48,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
             ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__")
         )
     shutil.copy(ROOT / "zensical.toml", folder)
-    command = [folder / "tools/site/build", sys.executable]
+    command = [str(folder / "tools/site/build"), sys.executable]
     built = subprocess.run(command, capture_output=True, text=True, check=False)
     assert built.returncode == 0, built.stdout
     return folder / "build/site"
