@@ -30,6 +30,7 @@ from tests.support.fabrics import hub_in_process
 from tests.support.patience import PATIENCE
 from tests.support.ports import free_port
 from tests.support.secured_hub import hub_with
+from tests.support.senders import listened_to
 from tests.support.sources import readings
 
 pytestmark = pytest.mark.slow
@@ -94,24 +95,6 @@ def ticking(hub: str, swarm: str = SWARM) -> Iterator[Ticks]:
         source.close()
         ticks.join(PATIENCE)
     assert not ticks.is_alive()
-
-
-def listened_to(session: zenoh.Session, key: str) -> zenoh.Publisher:
-    """Return a stock publisher, once it knows of a listener."""
-    publisher = session.declare_publisher(key)
-    matched = threading.Event()
-
-    def note(status: zenoh.MatchingStatus) -> None:
-        if status.matching:
-            matched.set()
-
-    # It is told at once if there is one already.
-    listener = publisher.declare_matching_listener(
-        zenoh.handlers.Callback(note, indirect=False)
-    )
-    assert matched.wait(PATIENCE)
-    listener.undeclare()
-    return publisher
 
 
 @pytest.mark.zenoh

@@ -2,10 +2,9 @@
 
 import json
 import threading
-import time
 from asyncio.subprocess import Process
 from collections.abc import Callable, Mapping
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import zenoh
 from paho.mqtt.client import Client
@@ -30,16 +29,29 @@ def by_pipe(process: Process) -> Send:
 def by_zenoh(endpoint: str, swarm: str) -> Send:
     """Publish to a swarm, once it listens."""
     session = zenoh.open(connecting(HubAddress(endpoint), PATIENCE))
-    # A stock publisher drops what it cannot send at once, unless it is told not to.
-    publisher: Any = session.declare_publisher(
-        f"neurosnap/{swarm}/reading", congestion_control=zenoh.CongestionControl.BLOCK
-    )
-    latest = time.monotonic() + PATIENCE
-    while not publisher.matching_status.matching:
-        assert time.monotonic() < latest
-        time.sleep(0.05)
+    publisher = listened_to(session, f"neurosnap/{swarm}/reading")
     # The session is closed with the last reference to it.
     return lambda bits: (publisher.put(json.dumps({"bits": bits})), session)
+
+
+def listened_to(session: zenoh.Session, key: str) -> zenoh.Publisher:
+    """Return a stock publisher, once it knows of a listener."""
+    # It drops what it cannot send at once, unless it is told not to.
+    block = zenoh.CongestionControl.BLOCK
+    publisher = session.declare_publisher(key, congestion_control=block)
+    matched = threading.Event()
+
+    def note(status: zenoh.MatchingStatus) -> None:
+        if status.matching:
+            matched.set()
+
+    # It is told at once if there is one already.
+    listener = publisher.declare_matching_listener(
+        zenoh.handlers.Callback(note, indirect=False)
+    )
+    assert matched.wait(PATIENCE)
+    listener.undeclare()
+    return publisher
 
 
 def by_broker(port: int, topic: str, status: str) -> Send:
