@@ -60,7 +60,7 @@ class Alarm(msgspec.Struct, frozen=True):
         began = told(self.since, self.zone)
         if self.kind == "silent":
             return (
-                f"silent since {began} ({lasted(self.step + 1 - self.since)}), where"
+                f"silent since {began} ({lasted((self.step + 1 - self.since) * STEP)}), where"
                 f" {self.expected:.1f} activations were to be expected"
             )
         if self.kind in ("less", "more"):
@@ -115,9 +115,11 @@ def told(step: int, zone: str) -> str:
     return f"{local(step * STEP, zone):%a %d %b %Y %H:%M %Z}"
 
 
-def lasted(steps: int) -> str:
-    """Return how long so many steps are."""
-    minutes = steps * STEP // 60
+def lasted(seconds: float) -> str:
+    """Return a time in words, to the minute from a minute on."""
+    if seconds < 60:
+        return f"{seconds:.0f} s"
+    minutes = int(seconds) // 60
     days, rest = divmod(minutes, 1440)
     hours, minutes = divmod(rest, 60)
     if days:
@@ -128,7 +130,7 @@ def lasted(steps: int) -> str:
 def _seconds(evidence: float) -> str:
     """Return the time on that evidence of kind ``stuck`` stands for."""
     seconds = math.expm1(evidence)
-    return f"{seconds:.0f} s" if seconds < STEP else lasted(int(seconds) // STEP)
+    return f"{seconds:.0f} s" if seconds < STEP else lasted(seconds // STEP * STEP)
 
 
 def _often(times: int) -> str:

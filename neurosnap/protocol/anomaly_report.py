@@ -43,6 +43,27 @@ def with_support(anomaly: wire.Anomaly, support: int) -> wire.Anomaly | None:
     )
 
 
+def broken_rule(anomaly: wire.Anomaly) -> wire.WeighedLink | None:
+    """Return the rule by which an anomaly is told, as one link; None if it has none.
+
+    It is the first that is about the first culprit, or else the first of all. A rule
+    that follows from several links rests on the weakest of them.
+    """
+    rules: dict[int, wire.WeighedLink] = {}
+    for link in anomaly.links:
+        begun = rules.get(link.number, link)
+        rules[link.number] = msgspec.structs.replace(
+            link,
+            source=begun.source,
+            against=max(begun.against, link.against),
+            occasions=min(begun.occasions, link.occasions),
+        )
+    for rule in rules.values():
+        if {rule.source >> 1, rule.target >> 1} & {*anomaly.culprits[:1]}:
+            return rule
+    return next(iter(rules.values()), None)
+
+
 class Link(msgspec.Struct, frozen=True):
     """One learned implication among those an observation breaks."""
 
@@ -70,6 +91,8 @@ class NamedAnomaly(msgspec.Struct, frozen=True):
     broken: tuple[Link, ...]
     more: int
     """Broken implications beyond those listed."""
+    sentence: str
+    """What was read against which rule, and how often that was so before."""
 
 
 def named_anomaly(anomaly: wire.Anomaly, sensors: Sequence[str]) -> NamedAnomaly:
@@ -105,38 +128,55 @@ def named_anomaly(anomaly: wire.Anomaly, sensors: Sequence[str]) -> NamedAnomaly
             for link in anomaly.links
         ),
         more=max(0, anomaly.implications - len({one.number for one in anomaly.links})),
+        sentence=_sentence(anomaly, sensors),
     )
 
 
-_NAMES, _LINKS = 8, 3
-"""Names and implications in one line about an anomaly; `watch --json` has more."""
+def _sentence(anomaly: wire.Anomaly, sensors: Sequence[str]) -> str:
+    """Return what was read against a rule, and how often that was so before.
+
+    The first culprit comes first. It is the one sentence that people are told of an
+    anomaly, wherever they look.
+    """
+    rule = broken_rule(anomaly)
+    if rule is None:
+        return "the readings contradict what was learned"
+    read = [rule.source, rule.target ^ 1]
+    if read[1] >> 1 in anomaly.culprits[:1]:
+        read.reverse()
+    both = [f"{sensors[one >> 1]} is {'off' if one & 1 else 'on'}" for one in read]
+    what = " while ".join(dict.fromkeys(both))  # a rule may say that one is never on
+    often = f"only {_counted(round(rule.against), 'time')} before"
+    if rule.against < 1:  # of a count, 0; else a share of all there was
+        often = "seldom before" if rule.against > 0 else "never before"
+    among = f" in {_counted(rule.occasions, 'occasion')}" if rule.occasions >= 0 else ""
+    more = anomaly.implications - 1
+    others = f"; {_counted(more, 'more rule')} broken, too" if more > 0 else ""
+    return f"{what}: {often}{among}{others}"
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
+_NAMES = 8
+"""Names in one line about an anomaly; `watch --format json` has more."""
 
 
 def anomaly_line(told: NamedAnomaly) -> str:
-    """Return an anomaly as one line that names a few of what it is about."""
+    """Return an anomaly as one line, with the sensors that may be wrong instead."""
     long = f", since tick {told.since}" if told.since < told.tick else ""
+    line = f"tick {told.tick}{long}: {told.sentence}"
+    if told.exact and told.candidates == told.culprits[:1]:
+        return visible(line)  # it begins with the only one
     exact = "" if told.exact else " (at least)"
     likely = few(told.culprits) or "no sensor"
     others = [name for name in told.candidates if name not in told.culprits]
     perhaps = f" or {few(others)}" if others else ""
-    shown = [f"{link.implication} ({evidence(link)})" for link in told.broken[:_LINKS]]
-    broken = few(shown, "; ", told.more + len(told.broken) - len(shown))
-    return visible(
-        f"tick {told.tick}{long}: {likely}{perhaps}{exact} may be wrong:"
-        f" breaks {broken}"
-    )
+    return visible(f"{line}; {likely}{perhaps}{exact} may be wrong")
 
 
-def evidence(link: Link) -> str:
-    """Return the evidence for and against a broken implication, in words."""
-    on = "" if link.occasions is None else f" on {link.occasions} occasions"
-    return (
-        f"{link.support:g} for{on}, {link.against:g} against, since tick {link.since}"
-    )
-
-
-def few(names: Sequence[str], comma: str = ", ", more: int = 0) -> str:
-    """Return the first eight names, and how many there are besides, `more` included."""
-    more += max(0, len(names) - _NAMES)
-    rest = f" and {more} more" if more else ""
-    return comma.join(names[:_NAMES]) + rest
+def few(names: Sequence[str]) -> str:
+    """Return the first eight names, and how many there are besides."""
+    more = len(names) - _NAMES
+    return ", ".join(names[:_NAMES]) + (f" and {more} more" if more > 0 else "")

@@ -4,7 +4,6 @@ import asyncio
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import msgspec
 import pytest
 
 from neurosnap import wire
@@ -85,17 +84,17 @@ def test_a_recording_is_watched_with_its_alarms_and_their_ends(
 def test_the_page_shows_what_is_said(home_log: Path, facts: dict[str, Any]) -> None:
     end = RunView(home_log).last
     view = RunHistory(RunView(home_log))
-    assert not view.health.done
+    assert not view.findings().done
     while view.read_on():
-        assert view.health.done == (view.health.read_to == end)
-    shown = msgspec.to_builtins(view.health)
-    assert shown["done"]
-    assert shown["sensors"] == facts["sensors"]
-    assert shown["progress"].endswith(" 8 of 8 sensors known")
-    last = {each["alarm"]["sensor"]: each for each in facts["alarms"]}
-    assert shown["alarms"] == [
-        each["line"] for each in last.values() if each["ended"] is None
-    ]
+        assert view.findings().done == (view.findings().read_to == end)
+    shown = view.findings()
+    assert shown.progress.endswith(" 8 of 8 sensors known")
+    for told, each in zip(shown.findings, reversed(facts["alarms"]), strict=True):
+        assert told.sentence == each["line"]
+        assert (told.state == "now") == (each["ended"] is None) == (told.lasted == "")
+        # The evidence begins in a step; the first reading in it or after it is shown.
+        since = told.began.rpartition(":")[0]
+        assert since[:-1] in each["line"] or told.first < told.tick
 
 
 @pytest.mark.exhaustive

@@ -343,7 +343,7 @@ async def test_a_page_of_a_run_that_grows_nothing_has_none_of_it(
     path_log: Path,
 ) -> None:
     page = await page_at(path_log, 3)
-    for what in ("#tab-grown", "#grown", ".plan", "#tab-health", "#health"):
+    for what in ("#tab-grown", "#grown", ".plan"):
         await expect(page.locator(what)).to_have_count(0)
     await expect(page.locator("#now")).not_to_contain_text("grown")
 

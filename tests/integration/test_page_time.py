@@ -20,7 +20,6 @@ from tests.support.browser_pages import (
     states,
     worded,
 )
-from tests.support.home_runs import FLUSH
 from tests.support.lamp import BIRTH
 from tests.support.patience import PATIENCE
 from tests.support.recorded_runs import TICKS, path_run, recorded, without_states
@@ -482,66 +481,3 @@ async def test_the_strip_shows_what_happened(
                     await wait_shown(page, tick)
             said = await page.get_attribute("#strip", "aria-label")
             assert re.search(rf"\b({sum(counts)} |target reached)", str(said))
-
-
-@pytest.mark.slow
-async def test_an_alarm_is_marked_and_gone_to(home_log: Path) -> None:
-    history = read(home_log)
-    raised = history.marks(1, 10**6, 1).alarms
-    *_, alarm = raised
-    assert alarm.sensor == FLUSH
-    assert alarm.until is None
-    page = await page_at(home_log, 1)
-    signs = page.locator("#strip .alarm")
-    await expect(signs).to_have_count(len(raised))
-    said = await page.get_attribute("#strip", "aria-label")
-    assert f"{len(raised)} alarm" in str(said)
-    await go_to(page, alarm.tick - 1)
-    told = history.marks(1, 10**6, 10**6).anomalies
-    assert alarm.tick not in [at for at, some in enumerate(told, 1) if some]
-    await page.keyboard.press("n")
-    await wait_shown(page, alarm.tick)
-    card = page.locator("#alarms")
-    await expect(card).to_contain_text(alarm.line)
-    await card.get_by_role("button", name="flush").click()
-    await expect(page.locator("#choice-title")).to_have_text("flush")
-    await go_to(page, alarm.tick - 1)
-    await expect(card).to_be_hidden()
-    tab, home = page.locator("#tab-health"), page.locator("#health")
-    await expect(tab).to_have_text("Health: 1 alarm")
-    await tab.click()
-    await expect(home).to_contain_text("; 8 of 8 sensors known")
-    await expect(home.locator(".alarm")).to_contain_text("flush: silent since ")
-    rows = home.locator("tbody tr")
-    await expect(rows).to_have_count(8)
-    await expect(rows.nth(FLUSH)).to_contain_text("in alarm")
-
-
-@pytest.mark.slow
-async def test_the_card_names_what_may_be_wrong_and_no_suspect_is_believed_plainly(
-    broken_log: Path,
-) -> None:
-    view = RunView(broken_log)
-    frame = next(one for one in view.frames(1, MARKED) if one.anomaly)
-    assert frame.anomaly is not None
-    names = view.options.sensors
-    page = await page_at(broken_log, frame.tick)
-    card = page.locator("#anomaly")
-    text = await card.inner_text()
-    suspects = (*frame.anomaly.culprits, *frame.anomaly.others)
-    for sensor in suspects:
-        assert names[sensor] in text
-    assert frame.anomaly.broken[0].evidence in text
-    await card.locator("p button").first.click()
-    assert await page.inner_text("#choice-title") == names[suspects[0]]
-    await card.locator("li button").first.click()
-    assert await page.inner_text("#choice-title") == "Selected edge"
-    await page.click("#tab-sensors")
-    buttons = page.locator("#outline tbody button")
-    for sensor in range(len(names)):
-        await buttons.nth(sensor).click()
-        doubted = "may be wrong" in await page.inner_text("#choice-body")
-        assert doubted == (sensor in suspects)
-    await go_to(page, frame.tick - 1)
-    await expect(page.locator("#choice-body")).not_to_contain_text("may be wrong")
-    await expect(card).to_be_hidden()

@@ -65,7 +65,7 @@ STATES: dict[str, State] = {
     "time": State(
         ("path",),
         100,
-        "range=30-160",
+        "range=30-160&tab=plots",
         (
             _press("t"),
             _true("document.querySelector('#plots .uplot').clientHeight > 99"),

@@ -15,7 +15,7 @@ asked                                               answer
 ``/api/series?from=&to=&points=``                   `Series`
 ``/api/image?tick=``                                an image
 ``/api/births``                                     `GrownView`
-``/api/health``                                     `HomeHealth`
+``/api/findings``                                   `FindingList`
 ``/api/marks?from=&to=&bins=``                      `Marks`
 ``/api/beside?tick=&way=``                          `Beside`
 ``/api/depths``                                     `Depths`
@@ -36,7 +36,6 @@ from typing import Literal, TypeAlias
 import msgspec
 
 from neurosnap.agent.growth_in_decisions import Changed
-from neurosnap.health.alarm import SensorHealth
 from neurosnap.recording.replay.grown_sensors import RecordedBirth
 
 Bit: TypeAlias = Literal[0, 1] | None
@@ -71,7 +70,7 @@ MOST_IMAGINED = 200
 """Imagined waves in a frame: a search may take thousands."""
 MOST_POINTS = 2000
 MOST_BINS = 4000
-MOST_ALARMS = 1000
+MOST_FINDINGS = 100
 
 
 class Stage(msgspec.Struct, frozen=True, kw_only=True):
@@ -164,15 +163,6 @@ class PlanView(msgspec.Struct, frozen=True, kw_only=True):
     """What it is for, where that is not the target; else empty."""
 
 
-class BrokenView(msgspec.Struct, frozen=True, kw_only=True):
-    """A learned implication that an observation breaks."""
-
-    source: int
-    target: int
-    evidence: str
-    """What speaks for it and against it, since when, in words."""
-
-
 class AnomalyView(msgspec.Struct, frozen=True, kw_only=True):
     """An observation that contradicts what was learned before."""
 
@@ -180,13 +170,10 @@ class AnomalyView(msgspec.Struct, frozen=True, kw_only=True):
     """The likeliest of the smallest sets of sensors that can be wrong."""
     others: list[int]
     """Sensors of other such sets."""
-    exact: bool
-    """The search for them was complete."""
-    broken: list[BrokenView]
-    more: int
-    """Broken implications beyond those listed."""
-    since: int
-    """The tick it began at."""
+    sentence: str
+    """What was read against which rule, and how often that was so before."""
+    rule: tuple[int, int] | None
+    """That rule, the literal that implies and the one implied; None if none is told."""
 
 
 class Frame(msgspec.Struct, frozen=True, kw_only=True):
@@ -327,26 +314,45 @@ class GrownView(ReadSoFar, frozen=True, kw_only=True):
     """How many more may be grown."""
 
 
-class HomeHealth(ReadSoFar, frozen=True, kw_only=True):
-    """Which sensors seem broken; nothing in a run that judges none."""
-
-    progress: str
-    """How much is learned, in a line."""
-    alarms: list[str]
-    """Those in force, in a line each, the oldest first."""
-    sensors: list[SensorHealth]
-    """The world's own."""
+FindingState: TypeAlias = Literal["now", "over", "learned as normal"]
 
 
-class RaisedAlarm(msgspec.Struct, frozen=True):
-    """An alarm: a sensor that seems broken."""
+class Finding(msgspec.Struct, frozen=True, kw_only=True):
+    """A sensor that was at fault for some time: anomalies in a row, or an alarm."""
 
+    sensors: list[int]
+    """The first culprit; then the other sensor of the broken rule, if there is one."""
     tick: int
-    """The observation that told: it is in force from here on."""
-    sensor: int
-    line: str
-    until: int | None = None
-    """The observation that showed its end; None if it was in force to the last."""
+    """The first tick that told, which is the one to look at."""
+    first: int
+    """Where it began: of an alarm, the tick of the first evidence."""
+    last: int | None
+    """Where it ended, so far; None of an alarm that is in force."""
+    what: str
+    """What was read and what was expected; or the kind of alarm."""
+    sentence: str
+    rule: tuple[int, int] | None = None
+    """As in `AnomalyView`, at the last tick."""
+    alarm: bool = False
+    state: FindingState = "now"
+    began: str = ""
+    """By the clock of the run's zone; empty if the times are not known."""
+    lasted: str = ""
+    """In ticks, and in time if that is known; empty while it goes on."""
+    around: list["RasterPart"] = []
+    """The readings of each of `sensors` around its beginning."""
+
+
+class FindingList(ReadSoFar, frozen=True, kw_only=True):
+    """The findings of a run, the newest first."""
+
+    findings: list[Finding]
+    left_out: int
+    """How many older ones there are besides."""
+    looked: bool
+    """Whether the run looked for any."""
+    progress: str
+    """How much is learned of a home's sensors, in a line; empty if none is judged."""
 
 
 class Marks(ReadSoFar, frozen=True, kw_only=True):
@@ -369,8 +375,8 @@ class Marks(ReadSoFar, frozen=True, kw_only=True):
     """How many sensors its ticks grow."""
     missing: list[int]
     """How many of its ticks have no state in the recording."""
-    alarms: list[RaisedAlarm]
-    """Those raised there, the first `MOST_ALARMS`."""
+    alarms: list[int]
+    """How many alarms its ticks raise."""
 
 
 class DepthCount(msgspec.Struct, frozen=True):

@@ -1,6 +1,6 @@
 """Reads a recording in the background, for plots, health and marks of the page.
 
-A recording is opened without reading it all, and plots, raster, marks and health show
+A recording is opened without reading it all, and plots, raster, marks and findings show
 all of it. So they fill up while one looks at something else, and what is not there yet
 is said to be so. One reader hands each stretch of ticks to all of them.
 """
@@ -8,25 +8,18 @@ is said to be so. One reader hands each stretch of ticks to all of them.
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
-from contextlib import suppress
 from typing import TypeVar
 
-import msgspec
 import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from neurosnap.apps.viewer import api
-from neurosnap.apps.viewer.api import HomeHealth, RaisedAlarm
+from neurosnap.apps.viewer.findings import RunFindings
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.tick_messages import NOT_RECORDED, Ticks, conditions
 from neurosnap.apps.viewer.time_series import DepthCounts, Raster, TimeSeries
-from neurosnap.errors import MessageError, RecordingError, ShapeError
-from neurosnap.health.alarm import News
-from neurosnap.health.alarm_budget import NEVER
-from neurosnap.health.monitor import Follower
-from neurosnap.protocol.anomaly_report import with_support
-from neurosnap.recording.read.recorded_readings import own_readings
+from neurosnap.errors import RecordingError
 
 T = TypeVar("T", bound=api.ReadSoFar)
 
@@ -50,18 +43,12 @@ class RunHistory:
         self._series = TimeSeries(run_view)
         self._raster = Raster(run_view)
         self._depths = DepthCounts()
-        self._health = HealthView(run_view)
-        self._marks = RunMarks(run_view, self._series, self._health)
+        self._findings = RunFindings(run_view.options, self._series, self._raster)
+        self._marks = RunMarks(run_view, self._series, self._findings)
         self.read_to = run_view.first - 1
         """The last tick that was read; one before the first if none was."""
         self.ended = False
         """No more can be read."""
-
-    @property
-    def health(self) -> api.HomeHealth:
-        """Which sensors seem broken."""
-        so_far = self._so_far(self._run_view.last)
-        return _with(so_far, self._health.health)
 
     def series(self, first: int, last: int, points: int) -> api.Series:
         """Return all columns; arguments as of `TimeSeries.curves`."""
@@ -75,6 +62,11 @@ class RunHistory:
         grows = births.body.room > 0
         grown = api.GrownView(births=births.listed, room=births.room, done=not grows)
         return _with(so_far, grown)
+
+    def findings(self) -> api.FindingList:
+        """Return which sensors were at fault, and when."""
+        so_far = self._so_far(self._run_view.last)
+        return _with(so_far, self._findings.listed())
 
     def raster(
         self, first: int, last: int, columns: int, sensor: int, sensors: int
@@ -138,9 +130,10 @@ class RunHistory:
                 what[tick - first] = conditions(view.tick_index, ticks, tick)
             self._depths.read(ticks)
             self._marks.read(ticks, first, last)
-            self._health.read(ticks, first, last)
         self._series.read(ticks, what, first, last)
         self._raster.read(what, first)
+        if ticks is not None:
+            self._findings.read(ticks, first, last)
 
 
 def _with(so_far: api.ReadSoFar, part: T) -> T:
@@ -149,94 +142,30 @@ def _with(so_far: api.ReadSoFar, part: T) -> T:
     return replace(part, read_to=so_far.read_to, done=done)
 
 
-class HealthView:
-    """The health of a run's sensors, as far as its readings were read."""
-
-    def __init__(self, run_view: RunView) -> None:
-        self._run_view = run_view
-        self._follower: Follower | None = None
-        self.raised: list[RaisedAlarm] = []
-        """The alarms there were, by tick."""
-        self._in_force: dict[str, int] = {}  # sensors: the places of their alarms there
-        options = run_view.options
-        if options.alarms != NEVER:
-            self._follower = Follower(options.body.own, options.alarms, options.zone)
-        self.health = self._now()
-        """How the sensors are now."""
-
-    def read(self, ticks: Ticks, first: int, last: int) -> None:
-        """Take in the readings of the ticks that follow those read before.
-
-        To learn anew takes seconds, sometimes.
-        """
-        if self._follower is None:
-            return
-        body = self._run_view.options.body
-        for tick in range(first, last + 1):
-            observation = ticks.observations.get(tick)
-            if observation is None:
-                continue
-            with suppress(ShapeError):  # it is of other sensors
-                at, on, known, begins = own_readings(
-                    observation, ticks.sent[tick], body
-                )
-                for news in self._follower.observe(on, known, at, begins=begins):
-                    self._take(news, tick)
-        self.health = self._now()
-
-    def _take(self, news: News, tick: int) -> None:
-        """Take in what an observation told."""
-        place = self._in_force.pop(news.sensor, None)
-        if place is not None:
-            was = self.raised[place]
-            self.raised[place] = msgspec.structs.replace(was, until=tick)
-        if news.alarm is not None:
-            number = self._run_view.options.body.own.index(news.sensor)
-            self._in_force[news.sensor] = len(self.raised)
-            self.raised.append(RaisedAlarm(tick, number, news.alarm.line()))
-
-    def _now(self) -> HomeHealth:
-        if self._follower is None:
-            return HomeHealth(progress="", alarms=[], sensors=[], done=True)
-        standing = self._follower.standing
-        return HomeHealth(
-            progress=standing.progress.line(),
-            alarms=[alarm.line() for alarm in standing.alarms],
-            sensors=self._follower.monitor.sensors,
-        )
-
-
 class RunMarks:
     """The events of a run, as far as its recording has been read.
 
     Args:
         run_view: The view that is read.
         series: Says which sensors were grown, and which states are not recorded.
-        health: Says which alarms were raised.
+        findings: Says which anomalies and alarms there were, and when.
     """
 
     def __init__(
-        self, run_view: RunView, series: TimeSeries, health: HealthView
+        self, run_view: RunView, series: TimeSeries, findings: RunFindings
     ) -> None:
         self._run_view = run_view
         self._series = series
-        self._health = health
-        self._anomalies: list[int] = []  # ticks, ascending
-        self._begins: list[int] = []
-        self._times: dict[int, float] = {}  # tick -> seconds since 1970
+        self._findings = findings
+        self._begins: list[int] = []  # ticks, ascending
         self._reached: list[int] = []  # ticks that come to the target
         self._is_there = False  # at the last tick that was read
 
     def read(self, ticks: Ticks, first: int, last: int) -> None:
         """Take in the messages of the ticks that follow those read before."""
         for tick, observation in sorted(ticks.observations.items()):
-            self._times[tick] = ticks.sent[tick] / 1e9
             if observation.begins:
                 self._begins.append(tick)
-        for tick, anomaly in sorted(ticks.anomalies.items()):
-            with suppress(MessageError):  # it is none
-                if with_support(anomaly, self._run_view.options.support):
-                    self._anomalies.append(tick)
         for tick in range(first, last + 1):
             was_there = self._is_there
             self._is_there = self._run_view.scene.is_at_target(ticks.literals(tick))
@@ -255,26 +184,26 @@ class RunMarks:
         last = min(last, self._run_view.last)
         ticks = max(0, last - first + 1)
         edges = np.linspace(first, first + ticks, min(bins, ticks) + 1)
-        inside = [one for one in self._health.raised if first <= one.tick <= last]
+        found = self._findings
         resumed = self._run_view.recording.resumed
         born = [birth.tick for birth in self._series.births.listed]
         return api.Marks(
             first=first,
             last=last,
-            anomalies=_counted(self._anomalies, edges),
+            anomalies=_counted(found.anomalies, edges),
             begins=_counted(self._begins, edges),
-            times=[self._times.get(math.ceil(edge)) for edge in edges[:-1].tolist()],
+            times=[found.times.get(math.ceil(edge)) for edge in edges[:-1].tolist()],
             resumed=[tick for tick in resumed if first <= tick <= last],
             reached=_counted(self._reached, edges),
             born=_counted(born, edges),
             missing=_counted(self._series.missing(), edges),
-            alarms=inside[: api.MOST_ALARMS],
+            alarms=_counted([alarm.tick for alarm in found.alarms], edges),
         )
 
     def beside(self, tick: int, way: int) -> api.Beside:
         """Return the nearest anomaly or alarm before (-1) or after (1) a tick."""
-        alarms = (alarm.tick for alarm in self._health.raised)
-        told = sorted({*self._anomalies, *alarms})
+        alarms = (alarm.tick for alarm in self._findings.alarms)
+        told = sorted({*self._findings.anomalies, *alarms})
         place = bisect_right(told, tick) if way > 0 else bisect_left(told, tick) - 1
         there = 0 <= place < len(told)
         return api.Beside(told[place] if there else None)

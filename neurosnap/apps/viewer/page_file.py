@@ -101,7 +101,7 @@ def _answers(view: RunView, script: str) -> Iterator[tuple[str, object]]:
     yield "series", history.series(first, last, api.MOST_POINTS)
     yield "marks", history.marks(first, last, MOST_TICKS)
     yield "births", history.grown()
-    yield "health", history.health
+    yield "findings", history.findings()
     yield "depths", history.depths()
     for sensor in range(0, view.options.body.count, _SENSORS):
         part = history.raster(first, last, MOST_COLUMNS, sensor, _SENSORS)

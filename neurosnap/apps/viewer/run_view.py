@@ -22,7 +22,6 @@ from neurosnap.apps.viewer.tick_messages import Ticks
 from neurosnap.apps.viewer.waves import Imagined, first_shown, plan_of
 from neurosnap.apps.viewer.world_scene import Scene
 from neurosnap.errors import InvalidValueError, MessageError, RecordingError, ShapeError
-from neurosnap.protocol.anomaly_report import evidence, named_anomaly, with_support
 from neurosnap.recording.read.random_access_by_tick import TickIndex
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.learn_again import Learning
@@ -287,35 +286,15 @@ class RunView:
             retired=[body.first_grown + place for place in body.retired],
             changed=[] if decision is None else list(changes_in(decision, body)),
             plan=plan_of(decision, self._names),
-            anomaly=self._anomaly(ticks.anomalies.get(tick)),
+            anomaly=self._anomaly(ticks, tick, body),
         )
 
-    def _anomaly(self, anomaly: wire.Anomaly | None) -> api.AnomalyView | None:
-        """Return what people are told of an anomaly: nothing if it rests on little."""
-        if anomaly is None:
-            return None
-        place = f"{self.path}: tick {anomaly.tick}"
+    def _anomaly(self, ticks: Ticks, tick: int, body: Body) -> api.AnomalyView | None:
         try:
-            anomaly = with_support(anomaly, self.options.support)
-            if anomaly is None:
-                return None
-            words = named_anomaly(anomaly, self.options.sensors)
+            return ticks.anomaly(tick, body)
         except MessageError as error:
+            place = f"{self.path}: tick {tick}"
             raise RecordingError(f"{place}: /anomaly: {error}") from error
-        others = [one for one in anomaly.candidates if one not in anomaly.culprits]
-        return api.AnomalyView(
-            culprits=list(anomaly.culprits),
-            others=others,
-            exact=anomaly.exact,
-            broken=[
-                api.BrokenView(
-                    source=one.source, target=one.target, evidence=evidence(link)
-                )
-                for one, link in zip(anomaly.links, words.broken, strict=True)
-            ],
-            more=words.more,
-            since=anomaly.since,
-        )
 
     def _unpacked(self, state: wire.State) -> NDArray[np.bool_]:
         try:

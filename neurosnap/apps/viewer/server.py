@@ -199,7 +199,7 @@ class Questions:
             *(self.runs, self.run, self.presence, self.events),
             *(self.frames, self.wave, self.graph, self.edge, self.image),
             *(self.series, self.raster, self.marks, self.beside),
-            *(self.births, self.health, self.depths, self.difference),
+            *(self.births, self.findings, self.depths, self.difference),
         )
         return {each.__name__: each for each in every}
 
@@ -332,9 +332,9 @@ class Questions:
         """Answer which sensors were grown."""
         return _answer(self._asked(request).history.grown())
 
-    async def health(self, request: Request) -> Response:
-        """Answer which sensors seem broken."""
-        return _answer(self._asked(request).history.health)
+    async def findings(self, request: Request) -> Response:
+        """Answer which sensors were at fault, and when."""
+        return _answer(self._asked(request).history.findings())
 
     async def depths(self, request: Request) -> Response:
         """Answer how many waves had which height and depth."""

@@ -12,9 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap import wire
+from neurosnap.agent.body import Body
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.waves import Waves
 from neurosnap.errors import RecordingError, ShapeError
+from neurosnap.protocol.anomaly_report import (
+    broken_rule,
+    named_anomaly,
+    with_support,
+)
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.chunk_messages import ChunkMessages
 from neurosnap.recording.read.random_access_by_tick import TickIndex
@@ -81,6 +87,24 @@ class Ticks:
                 found = np.zeros(2 * self._sensors, np.bool_)
             self._literals[tick] = found
         return self._literals[tick]
+
+    def anomaly(self, tick: int, body: Body) -> api.AnomalyView | None:
+        """Return what people are told of a tick's anomaly; None if that is nothing.
+
+        Raises:
+            MessageError: It is no anomaly of such sensors.
+        """
+        anomaly = self.anomalies.get(tick)
+        told = anomaly and with_support(anomaly, self.options.support)
+        if told is None:
+            return None
+        rule = broken_rule(told)
+        return api.AnomalyView(
+            culprits=list(told.culprits),
+            others=[each for each in told.candidates if each not in told.culprits],
+            sentence=named_anomaly(told, body.sensors).sentence,
+            rule=None if rule is None else (rule.source, rule.target),
+        )
 
     def waves(self, tick: int) -> list[api.WaveView]:
         """Return the waves of a tick, oldest first."""

@@ -1,11 +1,18 @@
 """Anomalies are described in words, leaving out weak rules."""
 
+from typing import Any
+
 import msgspec
 import pytest
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
-from neurosnap.protocol.anomaly_report import Link, named_anomaly, with_support
+from neurosnap.protocol.anomaly_report import (
+    Link,
+    anomaly_line,
+    named_anomaly,
+    with_support,
+)
 
 NAMES = ("door", "motion", "light")
 LINKS = ((0, 0, 2, 1.0, 0.0, 1), (0, 2, 1, 2.0, 0.0, 2), (1, 4, 3, 3.0, 0.0, 3))
@@ -40,6 +47,52 @@ def test_it_says_which_implications_break_and_what_speaks_for_them() -> None:
     ]
     assert said.culprits == ("door", "light")
     assert said.candidates == ("door", "motion", "light")
+
+
+ONLY_MOTION = {"culprits": (1,), "candidates": (1,)}
+OR_MOTION = {"candidates": (0, 1)}
+WHILE = "door is on while motion is off: "
+TOLD: list[tuple[Any, ...]] = [
+    # Of each link its rule, the two literals, what was against it, and its occasions.
+    (f"{WHILE}never before in 68 occasions", {}, (0, 0, 2, 0, 68)),
+    (
+        "door is off while motion is on: never before in 0 occasions",
+        {},
+        (0, 1, 3, 0, 0),
+    ),
+    (f"{WHILE}only 1 time before in 12 occasions", {}, (0, 0, 2, 1, 12)),
+    (f"{WHILE}only 2 times before in 1 occasion", {}, (0, 0, 2, 2, 1)),
+    (f"{WHILE}seldom before in 12 occasions", {}, (0, 0, 2, 0.01, 12)),
+    (f"{WHILE}never before", {}, (0, 0, 2, 0, -1)),
+    ("door is on: never before in 5 occasions", {}, (0, 0, 1, 0, 5)),
+    ("motion is off while door is on: never before", ONLY_MOTION, (0, 0, 2, 0, -1)),
+    # A rule that follows from two rests on the weaker, and is read at its ends.
+    (
+        "door is on while light is off: only 3 times before in 11 occasions",
+        *({}, (0, 0, 2, 0, 11), (0, 2, 4, 3, 12)),
+    ),
+    # The rule about the first culprit, though another rests on more.
+    (
+        f"{WHILE}never before in 40 occasions; 1 more rule broken, too",
+        *({"implications": 2}, (0, 2, 4, 0, 50), (1, 0, 2, 0, 40)),
+    ),
+    ("the readings contradict what was learned", {}),
+    (f"{WHILE}never before; door or motion may be wrong", OR_MOTION, (0, 0, 2, 0, -1)),
+]
+
+
+@pytest.mark.parametrize("told", TOLD, ids=lambda told: told[0])
+def test_one_sentence_says_what_was_read_and_how_often_that_was_so(
+    told: tuple[Any, ...],
+) -> None:
+    line, changes, *links = told
+    given = {"culprits": (0,), "candidates": (0,), "implications": 1, **changes}
+    weighed = [
+        wire.WeighedLink(number, a, b, 9.0, against, 1, occasions)
+        for number, a, b, against, occasions in links
+    ]
+    anomaly = msgspec.structs.replace(rests_on(), links=tuple(weighed), **given)
+    assert anomaly_line(named_anomaly(anomaly, NAMES)) == f"tick 9: {line}"
 
 
 @pytest.mark.parametrize(

@@ -31,10 +31,10 @@ export function bind(page) {
   tabs(
     document.querySelector('[role="tablist"]'),
     (panel) => {
-      keepSoon({ tab: panel === "plots" ? null : panel });
       page.open(panel);
+      if (page.panels > 1) keepSoon({ tab: panel === page.home ? null : panel }); // else it is the link's
     },
-    told().get("tab"),
+    told().get("tab") ?? page.home,
   );
   find("link").addEventListener("click", () => copyLink(page));
   addEventListener("hashchange", () => {

@@ -1,18 +1,17 @@
 // The main module: loads the frame at the player's position and updates every view.
 // Everything shown follows from that position.
 
-import { choiceAsked, keepChoice, keepWave, tickAsked, waveAsked } from "./base/address.js";
+import { choiceAsked, keepChoice, keepWave, tickAsked, told, waveAsked } from "./base/address.js";
 import * as api from "./base/api.js";
 import { find, flash, write } from "./base/dom.js";
 import { explain } from "./base/terms.js";
 import { bind } from "./keys.js";
 import { OrderView } from "./order/order_view.js";
 import { DepthView } from "./run/depths.js";
+import { FindingsView } from "./run/findings.js";
 import { FrameCache } from "./run/frames.js";
 import { GrowthView } from "./run/growth.js";
-import { HealthView } from "./run/health.js";
 import { attend, chooseRun, follow, Lateness } from "./run/live.js";
-import { AlarmCard, AnomalyCard } from "./tick/anomalies.js";
 import { Reasons } from "./tick/belief.js";
 import { ChoiceView } from "./tick/choice.js";
 import { FactsView } from "./tick/facts.js";
@@ -40,6 +39,9 @@ class Page {
     this.late = new Lateness();
     this.played = false;
     this.live = false; // the run was seen under way
+    this.opening = false; // it goes to the last finding, once there is one
+    this.home = "plots"; // the panel of the dock that is open where no other was chosen
+    this.panels = 0; // how many were opened
     this.received = Promise.resolve(); // once all that came has been taken in
     const names = [...run.sensors]; // what is grown gets its name later
     this.names = names;
@@ -52,10 +54,14 @@ class Page {
       pick: goTo,
       change: () => this.learnBirths(),
     });
-    this.health = new HealthView(run, notices.watched("health", api.fetchHealth));
+    this.findings = new FindingsView(names, {
+      fetchFindings: notices.watched("findings", api.fetchFindings),
+      isLive: () => this.run.live,
+      seek,
+      pick: goTo,
+      change: (done) => this.learnFindings(done),
+    });
     this.frameCache = new FrameCache(fetchFrames);
-    this.alarms = new AlarmCard(names, pick);
-    this.anomaly = new AnomalyCard(names, pick);
     this.time = new TimeView(names, {
       fetchSeries: notices.watched("series", api.fetchSeries),
       fetchMarks: notices.watched("marks", api.fetchMarks),
@@ -63,7 +69,6 @@ class Page {
       ready: (tick) => this.isReady(tick),
       move: () => this.move(),
       pick: goTo,
-      alarms: (raised) => this.alarms.know(raised),
     });
     this.order = new OrderView(names, this.growth, {
       fetchGraph: notices.watched("graph", api.fetchGraph),
@@ -150,6 +155,7 @@ class Page {
     if (playing && speed <= SLOW) this.wave.run(position % 1);
     if (another) this.showTick();
     else if (waving || this.wave.shown !== null) this.showDiagram();
+    if (isFirst && this.opening && this.findings.listed.length === 0) this.wave.takeDeepest();
     if (isFirst) this.restore();
   }
 
@@ -170,8 +176,7 @@ class Page {
     this.order.show(frame, this.wave.shown, playing);
     this.showWave();
     this.facts.show(frame, before);
-    this.anomaly.show(frame);
-    this.alarms.show(frame);
+    this.showFindings();
     this.world.show(frame);
     this.image.show(frame);
     this.time.at(frame);
@@ -193,6 +198,28 @@ class Page {
     this.rename(this.growth.births);
     this.showWhat();
     if (this.frame) this.showTick();
+  }
+
+  /** More is known of what was wrong; a run that has ended opens at the last of it. */
+  learnFindings(done) {
+    const [newest] = this.findings.listed;
+    this.time.raster.mark(this.findings.listed);
+    if (this.frame) this.showFindings();
+    if (newest && this.home !== "findings") {
+      this.home = "findings";
+      if (this.panels === 1 && !told().has("tab")) find("tab-findings").click();
+    }
+    if (!done || !newest || !this.opening) return;
+    this.opening = false;
+    const { player } = this.time;
+    if (player.playing || player.tick !== this.run.ticks) return;
+    this.wave.take("");
+    player.seek(newest.tick);
+  }
+
+  showFindings() {
+    this.findings.show(this.frame);
+    this.order.diagram.mark(this.findings.marks(this.frame));
   }
 
   /** Go to the nearest anomaly or alarm before (-1) or after (1) this tick. */
@@ -276,6 +303,7 @@ class Page {
 
   recolour() {
     this.time.recolour();
+    this.findings.recolour();
   }
 
   // A run under way ------------------------------------------------------------------
@@ -296,7 +324,7 @@ class Page {
     this.frameCache.last = ticks;
     this.time.setEnds(first, ticks);
     this.growth.load().catch(said);
-    this.health.load().catch(said);
+    this.findings.load().catch(said);
     this.depths.load().catch(said);
   }
 
@@ -340,6 +368,7 @@ class Page {
     const asked = tickAsked();
     this.time.player.position = asked ?? Math.max(this.run.first, this.run.ticks);
     this.time.player.following = asked === null && this.run.live;
+    this.opening = asked === null && !this.run.live;
     this.setRun(this.run);
     chooseRun().then((runs) => this.compare.offer(runs, api.run), said);
     attend(fetchPresence, (trouble) => this.showTrouble(trouble));
@@ -354,6 +383,7 @@ class Page {
 
   /** A panel of the dock has come up. */
   open(panel) {
+    this.panels += 1;
     if (panel === "compare") this.compare.open();
     if (panel === "raster") this.time.raster.open();
     if (panel === "sensors" && this.frame) this.showWords();

@@ -40,8 +40,8 @@ def test_what_rests_on_few_occasions_is_left_out_unless_asked_for(
     rows = ["0,0,1", "0,1,1", *["1,1,1", "0,0,1"] * 12, "1,0,1", "0,0,1"]
     log = watched(tmp_path, rows, threshold=0.25)
     assert said_of(log).startswith(
-        "tick 27: b or a may be wrong: breaks a -> b (12 for on 12 occasions, 0"
-        " against, since tick "
+        "tick 27: b is off while a is on: never before in 12 occasions;"
+        " b or a may be wrong\n"
     )
     assert said_of(log, "--support", "13") == (
         f"no anomalies in {len(rows)} ticks, but for 3 that rest on fewer than 13"

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from neurosnap import wire
 from neurosnap.apps.viewer import time_series
-from neurosnap.apps.viewer.api import COUNTED, RaisedAlarm, ReadSoFar
+from neurosnap.apps.viewer.api import COUNTED, Finding, ReadSoFar
 from neurosnap.apps.viewer.background_reading import RunHistory
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.tick_messages import (
@@ -27,7 +27,7 @@ from neurosnap.apps.viewer.tick_messages import (
 from neurosnap.apps.viewer.time_series import thinned
 from neurosnap.depth.measure import from_recording
 from neurosnap.errors import InvalidValueError
-from neurosnap.protocol.anomaly_report import evidence, named_anomaly, with_support
+from neurosnap.protocol.anomaly_report import named_anomaly, with_support
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.grown_sensors import RecordedBirth
 from tests.support.lamp import LIMITED, lamp_options
@@ -161,8 +161,12 @@ def test_what_else_was_found_is_counted_and_gone_to(
     log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     marks, told = read(log), sorted(anomalies(log))
-    alarms = [RaisedAlarm(tick, 0, f"alarm {tick}") for tick in (3, 3, 17, 60)]
-    monkeypatch.setattr(marks._health, "raised", alarms)
+    alarms = [3, 3, 17, 60]
+    raised = [
+        Finding(sensors=[0], tick=at, first=at, last=at, what="", sentence="")
+        for at in alarms
+    ]
+    monkeypatch.setattr(marks._findings, "alarms", raised)
     birth = RecordedBirth(tick=9, sensor=3, name="a", history=None)
     monkeypatch.setattr(marks._series.births, "listed", (birth, birth))
     monkeypatch.setattr(marks._series, "missing", lambda: [1, 2, 30])
@@ -170,8 +174,8 @@ def test_what_else_was_found_is_counted_and_gone_to(
     ticks = range(1, TICKS + 1)
     assert each.born == [2 if tick == 9 else 0 for tick in ticks]
     assert [tick for tick in ticks if each.missing[tick - 1]] == [1, 2, 30]
-    assert each.alarms == alarms
-    assert marks.marks(4, 59, 7).alarms == alarms[2:3]
+    assert each.alarms == [alarms.count(tick) for tick in ticks]
+    assert sum(marks.marks(4, 59, 7).alarms) == 1
     both = sorted({*told, 3, 17, 60})
     for tick in range(TICKS + 2):
         after = [one for one in both if one > tick]
@@ -189,13 +193,12 @@ def test_a_frame_tells_its_anomaly_as_watch_does(log: Path) -> None:
         assert frame.anomaly is not None
         anomaly = found[frame.tick]
         words = named_anomaly(anomaly, view.options.sensors)
-        said = [one.evidence for one in frame.anomaly.broken]
-        assert said == [evidence(link) for link in words.broken]
+        assert frame.anomaly.sentence == words.sentence
         assert frame.anomaly.culprits == list(anomaly.culprits)
         both = {*frame.anomaly.culprits, *frame.anomaly.others}
         assert both == {*anomaly.culprits, *anomaly.candidates}
-        pairs = [(one.source, one.target) for one in frame.anomaly.broken]
-        assert pairs == [(one.source, one.target) for one in anomaly.links]
+        links = [(one.source, one.target) for one in anomaly.links]
+        assert frame.anomaly.rule in links
 
 
 def test_beginnings_of_trajectories_are_marked(tmp_path: Path) -> None:

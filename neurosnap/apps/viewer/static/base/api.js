@@ -63,8 +63,8 @@ export const fetchSeries = (from, to, points) => ask("series", { from, to, point
 /** The sensors that were grown, as far as that was read. */
 export const fetchBirths = () => ask("births");
 
-/** Which sensors seem broken, as far as that was read. */
-export const fetchHealth = () => ask("health");
+/** Which sensors were at fault, and when, as far as that was read. */
+export const fetchFindings = () => ask("findings");
 
 /** How many waves had which height and depth, as far as that was read. */
 export const fetchDepths = () => ask("depths");

@@ -42,7 +42,7 @@ const TERMS = {
   anomaly: "An observation that contradicts what was learned before it.",
   implies: "What is on or off whenever this sensor is on.",
   threshold: "How seldom a must be seen with b off for a to imply b, as a share of all ticks.",
-  health: "How far a sensor's readings agree with those of others: 1 is well, 0 is in alarm.",
+  finding: "A sensor that was at fault: anomalies in a row that begin with it, or an alarm.",
   imagined: "A wave that starts in a state the memory only imagines, some actions ahead, when it plans.",
 };
 

@@ -5,7 +5,7 @@ import { keep, shape } from "../base/dom.js";
 import { drawn } from "../base/literals.js";
 import { MOST, restricted } from "./focus.js";
 import { drawingOf, layOut } from "./layered_drawing.js";
-import { endsOf, lineOf, pulsesOf, stripesOf, tiesOf } from "./lines.js";
+import { endsOf, lineOf, marksOf, pulsesOf, stripesOf, tiesOf } from "./lines.js";
 import { dress, looks, nodeOf, widthOf } from "./nodes.js";
 
 const [SMALLEST, LARGEST] = [0.02, 4]; // scales
@@ -40,9 +40,10 @@ export class Diagram {
     this._wave = null;
     this._chosen = null;
     this._sought = null;
+    this._marks = { sensors: [], rules: [] };
     const hatch = shape("pattern", { id: "hatch", width: 6, height: 6, patternUnits: "userSpaceOnUse" });
     hatch.append(shape("path", { class: "hatch", d: HATCH }));
-    this._layers = ["stripes", "ties", "links", "nodes", "pulses"].map((name) => shape("g", { class: name }));
+    this._layers = ["stripes", "ties", "links", "nodes", "marks", "pulses"].map((name) => shape("g", { class: name }));
     this._view = shape("g");
     this._view.append(hatch, ...endsOf(), ...this._layers);
     // Its own middle is that of the element: what is seen there stays there at every size.
@@ -77,6 +78,12 @@ export class Diagram {
     } else {
       this._dressNodes();
     }
+  }
+
+  /** Mark what is wrong: `sensors` at fault, and `rules` that are broken. */
+  mark(marks) {
+    this._marks = marks;
+    this._layers[4].replaceChildren(...marksOf(marks, this._laid.places));
   }
 
   /** Mark what is selected: `{sensor}`, `{edge}`, or null. */
@@ -169,6 +176,7 @@ export class Diagram {
     ties.replaceChildren(...tiesOf(places));
     keep(lines, this._lines.map(({ line }) => line));
     keep(nodes, [...this._nodes.values()]);
+    this._layers[4].replaceChildren(...marksOf(this._marks, places));
     if (this._whole) this.fit();
     this._dress();
   }

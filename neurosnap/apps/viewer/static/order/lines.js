@@ -3,7 +3,7 @@
 // The style sheet has the colours.
 
 import { shape } from "../base/dom.js";
-import { complementOf, isComplement } from "../base/literals.js";
+import { complementOf, drawn, isComplement, sensorOf } from "../base/literals.js";
 import { HEIGHT } from "./layered_drawing.js";
 import { CAP } from "./nodes.js";
 
@@ -80,6 +80,32 @@ export function pulsesOf(lines, { hops, at }) {
         : shape("circle", { cx: x, cy: y, r: 4.5 });
     });
   });
+}
+
+// What is wrong: a ring around each sensor at fault, and the rule that was broken, which the
+// order may have lost by then.
+
+const [AROUND, ABOVE] = [6, 10]; // pixels from a node to its ring, from a line to its words
+
+/** Return the rings, and a line for each rule, a pair of literals. */
+export function marksOf({ sensors, rules }, places) {
+  const rings = sensors.filter((sensor) => places.has(sensor)).map((sensor) => {
+    const { x, y, width } = places.get(sensor);
+    const [wide, high] = [width + 2 * AROUND, HEIGHT + 2 * AROUND];
+    return shape("rect", { class: "culprit", x: x - wide / 2, y: y - high / 2, width: wide, height: high, rx: high / 2 });
+  });
+  const lines = rules.map((rule) => drawn(...rule)).flatMap((edge) => {
+    const [from, to] = [edge.source, edge.target].map((end) => ({ sensor: sensorOf(end) }));
+    if (from.sensor === to.sensor || !places.has(from.sensor) || !places.has(to.sensor)) return [];
+    const { line, curve: c } = lineOf({ from, to, edge }, places, new Map());
+    const { x, y } = along(c, 0.5);
+    const words = shape("text", { x, y: c.y0 === c.y3 ? y - ABOVE : y }); // or between two layers
+    words.textContent = "broken here";
+    line.setAttribute("class", "link broken");
+    line.append(words);
+    return [line];
+  });
+  return [...lines, ...rings];
 }
 
 // What lies behind the nodes: the layers as stripes, and what ties equivalent sensors

@@ -54,7 +54,7 @@ export class Reasons {
     const gone = unread(this._frame, sensor);
     if (gone) return gone;
     const { culprits = [], others = [] } = this._frame.anomaly ?? {};
-    const doubt = [...culprits, ...others].includes(sensor) ? "; but it may be wrong, see the anomaly" : "";
+    const doubt = [...culprits, ...others].includes(sensor) ? "; but it may be wrong, see the findings" : "";
     return this._belief(sensor) + doubt;
   }
 

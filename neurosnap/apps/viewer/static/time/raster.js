@@ -29,6 +29,7 @@ export class RasterView {
     this._range = [1, 0];
     this._frame = null;
     this._gathering = new Gathering(() => this._ask());
+    this._findings = []; // a frame is around what each sensor read
     this._cursor = null; // the square that the keys are at: `{tick, sensor}`
     this._canvas = make("canvas", { tabIndex: 0, role: "img" });
     this._now = make("i", { className: "now" });
@@ -71,6 +72,12 @@ export class RasterView {
   /** The tab has come up. */
   open() {
     this._load();
+  }
+
+  /** Put a frame around what the sensors at fault read. */
+  mark(findings) {
+    this._findings = findings;
+    this._draw();
   }
 
   /** The scheme of colours has changed. */
@@ -136,31 +143,27 @@ export class RasterView {
       context.fillText(clipped(context, this._names[sensor + row]), 2, (row + 0.5) * HIGH);
     }
     context.imageSmoothingEnabled = false; // a square is a square
-    context.drawImage(this._image(colours, rows), NAMES, 0, wide - NAMES, high);
+    const image = imageOf(colours, bytes(this._known.values), columns, rows, sensors);
+    context.drawImage(image, NAMES, 0, wide - NAMES, high);
     const last = first + (columns - 1) * step;
     const few = step > 1 ? `, one of ${step} ticks` : "";
     canvas.ariaLabel = `${counted(rows, "sensor")} over ticks ${first} to ${last}${few}. Arrows move, Enter goes there.`;
     this._shown = { sensor, sensors, columns, step, first, rows, few };
     this._bytes = bytes(this._known.values);
+    context.strokeStyle = colours.bad;
+    context.lineWidth = 2;
+    for (const { sensors: [culprit], first: from, last: to } of this._findings) {
+      const ends = [from, (to ?? Infinity) + 1].map((tick) => Math.min(Math.max(this._begin(tick), NAMES), wide));
+      const isShown = culprit >= sensor && culprit < sensor + rows && ends[0] < ends[1];
+      if (isShown) context.strokeRect(ends[0] - 2, (culprit - sensor) * HIGH, ends[1] - ends[0] + 4, HIGH);
+    }
     this._place();
   }
 
-  /** A pixel a square. */
-  _image(colours, rows) {
-    const { columns, sensors, values } = this._known;
-    const known = bytes(values);
-    const inks = INKS.map((name) => rgb(colours[name] ?? colours.accent));
-    inks[5] = inks[3].map((part, k) => Math.round((part + inks[2][k]) / 2));
-    const image = new ImageData(columns, rows);
-    for (let column = 0; column < columns; column += 1) {
-      for (let row = 0; row < rows; row += 1) {
-        const ink = inks[known[column * sensors + row]];
-        image.data.set([...ink, 255], 4 * (row * columns + column));
-      }
-    }
-    const small = new OffscreenCanvas(columns, rows);
-    small.getContext("2d").putImageData(image, 0, 0);
-    return small;
+  /** Where a tick begins. */
+  _begin(tick) {
+    const { first, step, columns } = this._shown;
+    return NAMES + ((tick - first) / (step * columns)) * (this._width - NAMES);
   }
 
   _isSeen(tick) {
@@ -172,8 +175,8 @@ export class RasterView {
   /** Put the line of the tick, and the mark of the square that the keys are at. */
   _place() {
     if (!this._shown || this._frame === null) return;
-    const { first, step, columns, sensor } = this._shown;
-    const across = (tick) => NAMES + ((tick - first + 0.5) / (step * columns)) * (this._width - NAMES);
+    const { sensor } = this._shown;
+    const across = (tick) => this._begin(tick + 0.5);
     this._now.hidden = !this._isSeen(this._frame.tick);
     this._now.style.transform = `translateX(${across(this._frame.tick)}px)`;
     this._at.hidden = this._cursor === null || !this._isSeen(this._cursor.tick);
@@ -234,10 +237,27 @@ export class RasterView {
   }
 }
 
-const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+/** The values of a part as the server sends them. */
+export const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
 
 /** The red, green and blue of a colour as the browser says it. */
 const rgb = (colour) => (colour.match(/[\d.]+/g) ?? [0, 0, 0]).slice(0, 3).map(Number);
+
+/** A picture of values, column by column of so many sensors: a pixel each, the first rows. */
+export function imageOf(colours, known, columns, rows, sensors) {
+  const inks = INKS.map((name) => rgb(colours[name] ?? colours.accent));
+  inks[5] = inks[3].map((part, k) => Math.round((part + inks[2][k]) / 2));
+  const image = new ImageData(columns, rows);
+  for (let column = 0; column < columns; column += 1) {
+    for (let row = 0; row < rows; row += 1) {
+      const ink = inks[known[column * sensors + row]];
+      image.data.set([...ink, 255], 4 * (row * columns + column));
+    }
+  }
+  const small = new OffscreenCanvas(columns, rows);
+  small.getContext("2d").putImageData(image, 0, 0);
+  return small;
+}
 
 /** A name as far as there is room for it. */
 function clipped(context, name) {

@@ -22,13 +22,13 @@ const SIGNS = {
     words: (n) => `target reached${n > 1 ? ` ${n} times` : ""}`,
   },
   anomalies: { d: (x) => `M${x - 4} 8l4 -8l4 8z`, words: (n) => `${counted(n, "tick")} with an anomaly` },
+  alarms: { d: (x) => `M${x} 0l4 5l-4 5l-4 -5z`, words: (n) => counted(n, "alarm") },
 };
 const RESUMED = (x) => `M${x} 0v${HEIGHT}`;
-const ALARM = (x) => `M${x} 0l4 5l-4 5l-4 -5z`;
 // What each sign means, for the help.
 const KEY = [
   ["anomalies", SIGNS.anomalies.d, "an anomaly: an observation against what was learned"],
-  ["alarm", ALARM, "an alarm: a sensor that seems broken"],
+  ["alarms", SIGNS.alarms.d, "an alarm: a sensor that seems broken"],
   ["born", SIGNS.born.d, "a sensor grown"],
   ["reached", SIGNS.reached.d, "the target reached"],
   ["begins", SIGNS.begins.d, "a trajectory begins"],
@@ -43,7 +43,6 @@ export class Strip {
    * @param {(from: number, to: number, bins: number) => Promise<object>} on.fetchMarks
    * @param {(tick: number) => void} on.seek
    * @param {(from: number, to: number) => void} on.range told what was dragged over
-   * @param {(alarms: object[]) => void} on.alarms told the alarms of all ticks
    */
   constructor(on) {
     this._on = on;
@@ -55,7 +54,6 @@ export class Strip {
       const bins = Math.max(1, Math.floor(this._room / STRETCH));
       this._marks = await on.fetchMarks(...this._range, bins);
       this._draw();
-      on.alarms(this._marks.alarms);
       return this._marks.done;
     });
     this._from = null; // where the pointer went down
@@ -101,7 +99,7 @@ export class Strip {
   }
 
   _draw() {
-    const { resumed, alarms } = this._marks;
+    const { resumed, alarms, anomalies } = this._marks;
     const wide = this._room / Math.max(1, this._bins);
     const middle = (at) => THUMB + wide * (at + 0.5);
     const signs = Object.entries(SIGNS).flatMap(([kind, { d }]) =>
@@ -110,12 +108,11 @@ export class Strip {
       ),
     );
     const again = resumed.map((tick) => shape("path", { class: "resumed", d: RESUMED(this._across(tick + 1)) }));
-    const raised = alarms.map(({ tick }) => shape("path", { class: "alarm", d: ALARM(this._across(tick + 0.5)) }));
     this._home.setAttribute("aria-label", `What happened: ${this._words()}`);
-    this._home.replaceChildren(this._title, this._band, ...again, ...signs, ...raised);
+    this._home.replaceChildren(this._title, this._band, ...again, ...signs);
     this._place();
     this._tell(this._at);
-    const some = alarms.length > 0 || this._marks.anomalies.some((count) => count > 0);
+    const some = [...alarms, ...anomalies].some((count) => count > 0);
     for (const id of ["anomaly-back", "anomaly-on"]) find(id).hidden = !some;
   }
 
@@ -129,12 +126,11 @@ export class Strip {
 
   /** All of it in a line, for those who do not see it. */
   _words() {
-    const { resumed, alarms, done, read_to: readTo } = this._marks;
+    const { resumed, done, read_to: readTo } = this._marks;
     const sum = (counts) => counts.reduce((all, one) => all + one, 0);
     const counts = Object.entries(SIGNS).map(([kind, { words }]) => [sum(this._marks[kind]), words]);
     return [
       ...counts.reverse().map(([count, words]) => (count ? words(count) : "")),
-      alarms.length ? counted(alarms.length, "alarm") : "",
       resumed.length ? `taken up again after tick ${resumed.join(", ")}` : "",
       done ? "" : `read up to tick ${readTo} so far`,
     ]
@@ -166,14 +162,13 @@ export class Strip {
   _tell(x) {
     const at = this._stretch(x);
     if (at === null) return;
-    const { resumed, alarms, times } = this._marks;
+    const { resumed, times } = this._marks;
     const [from, to] = this._ticks(at);
     const within = (tick) => from <= tick && tick <= to;
     const when = times[at] === null ? "" : `, ${new Date(times[at] * 1000).toLocaleString()}`;
     const happened = [
       ...Object.entries(SIGNS).reverse().map(([kind, { words }]) => this._marks[kind][at] && words(this._marks[kind][at])),
       ...resumed.filter(within).map((tick) => `taken up again after tick ${tick}`),
-      ...alarms.filter(({ tick }) => within(tick)).map(({ line }) => line),
     ].filter(Boolean);
     const what = happened.length ? `: ${happened.join(", ")}` : "";
     write(this._title, `tick ${from}${to > from ? ` to ${to}` : ""}${when}${what}`);

@@ -17,14 +17,13 @@ export class TimeView {
    * @param {(tick: number) => boolean} on.ready whether a tick can be shown at once
    * @param {() => void} on.move told of every new position
    * @param {(sensor: number) => void} on.pick
-   * @param {(alarms: object[]) => void} on.alarms told the alarms of all ticks
    */
   constructor(names, on) {
     const range = (from, to) => this.range.set([from, to]);
     const seek = (tick) => this.player.seek(tick);
     this.player = new Player({ ready: on.ready, move: on.move, change: () => this.timeline.showPlayer() });
     this.timeline = new Timeline(this.player);
-    this.strip = new Strip({ fetchMarks: on.fetchMarks, seek, range, alarms: on.alarms });
+    this.strip = new Strip({ fetchMarks: on.fetchMarks, seek, range });
     this.plots = new Plots(find("plots"), { fetchSeries: on.fetchSeries, seek, range });
     this.raster = new RasterView(names, { fetchRaster: on.fetchRaster, seek, pick: on.pick });
     this.range = new TickRange(() => this._showRange());
