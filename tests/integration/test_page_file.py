@@ -30,7 +30,7 @@ async def test_a_file_does_what_the_page_does(broken_log: Path, tmp_path: Path) 
         await expect(page.locator("#strip .anomalies")).not_to_have_count(0)
         await page.click("#anomaly-back")
         await wait_shown(page, BROKEN)
-        await expect(page.locator("#anomaly")).to_be_visible()
+        await expect(page.locator("#finding")).to_contain_text("a is on while b")
         # A sensor, those around it, and what speaks for an edge.
         nodes = page.locator("#drawing .node")
         every = await nodes.count()

@@ -22,8 +22,7 @@ const MADE = {
   },
   beside({ tick, way }) {
     const { first, anomalies, alarms } = json("marks");
-    const ticks = anomalies.flatMap((count, at) => (count ? [first + at] : []));
-    const told = [...ticks, ...alarms.map((alarm) => alarm.tick)].sort((one, other) => one - other);
+    const told = anomalies.flatMap((count, at) => (count + alarms[at] ? [first + at] : []));
     const found = way > 0 ? told.find((one) => one > tick) : told.findLast((one) => one < tick);
     return { tick: found ?? null };
   },
