@@ -3,6 +3,7 @@
 `neurosnap.recording.replay.find_resume_point` finds it; the parts only carry it.
 """
 
+import zlib
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -38,11 +39,18 @@ class ResumePoint(msgspec.Struct, frozen=True):
     """The places among them of those that are read no more."""
     received: wire.Received | None = None
     """What a live source had received up to that tick."""
+    seen: tuple[int, int] = (0, 0)
+    """A tick, and a checksum of the observations from it to the last; 0: of none."""
 
     def body(self, first: "Body") -> "Body":
         """Return the body up to that tick's decision, from the one at the beginning."""
         grown, retired = self.grown, self.retired
         return msgspec.structs.replace(first, grown=grown, retired=retired)
+
+
+def seen_after(checksum: int, bits: bytes, known: bytes) -> int:
+    """Return a checksum with one more observation, as it is packed."""
+    return zlib.crc32(known, zlib.crc32(bits, checksum))
 
 
 def first_number(past: ResumePoint | None, who: str) -> int:

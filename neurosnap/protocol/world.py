@@ -8,6 +8,7 @@ from neurosnap import wire
 from neurosnap.agent.agent_observation import Senses
 from neurosnap.agent.growth_in_decisions import body_after
 from neurosnap.errors import InvalidValueError, MessageError, ShapeError
+from neurosnap.protocol.resume_point import seen_after
 from neurosnap.sensorium import pack, unpack
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
     from neurosnap.agent.body import Body
     from neurosnap.protocol.resume_point import ResumePoint
-    from neurosnap.sources.protocol import Source
+    from neurosnap.sources.protocol import Observed, Source
 
 
 class World:
@@ -56,10 +57,18 @@ class World:
 
     def _resume(self, past: ResumePoint) -> None:
         if not self._source.live:
-            seen = self._source.first()
-            for action in past.actions:
-                seen = self._source.step(action)
+            seen, (first, expected), checksum = self._source.first(), past.seen, 0
+            for tick in range(1, past.tick + 1):
+                if tick > 1:
+                    seen = self._source.step(past.actions[tick - 2])
+                if seen is not None and 0 < first <= tick:
+                    known = b"" if seen.known is None else pack(seen.known)
+                    checksum = seen_after(checksum, pack(_bits(seen)), known)
             self._known = None if seen is None else seen.known
+            is_file = not (self._actions or self._body.room)
+            if first and is_file and checksum != expected:
+                rule = f"must have read at ticks {first} to {past.tick} as recorded"
+                raise InvalidValueError("source", rule, "other readings")
         self._tick, self._answered = past.tick, past.tick - 1
         self._state = unpack(past.state, self._literals)
         self._recorded = past.tick
@@ -125,13 +134,17 @@ class World:
         step = (-1 if seen.begins else decision.action, self._state)
         known = self._senses.known(seen.known, *step, self._known)
         self._known = seen.known
-        bits = seen.bits if seen.known is None else seen.bits & seen.known
         return wire.Observation(
             tick=self._tick,
-            bits=pack(self._senses.observe(bits, *step)),
+            bits=pack(self._senses.observe(_bits(seen), *step)),
             begins=seen.begins,
             known=b"" if known is None else pack(known),
             cut=seen.cut and self._tick > 1,
             received=seen.received,
             outages=seen.outages,
         )
+
+
+def _bits(seen: Observed) -> NDArray[np.bool_]:
+    """Return what was read; what is unknown is off."""
+    return seen.bits if seen.known is None else seen.bits & seen.known

@@ -5,9 +5,13 @@ when it ends. A note whose launcher is gone (killed, or the machine restarted) c
 for nothing and is removed by the next that reads the folder.
 """
 
+import hashlib
 import os
+import socket
 import stat
+import struct
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -19,6 +23,7 @@ from neurosnap.errors import InvalidValueError, SwarmError
 from neurosnap.system.durable import is_own, replace_file
 
 _ENTRY = ".json"
+_AGAIN = 0.05  # seconds between two tries for what another process holds
 
 
 class Note(msgspec.Struct, frozen=True, kw_only=True):
@@ -67,6 +72,40 @@ def noted(swarm: str, source: str, endpoint: str, log: Path | None) -> Iterator[
         yield
     finally:
         path.unlink(missing_ok=True)
+
+
+@contextmanager
+def held(path: Path, name: str, patience: float = 0.0) -> Iterator[None]:
+    """Hold a recording or a journal, which need not be there, against other processes.
+
+    The hold is a socket of the kernel's with a name made of the path: it leaves no
+    file, and goes with the process. Containers do not see each other's.
+
+    Raises:
+        InvalidValueError: Another process holds it, for `patience` seconds from now.
+    """
+    digest = hashlib.sha256(os.fsencode(path.resolve())).hexdigest()
+    address, until = f"\0neurosnap-{digest}", time.monotonic() + patience
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as hold:
+        while True:
+            with suppress(OSError):
+                hold.bind(address)
+                break
+            if time.monotonic() >= until:
+                rule = f"must be of one run at a time, and {_holder(address)} has it"
+                raise InvalidValueError(name, rule, str(path))
+            time.sleep(_AGAIN)
+        hold.listen()
+        yield
+
+
+def _holder(address: str) -> str:
+    """Return which process holds a socket."""
+    with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as end:
+        end.connect(address)
+        found = end.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12)
+        return f"process {struct.unpack('3i', found)[0]}"
+    return "another process"
 
 
 def recorded_in(log: Path) -> list[Note]:

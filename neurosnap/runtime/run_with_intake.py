@@ -37,6 +37,7 @@ from neurosnap.runtime.network import Connections
 from neurosnap.runtime.parts.hub_and_cell import routing
 from neurosnap.runtime.parts.job import PartConnection, PartContext
 from neurosnap.runtime.parts.world_process import WayIn, synced
+from neurosnap.runtime.registry import held
 from neurosnap.runtime.request import Outcome, RunRequest
 from neurosnap.runtime.supervisor import Supervisor
 from neurosnap.sources.live import remote_source
@@ -87,6 +88,10 @@ class IntakeJob(msgspec.Struct, frozen=True):
         Raises:
             NeurosnapError: The journal cannot be read or written.
         """
+        with held(Path(self.folder), "journal"):
+            await self._take_in(part)
+
+    async def _take_in(self, part: PartContext) -> None:
         options = self.options
         journal = Journal(Path(self.folder), options.body.own, self.deaf)
         source = open_live(

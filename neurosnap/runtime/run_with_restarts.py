@@ -17,7 +17,7 @@ import asyncio
 import time
 from collections import deque
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import ExitStack, asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,11 +32,12 @@ from neurosnap.errors import (
 )
 from neurosnap.fabric.wait_for_events import wait_any
 from neurosnap.protocol.resume_point import ResumePoint
-from neurosnap.recording.read.recording import part_paths
+from neurosnap.recording.read.recording import first_path, part_paths
 from neurosnap.recording.replay.find_resume_point import find_resume_point
 from neurosnap.runtime.compilation import compile_first
 from neurosnap.runtime.launch import new_swarm_id, run_incarnation
 from neurosnap.runtime.recorded_source import Trust, reopened
+from neurosnap.runtime.registry import held
 from neurosnap.runtime.request import (
     SILENT,
     Outcome,
@@ -47,11 +48,13 @@ from neurosnap.runtime.request import (
 )
 from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.run_with_intake import run_journaled
+from neurosnap.sources.live.journal import journal_of
 from neurosnap.sources.open import is_live
 
 MORE = 300
 """Ticks that a resumed run adds unless asked otherwise."""
 _LONGEST = 30.0  # seconds
+_OTHERS = 10.0  # seconds that the intake of a killed launcher may take to end
 
 
 async def run(
@@ -70,7 +73,8 @@ async def run(
 
     Raises:
         InvalidValueError: There are more sensors than a key-frame can hold; or files of
-            an earlier run are beside the recording.
+            an earlier run are beside the recording; or another run has this one, or the
+            journal that this goes on from.
         PartDiedError: A part died, more often than allowed.
         NeurosnapError: A part failed; the text names it. Whatever was recorded until
             then is readable.
@@ -82,8 +86,16 @@ async def run(
             return await run_incarnation(kept, stop, watcher)
         return await Lives(kept, watcher).run(stop)
 
-    await compile_first(request.options, stop)
-    return await run_journaled(request, work)
+    with ExitStack() as holds:
+        if request.log is not None:
+            holds.enter_context(held(request.log, "out"))
+            if request.log.exists():  # of a run that ended since the path was looked at
+                raise InvalidValueError("out", "must not exist yet", str(request.log))
+        if request.past is not None and is_live(request.options.source):
+            past = first_path(Path(request.past.log), request.past.part)
+            holds.enter_context(held(journal_of(past), "journal"))
+        await compile_first(request.options, stop)
+        return await run_journaled(request, work)
 
 
 def resumed(log: Path, ticks: int | None = None, trusts: Trust = False) -> RunRequest:
@@ -101,7 +113,8 @@ def resumed(log: Path, ticks: int | None = None, trusts: Trust = False) -> RunRe
         InvalidValueError: There are so many ticks, or no more; or as from `reopened`.
         NeurosnapError: There is nothing to go on from.
     """
-    options, past = find_resume_point(log)
+    with held(journal_of(log), "journal", _OTHERS):
+        options, past = find_resume_point(log)
     options, length = reopened(options, trusts)
     most = past.tick + MORE if ticks is None else ticks
     if length is not None:

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.protocol import Observed
 from neurosnap.sources.readings import Readings
 from neurosnap.system.distribution import must_have
+from neurosnap.system.durable import opened_file
 
 _PARQUET = b"PAR1"
 _ROWS = 4096  # of a Parquet file that are read at a time
@@ -63,7 +63,7 @@ def first_bytes(path: str) -> bytes:
         InvalidValueError: It cannot be read.
     """
     try:
-        with Path(path).open("rb") as file:
+        with opened_file(path) as file:
             return file.read(16)
     except OSError as error:
         rule = f"must be a file that can be read ({error.strerror})"

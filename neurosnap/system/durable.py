@@ -43,6 +43,18 @@ def is_own(path: Path, denied: int) -> bool:
     return own and not found.st_mode & denied
 
 
+def opened_file(path: str | Path) -> BinaryIO:
+    """Open a plain file to be read: a pipe or a device could be read for ever.
+
+    Raises:
+        OSError: It is none, or cannot be read.
+    """
+    found = Path(path).stat().st_mode
+    if not (stat.S_ISREG(found) or stat.S_ISDIR(found)):
+        raise OSError(errno.EINVAL, "Not a file but a pipe or a device")
+    return Path(path).open("rb")
+
+
 def sync_file(path: Path) -> None:
     """Wait until the disk has a file, and its name in the folder.
 

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import closing
+from contextlib import closing, nullcontext
 from pathlib import Path
 
 import msgspec
@@ -21,8 +21,9 @@ from neurosnap import wire
 from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.fabric.certificates import make_keys
 from neurosnap.sensorium import pack
+from neurosnap.sources.live.journal import Journal
 from neurosnap.sources.live.live_source import LiveSource
-from neurosnap.sources.mqtt.mqtt_source import mqtt_source
+from neurosnap.sources.mqtt.mqtt_source import MqttFeeder, mqtt_source
 from neurosnap.sources.mqtt.options import (
     MqttAction,
     MqttBroker,
@@ -41,6 +42,7 @@ from tests.support.mosquitto import (
     peer,
     started,
 )
+from tests.support.ports import free_port
 from tests.support.sources import readings
 
 pytestmark = [
@@ -273,6 +275,22 @@ async def test_a_broker_that_says_nothing_ends_the_start_too(
             pytest.raises(NeurosnapError, match=r"\(Operation timed out\)$"),
         ):
             await asyncio.to_thread(source.first)
+
+
+async def test_an_intake_that_follows_another_waits_for_its_broker(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As long as the run would, though it has not connected yet."""
+    gone = MqttBroker(host=HOST, port=free_port(), patience=0.001)
+    Journal(tmp_path, ["door"]).close()
+    for deaf in ("", "intake: killed"):
+        feeder = MqttFeeder(options(gone), Journal(tmp_path, ["door"], deaf))
+        stop = asyncio.Event()
+        monkeypatch.setattr(feeder._link, "_log_trouble", lambda _, s=stop: s.set())
+        gives_up = pytest.raises(NeurosnapError, match="must answer within")
+        with nullcontext() if deaf else gives_up:
+            await feeder._link.serve(stop)
+        assert stop.is_set() == bool(deaf)
 
 
 async def test_who_is_stopped_while_connecting_does_not_fail_of_it(

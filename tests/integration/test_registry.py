@@ -1,7 +1,9 @@
 """Swarms that run are found by their id, and can be stopped by it alone."""
 
 import os
+import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
@@ -20,6 +22,30 @@ from tests.support.disturbed_commands import wait_for_size
 from tests.support.patience import PATIENCE
 from tests.support.recorded_messages import assert_true_run
 from tests.support.swarm_processes import parts_of
+
+
+def test_a_recording_is_held_by_one_process_and_the_other_is_told_which(
+    tmp_path: Path,
+) -> None:
+    log = tmp_path / "a.mcap"
+    rule = rf"^out: must be of one run at a time, and process {os.getpid()} has it, got"
+    with registry.held(log, "out"):
+        with pytest.raises(InvalidValueError, match=rule), registry.held(log, "out"):
+            pass
+        assert str(log) in refused("run", "neurosnap/Path-v0", "--out", log)
+        assert not log.exists()
+    waiting = threading.Event()
+    with ThreadPoolExecutor(1) as other:
+
+        def follow() -> None:
+            waiting.set()
+            with registry.held(log, "out", PATIENCE):
+                pass
+
+        with registry.held(log, "out"):
+            following = other.submit(follow)
+            waiting.wait()
+        following.result()
 
 
 @pytest.fixture(autouse=True)

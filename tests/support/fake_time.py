@@ -17,7 +17,7 @@ class FakeTime(threading.Condition):
 
     def __init__(self, now: float = 0.0) -> None:
         super().__init__()
-        self.now = now
+        self.now, self.epoch = now, 0.0
         self.waits = 0
         self._events: list[tuple[float, Callable[[], object]]] = []
         self._notified = False
@@ -60,7 +60,8 @@ def timed(source: LiveSource, time: FakeTime, epoch: float = 0.0) -> LiveSource:
         epoch: Seconds since 1970 when it shows 0.
     """
     source._clock, source._condition = time.clock, time
-    source._wall = lambda: epoch + time.now
+    time.epoch = epoch
+    source._wall = lambda: time.epoch + time.now
     source._stamps = ClockMapping(time.now, epoch + time.now)
     source._refusals = Refusals(time.clock)
     return source

@@ -24,6 +24,7 @@ from neurosnap.recording.write.rotation import Split
 from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.sources.open import open_source
 from tests.support.lamp import lamp_options
+from tests.support.simulated_intake import Intake
 from tests.support.sources import written
 from tools.simulate.check import WrongError, check
 from tools.simulate.disk import Disk
@@ -68,11 +69,13 @@ def live_on(
     log = folder / "run.mcap"
     case = Case(options, log, split, weather, chance, tally)
     lives, disk = new_lives(log), Disk(case)
+    is_file = options.source.endswith(".csv")
+    intake = Intake(case) if is_file and options.seed & 16 else None
     while True:
         if tally.restarts >= bad:
             case.weather = _CALM
         try:
-            completeness, sent = Life(case, past, disk).live()
+            completeness, sent = Life(case, past, disk, intake).live()
         except SwarmError:
             disk.decay()
             found = lives.furthest(options)
@@ -104,7 +107,9 @@ def live_on(
         kept = lives.kept and not (harmed or tally.begun or tally.twice)
         if kept and completeness.whole:
             raise WrongError(f"{log}: must hold all that is in {lives.kept}")
-        check(log, options, completeness, sent)
+        if intake is not None:
+            intake.check()
+        check(log, options, completeness, sent, () if intake is None else intake.rows)
         tally.ticks += options.ticks
         tally.births += _births(log)
         tally.files += len(part_paths(log))

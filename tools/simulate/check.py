@@ -5,7 +5,7 @@ above in the learned order, and the wirings are added up as they come.
 """
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -23,6 +23,7 @@ from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.verify import verify
 from neurosnap.sensorium import pack, selection
+from neurosnap.sources.protocol import Observed
 from tools.simulate.source import source_of
 
 Said = tuple[object, ...]
@@ -44,8 +45,8 @@ class Truth(msgspec.Struct):
     """At each tick, along which edges the cells pulse."""
 
 
-def truth(options: RunOptions) -> Truth:
-    """Make the run in process."""
+def truth(options: RunOptions, came: Sequence[Observed] = ()) -> Truth:
+    """Make the run in process; `came` is what came from outside, if it did."""
     found = Truth(dict[str, list[Said]]((topic, []) for topic in _TOPICS), {})
     source = source_of(options)
     memory, snapshot = options.new_memory(), options.new_snapshot()
@@ -55,6 +56,7 @@ def truth(options: RunOptions) -> Truth:
         found.said["decision"].append(msgspec.structs.astuple(mind.decision))
         action = mind.decision.action
         seen = source.first() if number == 1 else source.step(action)
+        seen = came[number - 1] if came else seen
         if seen is None:
             break
         step = -1 if seen.begins else action, snapshot.state
@@ -64,7 +66,8 @@ def truth(options: RunOptions) -> Truth:
         known = senses.known(seen.known, *step, before)
         before = seen.known
         mask = b"" if known is None else pack(known)
-        found.said["observation"].append((number, pack(observed), mask, seen.begins))
+        said = number, pack(observed), mask, seen.begins
+        found.said["observation"].append((*said, *_received(seen)))
         _go_through(mind, Sensed(observed, known, seen.begins), found, options.wiring)
     source.close()
     _sort(found.said)
@@ -91,6 +94,11 @@ def _go_through(mind: Mind, sensed: Sensed, found: Truth, wiring: WiringKind) ->
                 ]
 
 
+def _received(seen: Observed | wire.Observation) -> Said:
+    """Return what was received by then, and why nothing was since the tick before."""
+    return seen.received, tuple(outage.why for outage in seen.outages)
+
+
 def _pairs(edges: NDArray[np.bool_]) -> Edges:
     return {(int(a), int(b)) for a, b in np.argwhere(edges)}
 
@@ -100,6 +108,7 @@ def check(
     options: RunOptions,
     completeness: Completeness,
     sent: dict[str, int],
+    came: Sequence[Observed] = (),
 ) -> None:
     """Hold the recording of a run that has ended against what it must be.
 
@@ -108,13 +117,14 @@ def check(
         options: What was run.
         completeness: What the recorder said of it.
         sent: How many messages each part numbered, in all its lives.
+        came: As in `truth`.
 
     Raises:
         WrongError: It differs; the text says where.
     """
     recorded = list(Recording.open(log).messages())
     _check_completeness(recorded, completeness, sent)
-    true, said = truth(options), _said(recorded)
+    true, said = truth(options, came), _said(recorded)
     for topic, expected in true.said.items():
         found = said[topic]
         # Of two imagined states a planner may ask the same.
@@ -162,7 +172,8 @@ def _said(recorded: Iterable[Recorded]) -> dict[str, list[Said]]:
     for one in recorded:
         match one.message:
             case wire.Observation() as m:
-                said["observation"].append((m.tick, m.bits, m.known, m.begins))
+                seen = m.tick, m.bits, m.known, m.begins
+                said["observation"].append((*seen, *_received(m)))
             case wire.State() as m:
                 said["state"].append((m.tick, m.literals, m.incoherent))
             case wire.Reached() as m:

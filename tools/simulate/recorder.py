@@ -13,7 +13,7 @@ from neurosnap.recording.write.rotation import SplitWriter
 from neurosnap.recording.write.writer import Writer
 from neurosnap.runtime.parts.recorder_process import describe
 from tools.simulate.disk import Disk
-from tools.simulate.simulated_faults import Case
+from tools.simulate.simulated_faults import DECADES, Case
 
 
 class _Writer(Writer):
@@ -61,10 +61,10 @@ class Recorder:
         disk: Disk,
     ) -> None:
         self.failed = False
-        self._disk = disk
+        self._disk, self._case = disk, case
         self._parts = parts
         self._left: set[str] = set()
-        self._time = 0
+        self._time = 2 * int(DECADES)
         facts = {**describe(case.options), "swarm": "simulated"}
         new_writer = partial(_Writer, disk.check_space, chunk=chunk)
         with self._failing():
@@ -80,6 +80,9 @@ class Recorder:
         """
         for delivery in deliveries:
             self._time += 1
+            if self._case.chance.random() < self._case.weather.jump:
+                self._time = self._case.chance.choice([1, 2, 3]) * int(DECADES)
+                self._case.tally.jumps += 1
             with self._failing():
                 message = self._writer.add(delivery, self._time)
             self._disk.truncate()

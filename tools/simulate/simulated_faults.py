@@ -8,6 +8,9 @@ import msgspec
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.write.rotation import Split
 
+DECADES = 1e9
+"""Seconds that a clock jumps by."""
+
 
 class Weather(msgspec.Struct, frozen=True, kw_only=True):
     """The probability of each simulated fault; per delivery unless stated otherwise."""
@@ -42,6 +45,12 @@ class Weather(msgspec.Struct, frozen=True, kw_only=True):
     """That another program cuts its file short, by message."""
     twice: float = 0.0
     """That a cell or worker joins twice, by life."""
+    gap: float = 0.0
+    """That the intake dies and comes again, by reading; half of the files come in."""
+    jump: float = 0.0
+    """That the clock jumps by decades, by message and by reading."""
+    anew: float = 0.0
+    """That the hub is started anew: what is under way is lost, and all come back."""
 
 
 class Tally(msgspec.Struct):
@@ -77,6 +86,10 @@ class Tally(msgspec.Struct):
     truncated: int = 0
     twice: int = 0
     """Lives with a part that joined twice."""
+    gaps: int = 0
+    """Deaths of an intake."""
+    jumps: int = 0
+    anew: int = 0
     begun: int = 0
     """Deaths that left a file of several which had only begun."""
     kept: int = 0
@@ -124,4 +137,7 @@ def random_weather(chance: random.Random) -> Weather:
         full=chance.choice([0.0, 0.0, 0.0, 0.0005]),
         truncate=chance.choice([0.0, 0.0, 0.0, 0.0005]),
         twice=chance.choice([0.0, 0.0, 0.0, 0.1]),
+        gap=chance.choice([0.0, 0.02, 0.1]),
+        jump=chance.choice([0.0, 0.01, 0.1]),
+        anew=chance.choice([0.0, 0.0, 0.0005]),
     )

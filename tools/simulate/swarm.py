@@ -21,6 +21,7 @@ from neurosnap.recording.format.completeness import Completeness
 from neurosnap.runtime.parts import coordinator_process
 from neurosnap.runtime.parts.job import decoded
 from neurosnap.sources.protocol import Source
+from tests.support.simulated_intake import Intake
 from tools.simulate.check import WrongError
 from tools.simulate.disk import Disk
 from tools.simulate.recorder import Recorder
@@ -48,12 +49,15 @@ class Life:
         case: The run; its recording must not exist yet.
         past: Where it goes on from, if it does.
         disk: What it is recorded on.
+        intake: Where readings come from, if from outside.
     """
 
-    def __init__(self, case: Case, past: ResumePoint | None, disk: Disk) -> None:
+    def __init__(
+        self, case: Case, past: ResumePoint | None, disk: Disk, intake: Intake | None
+    ) -> None:
         self._options = options = case.options
         self._past = past
-        self._disk = disk
+        self._disk, self._intake = disk, intake
         self._weather = weather = case.weather
         self._chance = chance = case.chance
         self._tally = case.tally
@@ -104,8 +108,7 @@ class Life:
                 left to say. What was recorded by then is in the file.
             WrongError: The recording lacks what nobody took.
         """
-        options = self._options
-        source = source_of(options)
+        source = self._intake or source_of(self._options)
         try:
             self._join(source)
             self._run()
@@ -129,8 +132,10 @@ class Life:
 
     # Parts ---------------------------------------------------------------------------
 
-    def _join(self, source: Source) -> None:
-        world = World(source, self._options.body, self._past)
+    def _join(self, source: Source | Intake) -> None:
+        tick = self._past.tick if self._past else 0
+        known = self._intake.resume_after(tick) if self._intake else None
+        world = World(source, self._options.body, self._past, known)
 
         def answer(message: wire.Message) -> list[wire.Message]:
             try:
@@ -218,6 +223,12 @@ class Life:
             self._tally.parted += parting
         if self._cut and chance.random() < weather.heal:
             self._heal(self._cut[0])
+        if chance.random() < weather.anew:
+            self._tally.anew += 1
+            for ((one, other),) in self._links:
+                self._hub.cut(one, other)
+                self._hub.heal(one, other)
+            self._cut = []
         if chance.random() < weather.late and self._core.in_flight:
             self._deadline(chance.choice(self._core.in_flight))
         self._maybe_crash()

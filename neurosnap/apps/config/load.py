@@ -22,8 +22,11 @@ from neurosnap.apps.config.sources import Opening
 from neurosnap.apps.config.tables import Config
 from neurosnap.apps.config.validate import Problem, problems
 from neurosnap.errors import InvalidValueError
+from neurosnap.system.durable import opened_file
 
 _MOST = 100
+_LARGEST = 4 << 20  # bytes of a file
+_DEEPEST = 20  # dots of a key: the time that is taken by them is quadratic
 _NO_SOURCE = {"kind": "world", "id": "-"}  # stands where none can be read; never opened
 _PATHS = {"recording.path", "recording.folder", "network.tls"}
 _RECORDING = {
@@ -182,12 +185,23 @@ def load(
 def _text(path: Path) -> str:
     try:
         # As tomllib reads files: in UTF-8, whatever the system writes otherwise.
-        return path.read_bytes().decode().replace("\r\n", "\n")
+        with opened_file(path) as file:
+            text = file.read(_LARGEST + 1).decode().replace("\r\n", "\n")
+        if len(text) <= _LARGEST and not any(map(_is_deep, text.splitlines())):
+            return text
+        rule = f"must have keys of at most {_DEEPEST} dots, in {_LARGEST >> 20} MiB"
     except OSError as error:
         rule = f"must be a file that can be read ({error.strerror})"
     except UnicodeDecodeError as error:
         rule = f"must be UTF-8 text ({error.reason} at byte {error.start})"
     raise ConfigError([ConfigFault(file=str(path), key="", said=rule)])
+
+
+def _is_deep(line: str) -> bool:
+    """Tell whether a key or a header of a table in a line has too many dots."""
+    *keys, rest = line.split("=")
+    keys += [rest] * rest.lstrip().startswith("[")
+    return any(key.count(".") > _DEEPEST for key in keys if "#" not in key)
 
 
 def _parsed(path: Path, text: str) -> dict[str, Any]:

@@ -82,7 +82,8 @@ class ChunkMessages:
 
         Args:
             topics: Named as in `wire.TOPICS`.
-            start: Only those recorded at this time or later, nanoseconds.
+            start: Those before the first that was recorded at this time or later are
+                left out.
 
         Raises:
             RecordingError: While iterating: one is under a topic that is not its own.
@@ -103,6 +104,7 @@ class ChunkMessages:
             sequence, log_time, sent = facts(data, at - FACTS.size)
             if log_time < start:
                 continue
+            start = 0
             topic, payload = names[channel], data[at:stop]
             try:
                 message = decoders[topic](payload)

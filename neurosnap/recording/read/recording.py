@@ -291,7 +291,10 @@ class Recording:
         start: int = 0,
     ) -> Iterator[Recorded]:
         """Return the messages of all files; see `RecordingFile.messages`."""
-        several = [file.messages(topics, start=start) for file in self.files]
+        several = []
+        for file in self.files:
+            several.append(file.messages(topics, start=start))
+            start = 0 if any(c.end >= start for c in file.layout.chunks) else start
         return chain.from_iterable(several)
 
     def all(self, topic: str, kind: type[M]) -> Iterator[M]:

@@ -219,7 +219,9 @@ class RecordingFile:
             topics: Only these, named as in `wire.TOPICS`; if None, all. The others are
                 not decoded, and in a finished recording chunks without any of them
                 are not even unpacked.
-            start: Only those recorded at this time or later, nanoseconds.
+            start: Those before the first that was recorded at this time or later,
+                nanoseconds, are left out. What follows may be older by a clock that
+                was put back.
 
         Raises:
             InvalidValueError: A topic is unknown.
@@ -243,6 +245,7 @@ class RecordingFile:
                 ):
                     messages = self._messages_in(file, chunk)
                     yield from messages.recorded(topics, start)
+                start = 0 if start <= chunk.end else start
 
     def chunk(self, chunk: Chunk) -> ChunkMessages:
         """Return the messages of a chunk of this file.

@@ -21,7 +21,7 @@ from neurosnap.agent.body import Body
 from neurosnap.agent.growth_in_decisions import body_after
 from neurosnap.errors import RecordingError
 from neurosnap.protocol.coordinator import Coordinator
-from neurosnap.protocol.resume_point import ResumePoint
+from neurosnap.protocol.resume_point import ResumePoint, seen_after
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import (
     Recording,
@@ -135,6 +135,7 @@ def _resume_point_in(
         grown=body.grown,
         retired=body.retired,
         received=_received(recording, tick),
+        seen=_seen(stretch, tick),
     )
 
 
@@ -305,6 +306,16 @@ def _decisions(recording: Recording) -> Iterator[wire.Decision]:
     """Yield the decisions in a file, and in those before it."""
     for each in (*map(Recording.open, _before(recording)), recording):
         yield from each.all("decision", wire.Decision)
+
+
+def _seen(recording: Recording, tick: int) -> tuple[int, int]:
+    """Return the first tick observed, and a checksum of all up to one."""
+    first = checksum = 0
+    for seen in recording.all("observation", wire.Observation):
+        if seen.tick <= tick:
+            first = first or seen.tick
+            checksum = seen_after(checksum, seen.bits, seen.known)
+    return first, checksum
 
 
 def _received(recording: Recording, tick: int) -> wire.Received | None:

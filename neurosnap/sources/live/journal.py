@@ -68,6 +68,10 @@ class Taken(msgspec.Struct, frozen=True, array_like=True, tag="taken"):
     received: wire.Received = wire.Received()
     """What has been received up to it."""
     readings: Readings = {}
+    outages: tuple[wire.Outage, ...] = ()
+    """When nothing was listened to since that row."""
+    deaf: tuple[float, str] | None = None
+    """Since when nothing is listened to, in seconds since the epoch, and why."""
 
 
 class Begin(msgspec.Struct, frozen=True, array_like=True, tag="begin"):
@@ -191,12 +195,18 @@ def read_journal(folder: Path) -> Content:
                     last, taken, run = record.first - 1, record.taken, record.run
                 case JournalRow():
                     rows.append(record)
-                    last, taken = record.number, Taken(record.received)
+                    last = record.number
+                    taken = Taken(record.received, deaf=taken.deaf)
                 case Taken():
-                    taken = Taken(record.received, taken.readings | record.readings)
+                    taken = _joined(taken, record)
                 case Acted():
                     acted = max(acted, record.tick)
     return Content(sensors, tuple(rows), last, acted, began, taken, run)
+
+
+def _joined(taken: Taken, more: Taken) -> Taken:
+    """Return what was taken in by the second of two records since one row."""
+    return msgspec.structs.replace(more, readings=taken.readings | more.readings)
 
 
 def framed(record: bytes) -> bytes:
@@ -294,7 +304,10 @@ class Journal:
         except OSError as error:
             raise _failed("writable", error, folder) from error
         there = read_journal(folder)
-        self.deaf = (_touched(folder), deaf) if deaf and there.sensors else None
+        died = (_touched(folder), deaf) if deaf and there.sensors else None
+        self.follows = died is not None
+        """Another process of the same run wrote it before."""
+        self.deaf = there.taken.deaf or died
         """Since when nothing was listened to, in seconds since the epoch, and why."""
         if there.sensors and there.sensors != self._sensors:
             rule = f"must be of the sensors {', '.join(there.sensors)}"
@@ -304,7 +317,7 @@ class Journal:
         self.acted = there.acted
         self.received = there.received
         """What was received up to its last row."""
-        self.taken = there.taken
+        self.taken = msgspec.structs.replace(there.taken, deaf=self.deaf)
         """What was taken in since."""
         self.run = there.run or run or secrets.token_hex(8)
         """What a broker knows the run by."""
@@ -327,7 +340,7 @@ class Journal:
         self._append(row)
         self.last += 1
         self.received = row.received
-        self.taken = Taken(row.received)
+        self.taken = Taken(row.received, deaf=self.taken.deaf)
         self._rows += 1
         return row
 
@@ -340,7 +353,7 @@ class Journal:
         if self._size >= _SIZE:
             self._begin()
         self._append(taken)
-        self.taken = Taken(taken.received, self.taken.readings | taken.readings)
+        self.taken = _joined(self.taken, taken)
 
     def begin_action(self, tick: int) -> bool:
         """Write down that the action of a tick is about to be carried out.
@@ -405,7 +418,7 @@ class Journal:
         self.taken = Taken(self.received)
         self._begin()
         kept = [self.write(row) for row in rows]
-        if taken.received.total > self.received.total:
+        if taken.received.total > self.received.total or taken.outages or taken.deaf:
             self.take(taken)
         self.sync()
         return kept

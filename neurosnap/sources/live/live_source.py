@@ -139,7 +139,8 @@ class LiveSource:
         self._refusals = Refusals(self._clock)
         self._received = wire.Received() if journal is None else journal.taken.received
         self._in_rows = 0 if journal is None else journal.received.shown
-        self._outages: tuple[wire.Outage, ...] = ()  # since the last row
+        # Since the last row.
+        self._outages = () if journal is None else journal.taken.outages
         self._deaf = None if journal is None else journal.deaf  # since when, and why
         self._listening = False
         self._heard = False  # a feeder that says when it listens has done so
@@ -334,9 +335,14 @@ class LiveSource:
     def _take(self, fate: Fate, readings: Readings) -> bool:
         """Count a reading, and write it down until a row shows it; tell if it is."""
         self._count(fate)
+        return self._keep(readings)
+
+    def _keep(self, readings: Readings) -> bool:
+        """Write down what a row will show, and when nothing was listened to."""
+        taken = Taken(self._received, readings, self._outages, self._deaf)
         try:
             if self.journal is not None:
-                self.journal.take(Taken(self._received, readings))
+                self.journal.take(taken)
         except NeurosnapError as error:
             self.fail(error)
             return False
@@ -437,6 +443,7 @@ class LiveSource:
                 self._latest.stop_listening()
                 if self._heard and self._deaf is None and not self._closed:
                     self._deaf = (self._wall(), "not connected")
+                    self._keep({})
             self._condition.notify_all()
 
     def _end_outage(self) -> None:
@@ -446,6 +453,7 @@ class LiveSource:
             self._outages += (wire.Outage(since, self._wall(), why),)
             self._deaf = None
             self._count("outages")
+            self._keep({})
 
     def end(self) -> None:
         """End the source once all readings received were shown."""

@@ -127,6 +127,10 @@ class MqttLink:
         """Let the broker keep nothing once `serve` has ended; from any thread."""
         self._forget = True
 
+    def go_on(self) -> None:
+        """Never give up, as if it had been connected; to be called before `serve`."""
+        self._was_connected = True
+
     async def serve(self, stop: asyncio.Event) -> None:
         """Stay connected until `stop` is set, then send what waits and say goodbye.
 

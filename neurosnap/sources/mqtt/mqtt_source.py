@@ -44,7 +44,7 @@ def mqtt_source(
     Raises:
         InvalidValueError: The certificates to trust cannot be read, or the password.
     """
-    feeder = MqttFeeder(options, "" if journal is None else journal.run)
+    feeder = MqttFeeder(options, journal)
     return LiveSource(
         LatestReadings(
             [sensor.name for sensor in options.sensors],
@@ -70,13 +70,14 @@ class MqttFeeder:
 
     Args:
         options: What is read and done.
-        session: As for `MqttLink`.
+        journal: As for `LiveSource`; it says what the broker knows the client by, and
+            whether a process before connected: then this one waits as long as the run.
 
     Raises:
         InvalidValueError: As `mqtt_source`.
     """
 
-    def __init__(self, options: MqttOptions, session: str = "") -> None:
+    def __init__(self, options: MqttOptions, journal: Journal | None = None) -> None:
         self._options = options
         self._readers: dict[str, list[tuple[MqttSensor, PayloadReader]]] = {}
         for sensor in options.sensors:
@@ -91,8 +92,10 @@ class MqttFeeder:
             filters=[*self._readers],
             receive=self._receive,
             connected=self._connected,
-            session=session,
+            session="" if journal is None else journal.run,
         )
+        if journal is not None and journal.follows:
+            self._link.go_on()
         self._thread: threading.Thread | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._over = asyncio.Event()

@@ -1,5 +1,6 @@
 """Errors of a file that describes a run, with their lines."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -7,6 +8,8 @@ import pytest
 from neurosnap.apps.config.load import load
 from neurosnap.apps.config.prepare import prepare
 from neurosnap.apps.config.problems import ConfigError
+from neurosnap.errors import InvalidValueError
+from neurosnap.sources.open import open_source
 
 WORLD = '[source]\nkind = "world"\nid = "neurosnap/Path-v0"\narguments.places = 6\n'
 
@@ -101,6 +104,9 @@ NO_TOML: dict[str | bytes, str] = {
     'a = """\n\n': "swarm.toml:1: must be TOML: ",
     "a = " + "[" * 10_000: "swarm.toml: must be TOML: nested too deep",
     f"a = {'9' * 5000}": "swarm.toml: must be TOML: Exceeds the limit",
+    f"{'a.' * 90_000}a = 1": "swarm.toml: must have keys of at most 20 dots",
+    f"[{'a.' * 90_000}a]": "swarm.toml: must have keys of at most 20 dots",
+    "#" * (5 << 20): "swarm.toml: must have keys of at most 20 dots, in 4 MiB",
     b"a = '\xff'": "swarm.toml: must be UTF-8 text (invalid start byte at byte 5)",
 }
 
@@ -119,6 +125,17 @@ def test_what_is_wrong_is_refused_with_its_line(file: Path, text: str | bytes) -
     (file.parent / "bad.csv").write_text("kind,b\n2,0\n")
     (line,) = said(file, text)
     assert line.startswith(REFUSED[text])
+
+
+def test_a_pipe_or_a_device_is_refused_at_once(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.toml")
+    os.mkfifo(tmp_path / "pipe.csv")
+    (tmp_path / "zero.toml").symlink_to("/dev/zero")
+    for name in ("pipe.toml", "zero.toml"):
+        with pytest.raises(ConfigError, match="pipe or a device"):
+            load(tmp_path / name)
+    with pytest.raises(InvalidValueError, match="pipe or a device"):
+        open_source(str(tmp_path / "pipe.csv"), 0)
 
 
 def test_a_missing_file_is_refused(file: Path) -> None:

@@ -5,6 +5,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -12,7 +13,7 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import InvalidValueError, MessageError, NeurosnapError
 from neurosnap.fabric.in_memory import MemoryHub
-from neurosnap.protocol.resume_point import ResumePoint
+from neurosnap.protocol.resume_point import ResumePoint, seen_after
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.protocol.world import World
 from neurosnap.recording.replay.verify import verify
@@ -49,6 +50,20 @@ def believe(world: World, tick: int) -> None:
 def past(tick: int, *actions: int, sensors: int = 2, state: bytes = b"") -> ResumePoint:
     packed = state or pack([False] * (2 * sensors))
     return ResumePoint("log", tick, actions, packed, {}, (tick,))
+
+
+def test_a_run_does_not_go_on_from_other_readings() -> None:
+    checksum = 0
+    for row in ([True, None], [True, True]):
+        known = b"" if None not in row else b"\x01"
+        bits = pack([bit is True for bit in row])
+        checksum = seen_after(checksum, bits, known)
+    before = msgspec.structs.replace(past(2, -1), seen=(1, checksum))
+    World(Scripted([[True, None], [True, True], [False, True]]), PLAIN, before)
+    rule = r"^source: must have read at ticks 1 to 2 as recorded"
+    for begin in ([True, False], [False, None]):
+        with pytest.raises(InvalidValueError, match=rule):
+            World(Scripted([begin, [True, True]]), PLAIN, before)
 
 
 # What it makes of a source ------------------------------------------------------------

@@ -226,6 +226,28 @@ def test_a_process_that_follows_a_dead_one_says_since_when(kept: Kept) -> None:
     assert (row.received.shown, row.received.outages) == (2, 1)
 
 
+def test_each_of_two_processes_that_die_before_a_row_is_told_of(kept: Kept) -> None:
+    give(kept.source(), 1)
+    for moment, why in ((70.0, "killed"), (80.0, "killed again")):
+        after = LiveSource(
+            LatestReadings(NAMES), OnChange(), journal=Journal(kept.folder, NAMES, why)
+        )
+        timed(after, FakeTime(moment))
+        after.resume_after(1)
+        after._start()
+        after.listens(True)
+        if why == "killed again":
+            after.listens(False)
+    last = kept.source(time=FakeTime(90.0))
+    last.resume_after(1)
+    last._start()
+    give(last, 2)
+    *_, row = read_journal(kept.folder).rows
+    whys = [outage.why for outage in row.outages]
+    assert whys == ["killed", "killed again", "not connected"]
+    assert row.received.outages == 3
+
+
 def test_what_was_known_at_the_tick_is_told(kept: Kept) -> None:
     source = kept.source()
     source.resume_after(0)
