@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
-"""Take the pictures of the page of `neurosnap view` that docs/ shows.
+"""Take the pictures of the page of `neurosnap view` that docs/ shows; a wave moves.
 
-    tools/screenshots [--only diagram wave] [--out DIR] [--dark]
+    tools/screenshots [--only diagram wave moving] [--out DIR] [--dark]
 
 The recordings are made first, in half a minute.
 """
 
 import argparse
 import asyncio
+import io
 import sys
 import tempfile
 from pathlib import Path
@@ -15,11 +16,44 @@ from pathlib import Path
 # Run as a folder, that is on the path and the project's is not.
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from PIL import Image
+from playwright.async_api import Page
+
 from neurosnap.apps.viewer.opened_recording import ViewSession
 from neurosnap.apps.viewer.server import serving
 from tools.browser import Scheme, new_page, started
 from tools.screenshots.recordings import recorded
 from tools.screenshots.states import STATES, enter
+
+MOVING = "moving"
+_PACE = 150, 1500
+"""Milliseconds that a picture of the moving wave stands, and the last one."""
+_COLOURS = 48
+
+
+async def _moving(page: Page, path: Path) -> None:
+    """Write the wave of a page as a moving picture of its diagram, hop by hop."""
+    hops = int(await page.get_attribute("#wave-hop", "max") or "0")
+    frames = []
+    for quarter in range(4 * hops + 1):
+        await page.evaluate(
+            """(at) => {
+                const slider = document.getElementById("wave-hop");
+                [slider.step, slider.value] = [0.25, at];
+                slider.dispatchEvent(new Event("input"));
+            }""",
+            quarter / 4,
+        )
+        shot = await page.locator("#drawing").screenshot(animations="disabled")
+        picture = Image.open(io.BytesIO(shot)).convert("RGB")
+        # The same colours in all, of which the last picture has the most.
+        frames.append(picture)
+    palette = frames[-1].quantize(_COLOURS)
+    few = [
+        frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames
+    ]
+    stands = [_PACE[0]] * (len(few) - 1) + [_PACE[1]]
+    few[0].save(path, save_all=True, append_images=few[1:], duration=stands, loop=0)
 
 
 async def _main() -> None:
@@ -42,8 +76,11 @@ async def _main() -> None:
                     new_page(browser, scheme, still=True) as page,
                 ):
                     await enter(page, state, address.url)
-                    path = given.out / f"view-{name}.png"
-                    await page.screenshot(path=path)
+                    if name == MOVING:
+                        await _moving(page, path := given.out / "wave.gif")
+                    else:
+                        path = given.out / f"view-{name}.png"
+                        await page.screenshot(path=path)
                     print(path)
 
 

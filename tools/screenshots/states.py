@@ -62,6 +62,7 @@ STATES: dict[str, State] = {
     "wave": State(
         ("path",), 214, "wave=forward", (_half_way, _seen("#drawing-wave:visible"))
     ),
+    "moving": State(("path",), 214, "wave=forward", (), (1130, 860)),
     "time": State(
         ("path",),
         100,
