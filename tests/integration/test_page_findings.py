@@ -83,7 +83,7 @@ async def test_the_culprit_and_the_broken_rule_are_marked(broken_log: Path) -> N
         edges = {(arrow.source, arrow.target) for arrow in view.graph(one.tick).edges}
         source, target = frame.anomaly.rule
         lost += not {(source, target), (target ^ 1, source ^ 1)} & edges
-        assert await page.evaluate(FRAMED, [one.sensors[0], one.first])
+        await wait_until(page, f"({FRAMED})({[one.sensors[0], one.first]})")
         assert not await page.evaluate(FRAMED, [one.sensors[0], one.first - 5])
     assert lost
     await go_to(page, 2)
