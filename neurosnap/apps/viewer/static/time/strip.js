@@ -1,7 +1,6 @@
 // The strip above the slider: anomalies, alarms, grown sensors and other events.
 // Targets reached, beginnings of trajectories, restarts and ticks that are not
-// there are among them. The server counts them for stretches of ticks a few pixels wide. A range
-// of ticks is chosen by dragging over it.
+// there are among them. The server counts them for stretches of ticks a few pixels wide.
 
 import { Gathering } from "../base/api.js";
 import { counted, find, make, shape, write } from "../base/dom.js";
@@ -9,7 +8,6 @@ import { counted, find, make, shape, write } from "../base/dom.js";
 const HEIGHT = 16;
 const STRETCH = 3; // pixels
 const THUMB = 8; // half of the slider's thumb, which stays within its ends
-const DRAGGED = 4; // pixels from where it is no click any more
 
 // Counted by stretches; what is painted later lies above. Each with its sign around x, and
 // what a count of it is in words.
@@ -42,10 +40,8 @@ export class Strip {
    * @param {object} on
    * @param {(from: number, to: number, bins: number) => Promise<object>} on.fetchMarks
    * @param {(tick: number) => void} on.seek
-   * @param {(from: number, to: number) => void} on.range told what was dragged over
    */
   constructor(on) {
-    this._on = on;
     this._home = find("strip");
     this._range = [1, 0];
     this._chosen = null;
@@ -56,14 +52,14 @@ export class Strip {
       this._draw();
       return this._marks.done;
     });
-    this._from = null; // where the pointer went down
     this._at = NaN; // where it was last
     this._title = shape("title");
     this._band = shape("rect", { class: "range", y: 0, height: HEIGHT });
-    this._home.addEventListener("pointerdown", (event) => this._down(event));
-    this._home.addEventListener("pointermove", (event) => this._move(event));
-    this._home.addEventListener("pointerup", (event) => this._up(event));
-    this._home.addEventListener("pointercancel", () => this._drop());
+    this._home.addEventListener("pointermove", ({ offsetX: x }) => this._tell(x));
+    this._home.addEventListener("click", ({ offsetX: x }) => {
+      const at = this._stretch(x);
+      if (at !== null) on.seek(this._ticks(at)[0]);
+    });
     new ResizeObserver(() => this.load(...this._range).catch(() => {})).observe(this._home);
     find("signs-list").append(...KEY.flatMap(([name, d, words]) => [
       make("dt", {}, sign(name, d)),
@@ -151,15 +147,9 @@ export class Strip {
     return [edge(at), edge(at + 1) - 1];
   }
 
-  /** The tick at a place, or the nearest one. */
-  _tick(x) {
-    const { first, last } = this._marks;
-    const tick = first + Math.floor(((x - THUMB) / this._room) * (last - first + 1));
-    return Math.min(Math.max(tick, first), last);
-  }
-
   /** Say what happened where the pointer is, and when that was. */
   _tell(x) {
+    this._at = x;
     const at = this._stretch(x);
     if (at === null) return;
     const { resumed, times } = this._marks;
@@ -172,41 +162,6 @@ export class Strip {
     ].filter(Boolean);
     const what = happened.length ? `: ${happened.join(", ")}` : "";
     write(this._title, `tick ${from}${to > from ? ` to ${to}` : ""}${when}${what}`);
-  }
-
-  // The pointer ----------------------------------------------------------------------
-
-  _down(event) {
-    if (event.button !== 0 || this._marks === null) return;
-    this._from = event.offsetX;
-    this._home.setPointerCapture(event.pointerId);
-  }
-
-  _move({ offsetX: x }) {
-    this._at = x;
-    this._tell(x);
-    if (this._dragged(x) === null) return;
-    const before = this._chosen;
-    this.choose(this._dragged(x));
-    this._chosen = before; // it is not chosen yet
-  }
-
-  _up({ offsetX: x }) {
-    const dragged = this._dragged(x);
-    if (dragged) this._on.range(...dragged);
-    else if (this._from !== null && this._stretch(x) !== null) this._on.seek(this._ticks(this._stretch(x))[0]);
-    this._drop();
-  }
-
-  _drop() {
-    this._from = null;
-    this._place();
-  }
-
-  /** The ticks that the pointer was dragged over; null: it was not. */
-  _dragged(x) {
-    if (this._from === null || Math.abs(x - this._from) < DRAGGED) return null;
-    return [this._tick(Math.min(x, this._from)), this._tick(Math.max(x, this._from))];
   }
 }
 

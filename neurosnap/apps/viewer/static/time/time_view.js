@@ -23,7 +23,7 @@ export class TimeView {
     const seek = (tick) => this.player.seek(tick);
     this.player = new Player({ ready: on.ready, move: on.move, change: () => this.timeline.showPlayer() });
     this.timeline = new Timeline(this.player);
-    this.strip = new Strip({ fetchMarks: on.fetchMarks, seek, range });
+    this.strip = new Strip({ fetchMarks: on.fetchMarks, seek });
     this.plots = new Plots(find("plots"), { fetchSeries: on.fetchSeries, seek, range });
     this.raster = new RasterView(names, { fetchRaster: on.fetchRaster, seek, pick: on.pick });
     this.range = new TickRange(() => this._showRange());
