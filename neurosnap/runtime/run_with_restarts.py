@@ -89,7 +89,10 @@ async def run(
     with ExitStack() as holds:
         if request.log is not None:
             holds.enter_context(held(request.log, "out"))
-            if request.log.exists():  # of a run that ended since the path was looked at
+            goes_on = request.past is not None and request.past.part is not None
+            # Of a run that ended since the path was looked at; of files in parts those
+            # before stay, and a part that is there already is refused.
+            if request.log.exists() and not goes_on:
                 raise InvalidValueError("out", "must not exist yet", str(request.log))
         if request.past is not None and is_live(request.options.source):
             past = first_path(Path(request.past.log), request.past.part)

@@ -23,9 +23,9 @@ from neurosnap.apps.viewer.opened_recording import ViewSession
 from neurosnap.apps.viewer.server import serving
 from tools.browser import Scheme, new_page, started
 from tools.screenshots.recordings import recorded
-from tools.screenshots.states import STATES, enter
+from tools.screenshots.states import MOVING, STATES, enter
 
-MOVING = "moving"
+_EACH = {**STATES, "moving": MOVING}
 _PACE = 150, 1500
 """Milliseconds that a picture of the moving wave stands, and the last one."""
 _COLOURS = 48
@@ -45,9 +45,8 @@ async def _moving(page: Page, path: Path) -> None:
             quarter / 4,
         )
         shot = await page.locator("#drawing").screenshot(animations="disabled")
-        picture = Image.open(io.BytesIO(shot)).convert("RGB")
-        # The same colours in all, of which the last picture has the most.
-        frames.append(picture)
+        frames.append(Image.open(io.BytesIO(shot)).convert("RGB"))
+    # The same colours in all, of which the last picture has the most.
     palette = frames[-1].quantize(_COLOURS)
     few = [
         frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames
@@ -59,7 +58,7 @@ async def _moving(page: Page, path: Path) -> None:
 async def _main() -> None:
     parser = argparse.ArgumentParser(prog="screenshots", description="Take pictures.")
     parser.add_argument(
-        "--only", nargs="+", choices=STATES, default=list(STATES), help="which of them"
+        "--only", nargs="+", choices=_EACH, default=list(_EACH), help="which of them"
     )
     parser.add_argument("--out", type=Path, default=Path("docs"), help="where they go")
     parser.add_argument("--dark", action="store_true", help="in dark colours")
@@ -69,14 +68,14 @@ async def _main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         async with started() as browser:
             for name in given.only:
-                state = STATES[name]
+                state = _EACH[name]
                 logs = [recorded(each, Path(folder)) for each in state.recordings]
                 async with (
                     serving(*map(ViewSession, logs)) as address,
                     new_page(browser, scheme, still=True) as page,
                 ):
                     await enter(page, state, address.url)
-                    if name == MOVING:
+                    if state is MOVING:
                         await _moving(page, path := given.out / "wave.gif")
                     else:
                         path = given.out / f"view-{name}.png"

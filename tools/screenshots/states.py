@@ -62,7 +62,6 @@ STATES: dict[str, State] = {
     "wave": State(
         ("path",), 214, "wave=forward", (_half_way, _seen("#drawing-wave:visible"))
     ),
-    "moving": State(("path",), 214, "wave=forward", (), (1130, 860)),
     "time": State(
         ("path",),
         100,
@@ -103,6 +102,10 @@ STATES: dict[str, State] = {
     "phone": State(("packing",), 383, "", (), PHONE),
 }
 """By name."""
+
+
+MOVING = State(("path",), 214, "wave=forward", (), (1130, 860))
+"""The wave that moves."""
 
 
 async def enter(page: Page, state: State, address: str) -> None:
