@@ -8,7 +8,6 @@ path is ever made of what a request says.
 
 import asyncio
 import contextlib
-import ctypes
 import secrets
 import socket
 import time
@@ -45,8 +44,6 @@ _STATIC = Path(__file__).parent / "static"
 _TURN = 0.1
 """Seconds, about, after which another question has its turn: a page asks for many
 frames in advance, and those of a run that imagines take long."""
-_ARENA_MAX, _MMAP_THRESHOLD = -8, -3
-"""Parameters of glibc's mallopt."""
 _DIGITS = 10
 """The most digits a number may have: none of ours has more."""
 Endpoint = Callable[[Request], Awaitable[Response]]
@@ -95,7 +92,6 @@ async def serving(*sessions: ViewSession, port: int = 0) -> AsyncIterator[Addres
     Raises:
         InvalidValueError: The port is in use, may not be used, or is none.
     """
-    _return_freed_memory()
     stop = asyncio.Event()
     with _listener(port) as listener:
         # Connections inherit it. An answer goes out in two parts, its head first: the
@@ -154,18 +150,6 @@ def _application(sessions: Sequence[ViewSession], stop: asyncio.Event) -> ASGIAp
         ],
         exception_handlers={404: nowhere, NeurosnapError: wrong},
     )
-
-
-def _return_freed_memory() -> None:
-    """Have the C library return large blocks to the system once they are freed.
-
-    Chunks of a megabyte are unpacked in several threads. What glibc keeps of them for
-    later takes more memory than all that is cached.
-    """
-    with contextlib.suppress(AttributeError, OSError):  # another C library
-        mallopt = ctypes.CDLL(None).mallopt
-        mallopt(_ARENA_MAX, 1)
-        mallopt(_MMAP_THRESHOLD, 128 * 1024)
 
 
 def _listener(port: int) -> socket.socket:
