@@ -63,7 +63,7 @@ class Ticks:
         self.decisions: dict[int, wire.Decision] = {}
         self.anomalies: dict[int, wire.Anomaly] = {}
         self.reached: dict[int, wire.Reached] = {}
-        """By wave."""
+        """By wave; where reports on waves are read, these say more."""
         self._literals: dict[int, NDArray[np.bool_]] = {}
         self._range = range(first, last + 1)
         self._sensors = len(options.sensors)
@@ -160,10 +160,11 @@ class Ticks:
         for anomaly in chunk.all("anomaly", wire.Anomaly):
             if anomaly.tick in self._range:
                 self.anomalies.setdefault(anomaly.tick, anomaly)
-        for reached in chunk.all("reached", wire.Reached):
-            if reached.tick in self._range:
-                self.reached.setdefault(reached.wave, reached)
-        if self._waves is not None:
+        if self._waves is None:
+            for reached in chunk.all("reached", wire.Reached):
+                if reached.tick in self._range:
+                    self.reached.setdefault(reached.wave, reached)
+        else:
             for start in chunk.all("wavestart", wire.WaveStart):
                 if start.tick in self._range:
                     self._waves.begin(start)
