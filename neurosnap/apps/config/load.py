@@ -27,6 +27,7 @@ from neurosnap.system.durable import opened_file
 _MOST = 100
 _LARGEST = 4 << 20  # bytes of a file
 _DEEPEST = 20  # dots of a key: the time that is taken by them is quadratic
+_DEEP = re.compile(rf"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{_DEEPEST + 1}}}""")
 _NO_SOURCE = {"kind": "world", "id": "-"}  # stands where none can be read; never opened
 _PATHS = {"recording.path", "recording.folder", "network.tls"}
 _RECORDING = {
@@ -187,21 +188,17 @@ def _text(path: Path) -> str:
         # As tomllib reads files: in UTF-8, whatever the system writes otherwise.
         with opened_file(path) as file:
             text = file.read(_LARGEST + 1).decode().replace("\r\n", "\n")
-        if len(text) <= _LARGEST and not any(map(_is_deep, text.splitlines())):
+        if len(text) > _LARGEST:
+            rule = f"must have at most {_LARGEST >> 20} MiB"
+        elif _DEEP.search(text):
+            rule = f"must have keys of at most {_DEEPEST} dots"
+        else:
             return text
-        rule = f"must have keys of at most {_DEEPEST} dots, in {_LARGEST >> 20} MiB"
     except OSError as error:
         rule = f"must be a file that can be read ({error.strerror})"
     except UnicodeDecodeError as error:
         rule = f"must be UTF-8 text ({error.reason} at byte {error.start})"
     raise ConfigError([ConfigFault(file=str(path), key="", said=rule)])
-
-
-def _is_deep(line: str) -> bool:
-    """Tell whether a key or a header of a table in a line has too many dots."""
-    *keys, rest = line.split("=")
-    keys += [rest] * rest.lstrip().startswith("[")
-    return any(key.count(".") > _DEEPEST for key in keys if "#" not in key)
 
 
 def _parsed(path: Path, text: str) -> dict[str, Any]:

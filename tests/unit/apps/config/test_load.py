@@ -106,7 +106,9 @@ NO_TOML: dict[str | bytes, str] = {
     f"a = {'9' * 5000}": "swarm.toml: must be TOML: Exceeds the limit",
     f"{'a.' * 90_000}a = 1": "swarm.toml: must have keys of at most 20 dots",
     f"[{'a.' * 90_000}a]": "swarm.toml: must have keys of at most 20 dots",
-    "#" * (5 << 20): "swarm.toml: must have keys of at most 20 dots, in 4 MiB",
+    f"a = {{ {'b . ' * 30}'c'.d = 1 }}": "swarm.toml: must have keys of at most 20 dots",
+    f"a =\n[{'1.5, ' * 30}]": "swarm.toml:1: must be TOML: ",  # these are no keys
+    "#" * (5 << 20): "swarm.toml: must have at most 4 MiB",
     b"a = '\xff'": "swarm.toml: must be UTF-8 text (invalid start byte at byte 5)",
 }
 
