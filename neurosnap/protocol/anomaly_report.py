@@ -149,7 +149,9 @@ def _sentence(anomaly: wire.Anomaly, sensors: Sequence[str]) -> str:
     often = f"only {_counted(round(rule.against), 'time')} before"
     if rule.against < 1:  # of a count, 0; else a share of all there was
         often = "seldom before" if rule.against > 0 else "never before"
-    among = f" in {_counted(rule.occasions, 'occasion')}" if rule.occasions >= 0 else ""
+    among = f" in {_counted(rule.occasions, 'occasion')}" if rule.occasions > 0 else ""
+    if rule.occasions == 0:  # negative: it is not known
+        among = "; the rule was never tested"
     more = anomaly.implications - 1
     others = f"; {_counted(more, 'more rule')} broken, too" if more > 0 else ""
     return f"{what}: {often}{among}{others}"

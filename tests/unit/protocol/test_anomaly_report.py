@@ -56,7 +56,7 @@ TOLD: list[tuple[Any, ...]] = [
     # Of each link its rule, the two literals, what was against it, and its occasions.
     (f"{WHILE}never before in 68 occasions", {}, (0, 0, 2, 0, 68)),
     (
-        "door is off while motion is on: never before in 0 occasions",
+        "door is off while motion is on: never before; the rule was never tested",
         {},
         (0, 1, 3, 0, 0),
     ),
