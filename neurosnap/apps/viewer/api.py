@@ -1,7 +1,8 @@
 """The page's HTTP interface: one struct per answer, sent as JSON.
 
 Literals are numbered as in `neurosnap.sensorium`: ``2s`` is sensor `s` itself and
-``2s + 1`` its complement. Ticks count from 1. Fields are only ever added.
+``2s + 1`` its complement. Ticks count from 1. A page and its
+server are always of one version.
 
 =================================================== ============
 asked                                               answer
@@ -9,7 +10,7 @@ asked                                               answer
 ``/api/runs``                                       `Runs`
 ``/api/run``                                        `Run`
 ``/api/frames?from=&to=``                           `Frames`
-``/api/wave?tick=&wave=``                            `WaveView`
+``/api/wave?tick=&wave=``                           `WaveView`
 ``/api/graph?tick=``                                `Graph`
 ``/api/edge?source=&target=&tick=``                 `Edge`
 ``/api/series?from=&to=&points=``                   `Series`

@@ -1,4 +1,4 @@
-"""Reads a recording in the background, for plots, health and marks of the page.
+"""Reads a recording in the background, for plots, marks and findings of the page.
 
 A recording is opened without reading it all, and plots, raster, marks and findings show
 all of it. So they fill up while one looks at something else, and what is not there yet
@@ -14,13 +14,17 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
+from neurosnap import wire
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.findings import RunFindings
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.tick_messages import NOT_RECORDED, Ticks, conditions
-from neurosnap.apps.viewer.time_series import DepthCounts, Raster, TimeSeries
+from neurosnap.apps.viewer.time_series import Raster, TimeSeries
 from neurosnap.errors import RecordingError
+from neurosnap.poc.order.graph import BEYOND_HEIGHT
 
+_MOST_PLACES = 2000
+"""Pairs of a height and a depth: there may be as many heights as sensors."""
 T = TypeVar("T", bound=api.ReadSoFar)
 
 _BATCH = 64
@@ -140,6 +144,35 @@ def _with(so_far: api.ReadSoFar, part: T) -> T:
     """Return an answer that says how far was read; one may be done before all was."""
     done = part.done or so_far.done
     return replace(part, read_to=so_far.read_to, done=done)
+
+
+class DepthCounts:
+    """How many waves had which height and depth, as far as they have been read."""
+
+    def __init__(self) -> None:
+        self._found: dict[tuple[str, int, int], api.DepthCount] = {}
+        self._left_out = 0
+
+    def read(self, ticks: Ticks) -> None:
+        """Take in the waves of ticks that follow those read before."""
+        for state in ticks.states.values():
+            self._add("state", state)
+        for reached in ticks.reached.values():
+            self._add("signal", reached)
+
+    def _add(self, kind: api.WaveKind, wave: wire.State | wire.Reached) -> None:
+        place = kind, wave.height, wave.depth
+        if place not in self._found and len(self._found) == _MOST_PLACES:
+            self._left_out += 1
+            return
+        first = api.DepthCount(*place, count=0, tick=wave.tick, wave=wave.wave)
+        first = self._found.get(place, first)
+        self._found[place] = replace(first, count=first.count + 1)
+
+    def depths(self) -> api.Depths:
+        """Return the counts."""
+        counts, left_out = list(self._found.values()), self._left_out
+        return api.Depths(beyond=BEYOND_HEIGHT, counts=counts, left_out=left_out)
 
 
 class RunMarks:

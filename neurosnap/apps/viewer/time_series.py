@@ -8,7 +8,6 @@ import math
 from contextlib import suppress
 
 import numpy as np
-from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from neurosnap import wire
@@ -17,11 +16,8 @@ from neurosnap.apps.viewer.api import (
     COUNTED,
     STATED,
     Column,
-    DepthCount,
-    Depths,
     Points,
     RasterPart,
-    WaveKind,
 )
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.tick_messages import (
@@ -34,13 +30,10 @@ from neurosnap.apps.viewer.tick_messages import (
     Ticks,
 )
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.order.graph import BEYOND_HEIGHT
 from neurosnap.recording.replay.grown_sensors import Births
 
 MOST_SENSORS = 500
 MOST_COLUMNS = 2000
-_MOST_PLACES = 2000
-"""Pairs of a height and a depth: there may be as many heights as sensors."""
 _RASTER_ROOM = 64 * 2**20
 """Bytes of values, at most: of a longer run only every so many ticks are kept."""
 _KINDS: dict[Column, tuple[int, ...]] = {
@@ -195,35 +188,6 @@ class Raster:
             sensors=count,
             values=b"".join(row[sensor : sensor + count].tobytes() for row in chosen),
         )
-
-
-class DepthCounts:
-    """How many waves had which height and depth, as far as they have been read."""
-
-    def __init__(self) -> None:
-        self._found: dict[tuple[str, int, int], DepthCount] = {}
-        self._left_out = 0
-
-    def read(self, ticks: Ticks) -> None:
-        """Take in the waves of ticks that follow those read before."""
-        for state in ticks.states.values():
-            self._add("state", state)
-        for reached in ticks.reached.values():
-            self._add("signal", reached)
-
-    def _add(self, kind: WaveKind, wave: wire.State | wire.Reached) -> None:
-        place = kind, wave.height, wave.depth
-        if place not in self._found and len(self._found) == _MOST_PLACES:
-            self._left_out += 1
-            return
-        first = DepthCount(*place, count=0, tick=wave.tick, wave=wave.wave)
-        first = self._found.get(place, first)
-        self._found[place] = replace(first, count=first.count + 1)
-
-    def depths(self) -> Depths:
-        """Return the counts."""
-        counts, left_out = list(self._found.values()), self._left_out
-        return Depths(beyond=BEYOND_HEIGHT, counts=counts, left_out=left_out)
 
 
 def thinned(values: NDArray[np.float32], points: int) -> NDArray[np.int64]:

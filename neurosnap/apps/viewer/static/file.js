@@ -28,7 +28,7 @@ const MADE = {
   },
 };
 
-window.imageOf = (tick) => json(`image ${tick}`);
+window.recordedImage = (tick) => json(`image ${tick}`);
 
 window.fetch = async (address) => {
   const [name, query] = address.replace("api/", "").split("?");

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from neurosnap import wire
-from neurosnap.apps.viewer import time_series
+from neurosnap.apps.viewer import background_reading, time_series
 from neurosnap.apps.viewer.api import COUNTED, Finding, ReadSoFar
 from neurosnap.apps.viewer.background_reading import RunHistory
 from neurosnap.apps.viewer.run_view import RunView
@@ -92,7 +92,7 @@ def test_an_answer_that_is_whole_lacks_nothing_that_is_read_meanwhile(
 def test_every_wave_is_counted_once_by_height_and_depth(
     most: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(time_series, "_MOST_PLACES", most)
+    monkeypatch.setattr(background_reading, "_MOST_PLACES", most)
     path = recorded(planner_run(), tmp_path / "run.mcap")
     rows = from_recording(Recording.open(path))
     depths = read(path).depths()

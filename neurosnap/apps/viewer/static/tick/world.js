@@ -85,7 +85,7 @@ export class ImageView {
       write(find("image-tick"), "none near this tick was recorded");
       return;
     }
-    this._image.src = window.imageOf?.(image) ?? at("image", { tick: image }); // a file has its own
+    this._image.src = window.recordedImage?.(image) ?? at("image", { tick: image }); // a file has its own
     this._image.alt = `The environment at tick ${image}, as it draws itself.`;
     write(find("image-tick"), `tick ${image}`);
   }
