@@ -30,7 +30,7 @@ _CHUNK = 1 << 16
 
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 _LINE = re.compile(
-    r"\S+Z\s+(?P<level>[A-Z]+)\s+(?:\S+ )?ThreadId\(\d+\) "
+    r"(?P<before>.*?)\d{4}-\d\d-\d\dT[\d:.]+Z\s+(?P<level>[A-Z]+)\s+(?:\S+ )?ThreadId\(\d+\) "
     r"(?P<target>[\w:]+): (?P<text>.*)"
 )
 _LINKS = re.compile(r"zenoh_(link|transport)")
@@ -54,14 +54,19 @@ class DeniedSessions:
         self._reported: set[str] = set()
         self._unreported = 0
 
-    def read(self, line: str) -> bool:
-        """Read one line; return false if it is not from Zenoh's log."""
+    def read(self, line: str) -> str | None:
+        """Read one line; return None if it is not from Zenoh's log.
+
+        Returns:
+            What this process had written of a line of its own before Zenoh's, whose end
+            comes after it: mostly nothing.
+        """
         found = _LINE.fullmatch(_COLOURS.sub("", line))
         if found is None:
-            return False
+            return None
         if found["level"] == "WARN" and _LINKS.match(found["target"]):
             self._refuse(found["text"].removesuffix(_HINT))
-        return True
+        return found["before"]
 
     def _refuse(self, why: str) -> None:
         now = time.monotonic()
@@ -124,8 +129,8 @@ def _read(pipe: int, own: int, refusals: DeniedSessions) -> None:
     while chunk := os.read(pipe, _CHUNK):
         *lines, rest = (rest + chunk).split(b"\n")
         for line in lines:
-            if not refusals.read(line.decode(errors="replace")):
-                _pass_on(own, line + b"\n")
+            before = refusals.read(line.decode(errors="replace"))
+            _pass_on(own, line + b"\n" if before is None else before.encode())
     if rest:
         _pass_on(own, rest)
     refusals.close()

@@ -33,17 +33,18 @@ def told(monkeypatch: pytest.MonkeyPatch) -> Told:
 
 
 @pytest.mark.parametrize(
-    ("line", "zenohs", "lines"),
+    ("line", "before", "lines"),
     [
-        (NO_CERTIFICATE, True, [REFUSED]),
-        ("2026-11-21T06:20:18.5Z  WARN rx-0 ThreadId(06) zenoh::api: slow", True, []),
-        *[(line, False, []) for line in ("ready", '{"log":null}', "ThreadId(06) a: b")],
+        (NO_CERTIFICATE, "", [REFUSED]),
+        (f"read{NO_CERTIFICATE}", "read", [REFUSED]),
+        ("2026-11-21T06:20:18.5Z  WARN rx-0 ThreadId(06) zenoh::api: slow", "", []),
+        *[(line, None, []) for line in ("ready", '{"log":null}', "ThreadId(06) a: b")],
     ],
 )
 def test_a_refused_session_alone_is_reported(
-    told: Told, line: str, zenohs: bool, lines: list[str]
+    told: Told, line: str, before: str | None, lines: list[str]
 ) -> None:
-    assert told.refusals.read(line) == zenohs
+    assert told.refusals.read(line) == before
     assert told.lines == lines
 
 
@@ -65,6 +66,18 @@ def test_what_an_intruder_sends_cannot_act_on_a_terminal(told: Told) -> None:
     (line,) = told.lines
     assert line.isprintable()
     assert len(line) < 400
+
+
+def test_a_line_that_zenohs_log_cuts_in_two_is_passed_on_whole(told: Told) -> None:
+    read, log = os.pipe()
+    other, own = os.pipe()
+    os.write(log, f"ready{NO_CERTIFICATE}\n\nmore\n".encode())
+    os.close(log)
+    denied_log._read(read, own, told.refusals)
+    os.close(own)
+    assert os.read(other, 100) == b"ready\nmore\n"
+    for end in (read, other):
+        os.close(end)
 
 
 def test_where_no_process_reads_the_output_refusals_are_reported_all_the_same(
