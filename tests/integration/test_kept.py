@@ -370,8 +370,8 @@ async def test_what_is_published_meanwhile_comes_once_the_run_listens_again(
     assert status == (0 if victim == "run" else 3), said
     found = re.search(r"readings: (\d+) received = (\d+) in ticks\n", said)
     assert found is not None, said
-    # That the last one before had come may not have been said, so that it came again.
-    assert found[1] == found[2] in ("55", "56")
+    # The broker may not have been told of the five before, so that they come again.
+    assert found[1] == found[2] in map(str, range(55, 61))
 
 
 async def publish(client: aiomqtt.Client, number: int, *, retain: bool = False) -> None:
