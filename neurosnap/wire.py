@@ -25,8 +25,8 @@ from neurosnap.errors import MessageError
 
 SCHEMA = 9
 ROOT = "neurosnap"
-LARGEST_KEYFRAME = 1 << 27
-"""Bytes of a key-frame, at most; a recording holds none that is larger."""
+LARGEST_KEYFRAME = 1 << 26
+"""Bytes of a key-frame, at most, which no other message may pass either."""
 LARGEST_IMAGE = 1 << 24
 """Bytes of an image, at most."""
 

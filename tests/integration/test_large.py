@@ -8,14 +8,15 @@ import pytest
 import zenoh
 
 from neurosnap import wire
-from neurosnap.fabric.zenoh.large_messages import LARGEST
+from neurosnap.errors import FabricError
+from neurosnap.fabric.zenoh.connect_session import LARGEST
 from tests.support.fabrics import Heard, Seen
 from tests.support.secured_hub import SWARM, hub_with
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
 
 MIB = 1 << 20
-HUGE = 200 * MIB
+HUGE = 320 * MIB
 
 
 async def test_a_huge_message_fills_nobodys_memory(role_keys: Path) -> None:
@@ -57,9 +58,9 @@ async def test_a_huge_message_fills_nobodys_memory(role_keys: Path) -> None:
 PULSE = wire.Pulse(wave=1, source=0, target=2, hops=1, credit=1)
 
 
-async def test_a_key_frame_larger_than_any_message_arrives(role_keys: Path) -> None:
+async def test_the_largest_key_frame_arrives(role_keys: Path) -> None:
     heard, polled = Heard(), Heard()
-    frame = wire.KeyFrame(1, os.urandom(3 * LARGEST))
+    frame = wire.KeyFrame(1, os.urandom(wire.LARGEST_KEYFRAME * 3 // 4 - MIB))
     last = wire.Leave("coordinator")
     with hub_with(role_keys) as hub:
         async with (
@@ -73,6 +74,10 @@ async def test_a_key_frame_larger_than_any_message_arrives(role_keys: Path) -> N
             await eyes.watch(seen)
             await coordinator.announce()
             await seen.wait(("coordinator", True))
+            with pytest.raises(
+                FabricError, match=r"^message on keyframe: must have at"
+            ):
+                coordinator.publish(wire.KeyFrame(1, bytes(wire.LARGEST_KEYFRAME)))
             coordinator.publish(frame, last)
             assert await heard.wait_for(last) == [frame, last]
             assert await polled.wait_for(last) == [frame, last]

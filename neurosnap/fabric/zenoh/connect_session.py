@@ -18,9 +18,11 @@ import zenoh
 from neurosnap.errors import FabricError
 from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.wait_for_events import wait_any
-from neurosnap.fabric.zenoh.large_messages import LARGEST
+from neurosnap.wire import LARGEST_KEYFRAME
 
-# What is larger is dropped as it comes in: no part can fill another's memory.
+LARGEST = LARGEST_KEYFRAME + (1 << 16)
+"""Bytes of a message with its key, at most. What is larger is dropped before it is put
+together: no part can fill another's memory."""
 _BOUNDED = {"transport/link/rx/max_message_size": LARGEST}
 # A stalled part must not get its link closed and lose what waits: microseconds.
 _UNHURRIED = {

@@ -152,7 +152,7 @@ class Poll:
 
     Args:
         channel: Where the samples wait.
-        assemble: Makes a delivery of a sample, or of the last of several.
+        read: Makes a delivery of a sample; None of a stranger's.
         handler: Gets them, as in `Fabric.subscribe`.
         every: Seconds between two looks.
         failure: Gets what the handler raises.
@@ -161,13 +161,13 @@ class Poll:
     def __init__(
         self,
         channel: zenoh.Handler[zenoh.Sample],
-        assemble: Callable[[zenoh.Sample], wire.Delivery | None],
+        read: Callable[[zenoh.Sample], wire.Delivery | None],
         handler: Handler,
         every: float,
         failure: Failure,
     ) -> None:
         self._channel = channel
-        self._assemble = assemble
+        self._read = read
         self._handler = handler
         self._every = every
         self._failure = failure
@@ -193,7 +193,7 @@ class Poll:
             if sample is None:
                 break
             samples.append(sample)
-        found = map(self._assemble, samples)
+        found = map(self._read, samples)
         batch = [delivery for delivery in found if delivery is not None]
         if batch:
             self._handler(batch)

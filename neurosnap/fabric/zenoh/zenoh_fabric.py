@@ -11,6 +11,7 @@ connects to in `neurosnap.fabric.zenoh.hub`.
 """
 
 import asyncio
+import struct
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -25,9 +26,8 @@ from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.protocol import Handler, PresenceHandler
 from neurosnap.fabric.roles import DESCRIPTION, FLUSHED
 from neurosnap.fabric.wait_for_events import Failure
-from neurosnap.fabric.zenoh.connect_session import connecting, reason_of
+from neurosnap.fabric.zenoh.connect_session import LARGEST, connecting, reason_of
 from neurosnap.fabric.zenoh.inbox import Inbox, Poll
-from neurosnap.fabric.zenoh.large_messages import LARGEST, Assembly, pieces
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -37,6 +37,7 @@ _FLUSH = 5.0  # seconds the hub may take to have taken everything
 _ANSWER = 10.0  # seconds others may take to answer
 _PAUSE = 0.05  # seconds until one that is there is asked again
 _CHANNEL = 1 << 20  # deliveries a polled subscription may hold back
+_BESIDE = struct.Struct("<QQ")  # of a message: running number, sender's clock in ns
 
 
 class ZenohFabric:
@@ -152,28 +153,41 @@ class ZenohFabric:
             self._put(delivery)
 
     def _put(self, delivery: wire.Delivery) -> None:
-        key, put = self._prefix + delivery.key, self._session.put
-        for payload, beside in pieces(delivery):
-            put(key, payload, congestion_control=_BLOCK, attachment=beside)
+        key, number, sent, payload = delivery
+        if len(payload) > wire.LARGEST_KEYFRAME:
+            rule = f"must have at most {wire.LARGEST_KEYFRAME:,} bytes"
+            raise FabricError(f"message on {key}: {rule}, got {len(payload):,}")
+        self._session.put(
+            self._prefix + key,
+            payload,
+            congestion_control=_BLOCK,
+            attachment=_BESIDE.pack(number, sent),
+        )
+
+    def _read(self, sample: zenoh.Sample) -> wire.Delivery | None:
+        """Return a delivery, copied out of Zenoh's hands; None if a stranger's."""
+        beside = sample.attachment
+        if beside is None or len(raw := beside.to_bytes()) != _BESIDE.size:
+            return None
+        key = str(sample.key_expr)[len(self._prefix) :]
+        number, sent = _BESIDE.unpack(raw)
+        return wire.Delivery(key, number, sent, sample.payload.to_bytes())
 
     async def subscribe(
         self, keys: Sequence[str], handler: Handler, *, poll: float | None = None
     ) -> None:
         """Hand every message under `keys` to `handler`; see the protocol."""
-        cut = len(self._prefix)
         if poll is not None:
             channel: Any = zenoh.handlers.FifoChannel(_CHANNEL)
             (subscriber,) = await self._off_loop(self._declare, keys, channel)
             channel = subscriber.handler
-            receive = Assembly(cut).receive
-            self._polls.append(Poll(channel, receive, handler, poll, self._failure))
+            self._polls.append(Poll(channel, self._read, handler, poll, self._failure))
             return
         inbox = Inbox(self.who, handler, self._failure.set, swift=self._swift)
         self._inboxes.append(inbox)
-        receive = Assembly(cut).receive
 
         def hand_over(sample: zenoh.Sample) -> None:
-            delivery = receive(sample)
+            delivery = self._read(sample)
             if delivery is not None:
                 inbox.push(delivery)
 

@@ -162,7 +162,7 @@ class Writer:
         """Write one message, unless it is foreign or its number came before.
 
         Foreign is what does not decode, came under another key than its own, carries
-        a number or a time that no sender of ours sends, or is larger than 128 MiB. It
+        a number or a time that no sender of ours sends, or is larger than 64 MiB. It
         is counted in `foreign` and touches no sender's running number.
 
         Args:

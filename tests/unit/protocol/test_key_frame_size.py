@@ -1,0 +1,55 @@
+"""Key-frames are as large as a message may be, at most; bands keep them so."""
+
+import numpy as np
+import pytest
+
+from neurosnap import wire
+from neurosnap.agent.body import Body
+from neurosnap.errors import InvalidValueError
+from neurosnap.protocol.key_frames import with_snapshot
+from neurosnap.protocol.run_options import RunOptions, SnapshotKind
+
+
+def options(count: int, snapshot: SnapshotKind = "empirical") -> RunOptions:
+    names = tuple(f"a-sensor-of-some-name-{number}" for number in range(count))
+    body = Body(own=names, actions=())
+    return RunOptions(
+        source="readings.csv",
+        body=body,
+        ticks=1,
+        snapshot=snapshot,
+        watch=True,
+        support=6,
+    )
+
+
+MOST = 20_782
+
+
+def test_a_run_whose_key_frames_could_not_be_sent_is_refused() -> None:
+    options(MOST).check_frame()
+    match = rf"^sensors: must be at most {MOST:,}, for a key-frame of 64 MiB, got 9000"
+    with pytest.raises(InvalidValueError, match=match):
+        options(90000).check_frame()
+    with pytest.raises(InvalidValueError, match=r"^sensors: must be at most"):
+        options(MOST + 1).check_frame()
+
+
+@pytest.mark.parametrize("kind", ["empirical", "discounted"])
+@pytest.mark.slow
+def test_the_largest_key_frame_that_is_allowed_can_be_sent(kind: SnapshotKind) -> None:
+    sensors = MOST // 8
+    chosen = options(sensors, kind)
+    frame = wire.KeyFrame(
+        tick=1,
+        snapshot=b"",
+        waves=1,
+        epochs=(1000,) * sensors,
+        history=bytes(sensors * wire.HISTORY // 4),
+    )
+    snapshot = chosen.new_snapshot()
+    snapshot.learn(np.ones(sensors, np.bool_), np.arange(sensors) % 2 > 0)
+    head, *bands = with_snapshot(frame, snapshot, chosen.band, "coordinator")
+    size = len(wire.encode(head))
+    assert 0.85 * wire.LARGEST_KEYFRAME < size * 8 <= wire.LARGEST_KEYFRAME
+    assert len(bands) > 1
