@@ -1,7 +1,7 @@
 """Under mutual TLS strangers are refused, and so are hubs of another authority.
 
-The hub is a process of its own, as in a run: which sessions it refuses is in what it
-said on its standard error.
+The hub is a process of its own, as in a run: which sessions it refuses is in the log of
+Zenoh there.
 """
 
 import asyncio
@@ -59,11 +59,11 @@ def issue(
 
 async def refuses(hub: Hub, credentials: Credentials) -> None:
     with pytest.raises(FabricError, match=r"^cell/0: must reach the hub at tls/"):
-        async with hub.end_with("cell/0", credentials):
+        async with hub.end_with("cell/0", credentials, INTRUSION):
             pass
 
 
-async def test_who_has_no_good_certificate_is_refused_and_logged(
+async def test_who_has_no_good_certificate_is_refused(
     role_keys: Path, tmp_path: Path
 ) -> None:
     """None at all, no TLS, another authority's, an expired one, one that expires."""
@@ -75,7 +75,7 @@ async def test_who_has_no_good_certificate_is_refused_and_logged(
         authority=str(role_keys / "ca.pem"),
     )
     with hub_with(role_keys) as hub:
-        end = datetime.now(UTC) + timedelta(seconds=3)
+        end = datetime.now(UTC) + timedelta(seconds=5)
         soon = issue(role_keys, tmp_path / "soon", "cell", now - day, end)
         async with hub.end("watcher") as eyes, hub.end_with("cell/0", soon) as cell:
             await eyes.watch(seen)
@@ -97,15 +97,14 @@ async def test_who_has_no_good_certificate_is_refused_and_logged(
             await refuses(hub, other)
             await refuses(hub, old)
             await seen.wait(("cell/0", False))
-    assert all(line.startswith("session refused: ") for line in hub.refused)
     assert len(hub.refused) >= 5  # who does not speak TLS is refused in other words
     for reason in (
-        r"peer sent no certificates\.$",
+        r"peer sent no certificates\.",
         r"invalid peer certificate: certificate expired",
         r"invalid peer certificate: (?!certificate expired)",
-        r"Closing TLS link .*remote certificate chain expired$",
+        r"Closing TLS link .*remote certificate chain expired",
     ):
-        assert any(re.match(f"session refused: {reason}", line) for line in hub.refused)
+        assert any(re.search(reason, line) for line in hub.refused)
 
 
 async def test_a_part_believes_no_hub_of_another_authority(

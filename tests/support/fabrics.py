@@ -1,6 +1,7 @@
 """Connections of parts on both fabrics, and message handlers that can wait."""
 
 import asyncio
+import os
 import secrets
 import subprocess
 import sys
@@ -76,15 +77,13 @@ BE_HUB = """
 import sys
 from pathlib import Path
 from neurosnap.fabric.certificates import read_credentials
-from neurosnap.fabric.zenoh.denied_log import telling_refusals
 from neurosnap.fabric.zenoh.hub import open_hub
 endpoint, keys, *links = sys.argv[1:]
-with telling_refusals():
-    own = read_credentials(Path(keys), "hub") if keys else None
-    session = open_hub([endpoint], 30, credentials=own, links=links)
-    print("ready", flush=True)
-    sys.stdin.read()
-    session.close()
+own = read_credentials(Path(keys), "hub") if keys else None
+session = open_hub([endpoint], 30, credentials=own, links=links)
+print("ready", flush=True)
+sys.stdin.read()
+session.close()
 """
 
 
@@ -105,21 +104,23 @@ class Hub:
 
 @contextmanager
 def hub_process(
-    endpoint: str, *links: str, keys: Path | None = None
+    endpoint: str, *links: str, keys: Path | None = None, log: str = "off"
 ) -> Iterator[tuple[int, list[str]]]:
-    """Run a hub in a process of its own: its id, and what it said once it has ended."""
+    """Run a hub in a process of its own: its id, and Zenoh's log once it has ended."""
     command = [sys.executable, "-c", BE_HUB, endpoint, str(keys or ""), *links]
     pipe, said = subprocess.PIPE, list[str]()
+    env = os.environ | {"RUST_LOG": log, "NO_COLOR": "1"}
     with subprocess.Popen(
-        command, stdin=pipe, stdout=pipe, stderr=pipe, text=True
+        command, stdin=pipe, stdout=pipe, stderr=pipe, text=True, env=env
     ) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "ready\n"
         try:
             yield process.pid, said
         finally:
-            said += process.communicate(timeout=PATIENCE)[1].splitlines()
-    assert process.returncode == 0, said
+            log, errors = process.communicate(timeout=PATIENCE)
+            said += log.splitlines()
+    assert process.returncode == 0, errors
 
 
 @contextmanager

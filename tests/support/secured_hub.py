@@ -16,6 +16,7 @@ from neurosnap.runtime.network import Network
 from neurosnap.runtime.request import RunRequest, Site
 from neurosnap.runtime.run_with_restarts import run
 from tests.support.fabrics import hub_process
+from tests.support.patience import PATIENCE
 from tests.support.ports import free_port
 from tests.support.run_options import options_for
 
@@ -45,17 +46,18 @@ class Hub:
         )
         return zenoh.open(config)
 
-    def end_with(self, who: str, credentials: Credentials) -> ZenohFabric:
-        return ZenohFabric(
-            who, SWARM, HubAddress(self.endpoint, credentials), patience=INTRUSION
-        )
+    def end_with(
+        self, who: str, credentials: Credentials, patience: float = PATIENCE
+    ) -> ZenohFabric:
+        address = HubAddress(self.endpoint, credentials)
+        return ZenohFabric(who, SWARM, address, patience=patience)
 
 
 @contextmanager
 def hub_with(keys: Path, *links: Hub) -> Iterator[Hub]:
     where = f"tls/127.0.0.1:{free_port()}"
     ends = [other.endpoint for other in links]
-    with hub_process(where, *ends, keys=keys) as (pid, said):
+    with hub_process(where, *ends, keys=keys, log="zenoh_link=warn") as (pid, said):
         hub = Hub(where, keys, pid)
         yield hub
     hub.refused = said

@@ -128,8 +128,6 @@ def hub(
 
     `neurosnap run` starts one itself, unless it is given --connect.
     """
-    from neurosnap.fabric.zenoh.denied_log import telling_refusals
-
     with errors():
         given = context.params
         endpoints = listen or [_HERE]
@@ -149,8 +147,7 @@ def hub(
             "credentials": networks[0].credentials("hub"),
             "insecure": given["insecure"],
         }
-        with telling_refusals():
-            run_async(lambda stop: _hub(stop, endpoints, secured))
+        run_async(lambda stop: _hub(stop, endpoints, secured))
         print_facts(form, {"listened": endpoints})
 
 

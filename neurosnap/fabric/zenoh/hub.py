@@ -8,6 +8,9 @@ Zenoh looks for a linked hub that is not there by itself, and does not report it
 lets any session be a router's. The access list holds that one to what its certificate
 may publish and read; but other hubs send messages for each other through it where that
 seems the shorter way, and there the list drops them. So its name is logged.
+
+Which sessions it refuses, and why, Zenoh says in its own log alone, which has no limit
+that an intruder could not pass: so there is none, but as ``RUST_LOG`` asks for.
 """
 
 import asyncio
@@ -77,6 +80,7 @@ def open_hub(
         adminspace__permissions={"read": False, "write": False},
         **guard,
     )
+    zenoh.try_init_log_from_env()
     try:
         return zenoh.open(config)
     except zenoh.ZError as error:

@@ -10,7 +10,6 @@ import msgspec
 from neurosnap import wire
 from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.protocol import Fabric
-from neurosnap.fabric.zenoh.denied_log import telling_refusals
 from neurosnap.fabric.zenoh.hub import open_hub
 from neurosnap.protocol.cell import Cell
 from neurosnap.runtime.parts.job import PartContext, decoded, take_part
@@ -71,15 +70,14 @@ async def routing(own: HubAddress, sessions: int) -> AsyncIterator[None]:
         own: Where it listens, with the hub's credentials.
         sessions: How many may connect.
     """
-    with telling_refusals():
-        session = await asyncio.to_thread(
-            open_hub,
-            [own.endpoint],
-            sessions,
-            credentials=own.credentials,
-            insecure=own.insecure,
-        )
-        try:
-            yield
-        finally:
-            await asyncio.to_thread(session.close)
+    session = await asyncio.to_thread(
+        open_hub,
+        [own.endpoint],
+        sessions,
+        credentials=own.credentials,
+        insecure=own.insecure,
+    )
+    try:
+        yield
+    finally:
+        await asyncio.to_thread(session.close)
