@@ -16,13 +16,7 @@ if TYPE_CHECKING:
     from neurosnap.agent.body import Body
     from neurosnap.agent.sensor import Sensor
     from neurosnap.apps.export.order_picture import plot_order
-    from neurosnap.apps.library import (
-        Recording,
-        load_snapshot,
-        measure_depth,
-        run,
-        save_snapshot,
-    )
+    from neurosnap.apps.library import Recording, measure_depth, run
     from neurosnap.poc.dual.cubing import Cubing
     from neurosnap.poc.dual.morphism import PocMorphism
     from neurosnap.poc.dual.realization import Realization
@@ -48,11 +42,9 @@ __all__ = [
     "Sensor",
     "Sensorium",
     "implications",
-    "load_snapshot",
     "measure_depth",
     "plot_order",
     "run",
-    "save_snapshot",
 ]
 
 _HOMES = {
@@ -70,11 +62,9 @@ _HOMES = {
     "Sensor": "neurosnap.agent.sensor",
     "Sensorium": "neurosnap.sensorium",
     "implications": "neurosnap.poc.learning.relation_table",
-    "load_snapshot": "neurosnap.apps.library",
     "measure_depth": "neurosnap.apps.library",
     "plot_order": "neurosnap.apps.export.order_picture",
     "run": "neurosnap.apps.library",
-    "save_snapshot": "neurosnap.apps.library",
 }
 
 if _NAMESAKE := namesake():

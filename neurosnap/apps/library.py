@@ -33,7 +33,6 @@ from neurosnap.runtime.request import SILENT, RunRequest, Watcher
 from neurosnap.runtime.run_with_restarts import resumed
 from neurosnap.runtime.run_with_restarts import run as run_swarm
 from neurosnap.sources.protocol import Argument
-from neurosnap.system.durable import replace_file
 
 if TYPE_CHECKING:
     import networkx
@@ -257,22 +256,3 @@ def _awaited(work: Callable[[], Coroutine[Any, Any, T]]) -> T:
         return asyncio.run(work())
     with ThreadPoolExecutor(1, thread_name_prefix="neurosnap/run") as pool:
         return pool.submit(lambda: asyncio.run(work())).result()
-
-
-def save_snapshot(snapshot: Snapshot, path: str | Path) -> None:
-    """Write a snapshot to a file, whole or not at all.
-
-    Raises:
-        OSError: It cannot be written; what was at `path` is still there.
-    """
-    replace_file(Path(path), snapshot.to_bytes())
-
-
-def load_snapshot(path: str | Path) -> Snapshot:
-    """Return the snapshot of either kind that `save_snapshot` wrote, bit for bit.
-
-    Raises:
-        OSError: The file cannot be read.
-        InvalidValueError: It is damaged, or holds no snapshot.
-    """
-    return Snapshot.from_bytes(Path(path).read_bytes(), str(path))

@@ -503,7 +503,8 @@ class Snapshot(abc.ABC):
     def to_bytes(self) -> bytes:
         """Return its whole state as the bytes of an ``.npz`` file.
 
-        Equal contents give equal bytes.
+        Equal contents give equal bytes. `from_bytes` of its class, or of `Snapshot` for
+        either kind, makes it again.
         """
         return self.packed(self.arrays())
 
@@ -517,17 +518,13 @@ class Snapshot(abc.ABC):
         return pack_arrays(head | arrays)
 
     @classmethod
-    def from_bytes(cls, data: bytes, name: str = "data") -> Self:
+    def from_bytes(cls, data: bytes) -> Self:
         """Return the snapshot that `to_bytes` packed into `data`, bit for bit.
-
-        Args:
-            data: What was saved.
-            name: What errors call it.
 
         Raises:
             InvalidValueError: `data` is damaged, foreign, or of another kind.
         """
-        with cls.reading(name):
+        with cls.reading("data"):
             arrays = unpack_arrays(data)
             return cls.kind_of(arrays).from_arrays(arrays)
 

@@ -1,4 +1,4 @@
-"""A file detects writes by other programs, and data that its disk has lost."""
+"""Files come whole or not at all; one notices what others wrote and the disk lost."""
 
 import errno
 import os
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from neurosnap.system.durable import OwnFile
+from neurosnap.system.durable import OwnFile, replace_file
 
 
 @pytest.fixture
@@ -45,3 +45,19 @@ def test_a_disk_that_gives_nothing_back_is_noticed(
     monkeypatch.setattr("neurosnap.system.durable.checksum_of", fail)
     own.read_back()
     assert not own.is_as_written()
+
+
+def test_a_full_disk_leaves_the_old_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "memory.npz"
+    replace_file(path, b"old")
+
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="No space left"):
+        replace_file(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
