@@ -14,7 +14,6 @@ from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.dual.mask_dual import Dual
 from neurosnap.poc.order.literal_sets import Literals
 from neurosnap.poc.order.pocset import Element, PocSet
-from neurosnap.sensorium import Sensorium
 
 
 class PocMorphism:
@@ -224,28 +223,3 @@ def canonical_projection(poc: PocSet) -> PocMorphism:
         else:
             images.append(poc.name(int(head[a])))
     return PocMorphism(poc, quotient, images)
-
-
-def splitting(poc: PocSet, actions: Iterable[str]) -> PocMorphism:
-    """Return the identity from the sum of actions and observations to their poc set.
-
-    Its dual sends a vertex to its parts on either side: the embedding of the model
-    space in the product of what actions and what observations allow by themselves
-    ([GK] prop:representing in product).
-
-    Args:
-        poc: The whole.
-        actions: The sensors that are actions; the others are observations.
-
-    Raises:
-        UnknownSensorError: An action is not among the sensors.
-
-    Examples:
-        >>> p = PocSet.parse("forward, near : forward < near*")
-        >>> f = splitting(p, ["forward"])
-        >>> f.source, f.is_bijective
-        (PocSet.parse('forward, near'), True)
-    """
-    chosen = Sensorium(actions)
-    rest = [name for name in poc.sensorium if name not in set(chosen)]
-    return PocMorphism.named(poc.restricted(chosen) | poc.restricted(rest), poc)

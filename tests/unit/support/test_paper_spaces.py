@@ -5,7 +5,6 @@ from collections.abc import Callable
 import pytest
 
 from neurosnap.poc.dual.cubing import Cubing
-from neurosnap.poc.dual.morphism import splitting
 from tests.support.paper_spaces import (
     Example,
     beacons,
@@ -35,7 +34,8 @@ def test_every_example_is_consistent(make: Callable[[], Example]) -> None:
 def test_motion_is_a_product_less_two_squares(length: int) -> None:
     """[GK] fig:interval with motion, basic."""
     poc = path_with_motion(length).poc
-    whole = Cubing(splitting(poc, ACTIONS).source)
+    rest = [name for name in poc.sensorium if name not in ACTIONS]
+    whole = Cubing(poc.restricted(ACTIONS) | poc.restricted(rest))
     assert Cubing(poc.restricted(ACTIONS)).face_vector() == (4, 3)
     assert whole.face_vector() == (4 * (length + 1), 7 * length + 3, 3 * length)
     less = (4 * length + 2, 7 * length - 1, 3 * length - 2)

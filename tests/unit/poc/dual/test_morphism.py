@@ -7,7 +7,7 @@ import pytest
 
 from neurosnap.errors import InvalidValueError, UnknownSensorError
 from neurosnap.poc.dual.cubing import Cubing
-from neurosnap.poc.dual.morphism import PocMorphism, canonical_projection, splitting
+from neurosnap.poc.dual.morphism import PocMorphism, canonical_projection
 from neurosnap.poc.order.pocset import PocSet
 
 P = PocSet.parse("a, b : a < b")
@@ -93,13 +93,3 @@ def test_the_canonical_projection_drops_and_merges() -> None:
     assert f.is_surjective
     assert not f.is_injective
     assert f == canonical_projection(f.source)
-
-
-def test_splitting_puts_actions_and_observations_side_by_side() -> None:
-    poc = PocSet.parse("go, near, far : near < far*, go < near*")
-    f = splitting(poc, ["go"])
-    assert str(f.source) == "go, near, far : near < far*"
-    assert Cubing(f.source).count() == 6
-    assert Cubing(poc).count() == 5
-    with pytest.raises(UnknownSensorError):
-        splitting(poc, ["stop"])
