@@ -5,6 +5,7 @@ agents with sensors and rivals that are told the number of the place meet the sa
 world. A place at which the episode is over is another than the same one before.
 """
 
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib.util import find_spec
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from neurosnap.agent.grower import ROOM
 from neurosnap.sensorium import complete
 from neurosnap.sources.gymnasium_source import import_worlds
+from world.minigrid import ACTIONS, MazeStanding, standing
 
 _FALL = -100.0  # CliffWalking's reward for going over the cliff, and nobody else's
 
@@ -232,12 +234,17 @@ def _of_moves(env: gymnasium.Env[Any, Any]) -> Stage:
 
 
 def _of_table(env: gymnasium.Env[Any, Any]) -> Stage:
-    """Return a world with a table as Gymnasium's toy texts have it."""
+    """Return one of Gymnasium's toy texts, which have a table, or a maze."""
     inner: Any = env.unwrapped
+    if env.has_wrapper_attr("P"):
+        table, start = inner.P, inner.initial_state_distrib
+        state_of = env.get_wrapper_attr("state_of")
+        states = [state_of(state, {}) for state in table]
+    else:
+        table, states = maze_table(env)
+        start = [1.0]
     begin = {
-        (state, False): float(share)
-        for state, share in enumerate(inner.initial_state_distrib)
-        if share > 0
+        (state, False): float(share) for state, share in enumerate(start) if share > 0
     }
     found: dict[tuple[int, bool], list[dict[tuple[int, bool], float]]] = {}
     over_the_cliff: set[tuple[tuple[int, bool], int, tuple[int, bool]]] = set()
@@ -247,7 +254,7 @@ def _of_table(env: gymnasium.Env[Any, Any]) -> Stage:
         if place in found:
             continue
         found[place] = rows = []
-        for action, outcomes in inner.P[place[0]].items():
+        for action, outcomes in table[place[0]].items():
             row: dict[tuple[int, bool], float] = {}
             for chance, state, reward, over in outcomes:
                 after = int(state), bool(over)
@@ -261,7 +268,7 @@ def _of_table(env: gymnasium.Env[Any, Any]) -> Stage:
     number = {place: k for k, place in enumerate(places)}
     # Where it is over, no action does anything.
     stay = ((1.0, -1),)
-    seen = [env.get_wrapper_attr("state_of")(state, {}) for state, _ in places]
+    seen = [states[state] for state, _ in places]
     sensors = env.get_wrapper_attr("definitions")
     fields = np.array([[sensor(one) for one in seen] for sensor in sensors])
     names = env.get_wrapper_attr("sensors")
@@ -296,3 +303,38 @@ def _of_table(env: gymnasium.Env[Any, Any]) -> Stage:
             if fatal[number[after]] or (place, action, after) in over_the_cliff
         ),
     )
+
+
+def maze_table(
+    env: gymnasium.Env[Any, Any],
+) -> tuple[dict[int, dict[int, Any]], list[MazeStanding]]:
+    """Return a table, as of the toy texts, of a maze of MiniGrid, and its states.
+
+    Every action is tried in a copy of the maze, wherever one can get to. States are
+    numbered as they are found, from the one it begins in.
+    """
+    env.reset()
+    actions = [ACTIONS.index(name) for name in env.get_wrapper_attr("actions")]
+    mazes: list[Any] = [env.unwrapped]
+    number = {_told_apart_by(env.unwrapped): 0}
+    table: dict[int, dict[int, Any]] = {}
+    for state, maze in enumerate(mazes):
+        stay = [(1.0, state, 0.0, True)]
+        table[state] = dict.fromkeys(range(len(actions)), stay)
+        for place, action in enumerate(actions):
+            if standing(maze).tile == "goal":
+                break
+            # Walls are not copied: they do not change, and there are many.
+            walls = {id(x): x for x in maze.grid.grid if x and x.type == "wall"}
+            after = deepcopy(maze, walls)
+            over = after.step(action)[2]
+            reached = number.setdefault(_told_apart_by(after), len(mazes))
+            if reached == len(mazes):
+                mazes.append(after)
+            table[state][place] = [(1.0, reached, float(over), over)]
+    return table, [standing(maze) for maze in mazes]
+
+
+def _told_apart_by(maze: Any) -> tuple[MazeStanding, bytes]:  # noqa: ANN401
+    """Return where the agent of a maze is, and all that is in the grid."""
+    return standing(maze), maze.grid.encode().tobytes()

@@ -1,4 +1,4 @@
-"""Tables of MiniGrid's mazes match MiniGrid itself."""
+"""Mazes of MiniGrid keep their layout, and tables of them match MiniGrid itself."""
 
 import sys
 from typing import Any
@@ -7,10 +7,9 @@ import gymnasium
 import numpy as np
 import pytest
 
-import world
 from neurosnap.errors import InvalidValueError, MissingExtraError
-from tests.support.transition_tables import Table, state_fields
-from world.minigrid import ACTIONS, LAYOUTS, minigrid
+from tools.paper.worlds_as_tables import maze_table
+from world.minigrid import ACTIONS, LAYOUTS, minigrid, standing
 
 pytest.importorskip("minigrid")
 
@@ -18,61 +17,62 @@ pytest.importorskip("minigrid")
 @pytest.mark.parametrize("layout", ["Empty-5x5", "DoorKey-5x5", "DoorKey-6x6"])
 @pytest.mark.slow
 def test_a_walk_is_the_one_minigrid_makes_and_draws(layout: str) -> None:
-    """Through the door: whatever happened before, the state alone is drawn."""
-    from minigrid import envs
-
-    kind, arguments = LAYOUTS[layout]
-    real: Any = getattr(envs, kind)(**arguments, render_mode="rgb_array")
+    name = f"MiniGrid-{layout}-v0"
+    real: Any = gymnasium.make(name, max_steps=999, render_mode="rgb_array").unwrapped
     env: Any = minigrid(layout, 3, render_mode="rgb_array")
-    plain: Any = minigrid(layout, 3)
-    maze = env.unwrapped
-    pictures = set()
-    over = True
+    table, states = maze_table(env)
+    over, state = True, 0
     for step, action in enumerate(np.random.default_rng(0).integers(5, size=400)):
         if over:
             real.reset(seed=3)
             env.reset()
-            plain.reset()
+            state = 0
         if step % 5 == 0 and layout == "DoorKey-5x5":  # drawing is slow
-            picture = env.render()
-            np.testing.assert_array_equal(picture, real.render())
-            pictures.add(picture.tobytes())
-        real.step_count = 0
-        _, reward, over, _, _ = real.step(ACTIONS.index(env.actions[action]))
-        bits, env_reward, env_over, _, _ = env.step(action)
-        np.testing.assert_array_equal(bits, plain.step(action)[0])
-        cell = maze.cells[maze.s]
-        assert (cell.column, cell.row) == tuple(real.agent_pos)
-        assert cell.facing == ("east", "south", "west", "north")[real.agent_dir]
-        assert (cell.carries == "key") == (real.carrying is not None)
-        assert (over, reward > 0) == (env_over, env_reward > 0)
-    assert env.render_mode == "rgb_array"
-    assert len(pictures) > 10 or layout != "DoorKey-5x5"
-    assert plain.render() is None
-    for one in (env, plain, real):
-        one.close()
+            np.testing.assert_array_equal(env.render(), real.render())
+        real.step(ACTIONS.index(env.actions[action]))
+        _, reward, over, _, _ = env.step(action)
+        ((_, state, *foretold),) = table[state][action]
+        assert [reward, over] == foretold
+        assert standing(env) == standing(real) == states[state]
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_a_layout_is_drawn_by_its_seed_and_stays(layout: str) -> None:
+    def begun(env: Any, seed: int) -> tuple[Any, ...]:
+        bits, _ = env.reset(seed=seed)
+        return standing(env), env.unwrapped.grid.encode().tolist(), bits.tolist()
+
+    env = minigrid(layout)
+    first = begun(env, 7)
+    env.step(1)
+    assert begun(env, 8) == begun(minigrid(layout), 9) == first
+    assert (begun(minigrid(layout, 1), 7) == first) == layout.startswith("Empty")
+
+
+def test_the_key_opens_the_door_and_the_goal_is_rewarded_however_late() -> None:
+    actions = ("toggle", "pickup", "forward", "right", "done")
+    env = gymnasium.make("neurosnap/MiniGrid-v0", layout="DoorKey-5x5", actions=actions)
+    env.reset()
+    way = "toggle right pickup forward forward right toggle toggle toggle forward"
+    way = f"{300 * 'done '} {way} forward right forward forward"
+    steps = [env.step(actions.index(name)) for name in way.split()]
+    names = np.array(env.get_wrapper_attr("sensors"))
+    bits = np.array([step[0] for step in steps[300:]])
+    assert bits[:, names == "carries=key"].ravel().tolist() == [0, 0] + 12 * [1]
+    assert bits[6:, names == "door=open"].ravel().tolist() == [1, 0, 1, 1, 1, 1, 1, 1]
+    assert " ".join(names[bits[0] == 1]) == "column<2 column<3 facing=west door=locked"
+    went_on, at_goal = (0, False, False), (1.0, True, False)
+    assert [step[1:4] for step in steps] == [*313 * [went_on], at_goal]
 
 
 @pytest.mark.parametrize("layout", ["Empty-5x5", "DoorKey-5x5"])
 def test_sensors_tell_all_states_apart_and_none_is_always_the_same(layout: str) -> None:
     env = minigrid(layout)
-    table = Table.of(env)
-    fields = state_fields(env, table)
-    assert len(np.unique(fields.T, axis=0)) == len(table.states)
+    _, states = maze_table(env)
+    fields = np.array([[sensor(one) for one in states] for sensor in env.definitions])
+    assert len(np.unique(fields.T, axis=0)) == len(states)
     assert not fields.all(axis=1).any()
     assert fields.any(axis=1).all()
-
-
-def test_it_is_registered_and_takes_other_actions() -> None:
-    assert world.__name__ == "world"
-    env: Any = gymnasium.make(
-        "neurosnap/MiniGrid-v0", layout="Empty-5x5", actions=("left", "forward")
-    )
-    assert env.get_wrapper_attr("actions") == ("left", "forward")
-    bits, _ = env.reset()
-    names = np.array(env.get_wrapper_attr("sensors"))[np.asarray(bits, np.bool_)]
-    assert set(names) == {"row<2", "row<3", "column<2", "column<3", "facing=east"}
-    env.close()
 
 
 @pytest.mark.parametrize(
