@@ -1,9 +1,10 @@
 """Read-only recordings and keys shared by several integration tests."""
 
 import tempfile
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import psutil
 import pytest
@@ -42,20 +43,26 @@ def passing() -> set[psutil.Process]:
     return found
 
 
-@pytest.fixture(scope="session")
-def path_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return recorded(path_run(), tmp_path_factory.mktemp("path") / "path.mcap")
+def _once(make: Callable[[Path], Path]) -> Any:
+    """Return a fixture: the recording that is made once, in a folder of its own."""
+
+    @pytest.fixture(scope="session")
+    def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+        return make(tmp_path_factory.mktemp("log"))
+
+    return log
 
 
-@pytest.fixture(scope="session")
-def planner_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return recorded(planner_run(), tmp_path_factory.mktemp("planner") / "planner.mcap")
-
-
-@pytest.fixture(scope="session")
-def csv_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("csv")
-    return recorded(csv_run(folder / "readings.csv"), folder / "csv.mcap")
+path_log = _once(lambda at: recorded(path_run(), at / "path.mcap"))
+planner_log = _once(lambda at: recorded(planner_run(), at / "planner.mcap"))
+csv_log = _once(lambda at: recorded(csv_run(at / "readings.csv"), at / "csv.mcap"))
+unread_log = _once(lambda at: unread_run(at / "unread.mcap"))
+torn_log = _once(lambda at: torn_run(at / "torn.mcap"))
+lamp_log = _once(
+    lambda at: recorded(lamp_options(ticks=60, cells="inline"), at / "lamp.mcap")
+)
+home_log = _once(broken_home)
+large_log = _once(lambda at: recorded(large_run(at / "rows.csv"), at / "large.mcap"))
 
 
 @pytest.fixture(scope="session")
@@ -64,33 +71,6 @@ def broken_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("broken")
     options = replace(csv_run(folder / "rows.csv", 60), watch=True, support=2)
     return recorded(options, folder / "run.mcap")
-
-
-@pytest.fixture(scope="session")
-def unread_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return unread_run(tmp_path_factory.mktemp("unread") / "unread.mcap")
-
-
-@pytest.fixture(scope="session")
-def torn_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return torn_run(tmp_path_factory.mktemp("torn") / "torn.mcap")
-
-
-@pytest.fixture(scope="session")
-def lamp_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    log = tmp_path_factory.mktemp("lamp") / "lamp.mcap"
-    return recorded(lamp_options(ticks=60, cells="inline"), log)
-
-
-@pytest.fixture(scope="session")
-def home_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return broken_home(tmp_path_factory.mktemp("home"))
-
-
-@pytest.fixture(scope="session")
-def large_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("large")
-    return recorded(large_run(folder / "readings.csv"), folder / "large.mcap")
 
 
 @pytest.fixture(scope="session")
