@@ -479,7 +479,7 @@ ALONE = {
         });
         frameCache.last = 300;
         const frame = async () => {
-            frameCache.prefetch(5);
+            frameCache.isReady(5);
             await frameCache.at(5).catch(() => {});
         };
         for (let k = 0; k < 20; k += 1) await frame();
@@ -488,7 +488,7 @@ ALONE = {
         window.setTimeout = set;
         return asked;
         """,
-        [120, 5, 120, 5],
+        [1, 120, 5, 1, 120, 5],
     ),
     "the tick that is wanted does not wait for its block": (
         FRAMES
@@ -499,10 +499,10 @@ ALONE = {
             return [{ tick: from }];
         });
         frameCache.last = 300;
-        frameCache.ask(130);
-        return [...asked, (await frameCache.at(150)).tick, ...asked.slice(1)];
+        frameCache.isReady(130);
+        return [...asked, (await frameCache.at(150)).tick, ...asked.slice(2)];
         """,
-        [[120, 239], 150, [150, 150]],
+        [[120, 239], [240, 359], 150, [150, 150]],
     ),
     "a frame that is early or late skips no tick": (
         """

@@ -10,24 +10,7 @@ const MOVES = /^(Arrow\w+|Home|End)$/;
 /** Let a page be told what to do. */
 export function bind(page) {
   const { player, range } = page.time;
-  const { diagram } = page.order;
-  const toggleTaller = () => {
-    const tall = find("taller").closest("main").classList.toggle("tall");
-    find("taller").setAttribute("aria-pressed", tall);
-  };
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => page.recolour());
-  const help = () => find("keys").showModal();
-  const acts = [
-    ["fit", () => diagram.fit()],
-    ["nearer", () => diagram.zoom(1.3)],
-    ["farther", () => diagram.zoom(1 / 1.3)],
-    ["taller", toggleTaller],
-    ["help", help],
-    ["range-compare", () => page.compareRange()],
-    ["anomaly-back", () => page.toAnomaly(-1)],
-    ["anomaly-on", () => page.toAnomaly(1)],
-  ];
-  for (const [id, act] of acts) find(id).addEventListener("click", act);
+  const { diagram, focus } = page.order;
   tabs(
     document.querySelector('[role="tablist"]'),
     (panel) => {
@@ -37,6 +20,7 @@ export function bind(page) {
     told().get("tab") ?? page.home,
   );
   find("link").addEventListener("click", () => copyLink(page));
+  find("range-compare").addEventListener("click", () => page.compareRange());
   addEventListener("hashchange", () => {
     const tick = tickAsked();
     if (tick !== null && tick !== player.tick) player.step(tick - player.tick);
@@ -44,28 +28,33 @@ export function bind(page) {
     page.restore();
   });
   listen([
-    { keys: [" "], says: "play, or pause", act: () => player.toggle() },
-    { keys: ["ArrowLeft"], says: "one tick back", act: () => player.step(-1) },
-    { keys: ["ArrowRight"], says: "one tick on", act: () => player.step(1) },
-    { keys: ["Shift+ArrowLeft"], says: "ten ticks back", act: () => player.step(-10) },
-    { keys: ["Shift+ArrowRight"], says: "ten ticks on", act: () => player.step(10) },
-    { keys: ["Home"], says: "the first tick", act: () => player.step(-Infinity) },
-    { keys: ["End"], says: "the last tick", act: () => player.step(Infinity) },
-    { keys: ["n"], says: "the next anomaly or alarm", act: () => page.toAnomaly(1) },
-    { keys: ["p"], says: "the anomaly or alarm before", act: () => page.toAnomaly(-1) },
-    { keys: ["["], says: "look at a range that begins here", act: () => range.setEnd(0, player.tick) },
-    { keys: ["]"], says: "let the range end here", act: () => range.setEnd(1, player.tick) },
-    { keys: ["x"], says: "look at all ticks again", act: () => range.set(null) },
-    { keys: ["w"], says: "play the wave of this tick", act: () => page.wave.toggle() },
-    { keys: ["/"], says: "find a sensor", act: () => page.order.search.focus() },
-    { keys: ["+"], says: "larger", act: () => diagram.zoom(1.3) },
-    { keys: ["-"], says: "smaller", act: () => diagram.zoom(1 / 1.3) },
-    { keys: ["f"], says: "lay out only what is looked at, or all", act: () => page.order.focus.toggle() },
-    { keys: ["0"], says: "see the whole order", act: () => diagram.fit() },
-    { keys: ["t"], says: "more room for plots and tables", act: toggleTaller },
-    { keys: ["Escape"], says: "select nothing", act: () => page.choose(null) },
-    { keys: ["?"], says: "this help", act: help },
+    { key: " ", id: "play", says: "play, or pause", act: () => player.toggle() },
+    { key: "ArrowLeft", id: "back", says: "one tick back", act: () => player.step(-1) },
+    { key: "ArrowRight", id: "on", says: "one tick on", act: () => player.step(1) },
+    { key: "Shift+ArrowLeft", says: "ten ticks back", act: () => player.step(-10) },
+    { key: "Shift+ArrowRight", says: "ten ticks on", act: () => player.step(10) },
+    { key: "Home", id: "start", says: "the first tick", act: () => player.step(-Infinity) },
+    { key: "End", id: "end", says: "the last tick", act: () => player.step(Infinity) },
+    { key: "n", id: "anomaly-on", says: "the next anomaly or alarm", act: () => page.toAnomaly(1) },
+    { key: "p", id: "anomaly-back", says: "the anomaly or alarm before", act: () => page.toAnomaly(-1) },
+    { key: "[", says: "look at a range that begins here", act: () => range.setEnd(0, player.tick) },
+    { key: "]", says: "let the range end here", act: () => range.setEnd(1, player.tick) },
+    { key: "x", id: "range", says: "look at all ticks again", act: () => range.set(null) },
+    { key: "w", id: "wave-play", says: "play the wave of this tick", act: () => page.wave.toggle() },
+    { key: "/", says: "find a sensor", act: () => page.order.search.focus() },
+    { key: "+", id: "nearer", says: "larger", act: () => diagram.zoom(1.3) },
+    { key: "-", id: "farther", says: "smaller", act: () => diagram.zoom(1 / 1.3) },
+    { key: "f", id: "focus-alone", says: "lay out only what is looked at, or all", act: () => focus.toggle() },
+    { key: "0", id: "fit", says: "see the whole order", act: () => diagram.fit() },
+    { key: "t", id: "taller", says: "more room for plots and tables", act: toggleTaller },
+    { key: "Escape", says: "select nothing", act: () => page.choose(null) },
+    { key: "?", id: "help", says: "this help", act: () => find("keys").showModal() },
   ]);
+}
+
+function toggleTaller() {
+  const tall = find("taller").closest("main").classList.toggle("tall");
+  find("taller").setAttribute("aria-pressed", tall);
 }
 
 /** Copy the address of what is shown: it holds no token. */
@@ -81,13 +70,14 @@ async function copyLink({ time, voice }) {
 }
 
 /**
- * Listen to keys.
+ * Listen to keys, and to the buttons that do the same.
  *
- * @param {{keys: string[], says: string, act: () => void}[]} bindings each with the keys
- *   as the browser calls them; a shifted arrow is "Shift+ArrowLeft"
+ * @param {{key: string, id?: string, says: string, act: () => void}[]} bindings each with the
+ *   key as the browser calls it; a shifted arrow is "Shift+ArrowLeft"; and with its button
  */
 function listen(bindings) {
-  const acts = new Map(bindings.flatMap(({ keys, act }) => keys.map((key) => [key, act])));
+  const acts = new Map(bindings.map(({ key, act }) => [key, act]));
+  for (const { id, act } of bindings) if (id) find(id).addEventListener("click", act);
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey) return;
     const at = event.target;
@@ -104,8 +94,7 @@ function listen(bindings) {
   const names = { " ": "Space", ArrowLeft: "←", ArrowRight: "→" };
   const named = (key) =>
     key.replace("Shift+", "Shift ").replace(/Arrow\w+|^ $/, (name) => names[name] ?? name);
-  for (const { keys, says } of bindings) {
-    const shown = keys.flatMap((key) => [" ", make("kbd", {}, named(key))]);
-    find("keys-list").append(make("dt", {}, ...shown), make("dd", {}, says));
+  for (const { key, says } of bindings) {
+    find("keys-list").append(make("dt", {}, make("kbd", {}, named(key))), make("dd", {}, says));
   }
 }

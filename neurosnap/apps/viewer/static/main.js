@@ -66,7 +66,7 @@ class Page {
       fetchSeries: notices.watched("series", api.fetchSeries),
       fetchMarks: notices.watched("marks", api.fetchMarks),
       fetchRaster: notices.watched("raster", api.fetchRaster),
-      ready: (tick) => this.isReady(tick),
+      ready: (tick) => this.frameCache.isReady(tick),
       move: () => this.move(),
       pick: goTo,
     });
@@ -104,16 +104,9 @@ class Page {
 
   // Moving through time --------------------------------------------------------------
 
-  isReady(tick) {
-    this.frameCache.prefetch(tick);
-    if (this.frameCache.peek(tick) !== undefined) return true;
-    this.frameCache.ask(tick);
-    return false;
-  }
-
   /** The player is somewhere else: show it, as soon as it is here. */
   move() {
-    this.time.showTick();
+    this.time.timeline.showTick();
     const { tick } = this.time.player;
     const frame = this.frameCache.peek(tick);
     if (frame !== undefined) {
@@ -299,11 +292,6 @@ class Page {
   goTo(sensor) {
     this.choose({ sensor });
     this.order.diagram.reveal(sensor);
-  }
-
-  recolour() {
-    this.time.recolour();
-    this.findings.recolour();
   }
 
   // A run under way ------------------------------------------------------------------

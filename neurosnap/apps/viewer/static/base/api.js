@@ -88,28 +88,26 @@ export const openEvents = () => new EventSource(at("events"));
 
 const AGAIN = 700; // milliseconds until it is asked for once more
 
-/** Asks for something, one question at a time. */
-export class Gathering {
-  /** @param {() => Promise<boolean>} ask told to ask, and tells whether that was all */
-  constructor(ask) {
-    this._ask = ask;
-    this._asking = false;
-    this._due = false;
-  }
-
-  /** Ask until all of it is there; who is asking already asks once more. */
-  async load() {
-    this._due = true; // there may be more than was asked for
-    if (this._asking) return;
-    this._asking = true;
+/**
+ * Return what asks for something until all of it is there, one question at a time; while it
+ * is asking already, it asks once more.
+ *
+ * @param {() => Promise<boolean>} ask told to ask, and tells whether that was all
+ */
+export function gathering(ask) {
+  let [isAsking, isDue] = [false, false];
+  return async () => {
+    isDue = true; // there may be more than was asked for
+    if (isAsking) return;
+    isAsking = true;
     try {
-      for (let done = false; !done || this._due; ) {
-        this._due = false;
-        done = await this._ask();
-        if (!done || this._due) await new Promise((soon) => setTimeout(soon, AGAIN));
+      for (let done = false; !done || isDue; ) {
+        isDue = false;
+        done = await ask();
+        if (!done || isDue) await new Promise((soon) => setTimeout(soon, AGAIN));
       }
     } finally {
-      this._asking = false;
+      isAsking = false;
     }
-  }
+  };
 }

@@ -28,17 +28,18 @@ export function shape(tag, attributes = {}) {
   return element;
 }
 
-/** Make a table with a heading for each column and for each row. */
+/** Make a table with a heading for each column, if it has any, and for each row. */
 export function table(caption, titles, rows, attributes = {}) {
   const head = titles.map((title) => (title ? make("th", { scope: "col" }, title) : make("td")));
+  const cellOf = (cell) => (cell.tagName === "TD" ? cell : make("td", {}, cell));
   const body = rows.map(([name, ...rest]) =>
-    make("tr", {}, make("th", { scope: "row" }, name), ...rest.map((cell) => make("td", {}, cell))),
+    make("tr", {}, make("th", { scope: "row" }, name), ...rest.map(cellOf)),
   );
   return make(
     "table",
     attributes,
     make("caption", { className: "unseen" }, caption),
-    make("thead", {}, make("tr", {}, ...head)),
+    make("thead", { hidden: head.length === 0 }, make("tr", {}, ...head)),
     make("tbody", {}, ...body),
   );
 }
@@ -128,6 +129,11 @@ export function palette() {
   probe.remove();
   return colours;
 }
+
+const scheme = matchMedia("(prefers-color-scheme: dark)");
+
+/** Have something painted anew whenever the scheme of colours changes. */
+export const repainted = (paint) => scheme.addEventListener("change", paint);
 
 /** The font of what is painted, at a size in pixels. */
 export const font = (size) => `${size}px system-ui, "Segoe UI", "DejaVu Sans", sans-serif`;

@@ -24,6 +24,16 @@ export function few(names, most, between = ", ") {
   return names.slice(0, most).join(between) + (more > 0 ? ` and ${more} more` : "");
 }
 
+const LONGEST = 28; // characters of a name that are drawn
+
+/** A name as it is drawn: of a very long one the beginning and the end tell it apart. */
+export function shortened(name) {
+  const letters = [...name];
+  if (letters.length <= LONGEST) return name;
+  const half = (LONGEST - 1) >> 1;
+  return `${letters.slice(0, half).join("")}…${letters.slice(-half).join("")}`;
+}
+
 /** The word for a reading, or for what the state has of a sensor. */
 export const bitWord = (bit) => (bit === null ? "unknown" : bit ? "on" : "off");
 

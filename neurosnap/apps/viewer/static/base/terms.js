@@ -72,22 +72,13 @@ export function explain() {
     tip.style.left = `${Math.max(GAP, Math.min(left, innerWidth - width - GAP))}px`;
     tip.style.top = `${below ? bottom + GAP : top - GAP - height}px`;
   };
-  const wordOf = ({ target }) => target.closest?.(".term");
-  document.addEventListener("pointerover", (event) => {
-    const word = wordOf(event);
+  const follow = ({ target }) => {
+    const word = target.closest?.(".term");
     // One may move onto the sentence, to read it at leisure.
     if (word) show(word);
-    else if (event.target !== tip && document.activeElement !== at) hide();
-  });
-  document.addEventListener("focusin", (event) => {
-    const word = wordOf(event);
-    if (word) show(word);
-    else hide();
-  });
-  document.addEventListener("click", (event) => {
-    const word = wordOf(event);
-    if (word) show(word);
-  });
+    else if (target !== tip && document.activeElement !== at) hide();
+  };
+  for (const event of ["pointerover", "focusin", "click"]) document.addEventListener(event, follow);
   document.addEventListener(
     "keydown",
     (event) => {

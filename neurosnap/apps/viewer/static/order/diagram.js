@@ -86,31 +86,25 @@ export class Diagram {
     this._layers[4].replaceChildren(...marksOf(marks, this._laid.places));
   }
 
-  /** Mark what is selected: `{sensor}`, `{edge}`, or null. */
-  choose(thing) {
-    this._chosen = thing;
-    this._dress();
-  }
-
-  /** Show what is looked at, as `Focus.of` has it; the rest is faint or left out. */
-  focus(focus) {
+  /**
+   * Show what is looked at, as `Focus.of` has it; the rest is faint or left out. Mark what is
+   * selected, `{sensor}`, `{edge}` or null, and the sensors a search has found, null if
+   * there is no search.
+   */
+  focus(focus, chosen, sought) {
     const key = ({ sensors, edges, alone }) => [alone, [...edges], [...(sensors ?? ["all"])]].join();
     const laidOut = this._focus.alone || focus.alone;
     const same = key(focus) === key(this._focus);
+    const isMarked = chosen === this._chosen && sought === this._sought;
     this._focus = { ...focus, edges: new Set(focus.edges) };
-    if (same || this._graph === null) return;
-    if (laidOut) {
+    [this._chosen, this._sought] = [chosen, sought];
+    if ((same && isMarked) || this._graph === null) return;
+    if (laidOut && !same) {
       this._whole = true;
       this._arrange();
     } else {
       this._dress();
     }
-  }
-
-  /** Mark the sensors a search has found; null if there is no search. */
-  seek(sensors) {
-    this._sought = sensors;
-    this._dress();
   }
 
   // Looking --------------------------------------------------------------------------

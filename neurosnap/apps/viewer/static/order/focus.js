@@ -16,21 +16,23 @@ const DEPTHS = [["1", "1 edge"], ["2", "2 edges"], ["Infinity", "all"]];
 
 /** The controls, and what follows from them. */
 export class Focus {
-  /** @param {{isGrown: (sensor: number) => boolean, change: () => void}} on */
-  constructor(on) {
-    this._on = on;
+  /**
+   * @param {import("../run/growth.js").GrowthView} growth
+   * @param {() => void} change told of every change
+   */
+  constructor(growth, change) {
+    this._growth = growth;
+    this._change = change;
     this._edges = new Set(EDGES);
     this._only = new Set();
     this._alone = false;
-    this._reach = null;
     this._depth = find("focus-depth");
     this._depth.append(...DEPTHS.map(([value, text]) => make("option", { value }, text)));
     this._depth.value = "Infinity";
-    this._depth.addEventListener("change", () => on.change());
+    this._depth.addEventListener("change", change);
     this._chips = new Map();
     for (const kind of EDGES) this._chip("focus-edges", kind, this._edges);
     for (const kind of ONLY) this._chip("focus-only", kind, this._only);
-    find("focus-alone").addEventListener("click", () => this.toggle());
   }
 
   /** Lay out only what is looked at, or everything. */
@@ -38,7 +40,7 @@ export class Focus {
     if (this._alone === alone) return;
     this._alone = alone;
     find("focus-alone").setAttribute("aria-pressed", alone);
-    this._on.change();
+    this._change();
   }
 
   toggle() {
@@ -58,7 +60,7 @@ export class Focus {
       on: (sensor) => held[sensor].condition === "on",
       contradicted: (sensor) => held[sensor].condition === "contradicted",
       predicted: (sensor) => held[sensor].predicted,
-      grown: this._on.isGrown,
+      grown: (sensor) => this._growth.isGrown(sensor),
     };
     const all = graph.nodes.map(({ sensor }) => sensor);
     this._count(graph, all, is);
@@ -76,12 +78,8 @@ export class Focus {
 
   /** The sensors of whose literals one implies one of this sensor's, or is implied. */
   _around(graph, sensor, isLarge) {
-    if (this._reach?.graph !== graph) {
-      const passes = ({ source, target }) => this._edges.has(drawn(source, target).kind);
-      const way = new Reach(graph, passes, this._edges.has("same"));
-      this._reach = { graph, way };
-    }
-    const { way } = this._reach;
+    const passes = ({ source, target }) => this._edges.has(drawn(source, target).kind);
+    const way = new Reach(graph, passes, this._edges.has("same"));
     const within = (most) => {
       const found = [way.above([2 * sensor], most), way.below([2 * sensor], most)];
       return new Set(found.flatMap((literals) => [...literals.keys()].map(sensorOf)));
@@ -116,8 +114,7 @@ export class Focus {
     chip.addEventListener("click", () => {
       if (!chosen.delete(kind)) chosen.add(kind);
       chip.setAttribute("aria-pressed", chosen.has(kind));
-      this._reach = null;
-      this._on.change();
+      this._change();
     });
     this._chips.set(kind, chip);
     find(home).append(chip);
@@ -162,7 +159,6 @@ export class Search {
    * @param {object} on
    * @param {(found: Set<number>|null) => void} on.mark
    * @param {(sensor: number) => void} on.pick
-   * @param {(sensor: number) => boolean} on.isGrown
    */
   constructor(names, growth, on) {
     this._names = names;
@@ -218,7 +214,7 @@ export class Search {
     if (key === undefined) return (sensor) => names[sensor].includes(word);
     const known = key === "is" ? BELIEVED : READ;
     if (!known.includes(value)) return `${key}: one of ${known.join(", ")}`;
-    if (value === "grown") return this._on.isGrown;
+    if (value === "grown") return (sensor) => this._growth.isGrown(sensor);
     const { bits } = this._frame;
     if (key === "reads") return (sensor) => bitWord(bits[sensor]) === value;
     const held = beliefs(this._frame);

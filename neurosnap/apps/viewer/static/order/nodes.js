@@ -6,13 +6,13 @@
 // was read and contradicted has a rim and is not filled. The style sheet has the colours.
 
 import { font, make, shape, write } from "../base/dom.js";
+import { shortened } from "../base/literals.js";
 import { beliefs } from "../tick/belief.js";
 import { HEIGHT } from "./layered_drawing.js";
 
 /** How wide the part of a pill is that stands for the complement. */
 export const CAP = 16;
 
-const LONGEST = 28; // characters of a name that are drawn
 const ROUND = HEIGHT / 2;
 
 let measuring = null;
@@ -22,14 +22,6 @@ export function widthOf(item) {
   measuring ??= make("canvas").getContext("2d");
   measuring.font = font(11);
   return Math.round(measuring.measureText(shortened(item.name)).width + CAP + 18);
-}
-
-/** A name as it is drawn: of a very long one the beginning and the end tell it apart. */
-function shortened(name) {
-  const letters = [...name];
-  if (letters.length <= LONGEST) return name;
-  const half = (LONGEST - 1) >> 1;
-  return `${letters.slice(0, half).join("")}…${letters.slice(-half).join("")}`;
 }
 
 /** The shape of the left (-1) or the right (1) half of a pill, from where the halves meet. */

@@ -28,19 +28,14 @@ export class OrderView {
     this._sought = null;
     this._arranged = 0; // when an order was last shown
     this.graph = null;
-    const isGrown = (sensor) => growth.of(sensor) !== undefined;
     this.orders = new Orders(on.fetchGraph);
     this.diagram = new Diagram(find("drawing"), {
       pick: on.choose,
       alone: () => this.focus.layOut(true),
       tell: (sensor) => `${names[sensor]}: ${on.reasons().of(sensor)}`,
     });
-    this.focus = new Focus({ isGrown, change: () => this._refocus() });
-    this.search = new Search(names, growth, {
-      mark: (found) => this._seek(found),
-      isGrown,
-      pick: on.goTo,
-    });
+    this.focus = new Focus(growth, () => this._refocus());
+    this.search = new Search(names, growth, { mark: (found) => this._seek(found), pick: on.goTo });
   }
 
   /** The order of a frame, if it is the one that is here; null: it is not. */
@@ -68,7 +63,6 @@ export class OrderView {
   /** Mark what is selected: `{sensor}`, `{edge}`, or null. */
   choose(thing) {
     this.chosen = thing;
-    this.diagram.choose(thing);
     this._refocus();
   }
 
@@ -103,14 +97,14 @@ export class OrderView {
 
   _seek(found) {
     this._sought = found;
-    this.diagram.seek(found);
     this._refocus();
   }
 
   /** Look at what is selected, searched and filtered for. */
   _refocus() {
     if (this.graph === null || this._frame === null) return;
-    this.diagram.focus(this.focus.of(this.graph, this._frame, this.chosen, this._sought));
+    const focus = this.focus.of(this.graph, this._frame, this.chosen, this._sought);
+    this.diagram.focus(focus, this.chosen, this._sought);
     this._describe();
   }
 

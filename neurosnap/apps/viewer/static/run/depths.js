@@ -1,7 +1,7 @@
 // Depth against height of all waves of a run: a dot for each pair, by kind of wave.
 // Words, colours and marks are those of depth.png.
 
-import { Gathering } from "../base/api.js";
+import { gathering } from "../base/api.js";
 import { counted, find, shape, write } from "../base/dom.js";
 
 const [LEFT, BOTTOM, SIDE] = [22, 136, 130]; // pixels: the axes, as the page has them
@@ -16,13 +16,9 @@ export class DepthView {
    */
   constructor(fetchDepths, play) {
     this._play = play;
-    this._gathering = new Gathering(async () => this._draw(await fetchDepths()));
+    /** Ask for the dots until all waves have been counted. */
+    this.load = gathering(async () => this._draw(await fetchDepths()));
     find("depths-dots").addEventListener("keydown", keyed);
-  }
-
-  /** Ask for the dots until all waves have been counted. */
-  load() {
-    return this._gathering.load();
   }
 
   /** Ring the place of a wave; null: there is none. */

@@ -1,8 +1,8 @@
 // The findings: which sensors were at fault, since when, and what was read around that.
 // The list is made anew only when there is something new in it.
 
-import { Gathering } from "../base/api.js";
-import { find, link, make, palette, table, write } from "../base/dom.js";
+import { gathering } from "../base/api.js";
+import { find, link, make, palette, repainted, table, write } from "../base/dom.js";
 import { bytes, imageOf } from "../time/raster.js";
 
 const [WIDE, HIGH] = [120, 14]; // pixels of the readings of a sensor
@@ -24,20 +24,14 @@ export class FindingsView {
     this._names = names;
     this._on = on;
     this.listed = []; // the newest first
-    this._gathering = new Gathering(async () => {
+    /** Ask for what there is, until all of it has been read. */
+    this.load = gathering(async () => {
       const found = await on.fetchFindings();
       this._take(found);
       if (on.isLive()) await new Promise((soon) => setTimeout(soon, REST));
       return found.done;
     });
-  }
-
-  /** Ask for what there is, until all of it has been read. */
-  load = () => this._gathering.load();
-
-  /** The scheme of colours has changed. */
-  recolour() {
-    this._draw();
+    repainted(() => this._draw());
   }
 
   /** The sensors at fault at a tick, and the rules that they break. */

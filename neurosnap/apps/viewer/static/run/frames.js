@@ -39,15 +39,13 @@ export class FrameCache {
     return this.peek(tick);
   }
 
-  /** Have the frame of a tick here soon, with those around it. */
-  ask(tick) {
-    if (tick > this.last || this.peek(tick) !== undefined) return;
-    this._load(Math.floor(tick / BLOCK)).catch(() => {}); // who needs it asks again
-  }
-
-  /** Have what follows the block of a tick ready soon. */
-  prefetch(tick) {
-    this.ask((Math.floor(tick / BLOCK) + 1) * BLOCK);
+  /** Whether the frame of a tick is here; if not it is soon, and so is the next block. */
+  isReady(tick) {
+    for (const wanted of [tick, (Math.floor(tick / BLOCK) + 1) * BLOCK]) {
+      if (wanted > this.last || this.peek(wanted) !== undefined) continue;
+      this._load(Math.floor(wanted / BLOCK)).catch(() => {}); // who needs it asks again
+    }
+    return this.peek(tick) !== undefined;
   }
 
   /** Keep a frame. */

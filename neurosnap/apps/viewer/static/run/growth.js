@@ -1,6 +1,6 @@
 // The table of the sensors a run has grown, asked for until all of them are known.
 
-import { Gathering } from "../base/api.js";
+import { gathering } from "../base/api.js";
 import { counted, find, link, make, table } from "../base/dom.js";
 
 /** The births of a run, and the panel that lists them. */
@@ -20,7 +20,9 @@ export class GrowthView {
     this.room = room;
     this.grows = room > 0;
     this._done = false;
-    this._gathering = new Gathering(async () => {
+    /** Ask for what there is, until all of it has been read. */
+    this.load = gathering(async () => {
+      if (!this.grows) return true;
       const grown = await on.fetchBirths();
       this._take(grown);
       return grown.done;
@@ -28,9 +30,9 @@ export class GrowthView {
     if (!this.grows) for (const id of ["tab-grown", "grown"]) find(id).remove();
   }
 
-  /** The birth of a sensor; undefined: it was there from the start, or is not grown. */
-  of(sensor) {
-    return this._births.get(sensor);
+  /** Whether a sensor was grown, as far as is known. */
+  isGrown(sensor) {
+    return this._births.has(sensor);
   }
 
   /** Whether a sensor is one, as far as is known, and no room for one. */
@@ -48,11 +50,6 @@ export class GrowthView {
     const first = counted(this._first, "sensor");
     const so = this._done ? "" : " so far";
     return this.grows ? `${first}, ${this._births.size} grown${so}, room for ${this.room} more` : first;
-  }
-
-  /** Ask for what there is, until all of it has been read. */
-  async load() {
-    if (this.grows) await this._gathering.load();
   }
 
   _take(grown) {

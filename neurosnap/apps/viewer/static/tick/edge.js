@@ -1,7 +1,7 @@
 // An edge: the four weights of its square and the threshold, at this tick.
 // It holds while the weight that speaks against it stays below the threshold.
 
-import { make, number, write } from "../base/dom.js";
+import { make, number, table, write } from "../base/dom.js";
 import { complementOf, literalName } from "../base/literals.js";
 import { term } from "../base/terms.js";
 
@@ -22,6 +22,7 @@ export class EdgeView {
     clearTimeout(this._timer);
     this._edge = edge;
     this._known = null;
+    delete this._home.dataset.tick; // its weights are not here yet
     if (edge === null) return;
     const names = [edge.source, edge.target].map((end) => literalName(this._names, end));
     const backwards = [edge.target, edge.source].map((end) =>
@@ -33,7 +34,7 @@ export class EdgeView {
     this._home.replaceChildren(
       make("p", {}, make("b", {}, `${names[0]} → ${names[1]}`), ` ${kind}`),
       make("p", { className: "quiet" }, `the same as ${backwards[0]} → ${backwards[1]}`),
-      make("table", { id: "edge" }, make("tbody", {}, ...this._lines(edge))),
+      table("The weights of its square", [], this._lines(edge), { id: "edge" }),
       this._says,
     );
   }
@@ -62,14 +63,7 @@ export class EdgeView {
     const pairs = [[a, b], [a, b_], [a_, b], [a_, b_]];
     const labels = pairs.map(([one, other]) => `${one} and ${other}`);
     const limit = make("span", {}, term("threshold"), " of the second");
-    return [...labels, limit].map((label, k) =>
-      make(
-        "tr",
-        {},
-        make("th", { scope: "row" }, label),
-        this._values[k],
-      ),
-    );
+    return [...labels, limit].map((label, k) => [label, this._values[k]]);
   }
 
   _show(known) {

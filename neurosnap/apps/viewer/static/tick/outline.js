@@ -1,6 +1,6 @@
 // The diagram in words: a table with a line for each sensor.
 
-import { find, link, make, write } from "../base/dom.js";
+import { find, link, make, table, write } from "../base/dom.js";
 import { bitWord, conditions, drawn, few, isComplement, literalName, sensorOf } from "../base/literals.js";
 import { term } from "../base/terms.js";
 import { unread } from "../run/growth.js";
@@ -24,8 +24,7 @@ export class Outline {
       const cells = ["reads", "state", "belief", "layer", "implies"].map((what) =>
         make("td", { className: what }),
       );
-      const row = make("tr", {}, make("th", { scope: "row" }, open), ...cells);
-      return { row, cells, open };
+      return [open, ...cells];
     });
     const titles = [
       "Sensor",
@@ -35,15 +34,8 @@ export class Outline {
       term("layer", "Layer"),
       term("implies", "Implies (→), excludes (⊣)"),
     ];
-    home.replaceChildren(
-      make(
-        "table",
-        { id: "outline" },
-        make("caption", { className: "unseen" }, "Every sensor, its state and its edges"),
-        make("thead", {}, make("tr", {}, ...titles.map((t) => make("th", { scope: "col" }, t)))),
-        make("tbody", {}, ...this._rows.map(({ row }) => row)),
-      ),
-    );
+    const caption = "Every sensor, its state and its edges";
+    home.replaceChildren(table(caption, titles, this._rows, { id: "outline" }));
     this._shown = 0;
   }
 
@@ -54,7 +46,8 @@ export class Outline {
     if (this._home.hidden || (playing && now - this._shown < RARELY)) return;
     this._shown = now;
     const words = conditions(frame);
-    this._rows.forEach(({ row, cells: [reads, state, belief] }, sensor) => {
+    this._rows.forEach(([open, reads, state, belief], sensor) => {
+      const row = open.closest("tr");
       row.hidden = sensor >= frame.sensors;
       if (row.hidden) return;
       const gone = unread(frame, sensor);
@@ -74,7 +67,7 @@ export class Outline {
   /** Names have changed. */
   rename() {
     this._graph = null;
-    this._rows.forEach(({ open }, sensor) => {
+    this._rows.forEach(([open], sensor) => {
       write(open, this._names[sensor]);
       open.title = this._names[sensor];
     });
@@ -82,7 +75,7 @@ export class Outline {
 
   _setGraph(graph) {
     this._graph = graph;
-    for (const { cells: [, , , layer, implies] } of this._rows) {
+    for (const [, , , , layer, implies] of this._rows) {
       write(layer, "");
       write(implies, "");
     }
@@ -103,7 +96,7 @@ export class Outline {
       members.slice(1).forEach((literal, k) => out[sensorOf(literal)].push(`${others[k]} ≡ ${first}`));
     }
     for (const node of graph.nodes) {
-      const [, , , layer, implies] = this._rows[node.sensor].cells;
+      const [, , , , layer, implies] = this._rows[node.sensor];
       write(layer, String(node.layer));
       write(implies, out[node.sensor].join("; "));
     }

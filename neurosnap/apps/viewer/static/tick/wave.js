@@ -25,12 +25,6 @@ export class WaveView {
       this._take(this._frame);
       this._on.change();
     });
-    find("wave-play").addEventListener("click", () => this.toggle());
-    find("wave-deepest").addEventListener("click", () => {
-      this.takeDeepest();
-      this._on.change();
-      find("wave-which").focus(); // the button is gone
-    });
     find("wave-hop").addEventListener("input", (event) => {
       this._started = null;
       this._at = Number(event.target.value);
@@ -62,9 +56,8 @@ export class WaveView {
   /** Play a wave of this tick, or the deepest if it is not among those shown. */
   play(number) {
     const wave = this._frame.waves.find((one) => one.wave === number) ?? deepest(this._frame.waves);
-    if (wave !== null) this._which = this._keyOf(wave);
     this._at = null;
-    this._take(this._frame);
+    if (wave !== null) this.take(this._keyOf(wave));
     this.toggle();
   }
 
@@ -81,9 +74,7 @@ export class WaveView {
   /** Choose the wave of this tick that goes deepest, if one goes anywhere. */
   takeDeepest() {
     const wave = deepest(this._frame.waves);
-    if (wave === null) return;
-    this._which = this._keyOf(wave);
-    this._take(this._frame);
+    if (wave !== null) this.take(this._keyOf(wave));
   }
 
   /** Show another tick; its state, until its wave is asked for. */
@@ -198,12 +189,8 @@ export class WaveView {
     write(find("wave-play"), hop === null ? "Play wave" : "Show state");
     write(find("wave-says"), this._words(hop));
     const why = whyShallow(this._frame, this._wave);
-    const other = why ? deepest(this._frame.waves) : null;
     write(find("wave-why"), why);
     find("wave-why").hidden = why === "";
-    find("wave-deepest").hidden = other === null;
-    const hops = other && counted(other.depth, "hop");
-    write(find("wave-deepest"), other ? `Show ${this._nameOf(other)}, ${hops}` : "");
   }
 
   _words(hop) {
@@ -217,7 +204,7 @@ export class WaveView {
   }
 }
 
-// Why a wave of a tick goes nowhere, and which other one goes deep.
+// Which wave of a tick goes deepest, and why that of the state goes nowhere.
 
 /** The wave that goes deepest, of those that start in the present state if any of them does. */
 function deepest(waves) {

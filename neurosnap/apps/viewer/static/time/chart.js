@@ -1,6 +1,6 @@
 // Curves over ticks: a line at the current tick, values under the pointer, a range to drag.
 
-import { font, make, palette } from "../base/dom.js";
+import { font, make, palette, repainted } from "../base/dom.js";
 
 /** The colours of curves, in their order. */
 export const INKS = ["first", "second", "third", "fourth"];
@@ -30,21 +30,22 @@ export class Chart {
     this._on = on;
     this._now = make("div", { className: "now" });
     this._tick = null;
-    this._ends = null;
+    this._ends = [1, 0];
     new ResizeObserver(() => this._resize()).observe(home);
+    repainted(() => this._draw());
   }
 
   /**
    * Draw other values.
    *
    * @param {number[][]} data ticks, then the values of each curve
-   * @param {[number, number]} [ends] the first and the last tick of the axis, where there
-   *   may be more than is known yet; without: of the data
+   * @param {[number, number]} ends the first and the last tick of the axis: there may be
+   *   more than is known yet
    */
-  set(data, ends = null) {
+  set(data, [first, last]) {
     this._data = data;
-    const more = ends?.[0] === ends?.[1] ? 0.5 : 0; // an axis has a length
-    this._ends = ends && [ends[0] - more, ends[1] + more];
+    const more = first === last ? 0.5 : 0; // an axis has a length
+    this._ends = [first - more, last + more];
     if (this._drawn) this._drawn.setData(data);
     else this._draw();
   }
@@ -53,11 +54,6 @@ export class Chart {
   at(tick) {
     this._tick = tick;
     this._place();
-  }
-
-  /** The scheme of colours has changed. */
-  recolour() {
-    this._draw();
   }
 
   _draw() {
@@ -77,7 +73,7 @@ export class Chart {
       {
         width,
         height,
-        scales: { x: { time: false, range: (_, low, high) => this._ends ?? [low, high] }, y: { range } },
+        scales: { x: { time: false, range: () => this._ends }, y: { range } },
         axes: [
           { ...grid, size: 20, gap: 2, space: 60 },
           { ...grid, size: 42, gap: 3, space: 22, incrs: WHOLE },
@@ -149,8 +145,7 @@ export class Chart {
    * the browser where that is would cost a layout with every tick.
    */
   _place() {
-    const ticks = this._data?.[0];
-    const [first, last] = this._ends ?? [ticks?.[0], ticks?.at(-1)];
+    const [first, last] = this._ends;
     const isThere = this._drawn && this._tick >= first && this._tick <= last;
     this._now.hidden = !isThere;
     if (!isThere) return;

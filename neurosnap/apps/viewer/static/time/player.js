@@ -119,8 +119,8 @@ export class Player {
   };
 }
 
-// The time line: a slider over the whole recording, buttons around it, and the tick in
-// the page's address.
+// The time line: a slider over the whole recording, what is beside it, and the tick in the
+// page's address. Its buttons are those of keys.
 
 const PLAY = "M4 2.5v11L13 8z";
 const PAUSE = "M4 3h3v10H4zM9 3h3v10H9z";
@@ -137,11 +137,6 @@ export class Timeline {
     find("speed").addEventListener("change", (event) =>
       player.setSpeed(Number(event.target.value)),
     );
-    find("play").addEventListener("click", () => player.toggle());
-    find("back").addEventListener("click", () => player.step(-1));
-    find("on").addEventListener("click", () => player.step(1));
-    find("start").addEventListener("click", () => player.step(-Infinity));
-    find("end").addEventListener("click", () => player.step(Infinity));
     find("follow").addEventListener("click", () => player.follow());
   }
 
@@ -182,7 +177,6 @@ export class TickRange {
     this._change = () => {}; // who is told is not there yet
     this._ends = [1, 0];
     this.chosen = null;
-    find("range").addEventListener("click", () => this.set(null));
     this.restore();
     this._change = change;
   }

@@ -1,6 +1,6 @@
 // Small plots over time, one for each kind of number, all over the same ticks.
 
-import { Gathering } from "../base/api.js";
+import { gathering } from "../base/api.js";
 import { find, make, number, write } from "../base/dom.js";
 import { term } from "../base/terms.js";
 import { countAll } from "../tick/belief.js";
@@ -39,7 +39,7 @@ export class Plots {
   constructor(home, on) {
     this._on = on;
     this._range = [1, 0];
-    this._gathering = new Gathering(() => this._ask());
+    this._gather = gathering(() => this._ask());
     this._frame = null;
     this._told = 0;
     this._under = null; // the tick under the pointer
@@ -52,7 +52,7 @@ export class Plots {
     this._range = [first, last];
     if (last < first) return;
     this._wait(true);
-    await this._gathering.load().catch(() => this._wait(false)); // said where it was asked
+    await this._gather().catch(() => this._wait(false)); // said where it was asked
   }
 
   /** Show which tick one is at; the values, while it plays, now and then. */
@@ -63,11 +63,6 @@ export class Plots {
     if (playing && now - this._told < RARELY) return;
     this._told = now;
     for (const plot of this._plots) this._tell(plot);
-  }
-
-  /** The scheme of colours has changed. */
-  recolour() {
-    for (const plot of this._plots) plot.chart.recolour();
   }
 
   /** Ask for everything once; tell whether all is there now. */

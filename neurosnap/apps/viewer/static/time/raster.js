@@ -1,7 +1,8 @@
 // A raster of every sensor over time: a row a sensor, a column a tick.
 
-import { Gathering } from "../base/api.js";
-import { counted, find, make, palette, write } from "../base/dom.js";
+import { gathering } from "../base/api.js";
+import { counted, find, make, palette, repainted, write } from "../base/dom.js";
+import { shortened } from "../base/literals.js";
 import { term } from "../base/terms.js";
 
 const HIGH = 13; // pixels of a row
@@ -28,7 +29,7 @@ export class RasterView {
     this._on = on;
     this._range = [1, 0];
     this._frame = null;
-    this._gathering = new Gathering(() => this._ask());
+    this._gather = gathering(() => this._ask());
     this._findings = []; // a frame is around what each sensor read
     this._cursor = null; // the square that the keys are at: `{tick, sensor}`
     this._canvas = make("canvas", { tabIndex: 0, role: "img" });
@@ -51,6 +52,7 @@ export class RasterView {
     this._canvas.addEventListener("click", (event) => this._go(this._under(event)));
     this._canvas.addEventListener("keydown", (event) => this._key(event));
     new ResizeObserver(() => this._resized()).observe(this._map);
+    repainted(() => this._draw());
   }
 
   /** Show ticks `first` to `last`. */
@@ -80,11 +82,6 @@ export class RasterView {
     this._draw();
   }
 
-  /** The scheme of colours has changed. */
-  recolour() {
-    this._draw();
-  }
-
   _offer(sensors) {
     const starts = Array.from({ length: Math.ceil(sensors / SENSORS) }, (_, k) => k * SENSORS);
     const text = (start) => `sensors ${start + 1} to ${Math.min(start + SENSORS, sensors)}`;
@@ -98,7 +95,7 @@ export class RasterView {
 
   /** Ask for the values until all of them have been read; nothing while they are not seen. */
   _load() {
-    this._gathering.load().catch(() => {}); // said where it was asked
+    this._gather().catch(() => {}); // said where it was asked
   }
 
   async _ask() {
@@ -112,12 +109,6 @@ export class RasterView {
     return this._known.done;
   }
 
-  /** How many of the sensors asked for there are by now: others are still to be grown. */
-  get _rows() {
-    const { sensor, sensors } = this._known;
-    return Math.max(0, Math.min(sensors, this._frame.sensors - sensor));
-  }
-
   _resized() {
     if (this._map.clientWidth !== this._width) this._load();
   }
@@ -126,7 +117,7 @@ export class RasterView {
     if (!this._known || this._map.clientWidth === 0) return;
     this._width = this._map.clientWidth;
     const { sensor, sensors, columns, step, first } = this._known;
-    const rows = this._rows;
+    const rows = Math.max(0, Math.min(sensors, this._frame.sensors - sensor)); // others are still to be grown
     const [wide, high] = [this._width, rows * HIGH];
     const dots = devicePixelRatio;
     const canvas = this._canvas;
@@ -140,16 +131,16 @@ export class RasterView {
     context.textBaseline = "middle";
     context.fillStyle = colours.ink;
     for (let row = 0; row < rows; row += 1) {
-      context.fillText(clipped(context, this._names[sensor + row]), 2, (row + 0.5) * HIGH);
+      context.fillText(shortened(this._names[sensor + row]), 2, (row + 0.5) * HIGH, NAMES - 8);
     }
     context.imageSmoothingEnabled = false; // a square is a square
-    const image = imageOf(colours, bytes(this._known.values), columns, rows, sensors);
+    this._bytes = bytes(this._known.values);
+    const image = imageOf(colours, this._bytes, columns, rows, sensors);
     context.drawImage(image, NAMES, 0, wide - NAMES, high);
     const last = first + (columns - 1) * step;
     const few = step > 1 ? `, one of ${step} ticks` : "";
     canvas.ariaLabel = `${counted(rows, "sensor")} over ticks ${first} to ${last}${few}. Arrows move, Enter goes there.`;
-    this._shown = { sensor, sensors, columns, step, first, rows, few };
-    this._bytes = bytes(this._known.values);
+    this._shown = { sensor, sensors, columns, step, first, rows };
     context.strokeStyle = colours.bad;
     context.lineWidth = 2;
     for (const { sensors: [culprit], first: from, last: to } of this._findings) {
@@ -257,12 +248,4 @@ export function imageOf(colours, known, columns, rows, sensors) {
   const small = new OffscreenCanvas(columns, rows);
   small.getContext("2d").putImageData(image, 0, 0);
   return small;
-}
-
-/** A name as far as there is room for it. */
-function clipped(context, name) {
-  if (context.measureText(name).width <= NAMES - 8) return name;
-  let text = name;
-  while (text && context.measureText(`${text}…`).width > NAMES - 8) text = text.slice(0, -1);
-  return `${text}…`;
 }

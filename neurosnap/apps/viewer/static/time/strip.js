@@ -2,7 +2,7 @@
 // Targets reached, beginnings of trajectories, restarts and ticks that are not
 // there are among them. The server counts them for stretches of ticks a few pixels wide.
 
-import { Gathering } from "../base/api.js";
+import { gathering } from "../base/api.js";
 import { counted, find, make, shape, write } from "../base/dom.js";
 
 const HEIGHT = 16;
@@ -46,7 +46,7 @@ export class Strip {
     this._range = [1, 0];
     this._chosen = null;
     this._marks = null;
-    this._gathering = new Gathering(async () => {
+    this._gather = gathering(async () => {
       const bins = Math.max(1, Math.floor(this._room / STRETCH));
       this._marks = await on.fetchMarks(...this._range, bins);
       this._draw();
@@ -70,7 +70,7 @@ export class Strip {
   /** Ask for what happened between two ticks, until all of it has been read. */
   async load(first, last) {
     this._range = [first, last];
-    if (last >= first) await this._gathering.load();
+    if (last >= first) await this._gather();
   }
 
   /** Show which ticks one looks at; null: all. */

@@ -29,11 +29,6 @@ export class TimeView {
     this.range = new TickRange(() => this._showRange());
   }
 
-  /** Show where the player is. */
-  showTick() {
-    this.timeline.showTick();
-  }
-
   /** Show a tick. */
   at(frame) {
     this.plots.at(frame, this.player.playing);
@@ -46,12 +41,6 @@ export class TimeView {
     this.range.setEnds(first, last);
     this._showRange();
     this.strip.load(first, last).catch(() => {}); // said where it was asked
-  }
-
-  /** The scheme of colours has changed. */
-  recolour() {
-    this.plots.recolour();
-    this.raster.recolour();
   }
 
   /** Show the ticks one looks at over time, and repeat them. */
