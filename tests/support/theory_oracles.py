@@ -5,7 +5,7 @@ set of its pairs; a vertex is a frozen set of literals.
 """
 
 import itertools
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from functools import cached_property
 from typing import TypeAlias
 
@@ -176,7 +176,7 @@ class Model:
         return found
 
 
-def face_counts(cubes: set[Vertices]) -> tuple[int, ...]:
+def face_counts(cubes: Iterable[Collection[object]]) -> tuple[int, ...]:
     """How many cubes have 1, 2, 4, … vertices."""
     sizes = [len(cube).bit_length() - 1 for cube in cubes]
     return tuple(sizes.count(d) for d in range(max(sizes, default=-1) + 1))

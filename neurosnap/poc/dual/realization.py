@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.poc.dual.homology import CellComplex
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.poc.order.literal_sets import Literals, as_literals
+from neurosnap.poc.order.literal_sets import Literals, as_literals, members, to_mask
 from neurosnap.poc.order.pocset import PocSet
 from neurosnap.sensorium import Sensorium, complete
 
@@ -133,21 +132,42 @@ class Realization:
         hidden = ~self._fields[chosen[1::2]].any(axis=0)
         return np.asarray(shown & hidden, np.bool_)
 
-    def punctured(self, poc: PocSet | None = None) -> CellComplex:
+    def punctured(self, poc: PocSet | None = None) -> list[tuple[int, ...]]:
         """Return the punctured dual: the cubes all of whose vertices are consistent.
 
-        [GK] defn:punctured dual. Equal sensors are one direction.
+        [GK] defn:punctured dual. Equal sensors are one direction. A cube of dimension
+        ``d`` has ``2**d`` vertices and ``3**d`` faces, which are all listed.
 
         Args:
             poc: As for `vertices`.
 
+        Returns:
+            Each cube once, by rising dimension, as the numbers of its vertices in the
+            list of `vertices`. Each bit of a place in it is a direction: the vertex at
+            place ``p`` is off, and that at place 0 on, in the directions that ``p``
+            has. O(N) time and one place in memory for each vertex of each cube.
+
         Examples:
-            >>> r = Realization([[1, 1, 0], [1, 0, 1]])
-            >>> r.punctured()
-            CellComplex(vertices=3, edges=2)
+            >>> Realization([[1, 1, 0], [1, 0, 1]]).punctured()
+            [(0,), (1,), (2,), (0, 2), (0, 1)]
         """
         order = self.poc_set() if poc is None else poc
-        return CellComplex.cubical(corners(order, self.vertices(order)))
+        vertices = self.vertices(order)
+        directions = [a for a in order.heads.tolist() if not a & 1]
+        corners = [to_mask(vertex[directions]) for vertex in vertices]
+        numbers = {corner: number for number, corner in enumerate(corners)}
+        # Each with the directions in which it may still grow: its first vertex is on
+        # there, and they come after its own, so that each cube is found once.
+        cubes: list[tuple[tuple[int, ...], int]] = [
+            ((number,), corner) for corner, number in numbers.items()
+        ]
+        for cube, ahead in cubes:
+            for k in members(ahead):
+                across = [numbers.get(corners[v] ^ 1 << k) for v in cube]
+                parallel = tuple(v for v in across if v is not None)
+                if len(parallel) == len(cube):
+                    cubes.append((cube + parallel, ahead >> k + 1 << k + 1))
+        return [cube for cube, _ in cubes]
 
     def __repr__(self) -> str:
         sensors, points = self._fields.shape
@@ -159,18 +179,6 @@ class Realization:
             names = list(self._sensorium.names)
             raise InvalidValueError("poc set", f"must be on {names}", str(poc))
         return poc
-
-
-def corners(poc: PocSet, vertices: Iterable[NDArray[np.bool_]]) -> NDArray[np.bool_]:
-    """Return vertices as corners of a cube with one direction for each proper element.
-
-    Returns:
-        ``(vertices, n)`` bool, as `CellComplex.cubical` takes them: neighbours differ
-        in one place, however many sensors are equal.
-    """
-    own = [a for a in poc.heads.tolist() if not a & 1]
-    rows = [vertex[own] for vertex in vertices]
-    return np.array(rows, np.bool_).reshape(len(rows), len(own))
 
 
 def inclusions(fields: NDArray[np.bool_]) -> NDArray[np.bool_]:
