@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from neurosnap.health.ten_minute_steps import Steps
-from tests.support.home_steps import steps_of
+from neurosnap.health.ten_minute_steps import Steps, steps_of
 
 DAY = 86400.0
 START = 1_600_041_600.0  # a midnight

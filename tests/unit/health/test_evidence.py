@@ -14,8 +14,7 @@ from neurosnap.health.alarm_budget import parse_budget, shares
 from neurosnap.health.evidence import CLOCKS, KINDS, SUMS, JudgedSteps, follow, peaks
 from neurosnap.health.expectation import features, fitted, learned
 from neurosnap.health.tail_probability import MEAN, RATE, SHAPE, START, tail_of, weekly
-from neurosnap.health.ten_minute_steps import DAY, STEP, parts_of_day
-from tests.support.home_steps import steps_of
+from neurosnap.health.ten_minute_steps import DAY, STEP, parts_of_day, steps_of
 
 
 def level(tail: np.ndarray, times: float) -> float:

@@ -6,8 +6,7 @@ from hypothesis import strategies as st
 
 from neurosnap.health.alarm import Alarm
 from neurosnap.health.monitor import Follower, HealthMonitor
-from neurosnap.health.ten_minute_steps import STEP, Steps
-from tests.support.home_steps import steps_of
+from neurosnap.health.ten_minute_steps import STEP, Steps, steps_of
 
 START = 1_600_000_123.0
 

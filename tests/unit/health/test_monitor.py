@@ -14,9 +14,8 @@ from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.health.alarm import Alarm
 from neurosnap.health.judge import WELL
 from neurosnap.health.monitor import HealthMonitor
-from neurosnap.health.ten_minute_steps import DAY, Steps
+from neurosnap.health.ten_minute_steps import DAY, Steps, steps_of
 from tests.support.exhaustive import rows
-from tests.support.home_steps import steps_of
 from tests.support.lived_in import SENSORS, START, Interval, in_steps, lived_in
 
 DAYS, ONSET_DAY = 28, 21

@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.health.ten_minute_steps import Steps
+from neurosnap.health.ten_minute_steps import Steps, steps_of
 from neurosnap.sources.open_readings import open_readings
 from neurosnap.sources.readings import Readings, seconds_of
-from tests.support.home_steps import steps_of
 
 _ZONE = "# zone:"
 Spans = NDArray[np.float64]
