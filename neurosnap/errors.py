@@ -1,4 +1,4 @@
-"""All errors that this package raises on purpose, with one root.
+"""All errors that this package raises on purpose, with a common base class.
 
 Messages read ``name: rule, got value`` so that whoever sees one knows the thing, the
 rule and what was given. Each error also inherits the built-in it refines, so callers

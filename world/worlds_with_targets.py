@@ -1,4 +1,4 @@
-"""Entry points for `gymnasium.make`: makes every world, with or without a target.
+"""Entry points for `gymnasium.make`: make every world, with or without a target.
 
 A world that is asked for with a target comes with the action ``wait`` unless that is
 declined: an agent that has found its target must be able to stay. Two sensors report

@@ -1,4 +1,4 @@
-"""The actions of an agent, and the consequences that are certain by definition.
+"""The actions of an agent, and the implications about them that hold by definition.
 
 References:
     [GK] "Defining Actions"; "Algorithm: Computing the consequences of an action". The

@@ -1,4 +1,4 @@
-"""Records which states followed each action, for the imagining planner."""
+"""Records which states followed each action, for the planner that looks ahead."""
 
 from collections.abc import Collection
 from typing import Final

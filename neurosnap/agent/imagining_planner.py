@@ -1,4 +1,4 @@
-"""Plans by imagined waves: what each action leads to, step after step.
+"""Plans several steps ahead by waves that start in states to come.
 
 From an imagined state the consequences of every action are asked for, a round of waves
 for all states that are as many steps away. What an action guarantees is the next

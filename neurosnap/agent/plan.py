@@ -1,4 +1,4 @@
-"""Plans: lists of actions, their expected results, and how explanations name them."""
+"""Plans: lists of actions, their expected results, and their wording for people."""
 
 import re
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Sensors of any order: predicates over the last states of a trajectory.
+"""Sensors as predicates over the last n states of a trajectory, for any n.
 
 A sensor of order n reads the state that has just been entered and the n before it.
 Before its start a trajectory is taken to have rested at its first state, so every

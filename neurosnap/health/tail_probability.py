@@ -1,4 +1,4 @@
-"""Tail probabilities: how often a healthy sensor shows evidence as strong as given.
+"""Tail probabilities: how often a healthy sensor shows evidence of a given strength.
 
 Evidence rises from zero, reaches a peak and falls back: an excursion. The larger half
 of the peaks of the past is taken to be exponential above the median, with unknown mean.

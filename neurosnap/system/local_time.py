@@ -1,4 +1,4 @@
-"""Local times: moments by the clock of a time zone."""
+"""Converts moments to the local time of a time zone."""
 
 import functools
 import logging

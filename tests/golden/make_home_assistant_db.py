@@ -1,4 +1,4 @@
-"""Makes `home-assistant_v2.db` with Home Assistant itself: a home of six days.
+"""Makes `home-assistant_v2.db` with Home Assistant itself: six days in a home.
 
 It needs an environment of its own, in which Home Assistant is installed:
 

@@ -1,4 +1,4 @@
-"""Every kind of run gives its stored result, and so does its coordinator.
+"""Every kind of run gives its stored result, and so does its coordinator alone.
 
 What is stored is replaced by ``python -m tests.golden.make``, where it is to change.
 """

@@ -1,4 +1,4 @@
-"""Verbs that connect to a hub that is absent, starts late, or refuses them."""
+"""Commands that connect to a hub that is absent, starts late, or refuses them."""
 
 import signal
 from collections.abc import Iterator

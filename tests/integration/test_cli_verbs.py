@@ -1,4 +1,4 @@
-"""End-to-end tests of the verbs that run a swarm and read its recording."""
+"""End-to-end tests of the commands that run a swarm and read its recording."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""The findings on the page: their list, their marks, and where a run opens."""
+"""The findings on the page: their list, their marks, and where a page opens."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What the page says about one tick: its state, waves, plans, words and images."""
+"""What the page shows of one tick: its state, waves, plans, descriptions and images."""
 
 import re
 from collections import Counter

@@ -1,4 +1,4 @@
-"""A verb reports missing requirements before it starts anything."""
+"""A command reports missing requirements before it starts anything."""
 
 import json
 import sys

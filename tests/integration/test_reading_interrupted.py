@@ -1,4 +1,4 @@
-"""Verbs that read a recording stop at Ctrl-C, before they unpack another chunk."""
+"""Commands that read a recording stop at Ctrl-C, before they unpack another chunk."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""Verbs of `neurosnap` called in this process."""
+"""Calls `neurosnap` commands in this process."""
 
 import json
 from typing import Any

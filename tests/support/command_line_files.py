@@ -1,4 +1,4 @@
-"""Readings and recordings for verbs to work on."""
+"""Readings and recordings as input for the tested commands."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Runs `neurosnap` verbs in separate, fast-starting processes.
+"""Runs `neurosnap` commands in separate, fast-starting processes.
 
 A process of Python needs a second of work to load a verb, and the fork server, the
 coordinator, the world and the recorder of a run need as much again, each time that they

@@ -1,4 +1,4 @@
-"""Verbs that run a swarm of processes and are interrupted."""
+"""Commands that run a swarm of processes and are interrupted."""
 
 import subprocess
 from collections.abc import Iterable, Iterator

@@ -1,4 +1,4 @@
-"""Recorded runs for replay tests: a path world, and readings with exceptions."""
+"""Recorded runs for tests of replay: a walk, and readings that break rules at times."""
 
 import random
 from collections.abc import Iterable, Sequence

@@ -1,4 +1,4 @@
-"""A short walk along a path, and the files it leaves."""
+"""A short run in a path world, for tests of restarts, and the files that it writes."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Parts of a swarm as services, each a verb in its own process."""
+"""Parts of a swarm as services, each a command in its own process."""
 
 import asyncio
 import json

@@ -1,4 +1,4 @@
-"""The intake of a simulated run: it dies and comes again while readings go on coming.
+"""The intake of a simulated run: it dies and restarts while readings keep arriving.
 
 The source and its journal are the real ones. What each row must be, and what must have
 been received by then, is noted here besides.

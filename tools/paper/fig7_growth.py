@@ -1,4 +1,4 @@
-"""Figure 7: the benefit of growing sensors and of planning by imagined waves.
+"""Figure 7: the benefit of growing sensors and of planning several steps ahead.
 
 The paper has no such experiment: it names both as future work. In each world several
 learners explore for equally many steps; then they are sent on the same journeys.

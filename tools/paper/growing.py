@@ -1,4 +1,4 @@
-"""Compares agents with and without growth and imagining to tabular learners."""
+"""Compares agents that grow sensors or plan ahead, or neither, to tabular learners."""
 
 from collections.abc import Iterator
 from typing import Literal, TypeAlias, TypeVar

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Take the pictures of the page of `neurosnap view` that docs/ shows; a wave moves.
+"""Takes the pictures of the `neurosnap view` page for docs/; one of them moves.
 
     tools/screenshots [--only diagram wave moving] [--out DIR] [--dark]
 

@@ -1,4 +1,4 @@
-"""The snapshot and the drawn order that a run had learned by a given tick.
+"""The snapshot that a run had learned by a given tick, and its order as it is drawn.
 
 A recording has a key-frame every so many ticks; from there the observations that were
 recorded are learned again, as the coordinator did. Snapshots that were come by on the

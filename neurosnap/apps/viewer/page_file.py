@@ -1,4 +1,4 @@
-"""A run's page as one file that opens anywhere: what `neurosnap view` would answer.
+"""A run's page as one file that opens anywhere, with all that it can show.
 
 It holds the page's modules, and the answers to what they ask, packed; ``file.js``
 unpacks them. Its policy allows what has these hashes, and no network.

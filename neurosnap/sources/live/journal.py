@@ -1,4 +1,4 @@
-"""The journal: keeps readings of a live source on disk before they make a tick.
+"""The journal: keeps the readings of a live source on disk until they are recorded.
 
 What comes from outside comes once. So each row, the readings of one tick, is written
 here before it is used, and a run that goes on after a death reads it again; and so is

@@ -1,4 +1,4 @@
-"""Counts of a live source: received, shown, rejected, lost.
+"""Counts of a live source's readings: received, used in a tick, rejected, lost.
 
 What is rejected or lost is named in the log without flooding it.
 """

@@ -1,4 +1,4 @@
-"""Exploration picks an action among the imagined ones."""
+"""The agent explores one of the actions whose results it has computed."""
 
 import numpy as np
 from numpy.typing import NDArray

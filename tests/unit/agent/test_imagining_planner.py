@@ -1,4 +1,4 @@
-"""Planning by imagined waves: shortest paths, unknown states, reused plans."""
+"""Planning several steps ahead: shortest paths, unknown states, reused plans."""
 
 import re
 from collections.abc import Iterable

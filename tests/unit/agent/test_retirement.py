@@ -1,4 +1,4 @@
-"""Which grown sensors retire, compared with the history tick by tick."""
+"""The sensors chosen to retire are those that the history gives, tick by tick."""
 
 from types import SimpleNamespace
 from typing import Any

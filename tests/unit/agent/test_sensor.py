@@ -1,4 +1,4 @@
-"""Sensors of any order: what they read along a trajectory, and what they refuse."""
+"""Sensors over the last n states of a trajectory: their readings, and invalid input."""
 
 import pickle
 import re

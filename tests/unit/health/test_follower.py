@@ -1,4 +1,4 @@
-"""A follower builds the right steps and reports missing observations."""
+"""The follower of a run's readings builds ten-minute steps and reports what is new."""
 
 import numpy as np
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""Start of evidence and recovery of a sensor, checked by hand."""
+"""When evidence against a sensor starts, and when the sensor recovers, by hand."""
 
 import numpy as np
 import pytest

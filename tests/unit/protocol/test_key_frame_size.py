@@ -1,4 +1,4 @@
-"""Key-frames are as large as a message may be, at most; bands keep them so."""
+"""No key-frame is larger than a message may be: a large one is cut into bands."""
 
 import numpy as np
 import pytest

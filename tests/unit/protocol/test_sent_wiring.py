@@ -1,4 +1,4 @@
-"""The edges sent to cells and workers, and the reports they allow."""
+"""The edges sent to cells and workers, and the reports that are valid under them."""
 
 import pytest
 from hypothesis import given

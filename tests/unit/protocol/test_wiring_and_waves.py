@@ -1,4 +1,4 @@
-"""The coordinator's messages to the cells, and its count of returned waves."""
+"""The coordinator's messages to the cells, and its count of settled waves."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Files come whole or not at all; one notices what others wrote and the disk lost."""
+"""Files are written whole or not at all; foreign and lost writes are detected."""
 
 import errno
 import os

@@ -1,4 +1,4 @@
-"""Times are told by the clock of a zone, and of one that is not known here in UTC."""
+"""Times are given in a time zone, and in UTC if that zone is unknown here."""
 
 from pathlib import Path
 

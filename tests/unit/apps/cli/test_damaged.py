@@ -1,4 +1,4 @@
-"""The exit codes of verbs that read a damaged or truncated recording."""
+"""The exit codes of commands that read a damaged or truncated recording."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Signals that end a verb."""
+"""Signals that end a command: its exit code, and what it leaves behind."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""Help is readable: every verb and option explains itself, options in groups."""
+"""Help is readable: every command and option is explained, and options are grouped."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""Every verb rejects wrong usage, and names the mistake, before writing."""
+"""Every command rejects wrong usage and names the mistake before it writes anything."""
 
 import shlex
 import shutil

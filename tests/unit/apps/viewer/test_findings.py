@@ -1,4 +1,4 @@
-"""Anomalies are grouped to findings, each with its beginning, its end and its state."""
+"""Anomalies are grouped into findings, each with its start, its end and its state."""
 
 import numpy as np
 import pytest

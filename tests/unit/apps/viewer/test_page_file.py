@@ -1,4 +1,4 @@
-"""A page that is one file: its script, its policy, and what is too large for it."""
+"""The page as one file: its script, its security policy, and runs too large for it."""
 
 import re
 from base64 import b64encode

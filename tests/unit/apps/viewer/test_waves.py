@@ -1,4 +1,4 @@
-"""What the page receives about grown sensors, imagined waves and plans."""
+"""What the page receives about grown sensors, planning waves and plans."""
 
 import asyncio
 from typing import Any

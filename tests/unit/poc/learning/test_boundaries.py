@@ -1,4 +1,4 @@
-"""The exact observation at which a relation's code changes, checked by hand."""
+"""The observation at which the relation of two sensors changes, counted by hand."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A table of options is checked whole, and holds no secret."""
+"""A table of options is checked as a whole, and holds no secret."""
 
 import re
 from pathlib import Path

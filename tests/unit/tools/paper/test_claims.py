@@ -1,4 +1,4 @@
-"""Each claim of the paper holds for data that agree with it, and not for others."""
+"""The check of a claim passes on data that agree with it, and fails on others."""
 
 from collections.abc import Callable, Sequence
 

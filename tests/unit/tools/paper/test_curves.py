@@ -1,4 +1,4 @@
-"""Means, waits and fitted rates of curves whose numbers are known."""
+"""Means, waiting times and fitted rates of curves, where the right values are known."""
 
 import msgspec
 import numpy as np

@@ -1,4 +1,4 @@
-"""Experiment stages match the worlds they are made from, and learners work on them."""
+"""Tables of the growth experiment match their worlds, and learners run on them."""
 
 from typing import Any
 
