@@ -26,6 +26,7 @@ export class Focus {
     this._edges = new Set(EDGES);
     this._only = new Set();
     this._alone = false;
+    this._reach = null;
     this._depth = find("focus-depth");
     this._depth.append(...DEPTHS.map(([value, text]) => make("option", { value }, text)));
     this._depth.value = "Infinity";
@@ -78,8 +79,12 @@ export class Focus {
 
   /** The sensors of whose literals one implies one of this sensor's, or is implied. */
   _around(graph, sensor, isLarge) {
-    const passes = ({ source, target }) => this._edges.has(drawn(source, target).kind);
-    const way = new Reach(graph, passes, this._edges.has("same"));
+    if (this._reach?.graph !== graph) {
+      const passes = ({ source, target }) => this._edges.has(drawn(source, target).kind);
+      const way = new Reach(graph, passes, this._edges.has("same"));
+      this._reach = { graph, way };
+    }
+    const { way } = this._reach;
     const within = (most) => {
       const found = [way.above([2 * sensor], most), way.below([2 * sensor], most)];
       return new Set(found.flatMap((literals) => [...literals.keys()].map(sensorOf)));
@@ -114,6 +119,7 @@ export class Focus {
     chip.addEventListener("click", () => {
       if (!chosen.delete(kind)) chosen.add(kind);
       chip.setAttribute("aria-pressed", chosen.has(kind));
+      this._reach = null;
       this._change();
     });
     this._chips.set(kind, chip);

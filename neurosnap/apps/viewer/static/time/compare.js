@@ -1,6 +1,6 @@
 // The comparison of two ticks: of this recording, or of this and another.
 
-import { counted, find, link, make, table, write } from "../base/dom.js";
+import { find, link, make, table, write } from "../base/dom.js";
 import { bitWord, drawn, few, literalName } from "../base/literals.js";
 
 const NAMED = 6;
