@@ -1,4 +1,4 @@
-"""Chooses the action to explore: the one from which most surprises are expected a step.
+"""Chooses the action to explore: the one expected to surprise most per step.
 
 While states are imagined, nearest first, each outcome is put down as unknown or known.
 An unknown one is a sure surprise. Of a known one that was never seen, and of a new

@@ -1,4 +1,4 @@
-"""Plans several steps ahead by waves that start in states to come.
+"""Plans several steps ahead by waves that start in predicted states.
 
 From an imagined state the consequences of every action are asked for, a round of waves
 for all states that are as many steps away. What an action guarantees is the next

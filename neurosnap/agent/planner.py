@@ -1,4 +1,4 @@
-"""Greedy planning: the target state nearest to the current one, and an action to it.
+"""Greedy planning: finds the nearest target state, and an action towards it.
 
 The subgoals are the projection of the state onto the target in the model space: what
 would be sensed at the closest point of the target.

@@ -1,4 +1,4 @@
-"""A swarm that is wired to given orders and learns nothing, to time its waves.
+"""Times waves in a swarm that is wired to a given order and learns nothing.
 
 It conducts in the coordinator's place. What it measures is what the cells did: hops and
 pulses are from their reports, the time is from the wave's start to its last credit.

@@ -1,4 +1,4 @@
-"""The in-memory fabric: swarms in one process, and simulation.
+"""The in-memory fabric, for swarms in one process and for simulation.
 
 Every message is delivered in the order it was published; a simulation draws another
 order, and faults, by overriding what is said to be for it.

@@ -1,4 +1,4 @@
-"""Waits for the first of several events, with a time limit, or until one fails."""
+"""Waits for the first of several events, until a time limit or a failure."""
 
 import asyncio
 from collections.abc import Coroutine

@@ -1,4 +1,4 @@
-"""Guarantees of every fabric on messages and presence: in memory and Zenoh."""
+"""What both fabrics, in memory and Zenoh, guarantee for messages and presence."""
 
 import asyncio
 import os

@@ -1,4 +1,4 @@
-"""Tests for every world: Gymnasium's contract, and correct sensor fields."""
+"""Every world keeps Gymnasium's contract, and its sensors are on where they must."""
 
 import importlib
 import itertools

@@ -1,4 +1,4 @@
-"""``import neurosnap`` runs a swarm; many checks on one run."""
+"""The Python API runs a swarm; many checks on one run."""
 
 import asyncio
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A swarm over three hubs: `join` on two of them, the rest of the run at the third.
+"""A swarm over three hubs: cells join at two of them, the rest is at the third.
 
 The hubs are in a line, with a link that takes its time, can be cut, and counts what
 crosses it.

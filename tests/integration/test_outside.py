@@ -1,4 +1,4 @@
-"""External sources, using programs with stock Zenoh."""
+"""Readings and decisions exchanged with outside programs that use plain Zenoh."""
 
 import json
 import signal

@@ -1,4 +1,4 @@
-"""The bands of a snapshot join to the same snapshot; anything else is refused."""
+"""Bands of a snapshot join into the same snapshot; wrong bands are refused."""
 
 import random
 from collections.abc import Callable

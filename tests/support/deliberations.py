@@ -1,4 +1,4 @@
-"""Test policies whose questions are answered by fixed values or by a graph."""
+"""Policies for tests: fixed values or a graph answer their questions."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""Marks the rows of a test that only `make test-all` runs."""
+"""Marks the rows of a test's table that only `make test-all` runs."""
 
 from collections.abc import Iterable
 from typing import Any

@@ -1,4 +1,4 @@
-"""Compares agents that grow sensors or plan ahead, or neither, to tabular learners."""
+"""Compares agents that grow sensors, plan ahead or do neither, with tabular ones."""
 
 from collections.abc import Iterator
 from typing import Literal, TypeAlias, TypeVar

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Takes the pictures of the `neurosnap view` page for docs/; one of them moves.
+"""Takes the pictures of the `neurosnap view` page for docs/; one is animated.
 
     tools/screenshots [--only diagram wave moving] [--out DIR] [--dark]
 

@@ -1,4 +1,4 @@
-"""The recorder of a simulated swarm: real files, flushed without a clock."""
+"""The recorder of a simulated swarm: writes real files, flushes without timers."""
 
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager

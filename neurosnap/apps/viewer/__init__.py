@@ -1,1 +1,1 @@
-"""The viewer of recordings: a local web page, and the server that answers it."""
+"""The viewer of recordings: a local web page and its server."""

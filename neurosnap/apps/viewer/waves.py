@@ -1,4 +1,4 @@
-"""The waves in a range of ticks: which start in the present, and which serve a plan.
+"""The waves in a range of ticks, and the plans that planning waves serve.
 
 Whether a wave has settled is found as the coordinator finds it, by the credit that came
 back: a wave that was given up, or whose reports were lost, shows as one that has not.

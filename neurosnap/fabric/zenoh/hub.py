@@ -1,4 +1,4 @@
-"""The hub: a router for a swarm's parts, which may be linked to other hubs.
+"""The hub: routes messages between a swarm's parts, and can link to other hubs.
 
 Without credentials it stays on this machine; with them every link is mutual TLS, and it
 passes on only what `neurosnap.fabric.roles` allows. Each hub holds its own

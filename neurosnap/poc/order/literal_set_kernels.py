@@ -1,4 +1,4 @@
-"""Compiled loops over sets of literals, 64 literals a word."""
+"""Compiled loops over sets of literals, packed 64 per machine word."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""Sets of literals, validated: as bool arrays, packed words or whole numbers.
+"""Validated sets of literals, as bool arrays, packed words or whole numbers.
 
 A set is a bool array with a place a literal. Packed, it is a row of 64-bit words, the
 lowest bit first, zero beyond the last literal: literal ``a`` is bit ``a % 64`` of word

@@ -1,4 +1,4 @@
-"""A bounded queue of messages to publish while the broker is away.
+"""A bounded queue that holds messages until the broker is back.
 
 Two kinds of messages, since they age differently. A *held* one says how things are: the
 latest of its topic counts, the broker retains it, and a broker that lost its memory is

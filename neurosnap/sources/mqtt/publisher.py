@@ -1,4 +1,4 @@
-"""Publishes what a run believes over MQTT, and announces it to Home Assistant.
+"""Publishes a run's state over MQTT, and announces it to Home Assistant.
 
 That is beliefs, decisions, anomalies and the health of sensors.
 

@@ -1,4 +1,4 @@
-"""The sensors chosen to retire are those that the history gives, tick by tick."""
+"""The sensors that retire are those computed from the history at every tick."""
 
 from types import SimpleNamespace
 from typing import Any

@@ -1,4 +1,4 @@
-"""When evidence against a sensor starts, and when the sensor recovers, by hand."""
+"""When evidence against a sensor starts and ends, compared with counts by hand."""
 
 import numpy as np
 import pytest

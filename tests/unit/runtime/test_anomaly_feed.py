@@ -1,4 +1,4 @@
-"""An observer of a swarm tolerates any message."""
+"""The anomaly feed of a swarm tolerates any message."""
 
 import asyncio
 from typing import Any, Self

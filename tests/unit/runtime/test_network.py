@@ -1,4 +1,4 @@
-"""Which keys a host needs: those of its own parts."""
+"""A host needs only the TLS keys of its own parts."""
 
 import shutil
 from pathlib import Path

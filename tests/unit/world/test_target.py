@@ -1,4 +1,4 @@
-"""Targets: distances match brute force, and two sensors report changes."""
+"""Targets: distances match brute force, and two sensors report their changes."""
 
 from collections import deque
 from typing import Any

@@ -1,4 +1,4 @@
-"""Baselines: simple ways to find broken sensors, learned from the same past."""
+"""Baselines: simple ways to find broken sensors, trained on the monitor's data."""
 
 from itertools import pairwise
 

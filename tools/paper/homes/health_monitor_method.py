@@ -1,4 +1,4 @@
-"""The health monitor as a method: one pass over a home, forked for each fault."""
+"""Runs the health monitor once over a home, forking the run for each fault."""
 
 import bisect
 from copy import deepcopy
