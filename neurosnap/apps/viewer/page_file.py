@@ -53,7 +53,7 @@ def write_page(log: Path, out: Path, *, force: bool = False) -> None:
     if not 1 <= ticks <= MOST_TICKS:
         rule = f"must have 1 to {MOST_TICKS} ticks to be a page ({_INSTEAD})"
         raise InvalidValueError(str(log), rule, ticks)
-    script = _bundled("main.js", {})
+    script = bundled("main.js", {})
     before, after = _page(script).split("</body>")
     reads = [file.path for file in view.recording.files]
     with placed(out, force=force, reads=reads) as draft, draft.open("wb") as file:
@@ -130,7 +130,7 @@ def _of_tick(
         yield f"difference {tick} {before.tick}", compared(*ends)
 
 
-def _bundled(name: str, done: dict[str, str]) -> str:
+def bundled(name: str, done: dict[str, str]) -> str:
     """Return a module and all that it imports as one script.
 
     Args:
@@ -142,7 +142,7 @@ def _bundled(name: str, done: dict[str, str]) -> str:
         path = (_STATIC / name).parent / found[3]
         other = path.resolve().relative_to(_STATIC).as_posix()
         if other not in done:
-            _bundled(other, done)
+            bundled(other, done)
         names = found[1] or found[2].replace(" as ", ": ")
         return f"const {names} = modules['{other}'];"
 

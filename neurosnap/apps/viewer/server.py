@@ -21,6 +21,7 @@ import msgspec
 import uvicorn
 from starlette.applications import Starlette
 from starlette.datastructures import QueryParams
+from starlette.middleware.gzip import GZipMiddleware
 from starlette.requests import Request
 from starlette.responses import FileResponse, Response, StreamingResponse
 from starlette.routing import Mount, Route
@@ -31,6 +32,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.auth import LOOPBACK, Address, Guard, Strangers, refusal
 from neurosnap.apps.viewer.opened_recording import ViewSession, news
+from neurosnap.apps.viewer.page_file import bundled
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.tick_difference import difference
 from neurosnap.apps.viewer.time_series import MOST_COLUMNS, MOST_SENSORS
@@ -134,6 +136,10 @@ def _application(sessions: Sequence[ViewSession], stop: asyncio.Event) -> ASGIAp
     async def page(_: Request) -> Response:
         return FileResponse(_STATIC / "index.html")
 
+    async def script(_: Request) -> Response:
+        text = bundled("main.js", {}) + "export const { page } = modules['main.js'];\n"
+        return Response(text, media_type="text/javascript")
+
     async def nowhere(_: Request, __: Exception) -> Response:
         return refusal(404, "not here")
 
@@ -142,14 +148,16 @@ def _application(sessions: Sequence[ViewSession], stop: asyncio.Event) -> ASGIAp
         return refusal(status, str(error))
 
     endpoints = Questions(sessions, stop).endpoints()
-    return Starlette(
+    found = Starlette(
         routes=[
             *(Route(f"/api/{name}", each) for name, each in endpoints.items()),
             Route("/", page),
+            Route("/main.js", script),
             Mount("/", StaticFiles(directory=_STATIC)),
         ],
         exception_handlers={404: nowhere, NeurosnapError: wrong},
     )
+    return GZipMiddleware(found, minimum_size=2000, compresslevel=3)
 
 
 def _listener(port: int) -> socket.socket:
