@@ -3,9 +3,11 @@
 import asyncio
 import os
 import signal
+import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import psutil
@@ -64,13 +66,25 @@ class Nodes:
     """
 
     def __init__(self, *cpus: int) -> None:
-        self._cluster = Cluster()
-        self._nodes = [
-            self._cluster.add_node(
-                num_cpus=count, node_ip_address="127.0.0.1", include_dashboard=False
-            )
-            for count in cpus
-        ]
+        # Ray waits 30 s for a node, and a busy machine may take longer to start one.
+        until = time.monotonic() + PATIENCE
+        while True:
+            self._cluster = Cluster()
+            try:
+                self._nodes = [self._add(count) for count in cpus]
+            except Exception as error:
+                self.close()
+                slow = "timed out during startup" in str(error)
+                if not slow or time.monotonic() > until:
+                    raise
+            else:
+                return
+
+    def _add(self, cpus: int) -> Any:
+        where = "127.0.0.1"
+        return self._cluster.add_node(
+            num_cpus=cpus, node_ip_address=where, include_dashboard=False
+        )
 
     @property
     def address(self) -> str:
