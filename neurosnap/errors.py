@@ -1,7 +1,7 @@
 """All errors that this package raises on purpose, with a common base class.
 
-Messages read ``name: rule, got value`` so that whoever sees one knows the thing, the
-rule and what was given. Each error also inherits the built-in it refines, so callers
+Messages read ``name: rule, got value``, so that a user knows the thing, the rule and
+what was given. Each error also inherits the built-in it refines, so callers
 may catch either.
 """
 

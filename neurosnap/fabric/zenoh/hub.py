@@ -9,8 +9,8 @@ lets any session be a router's. The access list holds that one to what its certi
 may publish and read; but other hubs send messages for each other through it where that
 seems the shorter way, and there the list drops them. So its name is logged.
 
-Which sessions it refuses, and why, Zenoh says in its own log alone, which has no limit
-that an intruder could not pass: so there is none, but as ``RUST_LOG`` asks for.
+Zenoh tells in its own log alone which sessions it refuses, and why. An intruder could
+fill that log without end, so it is off unless ``RUST_LOG`` turns it on.
 """
 
 import asyncio
