@@ -9,7 +9,7 @@ import os
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import BinaryIO, Self
+from typing import Self
 
 import msgspec
 import numpy as np
@@ -237,15 +237,14 @@ class RecordingFile:
     def _selected(self, topics: frozenset[str], start: int) -> Iterator[Recorded]:
         layout, known = self.layout, self.topics
         skips, asked = layout.indexed, {None, *topics}
-        with opened(self.path) as file:
-            for chunk in layout.chunks:
-                if not skips or (
-                    chunk.end >= start
-                    and any(known.get(channel) in asked for channel in chunk.counts)
-                ):
-                    messages = self._messages_in(file, chunk)
-                    yield from messages.recorded(topics, start)
-                start = 0 if start <= chunk.end else start
+        for chunk in layout.chunks:
+            if not skips or (
+                chunk.end >= start
+                and any(known.get(channel) in asked for channel in chunk.counts)
+            ):
+                # Opened for each chunk: a reader that stops leaves no file open.
+                yield from self.chunk(chunk).recorded(topics, start)
+            start = 0 if start <= chunk.end else start
 
     def chunk(self, chunk: Chunk) -> ChunkMessages:
         """Return the messages of a chunk of this file.
@@ -255,11 +254,8 @@ class RecordingFile:
                 of ours holds.
         """
         with opened(self.path) as file:
-            return self._messages_in(file, chunk)
-
-    def _messages_in(self, file: BinaryIO, chunk: Chunk) -> ChunkMessages:
-        """Return the messages of a chunk; channels registered in it go first."""
-        found = index_chunk(self.path, file, chunk)
+            found = index_chunk(self.path, file, chunk)
+        # Channels that are registered in it go first.
         topics = {**self.topics, **self._named(found.registered.values())}
         for number in np.flatnonzero(np.bincount(found.channels)).tolist():
             if number not in topics:

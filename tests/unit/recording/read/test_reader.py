@@ -72,6 +72,14 @@ def test_chunks_without_the_topic_are_not_unpacked(
     assert unpacked == []
 
 
+def test_a_reader_that_stops_leaves_no_file_open(log: Path) -> None:
+    record(log, traffic(100), every=10)
+    messages = Recording.open(log).messages()
+    assert next(messages)
+    assert log not in {path.resolve() for path in Path("/proc/self/fd").iterdir()}
+    assert len(list(messages)) == 99
+
+
 def test_a_finished_recording_says_so_and_an_unknown_topic_is_refused_at_once(
     log: Path,
 ) -> None:
