@@ -17,7 +17,7 @@ import asyncio
 import time
 from collections import deque
 from collections.abc import AsyncIterator
-from contextlib import ExitStack, asynccontextmanager
+from contextlib import ExitStack, asynccontextmanager, closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,6 +32,7 @@ from neurosnap.errors import (
 )
 from neurosnap.fabric.wait_for_events import wait_any
 from neurosnap.protocol.resume_point import ResumePoint
+from neurosnap.protocol.world import World
 from neurosnap.recording.read.recording import first_path, part_paths
 from neurosnap.recording.replay.find_resume_point import find_resume_point
 from neurosnap.runtime.compilation import compile_first
@@ -49,7 +50,7 @@ from neurosnap.runtime.request import (
 from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.runtime.run_with_intake import run_journaled
 from neurosnap.sources.live.journal import journal_of
-from neurosnap.sources.open import is_live
+from neurosnap.sources.open import is_file, is_live, open_source
 
 MORE = 300
 """Ticks that a resumed run adds unless asked otherwise."""
@@ -113,12 +114,15 @@ def resumed(log: Path, ticks: int | None = None, trusts: Trust = False) -> RunRe
         trusts: As in `reopened`.
 
     Raises:
-        InvalidValueError: There are so many ticks, or no more; or as from `reopened`.
+        InvalidValueError: It has so many ticks, or no more; or as `World`, `reopened`.
         NeurosnapError: There is nothing to go on from.
     """
     with held(journal_of(log), "journal", _OTHERS):
         options, past = find_resume_point(log)
     options, length = reopened(options, trusts)
+    if is_file(options.source):  # one that reads otherwise must begin no recording
+        with closing(open_source(options.source, options.seed)) as source:
+            World(source, options.body, past)
     most = past.tick + MORE if ticks is None else ticks
     if length is not None:
         most = min(most, length)

@@ -10,6 +10,7 @@ from neurosnap import wire
 from neurosnap.recording.read.recording import Recording
 from neurosnap.sensorium import pack
 from neurosnap.sources.live.journal import journal_of
+from tests.support.command_line import call
 from tests.support.commands import Command
 from tests.support.patience import PATIENCE
 
@@ -34,6 +35,7 @@ def test_lines_of_standard_input_are_the_ticks(tmp_path: Path, cells: str) -> No
         process.stdin.write(text)
         _, errors = process.communicate(PATIENCE)
     assert process.returncode == 3, errors  # a line and a sensor's reading are lost
+    assert call("info", log).exit_code == 3
     assert not journal_of(log).exists()
     assert "sensor: must be one the run began with, got 'window'" in errors
     assert "1 more refused, the last: standard input:" in errors  # within a second

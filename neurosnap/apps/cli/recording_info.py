@@ -21,8 +21,8 @@ from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.format.records import Cut, damaged_in
 from neurosnap.recording.read.recording import Recording, begun, first_path, part_paths
 from neurosnap.recording.replay.grown_sensors import RecordedBirth, births_of
-from neurosnap.sources.live.statistics import outage_line, received_line
-from neurosnap.sources.open import is_live
+from neurosnap.sources.live.statistics import Statistics, outage_line, received_line
+from neurosnap.sources.open import is_live, lost_by
 from neurosnap.system.local_time import local
 
 _SECOND = 10**9
@@ -68,6 +68,8 @@ class Info(msgspec.Struct, frozen=True):
     """What a live source had received up to the last tick."""
     outages: tuple[wire.Outage, ...] = ()
     """When it could not listen."""
+    lost: int = 0
+    """How many of its readings are lost; an outage counts as one."""
     zone: str = "UTC"
     """The time zone of the run."""
 
@@ -115,6 +117,7 @@ def describe(recording: Recording) -> Info:
         room=births.room if births else 0,
         received=received,
         outages=outages,
+        lost=0 if run is None else lost_by(run.source, Statistics(received)),
         zone="UTC" if run is None else run.zone,
     )
 

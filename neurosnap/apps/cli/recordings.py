@@ -47,7 +47,7 @@ def info(log: Log, form: Format = "text") -> None:
         found = describe(recording)
         say(form, *render(found))
         print_facts(form, found)
-        if found.damage or not recording.whole:
+        if found.damage or found.lost or not recording.whole:
             raise typer.Exit(LOST)
 
 
