@@ -55,6 +55,8 @@ if TYPE_CHECKING:
     from neurosnap.protocol.run_options import RunOptions
     from neurosnap.protocol.wave_settling import Wave
 
+MOST_WAVES = 1 << 15
+"""Waves from one key-frame to the next, about: some searches take hundreds a tick."""
 _WHO = "coordinator"
 
 
@@ -130,6 +132,7 @@ class Coordinator:
         self.graph: PocGraph = snapshot.poc_graph()
         self._changed = False  # whether the graph did since the last wiring
         self._known = b""  # which readings of the last observation were known
+        self._framed = 0  # the waves at the last key-frame
         self._detector: AnomalyDetector | None = None
         if options.watch:
             self._detector = AnomalyDetector(
@@ -177,6 +180,7 @@ class Coordinator:
         if not memory.is_empty:
             self._mind.policy.grow(memory.body)
         self._known = frame.known
+        self._framed = frame.waves
         self.totals = Totals(
             ticks=frame.tick,
             waves=frame.waves,
@@ -494,7 +498,8 @@ class Coordinator:
         self.totals.waves = self._control.waves
         if self._stopping or self.tick == self._ticks:
             return self._finish()
-        if self.tick % self._options.keyframe_every:
+        since = self._control.waves - self._framed
+        if self.tick % self._options.keyframe_every and since < MOST_WAVES:
             return [self.decision]
         if self._learning.shares:
             return [*self._keyframe(), *self._learning.ask_bands(self.tick)]
@@ -530,6 +535,7 @@ class Coordinator:
         detector, options = self._detector, self._options
         history = b"" if detector is None else detector.to_bytes()
         self._control.wiring.is_forgotten = True
+        self._framed = self._control.waves
         frame = wire.KeyFrame(
             tick=self.tick,
             snapshot=b"",

@@ -27,7 +27,7 @@ _MOST_PLACES = 2000
 """Pairs of a height and a depth: there may be as many heights as sensors."""
 T = TypeVar("T", bound=api.ReadSoFar)
 
-_BATCH = 64
+_BATCH = 16
 """Ticks read at a time, at most: others wait for as long."""
 
 

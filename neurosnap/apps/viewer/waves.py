@@ -13,6 +13,7 @@ imagined the state (`neurosnap.agent.imagining_planner`).
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from operator import itemgetter
 
 import msgspec
 import numpy as np
@@ -80,8 +81,8 @@ class Waves:
 
     def _shown(self, start: wire.WaveStart, observed: tuple[int, ...]) -> WaveView:
         found = self._found[start.wave]
-        known = (hop for hop in found.hops.items() if hop[0] in self._literals)
-        hops = sorted(known, key=lambda hop: (hop[1], hop[0]))  # nearest first
+        known = [hop for hop in found.hops.items() if hop[0] in self._literals]
+        hops = sorted(known, key=itemgetter(1, 0))  # nearest first
         return WaveView(
             wave=start.wave,
             kind=start.kind,

@@ -69,3 +69,16 @@ def test_what_was_refused_of_a_wave_that_settled_is_refused_again(
         said.append(one)
     verdict = assert_true_run(write_again(recording, log, said, expected=expected))
     assert verdict.states == TICKS
+
+
+def test_a_key_frame_follows_many_waves_and_a_replay_begins_at_each(
+    log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("neurosnap.protocol.coordinator.MOST_WAVES", 14)
+    source = Scripted(implying_rows(2 * TICKS, 0), ACTIONS)
+    record_scripted(source, scripted_options(2 * TICKS, keyframe_every=13), log)
+    frames = Recording.open(log).all("keyframe", wire.KeyFrame)
+    ticks = [frame.tick for frame in frames]
+    assert ticks == [7, 13, 20, 26, 33, 39, 40]
+    for tick in ticks[:-1]:
+        assert_true_run(log, tick, ticks=40 - tick)
