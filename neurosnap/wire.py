@@ -125,6 +125,8 @@ class Observation(_Message, frozen=True, omit_defaults=True):
     """What a live source has received so far."""
     outages: tuple[Outage, ...] = ()
     """When it could not listen since the observation before."""
+    at: Moment = 0
+    """When it was, as the source's data say; 0: when it was sent."""
 
 
 class Wiring(_Message, frozen=True):

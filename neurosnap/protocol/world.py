@@ -142,6 +142,7 @@ class World:
             cut=seen.cut and self._tick > 1,
             received=seen.received,
             outages=seen.outages,
+            at=seen.at,
         )
 
 

@@ -218,7 +218,7 @@ def refused(where: str, name: str, error: ValueError, text: str) -> InvalidValue
     """
     rule = str(error)
     if rule == RULE and is_number(text):
-        rule += f' (or learn with --when "{name} > NUMBER")'
+        rule += f' (or --when "{name} > NUMBER"; for a run, --set when=...)'
     return InvalidValueError(f"{where}: {name}", rule, text)
 
 

@@ -15,6 +15,7 @@ names, once to be the world.
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TypeVar
 
 import msgspec
 
@@ -27,10 +28,12 @@ from neurosnap.sources.live.statistics import Statistics
 from neurosnap.sources.live.stdin_source import StdinFeeder, first_line, names_in
 from neurosnap.sources.live.tick_schedule import Seconds, TickRule
 from neurosnap.sources.live.zenoh_source import Hub, ZenohFeeder
+from neurosnap.sources.meaning import Wanted, parse_comparison
 from neurosnap.sources.mqtt.options import MqttOptions
 from neurosnap.sources.protocol import Argument, Source
 from neurosnap.system.distribution import must_have
 
+A = TypeVar("A", "FileArguments", "LiveArguments")
 STDIN = "-"
 ZENOH = "zenoh:"
 MQTT = "mqtt:"
@@ -50,7 +53,7 @@ def open_source(
             the file exists), or the id of a Gymnasium environment, ``module:Id`` to
             import a module first; or a live one, as `open_live` has it.
         seed: For the environment's reset, from 0 up; a file does not use it.
-        arguments: The environment's own; a file takes none.
+        arguments: The environment's own; of a file as `FileArguments` has them.
         hub: The swarm's, for the part that is about to be its world.
         renders: Whether images of it are wanted; the observations are the same.
 
@@ -68,10 +71,7 @@ def open_source(
     elif is_file(name):
         from neurosnap.sources.open_readings import FileSource
 
-        if arguments:
-            rule = "must not be given for a file"
-            raise InvalidValueError("arguments", rule, dict(arguments))
-        opened = FileSource(name)
+        opened = FileSource(name, _converted(arguments, FileArguments).wanted())
     else:
         # Here, not above: every part asks `is_live`, and Gymnasium is large.
         from neurosnap.sources.gymnasium_source import GymnasiumSource
@@ -138,7 +138,7 @@ def open_live(
             rule = must_have(error.name or "aiomqtt", "mqtt")
             raise InvalidValueError("source", rule, "no such package") from error
         return mqtt_source(mqtt_options(arguments), journal=journal, most=most)
-    given = _converted(arguments)
+    given = _converted(arguments, LiveArguments)
     if not given.sensors:
         rule = "must be named for such a source (--set sensors=a,b,c)"
         raise InvalidValueError("sensors", rule, given.sensors)
@@ -150,6 +150,30 @@ def open_live(
         feeder = ZenohFeeder(hub)
     ticks = given.schedule()
     return LiveSource(latest, ticks, feeder=feeder, journal=journal, most=most)
+
+
+class FileArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a file is opened with: which sensors are read, and how."""
+
+    sensors: str = ""
+    """Names, or patterns with ``*`` and ``?``, commas between them; none: all."""
+    when: str = ""
+    """When sensors with numbers are on, as ``hall > 21``, semicolons between them."""
+    time: str | None = None
+    """The name of the column with the time; None for a first ``time``."""
+
+    def wanted(self) -> Wanted:
+        """Return what is read.
+
+        Raises:
+            InvalidValueError: Something is no comparison.
+        """
+        names, comparisons = self.sensors.split(","), self.when.split(";")
+        return Wanted(
+            tuple(name.strip() for name in names if name.strip()),
+            tuple(parse_comparison(each) for each in comparisons if each.strip()),
+            self.time,
+        )
 
 
 class LiveArguments(TickRule, frozen=True):
@@ -191,7 +215,7 @@ def settle(name: str, arguments: Mapping[str, Argument]) -> dict[str, Argument]:
     Raises:
         InvalidValueError: The first line names no sensors, or an argument is wrong.
     """
-    if name != STDIN or _converted(arguments).sensors:
+    if name != STDIN or _converted(arguments, LiveArguments).sensors:
         return dict(arguments)
     line = first_line()
     names = msgspec.json.encode(names_in(line)).decode()
@@ -224,9 +248,9 @@ def lost_by(name: str, counted: Statistics | None) -> int:
     return received.dropped + received.missing + received.outages + refused
 
 
-def _converted(arguments: Mapping[str, Argument]) -> LiveArguments:
+def _converted(arguments: Mapping[str, Argument], kind: type[A]) -> A:
     try:
-        return msgspec.convert(dict(arguments), LiveArguments)
+        return msgspec.convert(dict(arguments), kind)
     except msgspec.ValidationError as error:
         rule = f"must be ones such a source takes ({error})"
         raise InvalidValueError("arguments", rule, dict(arguments)) from error

@@ -16,7 +16,7 @@ from neurosnap.sources.csv_cells_and_formulas import CsvFile, TableFile, TableRo
 from neurosnap.sources.event_log import read_event_log, roles
 from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.protocol import Observed
-from neurosnap.sources.readings import Readings
+from neurosnap.sources.readings import Readings, parse_time
 from neurosnap.system.distribution import must_have
 from neurosnap.system.durable import opened_file
 
@@ -88,6 +88,7 @@ class FileSource:
 
     Args:
         path: Where the file is.
+        wanted: As in `open_readings`.
 
     Raises:
         MissingExtraError: As `open_readings`.
@@ -97,8 +98,9 @@ class FileSource:
     live: bool = False
     discrete: bool = False
 
-    def __init__(self, path: str) -> None:
-        self._columns = open_readings(path).columns
+    def __init__(self, path: str, wanted: Wanted | None = None) -> None:
+        readings = open_readings(path, wanted)
+        self._columns = readings.columns
         self.sensors: tuple[str, ...] = self._columns.sensorium.names
         self.orders: tuple[int, ...] = (0,) * len(self.sensors)
         self.actions: tuple[str, ...] = ()
@@ -108,6 +110,10 @@ class FileSource:
         if not self.length:
             raise InvalidValueError(path, "must hold readings", "none that is known")
         self._next = 0
+        # A clock that was put back, or says nothing, stands until it is ahead again.
+        times = readings.times or ()
+        moments = [parse_time(text, "time") if text else 0.0 for text in times]
+        self._at = np.maximum.accumulate(moments).tolist()
 
     def first(self) -> Observed | None:
         """Go to the beginning and return the first observation."""
@@ -118,9 +124,12 @@ class FileSource:
         """Return the next observation, or None after the last; `action` is ignored."""
         if self._next >= len(self._ticks):
             return None
-        bits, known = self._columns.row(int(self._ticks[self._next]))
+        row = int(self._ticks[self._next])
+        bits, known = self._columns.row(row)
         self._next += 1
-        return Observed(bits, None if known.all() else known, begins=self._next == 1)
+        at = self._at[row] if self._at else 0
+        begins = self._next == 1
+        return Observed(bits, None if known.all() else known, begins=begins, at=at)
 
     def close(self) -> None:
         """Do nothing: the file is closed already."""

@@ -33,6 +33,8 @@ class Observed(msgspec.Struct, frozen=True, eq=False):
     """What a live source has received so far, this tick included."""
     outages: tuple[wire.Outage, ...] = ()
     """When it could not listen since the last tick."""
+    at: float = 0
+    """When it was, as the data say, in seconds since 1970; 0: now."""
 
 
 class Source(Protocol):

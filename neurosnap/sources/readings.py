@@ -1,5 +1,6 @@
 """All readings of a file, each with its timestamp."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -59,6 +60,7 @@ def seconds_of(readings: Readings) -> NDArray[np.float64]:
 
 _MILLISECONDS = 1e11
 """Numbers from here on count these: in seconds it would be the year 5138."""
+_LATEST = 253402214400  # the last day of the year 9999
 
 
 def parse_time(text: str, name: str) -> float:
@@ -69,13 +71,19 @@ def parse_time(text: str, name: str) -> float:
     """
     try:
         number = float(text)
+        found = number / 1000 if abs(number) >= _MILLISECONDS else number
     except ValueError:
-        pass
-    else:
-        return number / 1000 if abs(number) >= _MILLISECONDS else number
+        found = _parse_date(text)
+    if not 0 <= found < _LATEST:
+        rule = "must be seconds since 1970, or a date such as 2026-07-01 12:00:00"
+        raise InvalidValueError(name, rule, text)
+    return found
+
+
+def _parse_date(text: str) -> float:
+    """Return a date in seconds since 1970; NaN if it is none."""
     try:
         moment = datetime.fromisoformat(text.strip())
-    except ValueError:
-        rule = "must be seconds since 1970, or a date such as 2026-07-01 12:00:00"
-        raise InvalidValueError(name, rule, text) from None
-    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+        return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+    except (ValueError, OverflowError):
+        return math.nan

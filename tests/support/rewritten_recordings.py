@@ -1,7 +1,7 @@
 """Recordings written again with something changed in them."""
 
 import random
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TypeAlias
 
@@ -43,26 +43,6 @@ def saying(recorded: Recorded, **changes: object) -> Recorded:
     """Return `recorded` with its message changed, at the same place and number."""
     message: wire.Message = msgspec.structs.replace(recorded.message, **changes)
     return recorded._replace(message=message, payload=wire.encode(message))
-
-
-def sent_at(log: Path, target: Path, times: Sequence[float]) -> Path:
-    """Record again as if the observation of each tick had been sent at a time.
-
-    Args:
-        log: The recording.
-        target: Where to.
-        times: Of each tick, from 1, in seconds since 1970.
-    """
-
-    def change(every: list[Recorded]) -> list[Recorded]:
-        return [
-            each._replace(sent=round(times[each.message.tick - 1] * 1e9))
-            if isinstance(each.message, wire.Observation)
-            else each
-            for each in every
-        ]
-
-    return rewritten(log, target, change)
 
 
 def flipped(data: bytes, bit: int = 0) -> bytes:

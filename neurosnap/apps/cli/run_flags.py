@@ -61,10 +61,10 @@ Described = Annotated[
     str,
     typer.Argument(
         metavar="SOURCE",
-        help="The id of a world (neurosnap/Path-v0); or a CSV file: a line of sensor"
-        " names, then a line of 0s and 1s for each tick (a first column `time` is left"
-        " out); or a TOML file that describes the whole run. Options on the command line"
-        " override that file.",
+        help="The id of a world (neurosnap/Path-v0); or a file of readings, as"
+        " `neurosnap learn` takes it: in CSV a line of sensor names, then a line of 0s"
+        " and 1s for each tick; or a TOML file that describes the whole run. Options on"
+        " the command line override that file.",
     ),
 ]
 Given = Annotated[

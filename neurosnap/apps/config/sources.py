@@ -42,10 +42,12 @@ class CsvTable(_Table, frozen=True, kw_only=True, tag="csv"):
     # Whatever has this ending is opened as a file, whether it is there or not.
     path: Annotated[str, msgspec.Meta(pattern=r"\.[cC][sS][vV]$")]
     """Where it is; its name ends with `.csv`."""
+    arguments: dict[str, Argument] = {}
+    """Which sensors are read, and how: `sensors`, `when`, `time`."""
 
     def opening(self, folder: Path) -> Opening:
         """Return how it is opened, by its path from `folder`."""
-        return str(folder / self.path), {}
+        return str(folder / self.path), dict(self.arguments)
 
 
 class _LiveTable(TickRule, frozen=True):

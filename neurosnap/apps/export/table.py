@@ -94,9 +94,9 @@ class Table:
     def _time(self, tick: Tick) -> int | None:
         if tick.observation is None:
             return None
-        if tick.sent >= _LATEST:
-            raise _wrong(tick, "time: must be before the year 2262", tick.sent)
-        return tick.sent
+        if tick.at >= _LATEST:
+            raise _wrong(tick, "time: must be before the year 2262", tick.at)
+        return tick.at
 
     def _bits(self, tick: Tick) -> list[bool | None]:
         if tick.observation is None:

@@ -113,7 +113,7 @@ class RunFindings:
         """
         for tick in range(first, last + 1):
             if tick in ticks.observations:
-                self.times[tick] = ticks.sent[tick] / 1e9
+                self.times[tick] = ticks.moments[tick] / 1e9
             told = None
             with suppress(MessageError):  # it is none
                 told = ticks.anomaly(tick, self._series.births.body)
@@ -128,7 +128,7 @@ class RunFindings:
         observation, body = ticks.observations.get(tick), self._options.body
         if self._follower is None or observation is None:
             return
-        at, on, known, begins = own_readings(observation, ticks.sent[tick], body)
+        at, on, known, begins = own_readings(observation, ticks.moments[tick], body)
         for news in self._follower.observe(on, known, at, begins=begins):
             sensor = body.own.index(news.sensor)
             for place, was in enumerate(self.alarms):

@@ -57,8 +57,8 @@ class Ticks:
     ) -> None:
         self.options = options
         self.observations: dict[int, wire.Observation] = {}
-        self.sent: dict[int, int] = {}
-        """When each of these was sent, ns since 1970."""
+        self.moments: dict[int, int] = {}
+        """When each of these was, ns since 1970."""
         self.states: dict[int, wire.State] = {}
         self.decisions: dict[int, wire.Decision] = {}
         self.anomalies: dict[int, wire.Anomaly] = {}
@@ -150,7 +150,7 @@ class Ticks:
         for seen, _, _, sent, _ in chunk.of_topic("observation"):
             if isinstance(seen, wire.Observation) and seen.tick in self._range:
                 self.observations.setdefault(seen.tick, seen)
-                self.sent.setdefault(seen.tick, sent)
+                self.moments.setdefault(seen.tick, round(seen.at * 1e9) or sent)
         for state in chunk.all("state", wire.State):
             if state.tick in self._range:
                 self.states.setdefault(state.tick, state)

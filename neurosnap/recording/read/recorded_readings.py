@@ -23,7 +23,7 @@ class OwnReadings(NamedTuple):
     """What the world's own sensors read at one tick."""
 
     at: float
-    """When it was sent, seconds since 1970."""
+    """When it was, seconds since 1970."""
     on: NDArray[np.bool_]
     """``(n,)``, which are on."""
     known: NDArray[np.bool_]
@@ -37,7 +37,7 @@ def own_readings(message: wire.Observation, sent: int, body: Body) -> OwnReading
 
     Args:
         message: Of a run with that body.
-        sent: Nanoseconds since 1970.
+        sent: When, in nanoseconds since 1970; it was then, unless it says when.
         body: What is sensed.
 
     Raises:
@@ -46,7 +46,7 @@ def own_readings(message: wire.Observation, sent: int, body: Body) -> OwnReading
     own = len(body.own)
     bits, known = unpack_readings(message.bits, message.known, body.count)
     told = np.ones(own, np.bool_) if known is None else known[:own]
-    return OwnReadings(sent / _SECOND, bits[:own], told, message.begins)
+    return OwnReadings(message.at or sent / _SECOND, bits[:own], told, message.begins)
 
 
 def observations(recording: Recording) -> Iterator[tuple[int, OwnReadings]]:

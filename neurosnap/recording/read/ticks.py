@@ -23,8 +23,8 @@ class Tick(msgspec.Struct):
 
     number: int
     observation: wire.Observation | None = None
-    sent: int = 0
-    """When the observation was sent, nanoseconds since the epoch."""
+    at: int = 0
+    """When it was observed, nanoseconds since the epoch."""
     state: wire.State | None = None
     decision: wire.Decision | None = None
 
@@ -60,7 +60,8 @@ def ticks(recording: Recording) -> Iterator[Tick]:
         tick = under_way.setdefault(message.tick, Tick(message.tick))
         match message:
             case wire.Observation():
-                tick.observation, tick.sent = message, recorded.sent
+                tick.observation = message
+                tick.at = round(message.at * 1e9) or recorded.sent
             case wire.State():
                 tick.state = message
             case wire.Decision():

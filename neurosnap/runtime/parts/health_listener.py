@@ -72,6 +72,7 @@ class HealthListener:
         self._past = past
         self._reported: Standing | None = None
         self._tick = 0  # the last that was followed
+        self._dated = False  # whether readings say when they were: not now
         self._waiting: SimpleQueue[tuple[int, OwnReadings] | None] = SimpleQueue()
 
     def receive(self, message: wire.Observation, sent: int) -> None:
@@ -83,6 +84,7 @@ class HealthListener:
             ShapeError: It is of another number of sensors.
         """
         observed = own_readings(message, sent, self._body)
+        self._dated = message.at > 0
         self._waiting.put((message.tick, observed))
 
     async def serve(self, stop: asyncio.Event) -> None:
@@ -129,7 +131,8 @@ class HealthListener:
             try:
                 observed = self._waiting.get(timeout=_LOOK)
             except Empty:
-                self._follower.until(time.time() - _LATE)
+                if not self._dated:
+                    self._follower.until(time.time() - _LATE)
             else:
                 if observed is None:
                     return

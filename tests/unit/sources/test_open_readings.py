@@ -341,12 +341,34 @@ def test_rows_come_out_in_order_whatever_seeds_and_actions_say(
     assert [one.begins for one in several if one] == [True, False, False]
 
 
+def test_a_run_has_the_sensors_it_asks_for_and_the_times_of_the_file(
+    tmp_path: Path,
+) -> None:
+    rows = (
+        "2026-07-01 12:00,0,21.5,x",
+        ",1,19,x",
+        "2026-07-01 11:00,1,20.5,x",
+        "1e10,,22,x",
+    )
+    path = written(tmp_path, "\n".join(["time,door,hall,note", *rows, ""]))
+    given = {"sensors": "d*", "when": "hall > 21, off < 20; hall > 20"}
+    source = open_source(str(path), 0, given)
+    assert source.sensors == ("door", "hall>21", "hall>20")
+    seen = [source.first(), *(source.step(0) for _ in range(3))]
+    assert [one.bits.tolist() for one in seen if one][2] == [True, False, True]
+    noon = 1_782_907_200
+    assert [one.at for one in seen if one] == [noon, noon, noon, 10**10]
+    path.write_text("time,door\nMon,0\n")
+    with pytest.raises(InvalidValueError, match=r"^time: must be seconds since 1970"):
+        open_source(str(path), 0)
+
+
 def test_time_is_a_sensor_like_any_other_when_it_is_not_first(tmp_path: Path) -> None:
     source = open_source(str(written(tmp_path, "door,time\n0,1\n")), seed=0)
     assert source.sensors == ("door", "time")
 
 
-NUMBER = f'{RULE} (or learn with --when "b > NUMBER")'
+NUMBER = f'{RULE} (or --when "b > NUMBER"; for a run, --set when=...)'
 NO_UTF8 = "{}: must be UTF-8 text, got b'"
 BLANK = "must not be blank before the end of the file, got ''"
 

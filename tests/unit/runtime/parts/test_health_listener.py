@@ -4,7 +4,9 @@ import asyncio
 import itertools
 from itertools import pairwise
 from pathlib import Path
+from queue import Empty
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -99,6 +101,23 @@ async def test_that_a_door_stays_open_is_told_although_nothing_is_read_any_more(
     assert not follower.standing.alarms
     follower.until((told.step + 1) * STEP)
     assert follower.standing.alarms == (told,)
+
+
+@pytest.mark.slow
+def test_a_file_of_long_ago_is_not_judged_by_todays_clock(
+    home: Home, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heard: list[Standing] = []
+    clock = SimpleNamespace(time=lambda: home[-1][0] + 300 * STEP)
+    monkeypatch.setattr(health_listener, "time", clock)
+    listener = HealthListener(OPTIONS, heard.append)
+    for message, sent in messages(home):
+        listener.receive(replace(message, at=sent / 1e9), 0)
+    waiting: list[object] = [listener._waiting.get() for _ in home]
+    get = Mock(side_effect=[*waiting, Empty, None])  # a moment without a reading
+    monkeypatch.setattr(listener, "_waiting", SimpleNamespace(get=get))
+    listener._follow(heard.append)
+    assert not heard[-1].alarms
 
 
 async def test_a_tick_that_is_done_again_counts_once(home: Home) -> None:
