@@ -54,7 +54,7 @@ class Alarm(msgspec.Struct, frozen=True):
 
     def line(self) -> str:
         """Return the alarm in a line."""
-        return f"{self.sensor}: {self._what()}{self._who()}; {self._rare()}. {self._else()}"
+        return f"{self.sensor}: {self._what()}{self._who()}; {self._rare()}. Could also be: {_ELSE[self.kind]}."
 
     def _what(self) -> str:
         began = told(self.since, self.zone)
@@ -65,8 +65,9 @@ class Alarm(msgspec.Struct, frozen=True):
             )
         if self.kind in ("less", "more"):
             alone = f", {self.unexpected} of them with nothing that it goes with"
+            times = "once" if self.came_on == 1 else f"{self.came_on} times"
             return (
-                f"came on {_often(self.came_on)} since {began}, where"
+                f"came on {times} since {began}, where"
                 f" {self.expected:.1f} were to be expected"
                 f"{alone if self.kind == 'more' and self.unexpected else ''}"
             )
@@ -77,7 +78,7 @@ class Alarm(msgspec.Struct, frozen=True):
             )
         return (
             f"came on {self.came_on} times within ten minutes, most before:"
-            f" {_times(self.before)}"
+            f" {math.exp(self.before):.0f}"
         )
 
     def _who(self) -> str:
@@ -96,9 +97,6 @@ class Alarm(msgspec.Struct, frozen=True):
         if weeks > 520:
             return "this sensor does so by chance not once in ten years"
         return f"this sensor does so by chance once in {weeks:.0f} weeks"
-
-    def _else(self) -> str:
-        return f"Could also be: {_ELSE[self.kind]}."
 
 
 _ELSE = {
@@ -131,14 +129,6 @@ def _seconds(evidence: float) -> str:
     """Return the time on that evidence of kind ``stuck`` stands for."""
     seconds = math.expm1(evidence)
     return f"{seconds:.0f} s" if seconds < STEP else lasted(seconds // STEP * STEP)
-
-
-def _often(times: int) -> str:
-    return "once" if times == 1 else f"{times} times"
-
-
-def _times(evidence: float) -> str:
-    return f"{math.exp(evidence):.0f}"
 
 
 class AlarmProgress(msgspec.Struct, frozen=True):

@@ -193,7 +193,7 @@ class RayActors:
 
     def _connect(self) -> None:
         self._connected = _connect(self._address)
-        self._own = _own_node()
+        self._own = str(ray.get_runtime_context().get_node_id())
 
     def _reserve(self, workers: int) -> PlacementGroup:
         self._group = _reserve(self._own, workers)
@@ -203,7 +203,7 @@ class RayActors:
         if self._group is not None:
             _release(self._group)
         if self._connected:
-            _disconnect()
+            ray.shutdown()
 
     async def make_room(self, parts: Collection[str], stop: asyncio.Event) -> None:
         """Reserve a CPU for each worker, and one here for all other parts.
@@ -231,7 +231,8 @@ class RayActors:
                 rule = "must have room on the Ray cluster"
                 raise NothingBegunError(f"swarm: {rule}, got a stop request")
             if time.monotonic() >= until:
-                free = await self._aside(_free_cpus)
+                resources = await self._aside(ray.available_resources)
+                free = resources.get("CPU", 0.0)
                 kind = PartDiedError if self._again else SwarmError
                 rule = f"must have {len(workers) + 1} free CPUs within"
                 raise kind(f"ray: {rule} {self._patience:g} s, has {free:g}")
@@ -382,7 +383,7 @@ def _connect(address: str) -> bool:
             logging_level=logging.CRITICAL,
         )
     except (ConnectionError, RuntimeError, ValueError) as error:
-        _disconnect()
+        ray.shutdown()
         raise SwarmError(f"ray: must have a cluster to connect to: {error}") from error
     return True
 
@@ -412,16 +413,6 @@ def _check_answers(given: str) -> None:
             "`placement.address` names another one, or local to start one for the run"
         )
         raise SwarmError(f"ray: {rule}: {remedy}{more}") from error
-
-
-def _disconnect() -> None:
-    """Leave the cluster, and end it if it was started for this process."""
-    ray.shutdown()
-
-
-def _own_node() -> str:
-    """Return the id of the node that this process is on."""
-    return str(ray.get_runtime_context().get_node_id())
 
 
 def _nodes() -> list[Node]:
@@ -469,11 +460,6 @@ def _missing(found: Collection[Node], own: str, workers: int) -> str:
         f"{workers + 1} CPUs, 1 for each of {workers} workers and 1 for all other"
         f" parts, has {room + 1} on {count}"
     )
-
-
-def _free_cpus() -> float:
-    """Return how many CPUs are free."""
-    return float(ray.available_resources().get("CPU", 0.0))
 
 
 def _reserve(own: str, workers: int) -> PlacementGroup:

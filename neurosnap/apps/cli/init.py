@@ -326,13 +326,10 @@ def _keys(table: msgspec.Struct) -> str:
     for field in msgspec.structs.fields(table):
         value = getattr(table, field.name)
         if value != field.default or field.name == "host":
-            lines.append(f"{field.name} = {_value(value)}")
+            # JSON's texts, numbers, lists and booleans are TOML's, but one character.
+            text = msgspec.json.encode(value).decode().replace("\x7f", "\\u007f")
+            lines.append(f"{field.name} = {text}")
     return "\n".join(lines)
-
-
-def _value(value: object) -> str:
-    # JSON's texts, numbers, lists and booleans are TOML's, but for one character.
-    return msgspec.json.encode(value).decode().replace("\x7f", "\\u007f")
 
 
 def _plain(text: str) -> str:

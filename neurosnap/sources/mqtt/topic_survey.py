@@ -125,9 +125,11 @@ class Survey:
         last, first = levels[-1], levels[0]
         if last in _LAST_LEVELS or first in {"neurosnap", "cmnd"} or "bridge" in levels:
             return True
-        # Beside the state of an entity statestream publishes its attributes.
+        # Beside the state of an entity of Home Assistant, statestream publishes its
+        # attributes: its domain, its name, and a word.
+        is_entity = len(levels) >= 3 and levels[-3] in _DOMAINS
         state = "/".join([*levels[:-1], "state"])
-        return last != "state" and _is_entity(levels) and state in self._heard
+        return last != "state" and is_entity and state in self._heard
 
 
 def _values(payload: Payload) -> tuple[str, list[tuple[str, str]]]:
@@ -197,11 +199,6 @@ def _word(value: object) -> str:
             return "true" if value else "false"
         case _:
             return str(value).strip().casefold()
-
-
-def _is_entity(levels: list[str]) -> bool:
-    """Whether the levels end with a domain of Home Assistant, an entity, and a word."""
-    return len(levels) >= 3 and levels[-3] in _DOMAINS
 
 
 def _name_parts(levels: list[str], field: str) -> tuple[str, ...]:
