@@ -28,21 +28,19 @@ from tools.json_schema import schema, texts_below
 
 PAGES = Path(__file__).resolve().parents[1] / "docs"
 _NOTE = "<!-- Made by tools/reference.py: change the code, and run that. -->"
-_EVERY = "## Every command"
-"""Where the part begins that is made; what stands before it is written by hand."""
 _LARGEST = 2**31 - 1
 """What whole numbers on the wire go up to; it stands in the text, not in each row."""
 _WORDS: dict[object, str] = {str: "TEXT", int: "INT", float: "NUMBER", Path: "PATH"}
 
 
 def commands() -> str:
-    """Return the page of commands: as it is written, and then all of them."""
-    written, _, _ = (
-        (PAGES / "commands.md").read_text(encoding="utf-8").partition(_EVERY)
-    )
+    """Return the page of all commands, as their `--help` tells of them."""
     group: Any = typer.main.get_command(app)
-    verbs = "\n".join(_verbs("neurosnap", group)).rstrip()
-    return f"{written.rstrip()}\n\n{_EVERY}\n\n{_NOTE}\n\n{verbs}\n"
+    text = (
+        "This page has every command with its options, which `--help` prints, too."
+        " [commands.md](../commands.md) lists the commands by task."
+    )
+    return _page("Every command", text, _verbs("neurosnap", group))
 
 
 def _verbs(name: str, group: Any) -> Iterator[str]:  # noqa: ANN401 - typer's own
@@ -60,7 +58,7 @@ def _verb(name: str, command: Any) -> Iterator[str]:  # noqa: ANN401 - typer's o
     options = [one for one in given if one.param_type_name == "option"]
     words = [_placed(one) if one.required else f"[{_placed(one)}]" for one in arguments]
     usage = " ".join([name, *words, *(["[OPTIONS]"] if options else [])])
-    yield from (f"### {name}", "", f"`{usage}`", "")
+    yield from (f"## {name}", "", f"`{usage}`", "")
     yield from (inspect.cleandoc(command.help), "")
     if command.epilog:
         yield from (command.epilog.replace("Example: ", "Example: `") + "`", "")
@@ -296,7 +294,7 @@ def _code(text: str) -> str:
 
 
 MADE = {
-    "commands.md": commands,
+    "reference/every_command.md": commands,
     "reference/toml.md": toml,
     "reference/messages.md": messages,
     "../examples/swarm.schema.json": schema_text,

@@ -3,6 +3,9 @@
 
     tools/screenshots [--only diagram wave moving] [--out DIR] [--dark]
 
+In dark colours they are WebP files of few colours, `view-wave-dark.webp` for one: they
+stand beside the others, for readers whose system is dark.
+
 The recordings are made first, in half a minute.
 """
 
@@ -29,6 +32,17 @@ _EACH = {**STATES, "moving": MOVING}
 _PACE = 150, 1500
 """Milliseconds that a picture of the moving wave stands, and the last one."""
 _COLOURS = 48
+_DARK_COLOURS = 256
+
+
+def _write_few_colours(picture: bytes, path: Path) -> None:
+    """Write a picture with no more colours than it takes, which is a third as large."""
+    few = (
+        Image.open(io.BytesIO(picture))
+        .convert("RGB")
+        .quantize(_DARK_COLOURS, dither=Image.Dither.NONE)
+    )
+    few.convert("RGB").save(path, lossless=True, quality=100, method=6)
 
 
 async def _moving(page: Page, path: Path) -> None:
@@ -76,7 +90,13 @@ async def _main() -> None:
                 ):
                     await enter(page, state, address.url)
                     if state is MOVING:
-                        await _moving(page, path := given.out / "wave.gif")
+                        path = given.out / (
+                            "wave-dark.gif" if given.dark else "wave.gif"
+                        )
+                        await _moving(page, path)
+                    elif given.dark:
+                        path = given.out / f"view-{name}-dark.webp"
+                        _write_few_colours(await page.screenshot(), path)
                     else:
                         path = given.out / f"view-{name}.png"
                         await page.screenshot(path=path)
