@@ -17,6 +17,8 @@ from typing import Any
 import pytest
 import pytest_asyncio
 
+from neurosnap.recording.write.rotation import Split
+from neurosnap.runtime.parts import recorder_process
 from tests.support import hypothesis_settings
 
 pytest_plugins = [
@@ -37,6 +39,12 @@ def pytest_collection_finish() -> None:
     """Spare the garbage collector what lasts: six thousand tests, and all modules."""
     gc.collect()
     gc.freeze()
+
+
+@pytest.fixture
+def many_files(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let each key-frame of a run begin another file of its recording."""
+    monkeypatch.setattr(recorder_process, "split_of", lambda _: Split(1))
 
 
 @pytest.fixture(autouse=True)

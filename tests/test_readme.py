@@ -326,7 +326,8 @@ def test_the_readme_is_short_and_leads_to_every_page() -> None:
     index = ROOT / "docs" / "index.md"
     assert "(docs/index.md)" in README.read_text()
     text = index.read_text()
-    others = [page for page in PAGES[1:] if page != index]
+    made = ROOT / "docs/reference/python"  # led to by the page of that name
+    others = [page for page in PAGES[1:] if page != index and page.parent != made]
     assert [
         name for page in others if f"({(name := name_of(page))}.md)" not in text
     ] == []

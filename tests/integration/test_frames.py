@@ -139,11 +139,10 @@ def test_a_run_that_goes_on_has_all_of_them(log: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("many_files")
 def test_a_run_in_several_files_has_all_of_them(tmp_path: Path) -> None:
-    path = tmp_path / "run.mcap"
-    ticks = 800  # more than a chunk holds, which may wait to be full
-    options = lake_run(frames=2, ticks=ticks, split=1 << 16, keyframe_every=10)
-    recorded_run(options, path)
+    path, ticks = tmp_path / "run.mcap", 40
+    recorded_run(lake_run(frames=2, ticks=ticks, keyframe_every=10), path)
     paths = part_paths(path).values()
     assert len(paths) > 1
     found = [tick for each in paths for tick in sorted(images(each))]

@@ -210,7 +210,8 @@ def test_what_programs_put_while_no_swarm_is_up_is_not_lost(tmp_path: Path) -> N
 
 def test_what_is_recorded_is_cut_off(tmp_path: Path) -> None:
     log = tmp_path / "lines.mcap"
-    with running(log, "--set", "recording.keyframe_every=10") as run:
+    often = ("--set", "recording.keyframe_every=10")
+    with running(log, "--cells", "inline", *often) as run:
         run.feed(300)  # a file of the journal holds 256
         until(lambda: (rows := rows_of(log)) != () and rows[0].number > 1)
         first = rows_of(log)[0].number

@@ -62,7 +62,7 @@ def options_for(
         "decay": None if snapshot == "empirical" else 0.9,
         **more,
     }
-    world = {"width": 3, "height": 3, "wait": True} if source == GRID else {}
+    world = {"width": 2, "height": 2, "wait": True} if source == GRID else {}
     return run_options.options_for(source, SEED, world, snapshot=snapshot, **given)  # type: ignore[arg-type]
 
 

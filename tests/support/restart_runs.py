@@ -6,7 +6,7 @@ from neurosnap.protocol.run_options import RunOptions
 from tests.support.run_options import options_for
 
 
-def options_of(ticks: int, *, seed: int = 3, split: int = 0) -> RunOptions:
+def options_of(ticks: int, *, seed: int = 3) -> RunOptions:
     return options_for(
         "neurosnap/Path-v0",
         seed,
@@ -15,7 +15,6 @@ def options_of(ticks: int, *, seed: int = 3, split: int = 0) -> RunOptions:
         cells="inline",
         workers=0,  # as processes are
         keyframe_every=20,
-        split=split,
     )
 
 

@@ -166,7 +166,7 @@ def load(
 
     Examples:
         >>> load(None, {"source": {"kind": "csv", "path": "a.csv"}}).config.source
-        CsvTable(path='a.csv')
+        CsvTable(path='a.csv', arguments={})
     """
     text = "" if path is None else _text(path)
     table = {} if path is None else _parsed(path, text)

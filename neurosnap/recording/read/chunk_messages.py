@@ -18,6 +18,8 @@ _DECODED = 5
 """Bytes of memory for each byte of a message that is decoded and kept; 2 to 8 were
 measured, by topic."""
 
+_DECODERS = {topic: msgspec.json.Decoder(kind) for topic, kind in wire.TOPICS.items()}
+
 UNREADABLE = (msgspec.MsgspecError, UnicodeDecodeError, RecursionError)
 """What decoding raises; deep nesting is the last."""
 
@@ -90,10 +92,6 @@ class ChunkMessages:
             RecordingError: While iterating: one is under a topic that is not its own.
         """
         names = {n: topic for n, topic in self._topics.items() if topic in topics}
-        decoders = {
-            topic: msgspec.json.Decoder(wire.TOPICS[topic]).decode
-            for topic in names.values()
-        }
         asked = np.zeros(1 << 16, np.bool_)
         asked[list(names)] = True
         found = self._found
@@ -108,7 +106,7 @@ class ChunkMessages:
             start = 0
             topic, payload = names[channel], data[at:stop]
             try:
-                message = decoders[topic](payload)
+                message = _DECODERS[topic].decode(payload)
             except UNREADABLE as error:
                 raise self._wrong(topic, error) from error
             # The type fits the topic, and yet a pulse that excites is not one

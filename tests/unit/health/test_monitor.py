@@ -181,10 +181,8 @@ def test_a_first_free_day_is_no_change_of_a_rate() -> None:
 def test_a_clock_that_is_put_back_changes_no_habit(zone: str, told: list[str]) -> None:
     """The first sensor comes on three times before eleven in Berlin, every day."""
     berlin, rng = ZoneInfo("Europe/Berlin"), np.random.default_rng(5)
-    first, days = (
-        datetime(2026, 9, 25, tzinfo=berlin),
-        42,
-    )  # winter time from the 30th day
+    # Winter time from the 17th day.
+    first, days = datetime(2026, 10, 8, tzinfo=berlin), 20
     begin = first.timestamp()
     on = [
         ((first + timedelta(day, minutes=at)).timestamp() + rng.uniform(0, 500), 0)

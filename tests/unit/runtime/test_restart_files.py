@@ -8,7 +8,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.protocol.resume_point import ResumePoint
-from neurosnap.protocol.run_options import SMALLEST, RunOptions
+from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.runtime.request import RunRequest
 from neurosnap.runtime.restart_files import RestartFiles
@@ -138,8 +138,9 @@ def test_what_is_kept_gets_the_next_free_name(
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("many_files")
 def test_a_file_behind_a_damaged_one_is_gone_on_from(log: Path) -> None:
-    options = options_of(1500, split=SMALLEST)
+    options = options_of(100)
     asyncio.run(run(RunRequest(options, log), asyncio.Event()))
     last = max(part_paths(log))
     assert last >= 2
@@ -271,10 +272,11 @@ def test_of_two_recordings_the_further_stays(
 
 @pytest.mark.parametrize("content", [b"", bytes(300)], ids=["empty", "zeros"])
 @pytest.mark.slow
+@pytest.mark.usefixtures("many_files")
 def test_a_newest_file_that_a_power_cut_left_blank_is_passed_over(
     content: bytes, log: Path
 ) -> None:
-    options = options_of(500, split=SMALLEST)
+    options = options_of(60)
     asyncio.run(run(RunRequest(options, log), asyncio.Event()))
     last = max(part_paths(log))
     assert last >= 1

@@ -5,9 +5,11 @@ from pathlib import Path
 import pytest
 
 from neurosnap.apps.viewer.run_view import RunView
+from neurosnap.depth import measure
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.find_resume_point import find_resume_point
 from neurosnap.recording.write.rotation import Split
+from neurosnap.runtime.parts import recorder_process
 from tests.support.command_line import call, flat
 from tests.support.recorded_runs import in_chunks, path_run, recorded
 
@@ -22,6 +24,11 @@ VERBS = (
     ("export", "--out", "{folder}/out.csv"),
     ("export", "--out", "{folder}/good.mcap"),
 )
+
+
+@pytest.fixture(autouse=True)
+def _draws_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(measure, "draw", lambda *_: [])  # it takes a second
 
 
 @pytest.fixture(scope="module")
@@ -66,9 +73,7 @@ def split(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     """The files of a run that is split at every key-frame."""
     log = tmp_path_factory.mktemp("split") / "run.mcap"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            "neurosnap.runtime.parts.recorder_process.split_of", lambda _: Split(1)
-        )
+        patch.setattr(recorder_process, "split_of", lambda _: Split(1))
         recorded(path_run(keyframe_every=10), log)
     return {path.name: path.read_bytes() for path in part_paths(log).values()}
 

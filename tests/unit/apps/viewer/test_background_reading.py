@@ -88,20 +88,25 @@ def test_an_answer_that_is_whole_lacks_nothing_that_is_read_meanwhile(
     assert ask(history) == ask(whole)
 
 
+@pytest.fixture(scope="module")
+def planner_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return recorded(planner_run(), tmp_path_factory.mktemp("planner") / "run.mcap")
+
+
 @pytest.mark.parametrize("most", [2000, 3])
 def test_every_wave_is_counted_once_by_height_and_depth(
-    most: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    most: int, planner_log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(background_reading, "_MOST_PLACES", most)
-    path = recorded(planner_run(), tmp_path / "run.mcap")
-    rows = from_recording(Recording.open(path))
-    depths = read(path).depths()
+    rows = from_recording(Recording.open(planner_log))
+    depths = read(planner_log).depths()
     assert depths.done
     assert sum(each.count for each in depths.counts) + depths.left_out == len(rows)
     pairs = Counter((row.kind, row.height, row.depth) for row in rows)
+    view = RunView(planner_log)
     for one in depths.counts:
         assert one.count == pairs[one.kind, one.height, one.depth]
-        (frame,) = RunView(path).frames(one.tick, one.tick)
+        (frame,) = view.frames(one.tick, one.tick)
         (wave,) = [wave for wave in frame.waves if wave.wave == one.wave]
         assert (wave.kind, wave.depth) == (one.kind, one.depth)
     assert len(depths.counts) == min(most, len(pairs))
@@ -337,15 +342,14 @@ def test_sensors_are_counted_by_what_the_frames_say(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_target_is_reached_where_the_agent_comes_to_it(tmp_path: Path) -> None:
-    log = recorded(planner_run(), tmp_path / "run.mcap")
-    run_view = RunView(log)
+def test_the_target_is_reached_where_the_agent_comes_to_it(planner_log: Path) -> None:
+    run_view = RunView(planner_log)
     stage = run_view.scene.stage
     assert stage is not None
     places = [frame.place for frame in run_view.frames(1, FEW)]
     pairs = zip([None, *places], places, strict=False)
     there = [k for k, (a, b) in enumerate(pairs, 1) if b == stage.target and a != b]
-    reached = read(log).marks(1, FEW, FEW).reached
+    reached = read(planner_log).marks(1, FEW, FEW).reached
     assert [tick for tick, some in enumerate(reached, 1) if some] == there
     assert there
 

@@ -250,7 +250,7 @@ def test_files_that_come_and_grow_are_followed(whole: Path, tmp_path: Path) -> N
         mixed = overtaken(list(recording.messages()), random.Random(1), reach=40)
         for count, each in enumerate(mixed, start=1):
             writer.add(each.delivery, count)
-            if count % 25:
+            if count % 50:
                 continue
             writer.flush(count)
             view = view or RunView(log)

@@ -478,10 +478,10 @@ def test_a_file_whose_time_alone_differs_is_as_it_was(run: SplitRun) -> None:
 def test_a_file_of_several_that_is_changed_is_over_at_the_next_key_frame(
     run: SplitRun,
 ) -> None:
-    old = Recording.open(run.whole)
+    old, place = Recording.open(run.whole), run.frame(20)[0]
     with SplitWriter(run.log, old.metadata, split=Split(10**9)) as writer:
         for count, one in enumerate(run.messages):
-            if count == run.frame(20)[0]:
+            if count == place:
                 append(run.log)
             writer.add(one.delivery, 10**18 + count)
             writer.flush(10**18 + count)
