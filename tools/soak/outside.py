@@ -13,6 +13,7 @@ import re
 import signal
 import socket
 import sys
+import threading
 import time
 from asyncio.subprocess import PIPE, Process
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -22,13 +23,16 @@ from typing import NamedTuple
 
 import msgspec
 import psutil
+from paho.mqtt.client import Client
+from paho.mqtt.enums import CallbackAPIVersion
 
 from neurosnap import wire
 from neurosnap.recording.read.recording import Recording
 from neurosnap.sensorium import unpack
 from tests.support.mosquitto import started
+from tests.support.patience import PATIENCE
 from tests.support.ports import free_port
-from tests.support.senders import Send, by_broker, by_pipe, by_zenoh
+from tests.support.senders import Send, by_zenoh
 from tools.soak.killer import Killer
 
 BITS = 12
@@ -148,7 +152,7 @@ def _outside(by: str, folder: Path) -> Iterator[_Outside]:
     names = [f"bit{place}" for place in range(BITS)]
     sensors = ("--set", f"sensors={','.join(names)}")
     if by == "-":
-        yield _Outside(("-", *sensors), by_pipe)
+        yield _Outside(("-", *sensors), _by_pipe)
     elif by == "zenoh:":
         at = f"tcp/127.0.0.1:{free_port()}"
         listen = ("--listen", at, "--swarm", "soak")
@@ -166,8 +170,28 @@ def _outside(by: str, folder: Path) -> Iterator[_Outside]:
             )
             yield _Outside(
                 (str(file),),
-                lambda _: by_broker(broker.port, "soak", "said/world/status"),
+                lambda _: _by_broker(broker.port, "soak", "said/world/status"),
             )
+
+
+def _by_pipe(process: Process) -> Send:
+    """Write lines, each at once: a pipe takes all of it or none."""
+    if (pipe := process.stdin) is None:
+        raise ValueError("process: must have a pipe to write to")
+    pipe.transport.set_write_buffer_limits(0)
+    return lambda bits: pipe.write(json.dumps({"bits": bits}).encode() + b"\n")
+
+
+def _by_broker(port: int, topic: str, status: str) -> Send:
+    """Publish to a topic, once a run says on another one that it is there."""
+    client, listens = Client(CallbackAPIVersion.VERSION2), threading.Event()
+    client.on_message = lambda *_: listens.set()
+    client.connect("127.0.0.1", port)
+    client.subscribe(status, qos=1)
+    client.loop_start()
+    if not listens.wait(PATIENCE):
+        raise TimeoutError(f"{status}: the run does not say that it is there")
+    return lambda bits: client.publish(topic, json.dumps(bits), qos=1)
 
 
 def lines_in(log: Path, lines: int) -> Lines:
