@@ -80,17 +80,17 @@ class PartHistory:
         for literals, count in zip(asked, counted, strict=True):
             within = int.from_bytes(count.within, "little")
             counts += [(rings[a] & within).bit_count() for a in literals]
+        packed = [
+            rings[a].to_bytes((rings[a].bit_length() + 7) // 8, "little")
+            for a in readings
+        ]
         return [
             wire.Recalled(
                 *here,
-                readings=wire.joined_rings([_packed(rings[a]) for a in readings]),
+                readings=wire.joined_rings(packed),
                 counts=struct.pack(f"<{len(counts)}i", *counts),
             )
         ]
-
-
-def _packed(ring: int) -> bytes:
-    return ring.to_bytes((ring.bit_length() + 7) // 8, "little")
 
 
 class Counted(NamedTuple):

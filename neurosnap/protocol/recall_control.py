@@ -199,7 +199,8 @@ class RecallControl:
             literals = asked[_own(asked, cells)].tolist()
             rings = wire.split_rings("recalled", answer.readings, len(literals))
             for literal, ring in zip(literals, rings, strict=True):
-                readings[literal] = _unpacked(ring, length)
+                words = ring.ljust(length // 8, b"\0")
+                readings[literal] = np.frombuffer(words, "<u8").astype(np.uint64)
             found, first = np.frombuffer(answer.counts, "<i4"), 0
             for count, one in zip(counts, self._question.counts, strict=True):
                 own = _own(one.literals, cells)
@@ -225,11 +226,6 @@ def _reminder(
 def _packed(ring: Words) -> bytes:
     """Return a ring of bits, ``(W,)``, as bytes."""
     return ring.astype("<u8").tobytes()
-
-
-def _unpacked(data: bytes, length: int) -> Words:
-    """Return a ring of bits, ``(length / 64,)``."""
-    return np.frombuffer(data.ljust(length // 8, b"\0"), "<u8").astype(np.uint64)
 
 
 def _cells_asked(recall: wire.Recall, cells: range) -> list[int]:

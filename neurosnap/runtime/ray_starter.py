@@ -201,7 +201,8 @@ class RayActors:
 
     def _leave(self) -> None:
         if self._group is not None:
-            _release(self._group)
+            with suppress(RayError):  # what still runs there is killed
+                remove_placement_group(self._group)
         if self._connected:
             ray.shutdown()
 
@@ -471,9 +472,3 @@ def _reserve(own: str, workers: int) -> PlacementGroup:
         bundle_label_selector=[{_NODE: own}, *somewhere],
     )
     return group
-
-
-def _release(group: PlacementGroup) -> None:
-    """Give back what was reserved; what still runs there is killed."""
-    with suppress(ray.exceptions.RayError):
-        remove_placement_group(group)

@@ -103,8 +103,8 @@ class IntakeJob(msgspec.Struct, frozen=True):
         )
         socket = Path(self.address)
         try:
-            # An earlier intake of the run may have left its own.
-            await asyncio.to_thread(_clear, socket.parent)
+            for old in socket.parent.iterdir():  # an earlier intake of the run's
+                old.unlink()
             async with self._routing():
                 await self._listen(source, part)
         finally:
@@ -134,12 +134,6 @@ class IntakeJob(msgspec.Struct, frozen=True):
         finally:
             await asyncio.to_thread(source.close)
             await worlds.wait_closed()
-
-
-def _clear(folder: Path) -> None:
-    """Delete the sockets in a folder."""
-    for path in folder.iterdir():
-        path.unlink()
 
 
 async def run_journaled(request: RunRequest, work: Work) -> Outcome:

@@ -217,6 +217,12 @@ async def test_an_outlet_tells_a_restarted_broker_everything_again(
 # Connecting ---------------------------------------------------------------------------
 
 
+async def refused(broker: MqttBroker, why: str) -> None:
+    """Check that a source does not start with a broker, and why."""
+    with source_of(options(broker)) as one, pytest.raises(NeurosnapError, match=why):
+        await asyncio.to_thread(one.first)
+
+
 # The library does not close the socket of a failed handshake, and Python says so.
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 async def test_with_tls_only_a_broker_that_is_trusted_is_spoken_to(
@@ -232,14 +238,7 @@ async def test_with_tls_only_a_broker_that_is_trusted_is_spoken_to(
         with source_of(options(trusting, sensor)) as source:
             await until(source, lambda r: r["up"] is True)
         blind = msgspec.structs.replace(broker.options, tls=True)
-        with (
-            source_of(options(blind)) as source,
-            pytest.raises(
-                InvalidValueError,
-                match=r"^broker: must have a certificate that is trusted \(.*verify fa",
-            ),
-        ):
-            await asyncio.to_thread(source.first)
+        await refused(blind, r"^broker: must have .* that is trusted \(.*verify fa")
     nothing = msgspec.structs.replace(trusting, ca_file=str(tmp_path / "none.pem"))
     with pytest.raises(
         InvalidValueError, match=r"^ca_file: must be PEM .*No such file"
@@ -253,14 +252,8 @@ async def test_a_broker_that_is_not_there_ends_the_start_when_the_patience_is_ov
 ) -> None:
     port = Mosquitto(tmp_path).port
     gone = MqttBroker(host=host, port=port, patience=0.1)
-    with (
-        source_of(options(gone)) as source,
-        pytest.raises(
-            NeurosnapError,
-            match=rf"^broker: must answer within 0.1 s, got nothing from {host}:{port} ",
-        ),
-    ):
-        await asyncio.to_thread(source.first)
+    rule = rf"^broker: must answer within 0.1 s, got nothing from {host}:{port} "
+    await refused(gone, rule)
 
 
 async def test_a_broker_that_says_nothing_ends_the_start_too(
@@ -270,11 +263,7 @@ async def test_a_broker_that_says_nothing_ends_the_start_too(
     with closing(socket.create_server((HOST, 0))) as mute:
         port = mute.getsockname()[1]
         broker = MqttBroker(host=HOST, port=port, patience=0.1)
-        with (
-            source_of(options(broker)) as source,
-            pytest.raises(NeurosnapError, match=r"\(Operation timed out\)$"),
-        ):
-            await asyncio.to_thread(source.first)
+        await refused(broker, r"\(Operation timed out\)$")
 
 
 async def test_an_intake_that_follows_another_waits_for_its_broker(

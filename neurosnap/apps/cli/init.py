@@ -313,10 +313,10 @@ def mqtt_file(
         sensors: One at least.
         said: What was heard of each, by its name, for a comment.
     """
-    tables = "".join(
-        f"\n[[source.sensors]]  # {_plain(said[sensor.name])}\n{_keys(sensor)}\n"
-        for sensor in sensors
-    )
+    tables = ""
+    for sensor in sensors:
+        comment = "".join(a if a.isprintable() else "?" for a in said[sensor.name])
+        tables += f"\n[[source.sensors]]  # {comment}\n{_keys(sensor)}\n"
     return _BEGIN.format(address=broker.address, broker=_keys(broker), sensors=tables)
 
 
@@ -330,7 +330,3 @@ def _keys(table: msgspec.Struct) -> str:
             text = msgspec.json.encode(value).decode().replace("\x7f", "\\u007f")
             lines.append(f"{field.name} = {text}")
     return "\n".join(lines)
-
-
-def _plain(text: str) -> str:
-    return "".join(letter if letter.isprintable() else "?" for letter in text)

@@ -7,6 +7,7 @@ decisions are read. One that was cut short or is damaged is read through.
 
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import suppress
 from datetime import timedelta
 from itertools import pairwise
 
@@ -88,7 +89,9 @@ def describe(recording: Recording) -> Info:
         completeness = recording.noted().completeness
     else:
         counts, start, end, completeness = _read_through(recording)
-    run = _options(recording)
+    run = None
+    with suppress(RecordingError):  # its options are missing, or not valid
+        run = recording.options
     births = None if run is None else births_of(recording)
     received, outages = _intake(recording, run)
     damage = recording.damage
@@ -120,14 +123,6 @@ def describe(recording: Recording) -> Info:
         lost=0 if run is None else lost_by(run.source, Statistics(received)),
         zone="UTC" if run is None else run.zone,
     )
-
-
-def _options(recording: Recording) -> RunOptions | None:
-    """Return the options of a run; None if they are missing or not valid."""
-    try:
-        return recording.options
-    except RecordingError:
-        return None
 
 
 def _intake(

@@ -210,7 +210,10 @@ def recorder(
     logs: list[Path] = []
 
     def next_log() -> Path:
-        path = new_log(swarm, _numbered(out, len(logs)))
+        here = out
+        if out is not None and logs:  # a.mcap, a-1.mcap, and so on
+            here = out.with_stem(f"{out.stem}-{len(logs)}")
+        path = new_log(swarm, here)
         logs.append(path)
         return path
 
@@ -346,13 +349,6 @@ def _balances(served: "list[Served]") -> "list[Completeness]":
         for one in served
         if "recorder" in one.results
     ]
-
-
-def _numbered(out: Path | None, before: int) -> Path | None:
-    """Return where to record one more swarm: ``a.mcap``, ``a-1.mcap``, and so on."""
-    if out is None or not before:
-        return out
-    return out.with_name(f"{out.stem}-{before}{out.suffix}")
 
 
 def _names(served: "list[Served]") -> list[str]:

@@ -44,16 +44,10 @@ def test_a_test_without_its_program_is_skipped_with_the_name_of_it(
     assert outcome(pytester, LACKING_MODULE)["skipped"] == 1
 
 
-def test_where_none_may_be_skipped_it_has_failed(
+def test_where_none_may_be_skipped_it_has_failed_and_so_has_a_module(
     pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(VARIABLE, "1")
     said = f"must not be skipped here: Skipped: {WHY}"
     assert outcome(pytester, LACKING, said) == {"passed": 1, "errors": 1}
-
-
-def test_where_none_may_be_skipped_no_module_may(
-    pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv(VARIABLE, "1")
     assert outcome(pytester, LACKING_MODULE, "must not be skipped") == {"errors": 1}
