@@ -89,25 +89,22 @@ export const openEvents = () => new EventSource(at("events"));
 const AGAIN = 700; // milliseconds until it is asked for once more
 
 /**
- * Return what asks for something until all of it is there, one question at a time; while it
- * is asking already, it asks once more.
+ * Return what asks for something until all of it is there, one question at a time, and is
+ * over then; while it is asking already, it asks once more.
  *
  * @param {() => Promise<boolean>} ask told to ask, and tells whether that was all
  */
 export function gathering(ask) {
-  let [isAsking, isDue] = [false, false];
-  return async () => {
-    isDue = true; // there may be more than was asked for
-    if (isAsking) return;
-    isAsking = true;
-    try {
-      for (let done = false; !done || isDue; ) {
-        isDue = false;
-        done = await ask();
-        if (!done || isDue) await new Promise((soon) => setTimeout(soon, AGAIN));
-      }
-    } finally {
-      isAsking = false;
+  let [going, isDue] = [null, false];
+  const go = async () => {
+    for (let done = false; !done || isDue; ) {
+      isDue = false;
+      done = await ask();
+      if (!done || isDue) await new Promise((soon) => setTimeout(soon, AGAIN));
     }
+  };
+  return () => {
+    isDue = true; // there may be more than was asked for
+    return (going ??= go().finally(() => (going = null)));
   };
 }
