@@ -264,14 +264,12 @@ class Grower:
         """Put a cover that was found on trial; it is None if there is none."""
         if literals is None:
             self._fail(action, result)
-        elif self._is_news(action, literals):
+            return
+        # A sensor that is on in just this context may be there.
+        single = len(literals) < 2 and all(a < 2 * self._own for a in literals)
+        if not single and (action, literals) not in self._grown:
             trials = self._trials[action, result]
             trials.append(_Candidate(action, literals, result))
-
-    def _is_news(self, action: int, literals: tuple[int, ...]) -> bool:
-        """Return whether no sensor is on in just this context."""
-        single = len(literals) < 2 and all(a < 2 * self._own for a in literals)
-        return not single and (action, literals) not in self._grown
 
     def _cover(
         self, action: int, state: NDArray[np.bool_], against: Words, ticks: int

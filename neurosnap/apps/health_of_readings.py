@@ -67,13 +67,9 @@ def health_of(
         readings = (each for _, each in observations(found))
     else:
         names, theirs = found.columns.sensorium.names, found.zone
-        readings = _rows(found)
+        each = enumerate(seconds_of(found).tolist())
+        readings = (OwnReadings(at, *found.columns.row(tick)) for tick, at in each)
     return follow(readings, Follower(names, budget, zone or theirs), budget)
-
-
-def _rows(readings: Readings) -> Iterator[OwnReadings]:
-    for tick, at in enumerate(seconds_of(readings).tolist()):
-        yield OwnReadings(at, *readings.columns.row(tick))
 
 
 def follow(

@@ -85,7 +85,10 @@ async def serve(
             try:
                 seen = await discovery.next(stop, wait)
             except TimeoutError:
-                raise SwarmError(_no_coordinator(swarm, patience, trouble)) from None
+                rule = "must go on" if trouble else "must have a coordinator"
+                got = f"after {trouble}" if trouble else "none came"
+                text = f"swarm {swarm}: {rule} within {patience:g} s, {got}"
+                raise SwarmError(text) from None
             if seen is None:
                 return
             try:
@@ -98,13 +101,6 @@ async def serve(
             trouble = served.trouble
             if stop.is_set() or not (stays or trouble):
                 return
-
-
-def _no_coordinator(swarm: str, patience: float, trouble: str) -> str:
-    """Return the error that no coordinator came."""
-    if trouble:
-        return f"swarm {swarm}: must go on within {patience:g} s, after {trouble}"
-    return f"swarm {swarm}: must have a coordinator within {patience:g} s, none came"
 
 
 async def _take_part(

@@ -56,3 +56,8 @@ def local(seconds: float, zone: str) -> datetime:
         zone: Such as ``Europe/Berlin``.
     """
     return datetime.fromtimestamp(seconds, _clock(zone))
+
+
+def dated(seconds: float, zone: str) -> str:
+    """Return a moment as people are shown it; arguments as above."""
+    return f"{local(seconds, zone):%a %d %b %Y %T %Z}"

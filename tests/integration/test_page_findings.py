@@ -141,6 +141,7 @@ async def test_an_alarm_is_a_finding_and_is_gone_to(home_log: Path) -> None:
     await page.keyboard.press("n")
     await wait_shown(page, alarm.tick)
     await expect(card).to_contain_text(alarm.sentence)
+    await expect(page.locator("#now-at")).to_contain_text(alarm.began[7:15])
     await expect(ring).to_have_count(1)
     await card.get_by_role("button", name="flush").click()
     await expect(page.locator("#choice-title")).to_have_text("flush")

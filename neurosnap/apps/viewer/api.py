@@ -181,6 +181,8 @@ class Frame(msgspec.Struct, frozen=True, kw_only=True):
     """All that is shown of one tick."""
 
     tick: int
+    at: str
+    """When it was observed, by the clock of the run; nothing, if that is not known."""
     bits: list[Bit]
     """What each sensor read."""
     state: list[Bit]

@@ -22,8 +22,7 @@ from neurosnap.health.monitor import Follower
 from neurosnap.health.ten_minute_steps import STEP
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recorded_readings import own_readings
-from neurosnap.sources.open import is_file
-from neurosnap.system.local_time import local
+from neurosnap.system.local_time import dated
 
 NEAR = 10
 """Ticks between two anomalies of one finding, at most."""
@@ -112,8 +111,8 @@ class RunFindings:
         To learn anew what is usual for a home's sensors takes seconds, sometimes.
         """
         for tick in range(first, last + 1):
-            if tick in ticks.observations:
-                self.times[tick] = ticks.moments[tick] / 1e9
+            if (moment := ticks.moment(tick)) is not None:
+                self.times[tick] = moment
             told = None
             with suppress(MessageError):  # it is none
                 told = ticks.anomaly(tick, self._series.births.body)
@@ -128,7 +127,7 @@ class RunFindings:
         observation, body = ticks.observations.get(tick), self._options.body
         if self._follower is None or observation is None:
             return
-        at, on, known, begins = own_readings(observation, ticks.moments[tick], body)
+        at, on, known, begins = own_readings(observation, ticks.sent[tick], body)
         for news in self._follower.observe(on, known, at, begins=begins):
             sensor = body.own.index(news.sensor)
             for place, was in enumerate(self.alarms):
@@ -167,9 +166,7 @@ class RunFindings:
     def _timed(self, finding: Finding) -> Finding:
         """Return a finding with its times, and the readings around its beginning."""
         first, zone = finding.first, self._options.zone
-        # The readings in a file are of other times than those of the run.
-        no_times = is_file(self._options.source) and self._follower is None
-        times: dict[int, float] = {} if no_times else self.times
+        times = self.times
         began, ended = times.get(first), times.get((finding.last or 0) + 1)
         count = (finding.last or 0) + 1 - first
         words = f"{count} tick{'' if count == 1 else 's'}"
@@ -178,7 +175,7 @@ class RunFindings:
         start = max(1, first - _BEFORE)
         return replace(
             finding,
-            began="" if began is None else f"{local(began, zone):%a %d %b %Y %T %Z}",
+            began="" if began is None else dated(began, zone),
             lasted="" if finding.state == "now" else words,
             around=[
                 self._raster.part(start, start + _WIDE - 1, _WIDE, sensor, 1)

@@ -64,7 +64,9 @@ class SnapshotCache:
                 recorded, or a key-frame that is needed cannot be read.
         """
         learning = self._nearest(first, _STRIDE)
-        if not self._leads(learning.tick, first):
+        # Every observation must be there from that tick on.
+        ahead = self.tick_index.observations(learning.tick + 1, first)
+        if [each.tick for each in ahead] != [*range(learning.tick + 1, first + 1)]:
             learning = self._nearest(first, 0)
         if learning.tick >= first:
             yield learning
@@ -77,11 +79,6 @@ class SnapshotCache:
                 self._keep(learning)
             if tick >= first:
                 yield learning
-
-    def _leads(self, known: int, tick: int) -> bool:
-        """Return whether every observation is there from one tick to another."""
-        there = [each.tick for each in self.tick_index.observations(known + 1, tick)]
-        return there == list(range(known + 1, tick + 1))
 
     def _nearest(self, tick: int, far: int) -> Learning:
         """Return a copy of what is known of the nearest tick up to one.

@@ -28,6 +28,7 @@ from neurosnap.recording.replay.learn_again import Learning
 from neurosnap.sensorium import unpack
 from neurosnap.sources.live.statistics import outage_line, received_line
 from neurosnap.sources.open import STDIN
+from neurosnap.system.local_time import dated
 
 _BACK = 8
 """Images that are looked for, at most: one may be lost, and so many not in a row."""
@@ -259,10 +260,12 @@ class RunView:
         literals = self._unpacked(state)
         decision = ticks.decisions.get(tick)
         choice = -1 if decision is None else decision.action
+        moment = ticks.moment(tick)
         waves = [self._imagined.marked(wave, literals) for wave in ticks.waves(tick)]
         shown = first_shown(waves)
         return api.Frame(
             tick=tick,
+            at="" if moment is None else dated(moment, self.options.zone),
             bits=_bits(observed),
             state=_bits(literals),
             contradicted=np.flatnonzero(ticks.contradicted(state, literals)).tolist(),

@@ -25,6 +25,7 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.chunk_messages import ChunkMessages
 from neurosnap.recording.read.random_access_by_tick import TickIndex
 from neurosnap.sensorium import selection, unpack, unpack_readings
+from neurosnap.sources.open import is_file
 
 NOT_RECORDED, UNKNOWN, OFF, ON, OFF_PREDICTED, ON_PREDICTED, CONTRADICTED = range(7)
 """Predicted: not read, but the state has it. Contradicted: the wave reached both
@@ -57,8 +58,8 @@ class Ticks:
     ) -> None:
         self.options = options
         self.observations: dict[int, wire.Observation] = {}
-        self.moments: dict[int, int] = {}
-        """When each of these was, ns since 1970."""
+        self.sent: dict[int, int] = {}
+        """When each of these was sent, ns since 1970."""
         self.states: dict[int, wire.State] = {}
         self.decisions: dict[int, wire.Decision] = {}
         self.anomalies: dict[int, wire.Anomaly] = {}
@@ -69,6 +70,16 @@ class Ticks:
         self._sensors = len(options.sensors)
         self._waves = Waves(self._sensors) if with_waves else None
         self._gather(tick_index)
+
+    def moment(self, tick: int) -> float | None:
+        """Return when a tick was observed, in seconds since 1970.
+
+        None where that is not known: a file without times was observed before its run.
+        """
+        seen = self.observations.get(tick)
+        if seen is None or not (seen.at or not is_file(self.options.source)):
+            return None
+        return seen.at or self.sent[tick] / 1e9
 
     def literals(self, tick: int) -> NDArray[np.bool_]:
         """Return the literals observed at a tick: ``(2N,)``; none if that is unknown.
@@ -150,7 +161,7 @@ class Ticks:
         for seen, _, _, sent, _ in chunk.of_topic("observation"):
             if isinstance(seen, wire.Observation) and seen.tick in self._range:
                 self.observations.setdefault(seen.tick, seen)
-                self.moments.setdefault(seen.tick, round(seen.at * 1e9) or sent)
+                self.sent.setdefault(seen.tick, sent)
         for state in chunk.all("state", wire.State):
             if state.tick in self._range:
                 self.states.setdefault(state.tick, state)

@@ -292,7 +292,11 @@ def _taken(recording: Recording, tick: int) -> tuple[tuple[int, ...], Body]:
     body = recording.options.body
     if not (body.actions or body.room):
         return (-1,) * (tick - 1), body
-    found = {each.tick: each for each in _decisions(recording) if 0 < each.tick < tick}
+    files = (*map(Recording.open, _before(recording)), recording)
+    said = itertools.chain.from_iterable(
+        each.all("decision", wire.Decision) for each in files
+    )
+    found = {each.tick: each for each in said if 0 < each.tick < tick}
     if len(found) < tick - 1:
         rule = f"must have its decisions of ticks 1 to {tick - 1}, to do them again"
         raise RecordingError(f"{recording.path}: {rule}, got {len(found)}")
@@ -300,12 +304,6 @@ def _taken(recording: Recording, tick: int) -> tuple[tuple[int, ...], Body]:
     for decision in decisions if body.room else ():
         body = body_after(body, decision)
     return tuple(decision.action for decision in decisions), body
-
-
-def _decisions(recording: Recording) -> Iterator[wire.Decision]:
-    """Yield the decisions in a file, and in those before it."""
-    for each in (*map(Recording.open, _before(recording)), recording):
-        yield from each.all("decision", wire.Decision)
 
 
 def _seen(recording: Recording, tick: int) -> tuple[int, int]:

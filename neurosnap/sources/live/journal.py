@@ -304,7 +304,8 @@ class Journal:
         except OSError as error:
             raise _failed("writable", error, folder) from error
         there = read_journal(folder)
-        died = (_touched(folder), deaf) if deaf and there.sensors else None
+        touched = max((path.stat().st_mtime for path in _files(folder)), default=0.0)
+        died = (touched, deaf) if deaf and there.sensors else None
         self.follows = died is not None
         """Another process of the same run wrote it before."""
         self.deaf = there.taken.deaf or died
@@ -499,11 +500,6 @@ def _files(folder: Path) -> list[Path]:
         )
     except OSError as error:
         raise _failed("readable", error, folder) from error
-
-
-def _touched(folder: Path) -> float:
-    times = [path.stat().st_mtime for path in _files(folder)]
-    return max(times, default=0.0)
 
 
 def _read(path: Path) -> Iterator[Record]:

@@ -34,6 +34,7 @@ export class FactsView {
    * @param {object|null|undefined} before the frame of the tick before, if it is here
    */
   show(frame, before) {
+    write(find("now-at"), frame.at);
     find("now-begins").hidden = !frame.begins;
     find("now-intake").hidden = frame.intake.length === 0;
     find("now-intake").textContent = frame.intake.join("; ");
