@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator
 import msgspec
 
 from neurosnap.health.alarm import Alarm, AlarmProgress, News, SensorHealth, told
+from neurosnap.health.alarm_budget import parse_budget
 from neurosnap.health.monitor import Follower
 from neurosnap.recording.read.recorded_readings import OwnReadings, observations
 from neurosnap.recording.read.recording import Recording
@@ -61,7 +62,7 @@ def health_of(
     """
     if zone is not None:
         check_zone(zone)
-    readings: Iterator[OwnReadings]
+    parse_budget(budget)
     if isinstance(found, Recording):
         names, theirs = found.options.body.own, found.options.zone
         readings = (each for _, each in observations(found))
