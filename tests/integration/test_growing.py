@@ -88,7 +88,7 @@ def test_neither_growth_nor_imagining_alone_is_enough() -> None:
 
 @pytest.mark.parametrize("seed", rows([0], [1, 2]))
 def test_sensors_that_are_coins_cost_no_move_and_are_told_as_chance(seed: int) -> None:
-    agent = explored(COINS, 1500, seed)
+    agent = explored(COINS, 2000, seed)
     assert agent.whole(COINS) == (44, 0, 44)
     assert len(agent.body.in_use) <= 40
     coins = ("coin_0", "coin_1", "coin_2")
@@ -109,7 +109,7 @@ def test_where_every_action_slips_it_says_so_and_grows_little() -> None:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(agent, "act", acting)
-        agent.learn(lake, 1000, seed=0)
+        agent.learn(lake, 2000, seed=0)
     assert len(agent.body.in_use) <= 40
     for action, name in enumerate(agent.body.actions):
         assert {"column<1", "row<1"} & set(agent.chance[name])
@@ -161,7 +161,7 @@ def test_where_one_step_back_is_not_enough_it_says_so_and_arrives_all_the_same(
     seed: int,
 ) -> None:
     around = ring(6, (0, 3))
-    agent = explored(around, 1000, seed)
+    agent = explored(around, 2000, seed)
     assert len(agent.body.in_use) <= 20
     assert agent.chance == dict.fromkeys(("left", "right"), around.sensors)
     for start in range(1, 6):
