@@ -175,7 +175,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
         int,
         option(
             "How often to record all that was learned, for a replay or a restart to"
-            " begin there; 32,768 waves are enough in any case. Fewer ticks: a larger"
+            " begin there; after 32,768 waves in any case. Fewer ticks: a larger"
             " recording, and a faster start from within it.",
             at="recording.keyframe_every",
             unit="TICKS",

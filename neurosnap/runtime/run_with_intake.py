@@ -103,7 +103,7 @@ class IntakeJob(msgspec.Struct, frozen=True):
         )
         socket = Path(self.address)
         try:
-            for old in socket.parent.iterdir():  # an earlier intake of the run's
+            for old in socket.parent.iterdir():  # what an earlier intake left
                 old.unlink()
             async with self._routing():
                 await self._listen(source, part)

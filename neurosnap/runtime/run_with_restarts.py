@@ -114,14 +114,15 @@ def resumed(log: Path, ticks: int | None = None, trusts: Trust = False) -> RunRe
         trusts: As in `reopened`.
 
     Raises:
-        InvalidValueError: It has so many ticks, or no more; or as `World`, `reopened`.
+        InvalidValueError: It has as many ticks; or as from `World` and `reopened`.
         NeurosnapError: There is nothing to go on from.
     """
     with held(journal_of(log), "journal", _OTHERS):
         options, past = find_resume_point(log)
     options, length = reopened(options, trusts)
     if is_file(options.source):  # one that reads otherwise must begin no recording
-        with closing(open_source(options.source, options.seed)) as source:
+        source = open_source(options.source, options.seed, options.arguments)
+        with closing(source):
             World(source, options.body, past)
     most = past.tick + MORE if ticks is None else ticks
     if length is not None:

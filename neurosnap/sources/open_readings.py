@@ -128,8 +128,7 @@ class FileSource:
         bits, known = self._columns.row(row)
         self._next += 1
         at = self._at[row] if self._at else 0
-        begins = self._next == 1
-        return Observed(bits, None if known.all() else known, begins=begins, at=at)
+        return Observed(bits, None if known.all() else known, self._next == 1, at=at)
 
     def close(self) -> None:
         """Do nothing: the file is closed already."""

@@ -81,7 +81,8 @@ def test_a_run_goes_on(log: Path, tmp_path: Path, whole: bool) -> None:
 
 def test_a_run_that_cannot_go_on_says_why(log: Path, tmp_path: Path, csv: Path) -> None:
     first, out, again = (tmp_path / f"{name}.mcap" for name in ("log", "out", "again"))
-    happy("run", csv, "--cells", "inline", "--ticks", 10, "--out", first)
+    few = ("--cells", "inline", "--ticks", 10, "--set", "sensors=a,b")
+    happy("run", csv, *few, "--out", first)
     assert f"would read the file '{csv}'" in refused("resume", first, "--out", out)
     every = happy("resume", first, csv, "--out", out)
     assert every["ticks"] == 40  # all that the file has

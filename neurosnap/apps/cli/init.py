@@ -326,7 +326,7 @@ def _keys(table: msgspec.Struct) -> str:
     for field in msgspec.structs.fields(table):
         value = getattr(table, field.name)
         if value != field.default or field.name == "host":
-            # JSON's texts, numbers, lists and booleans are TOML's, but one character.
+            # JSON's texts, numbers, lists and booleans are TOML's, except one letter.
             text = msgspec.json.encode(value).decode().replace("\x7f", "\\u007f")
             lines.append(f"{field.name} = {text}")
     return "\n".join(lines)

@@ -37,7 +37,7 @@ def own_readings(message: wire.Observation, sent: int, body: Body) -> OwnReading
 
     Args:
         message: Of a run with that body.
-        sent: When, in nanoseconds since 1970; it was then, unless it says when.
+        sent: Nanoseconds since 1970; stands in where it does not say when it was.
         body: What is sensed.
 
     Raises:

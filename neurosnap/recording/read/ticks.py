@@ -61,7 +61,7 @@ def ticks(recording: Recording) -> Iterator[Tick]:
         match message:
             case wire.Observation():
                 tick.observation = message
-                tick.at = round(message.at * 1e9) or recorded.sent
+                tick.at = round(message.at * 1e6) * 1000 or recorded.sent
             case wire.State():
                 tick.state = message
             case wire.Decision():

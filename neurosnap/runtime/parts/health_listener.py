@@ -23,6 +23,7 @@ from neurosnap.recording.read.recorded_readings import (
     own_readings,
 )
 from neurosnap.recording.read.recording import Recording, first_path
+from neurosnap.sources.open import is_live
 
 _LOOK = 60.0
 """Seconds without a reading after which it looks at the clock."""
@@ -72,7 +73,7 @@ class HealthListener:
         self._past = past
         self._reported: Standing | None = None
         self._tick = 0  # the last that was followed
-        self._dated = False  # whether readings say when they were: not now
+        self._is_live = is_live(options.source)  # else silence means nothing
         self._waiting: SimpleQueue[tuple[int, OwnReadings] | None] = SimpleQueue()
 
     def receive(self, message: wire.Observation, sent: int) -> None:
@@ -84,7 +85,6 @@ class HealthListener:
             ShapeError: It is of another number of sensors.
         """
         observed = own_readings(message, sent, self._body)
-        self._dated = message.at > 0
         self._waiting.put((message.tick, observed))
 
     async def serve(self, stop: asyncio.Event) -> None:
@@ -131,7 +131,7 @@ class HealthListener:
             try:
                 observed = self._waiting.get(timeout=_LOOK)
             except Empty:
-                if not self._dated:
+                if self._is_live:
                     self._follower.until(time.time() - _LATE)
             else:
                 if observed is None:

@@ -125,8 +125,8 @@ class Survey:
         last, first = levels[-1], levels[0]
         if last in _LAST_LEVELS or first in {"neurosnap", "cmnd"} or "bridge" in levels:
             return True
-        # Beside the state of an entity of Home Assistant, statestream publishes its
-        # attributes: its domain, its name, and a word.
+        # Beside the state of an entity statestream publishes its attributes. The levels
+        # end with a domain of Home Assistant, the entity, and a word.
         is_entity = len(levels) >= 3 and levels[-3] in _DOMAINS
         state = "/".join([*levels[:-1], "state"])
         return last != "state" and is_entity and state in self._heard

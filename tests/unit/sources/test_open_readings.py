@@ -344,13 +344,9 @@ def test_rows_come_out_in_order_whatever_seeds_and_actions_say(
 def test_a_run_has_the_sensors_it_asks_for_and_the_times_of_the_file(
     tmp_path: Path,
 ) -> None:
-    rows = (
-        "2026-07-01 12:00,0,21.5,x",
-        ",1,19,x",
-        "2026-07-01 11:00,1,20.5,x",
-        "1e10,,22,x",
-    )
-    path = written(tmp_path, "\n".join(["time,door,hall,note", *rows, ""]))
+    rows = "2026-07-01 12:00,0,21.5,x;,1,19,x;2026-07-01 11:00,1,20.5,x;1e10,,22,x"
+    text = f"time,door,hall,note;{rows};".replace(";", "\n")
+    path = written(tmp_path, text)
     given = {"sensors": "d*", "when": "hall > 21, off < 20; hall > 20"}
     source = open_source(str(path), 0, given)
     assert source.sensors == ("door", "hall>21", "hall>20")

@@ -26,7 +26,7 @@ from tests.support.patience import PATIENCE
 
 DAYS = 16
 FRIDGE = SENSORS.index("fridge")
-OPTIONS = RunOptions(source="mqtt:x", body=Body(own=SENSORS), alarms="1/week")
+OPTIONS = RunOptions(source="mqtt:", body=Body(own=SENSORS), alarms="1/week")
 Home = list[tuple[float, np.ndarray]]
 Course = list[tuple[wire.Observation, int]]
 
@@ -110,7 +110,7 @@ def test_a_file_of_long_ago_is_not_judged_by_todays_clock(
     heard: list[Standing] = []
     clock = SimpleNamespace(time=lambda: home[-1][0] + 300 * STEP)
     monkeypatch.setattr(health_listener, "time", clock)
-    listener = HealthListener(OPTIONS, heard.append)
+    listener = HealthListener(replace(OPTIONS, source="home.csv"), heard.append)
     for message, sent in messages(home):
         listener.receive(replace(message, at=sent / 1e9), 0)
     waiting: list[object] = [listener._waiting.get() for _ in home]

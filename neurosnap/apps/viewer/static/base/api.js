@@ -89,8 +89,8 @@ export const openEvents = () => new EventSource(at("events"));
 const AGAIN = 700; // milliseconds until it is asked for once more
 
 /**
- * Return what asks for something until all of it is there, one question at a time, and is
- * over then; while it is asking already, it asks once more.
+ * Return a function that asks for something until all of it is there, one question at a time;
+ * its promise ends then. Called while it is asking, it asks once more.
  *
  * @param {() => Promise<boolean>} ask told to ask, and tells whether that was all
  */
