@@ -104,7 +104,7 @@ class Put(Fed):
         self._send = by_zenoh(endpoint, "home")
 
     def _write(self, bits: dict[str, int]) -> None:
-        self._send(bits)
+        self._send({"bits": bits})
 
     def end(self) -> tuple[int, str]:
         self.process.send_signal(signal.SIGINT)

@@ -11,8 +11,8 @@ from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.zenoh.connect_session import connecting
 from tests.support.patience import PATIENCE
 
-Send: TypeAlias = Callable[[Mapping[str, int]], object]
-"""Sends a reading of all sensors."""
+Send: TypeAlias = Callable[[Mapping[str, object]], object]
+"""Sends a reading, as JSON."""
 
 
 def by_zenoh(endpoint: str, swarm: str) -> Send:
@@ -20,7 +20,7 @@ def by_zenoh(endpoint: str, swarm: str) -> Send:
     session = zenoh.open(connecting(HubAddress(endpoint), PATIENCE))
     publisher = listened_to(session, f"neurosnap/{swarm}/reading")
     # The session is closed with the last reference to it.
-    return lambda bits: (publisher.put(json.dumps({"bits": bits})), session)
+    return lambda reading: (publisher.put(json.dumps(reading)), session)
 
 
 def listened_to(session: zenoh.Session, key: str) -> zenoh.Publisher:

@@ -54,7 +54,7 @@ from neurosnap.sources.open import open_source
 from tests.support.course import course
 from tools.soak.killer import Killer
 from tools.soak.memory import Gauge, Memory
-from tools.soak.outside import feed, lines_in
+from tools.soak.outside import SINGLY, feed, lines_in
 from tools.soak.signals import strike_runs
 
 SERVICES = ("hub", "recorder", "coordinator", "world")
@@ -202,7 +202,7 @@ async def soak_outside(
     """
     began, log = time.perf_counter(), folder / "soaked.mcap"
     roles = [*SERVICES, HOSTS[cells]] + [INTAKE] * intake
-    if by == "zenoh:":
+    if by.startswith("zenoh:"):
         roles.remove("hub")  # it is the intake
     killer = Killer(roles, kills, seed, pause)
     settings = {
@@ -219,7 +219,7 @@ async def soak_outside(
     found.unsaid = fed - sum(found_in.values())
     ours = ("soak.toml", "mosquitto.conf", f"{log.name}.journal")
     found.left = [name for name in found.left if by == "-" or name not in ours]
-    if by == "mqtt:":
+    if by in ("mqtt:", SINGLY):
         return found
     waiting = sum(found_in.get(fate, 0) for fate in ("kept", "after"))
     lines = lines_in(log, fed - waiting)
@@ -296,7 +296,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _soak_each(given: argparse.Namespace, folder: Path) -> int:
     """Soak with each source at each rate, print a table, and return the exit code."""
-    row = "{:8}{:>9}{:>7}{:>9}{:>10}{:>7}{:>7}{:>6}  {}"
+    row = "{:13}{:>9}{:>7}{:>9}{:>10}{:>7}{:>7}{:>6}  {}"
     heads = ("source", "a second", "kills", "fed", "received", "lost", "twice", "exit")
     print(row.format(*heads, "sum"), flush=True)
     fine, kills = True, given.kills if given.fault == "kill" else 0
@@ -372,7 +372,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--keyframe-every", type=int, default=1000, help="ticks between key-frames")
     rates = "lines a second, with --run lines"
     add("--rate", type=float, nargs="+", default=[50.0, 500.0, 2000.0], help=rates)
-    ways = ["-", "zenoh:", "mqtt:"]
+    ways = ["-", "zenoh:", SINGLY, "mqtt:"]
     add("--by", choices=ways, nargs="+", default=ways, help="who feeds lines")
     add("--spare-intake", action="store_true", help="let the intake live")
     add("--folder", type=Path, help="where to record meanwhile")

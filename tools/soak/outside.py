@@ -2,8 +2,8 @@
 
 The run is a process of its own, as its user starts it. It tells how far it is as it
 tells a service manager, and of its restarts on stderr. What comes by a pipe or over
-Zenoh comes once: each reading must be a tick once, and they must be in order. A broker
-has the latest: of what it sends the run must say what became of each.
+Zenoh comes once: each reading must be a tick once, in order. Of what a broker sends, or
+comes for one sensor alone, a tick has the latest: what became of each must be said.
 """
 
 import asyncio
@@ -18,6 +18,7 @@ import time
 from asyncio.subprocess import PIPE, Process
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from itertools import cycle
 from pathlib import Path
 from typing import NamedTuple
 
@@ -37,6 +38,9 @@ from tools.soak.killer import Killer
 
 BITS = 12
 """Sensors: the lower bits of a line's number."""
+SINGLY = "zenoh:singly"
+"""A reading of one sensor after another: a tick has the latest of each."""
+_NAMES = [f"bit{place}" for place in range(BITS)]
 _SIZE = 1 << BITS
 _STILL = 3.0  # seconds in which nothing is written once nothing comes
 _WATCHDOG = 100_000  # microseconds; progress is told twice as often
@@ -62,7 +66,7 @@ async def feed(
         log: Where it is recorded.
         rate: Readings a second, if the run takes so many.
         flags: More of the run.
-        by: How it is fed: ``-``, ``zenoh:`` or ``mqtt:``.
+        by: How it is fed: ``-``, ``zenoh:``, ``zenoh:singly`` or ``mqtt:``.
 
     Returns:
         How many readings it was fed, its exit code, and what it counted. What it says
@@ -149,23 +153,21 @@ async def _all_taken_in(log: Path) -> None:
 
 @contextmanager
 def _outside(by: str, folder: Path) -> Iterator[_Outside]:
-    names = [f"bit{place}" for place in range(BITS)]
-    sensors = ("--set", f"sensors={','.join(names)}")
+    sensors = ("--set", f"sensors={','.join(_NAMES)}")
     if by == "-":
         yield _Outside(("-", *sensors), _by_pipe)
-    elif by == "zenoh:":
+    elif by != "mqtt:":
         at = f"tcp/127.0.0.1:{free_port()}"
-        listen = ("--listen", at, "--swarm", "soak")
-        yield _Outside((by, *sensors, *listen), lambda _: by_zenoh(at, "soak"))
+        source = ("zenoh:", *sensors, "--listen", at, "--swarm", "soak")
+        yield _Outside(source, lambda _: _over_zenoh(at, singly=by == SINGLY))
     else:
         # It would drop what more than 1,000 others wait before.
-        lines = ("allow_anonymous true", "max_queued_messages 0")
-        with started(folder, *lines) as broker:
+        with started(folder, "allow_anonymous true", "max_queued_messages 0") as broker:
             one = '{{name="{0}", topic="soak", field="{0}", on=["1"], off=["0"]}}'
             file = folder / "soak.toml"
             file.write_text(
                 f'[source]\nkind="mqtt"\nbroker={{port={broker.port}}}\n'
-                f"sensors=[{','.join(map(one.format, names))}]\n"
+                f"sensors=[{','.join(map(one.format, _NAMES))}]\n"
                 'publish={prefix="said"}\n'
             )
             yield _Outside(
@@ -180,6 +182,14 @@ def _by_pipe(process: Process) -> Send:
         raise ValueError("process: must have a pipe to write to")
     pipe.transport.set_write_buffer_limits(0)
     return lambda bits: pipe.write(json.dumps({"bits": bits}).encode() + b"\n")
+
+
+def _over_zenoh(at: str, *, singly: bool) -> Send:
+    """Put each line, or of each the next sensor alone."""
+    put, turn = by_zenoh(at, "soak"), cycle(_NAMES)
+    if not singly:
+        return lambda bits: put({"bits": bits})
+    return lambda bits: put({"sensor": (name := next(turn)), "on": bits[name]})
 
 
 def _by_broker(port: int, topic: str, status: str) -> Send:
