@@ -37,15 +37,15 @@ them."""
 def features(
     active: NDArray[np.bool_],
     parts: NDArray[np.int64],
-    window: int,
+    window: int | NDArray[np.int64],
     now: NDArray[np.int64],
 ) -> Floats:
     """Return the features of steps, by windows that end with each.
 
     Args:
         active: ``(steps, sensors)``, whether a sensor came on.
-        parts: ``(steps,)``, in which part of a day each is.
-        window: In steps.
+        parts: ``(rows,)``, in which part of a day each is, or of all.
+        window: In steps; one for all, or ``(rows,)``.
         now: ``(rows,)``, places of steps.
 
     Returns:
@@ -61,8 +61,8 @@ def features(
     made[:, :sensors] = sums[now + 1] > sums[middle]
     made[:, sensors : 2 * sensors] = sums[middle] > sums[past]
     rows = np.arange(len(now))
-    made[rows, 2 * sensors + parts[now] % PARTS] = 1
-    made[rows, 2 * sensors + PARTS + parts[now]] = 1
+    made[rows, 2 * sensors + parts % PARTS] = 1
+    made[rows, 2 * sensors + PARTS + parts] = 1
     made[:, -1] = 1
     return made
 

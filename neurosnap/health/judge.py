@@ -125,25 +125,18 @@ class Judge:
         activation, the word of a sensor in bad health is replaced by how likely the
         others say it would have come on.
         """
-        now = np.array([REACH - 1])
-        sensors = len(self.kind)
+        others = slice(2 * len(self.kind))
         ill = np.tile(self._ill(), 2)
-        heeded = np.tile(self.kind == WELL, 2)
-        rates = np.zeros((len(WINDOWS), 1, sensors))
-        alone = np.zeros((1, sensors))
-        parts = parts_of_day(number + 1 - REACH, REACH, learned.zone)
-        for place, window in enumerate(WINDOWS):
-            row = features(self.recent, parts, window, now)
-            others = row[:, : 2 * sensors]
-            if place == 0:
-                excuse = row.copy()
-                excuse[:, : 2 * sensors] *= 1 - ill
-                likely = -np.expm1(-(excuse @ learned.weights[0]))
-                excuse[:, : 2 * sensors] += ill * np.tile(likely, 2)
-                alone = excuse @ learned.weights[0]
-            others *= heeded
-            rates[place] = row @ learned.weights[place]
-        return per_step(rates, alone)
+        part = parts_of_day(number, 1, learned.zone)
+        now = np.full(len(WINDOWS), REACH - 1)
+        rows = features(self.recent, part, np.array(WINDOWS), now)
+        excuse = rows[:1].copy()
+        excuse[:, others] *= 1 - ill
+        likely = -np.expm1(-(excuse @ learned.weights[0]))
+        excuse[:, others] += ill * np.tile(likely, 2)
+        rows[:, others] *= np.tile(self.kind == WELL, 2)
+        rates = rows[:, None] @ learned.weights
+        return per_step(rates, excuse @ learned.weights[0])
 
     def _ill(self) -> Floats:
         """Return how ill each sensor is, from 0 to 1, in alarm.

@@ -248,8 +248,9 @@ def expected_since(
     Returns:
         How many, and in how many it came on although hardly anything spoke for it.
     """
-    rows = np.arange(max(0, since - history.first), len(history))
-    parts = parts_of_day(history.first, len(history), learned.zone)
+    first = max(history.first, since)
+    rows = np.arange(first - history.first, len(history))
+    parts = parts_of_day(first, len(rows), learned.zone)
     inputs = features(history.came_on > 0, parts, WINDOWS[0], rows)
     rates = inputs @ learned.weights[0][:, sensor]
     likely = -np.expm1(-rates)

@@ -154,7 +154,7 @@ class Ours:
         active = whole.came_on > 0
         key = id(learned), low, high
         if key not in self._rates:
-            parts = parts_of_day(whole.first, len(whole), learned.zone)
+            parts = parts_of_day(whole.first + low, high - low, learned.zone)
             self._rates.clear()
             rows = np.arange(low, high)
             rates = np.array(
