@@ -1,5 +1,6 @@
 """Read-only recordings and keys shared by several integration tests."""
 
+import fcntl
 import tempfile
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import suppress
@@ -44,11 +45,24 @@ def passing() -> set[psutil.Process]:
 
 
 def _once(make: Callable[[Path], Path]) -> Any:
-    """Return a fixture: the recording that is made once, in a folder of its own."""
+    """Return a fixture: the recording that one worker makes for all of them."""
 
     @pytest.fixture(scope="session")
-    def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-        return make(tmp_path_factory.mktemp("log"))
+    def log(
+        request: pytest.FixtureRequest,
+        tmp_path_factory: pytest.TempPathFactory,
+        worker_id: str,
+    ) -> Path:
+        base = tmp_path_factory.getbasetemp()
+        shared = base if worker_id == "master" else base.parent
+        folder = shared / str(request.fixturename)
+        made = folder / "made"
+        with (shared / f"{folder.name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not made.exists():
+                folder.mkdir()
+                made.write_text(str(make(folder)))
+        return Path(made.read_text())
 
     return log
 
