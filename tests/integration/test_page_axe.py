@@ -112,6 +112,8 @@ async def test_it_fits_a_small_screen(planner_log: Path, size: tuple[int, int]) 
     async with opened(planner_log, f"#t={TICKS}") as page:
         await page.set_viewport_size({"width": width, "height": height})
         await wait_shown(page, TICKS)
+        long = "document.querySelector('#what').textContent = 'a path '.repeat(99)"
+        await page.evaluate(long)
         for tab in ("plots", "sensors", "compare"):
             await page.click(f"#tab-{tab}")
             await page.wait_for_selector(f"#{tab}:not(:empty)")
@@ -125,6 +127,8 @@ async def test_it_fits_a_small_screen(planner_log: Path, size: tuple[int, int]) 
             box = await page.locator("#diagram").bounding_box()
             assert box is not None
             assert 0.5 * height < box["height"] < 0.6 * height
+            await page.click("#wave-play")  # it brings the diagram back into sight
+            await expect(page.locator("#diagram")).to_be_in_viewport(ratio=0.99)
             return
         for part in CONTROLS:
             box = await page.locator(part).bounding_box()

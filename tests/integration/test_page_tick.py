@@ -334,6 +334,7 @@ async def test_an_imagined_wave_is_told_apart_and_the_plan_is_shown(
         await expect(page.locator(".plan")).to_have_attribute(
             "aria-label", "Plan: 2 steps to go"
         )
+        await expect(page.locator("#now")).to_contain_text("to test what turn_b does")
         await go_to(page, PLANNED + 1)
         await expect(steps).to_have_text(["turn_b"])
 
@@ -479,7 +480,9 @@ async def test_a_tick_without_a_decision_is_not_said_to_do_nothing(
     last = RunView(path_log).last
     page = await page_at(path_log, last - 1)
     did = page.locator("#now dd").first
-    await expect(did).not_to_contain_text("not decided")
+    await expect(did).not_to_contain_text("no decision")
+    await go_to(page, last)  # where the run ended
+    await expect(did).to_have_text(re.compile("^no decision"))
     page = await page_at(csv_log, 9)
     facts = await page.locator("#now dt").all_inner_texts()
     assert "did" not in facts  # nobody decides anything

@@ -126,7 +126,7 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
     live: bool
     """It still grows."""
     cut: str | None
-    """Where and why a recording that is not whole ends; None where it is whole."""
+    """What is missing from a recording that is not whole; None where it is whole."""
     swarm: str
     world: Stage | None
     """None if it cannot be drawn."""
@@ -332,7 +332,7 @@ class Finding(msgspec.Struct, frozen=True, kw_only=True):
     last: int | None
     """Where it ended, so far; None of an alarm that is in force."""
     what: str
-    """What was read and what was expected; or the kind of alarm."""
+    """What was read and what was expected, if a rule says so; or the kind of alarm."""
     sentence: str
     rule: tuple[int, int] | None = None
     """As in `AnomalyView`, at the last tick."""

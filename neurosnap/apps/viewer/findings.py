@@ -67,13 +67,13 @@ class Spells:
         if last and last.sensors[0] == sensor and tick - (last.last or 0) <= NEAR:
             self.listed[-1] = replace(last, last=tick, rule=told.rule, state="now")
         else:
-            said = ["read on, expected off", "read off, expected on"]
+            said = ["read on, expected off", "read off, expected on", "may be wrong"]
             begun = Finding(
                 sensors=list(dict.fromkeys((sensor, *(one >> 1 for one in read)))),
                 tick=tick,
                 first=tick,
                 last=tick,
-                what=said[read[0] & 1] if read and read[0] >> 1 == sensor else "",
+                what=said[read[0] & 1 if read and read[0] >> 1 == sensor else 2],
                 sentence=told.sentence,
                 rule=told.rule,
             )

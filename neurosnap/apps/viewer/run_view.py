@@ -80,14 +80,16 @@ class RunView:
         return True
 
     def cut(self, *, live: bool) -> str | None:
-        """Return where a recording that is not whole ends, and what cannot be read.
+        """Return what is missing from a recording that is not whole.
 
         Args:
             live: It still grows: that it has no end yet is nothing to say.
         """
         if live and not self.recording.spoiled:
             return None
-        lost = (*self.recording.lost, *self.tick_index.damage.values())
+        lost = [*self.recording.lost, *self.tick_index.damage.values()]
+        if not lost and not self.recording.whole:
+            lost = ["messages are missing; neurosnap info counts them"]
         return "; ".join(lost) or None
 
     def run(self, live: bool) -> api.Run:
@@ -132,11 +134,7 @@ class RunView:
         learned = dict(self._learned(first, last))
         unknown = (_UNKNOWN, self.options.body)
         return [
-            self._frame(
-                ticks,
-                ticks.states[tick],
-                *learned.get(tick, unknown),
-            )
+            self._frame(ticks, ticks.states[tick], *learned.get(tick, unknown))
             for tick in range(first, last + 1)
             if tick in ticks.states
         ]

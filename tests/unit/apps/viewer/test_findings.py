@@ -23,7 +23,7 @@ CASES = {
     "nothing came after it": ("kM", [(2, 2, "now", MOTION)]),
     "it goes on untold": ("MMbk", [(1, 2, "learned as normal", MOTION)]),
     "what is not read says nothing": ("Muuk", [(1, 1, "over", MOTION)]),
-    "no rule is told": ("Nk", [(1, 1, "over", "")]),
+    "no rule is told": ("Nk", [(1, 1, "over", "may be wrong")]),
     "near": (f"M{FAR[1:]}M", [(1, 1 + NEAR, "now", MOTION)]),
     "far": (
         f"M{FAR}Mo",
@@ -46,5 +46,5 @@ def test_what_is_told_of_one_sensor_is_one_finding(
     assert [(one.first, one.last, one.state, one.what) for one in listed] == found
     for one in listed:
         assert one.tick == one.first
-        pair = [0, 1] if one.what == DOOR else [1, 0] if one.what else [1]
+        pair = [0, 1] if one.what == DOOR else [1, 0] if one.what == MOTION else [1]
         assert one.sensors == pair

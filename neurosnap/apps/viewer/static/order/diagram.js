@@ -11,7 +11,6 @@ import { dress, looks, nodeOf, widthOf } from "./nodes.js";
 const [SMALLEST, LARGEST] = [0.02, 4]; // scales
 const MARGIN = 14;
 const NUMBERS = 20; // room beside the drawing, where the layers are numbered
-const FOOT = 20; // the legend stands below
 const STILL = 4; // pixels within which a press is a click
 const HATCH = "M-1 1L1 -1M0 6L6 0M5 7L7 5";
 
@@ -140,9 +139,9 @@ export class Diagram {
     const { left, right, top, bottom } = this._laid.box;
     const { clientWidth: width, clientHeight: height } = this._home;
     const across = (width - 2 * MARGIN) / (right - left + NUMBERS);
-    const down = (height - FOOT - 2 * MARGIN) / (bottom - top);
+    const down = (height - 2 * MARGIN) / (bottom - top);
     const scale = Math.max(Math.min(across, down, 1.25), SMALLEST);
-    this._aim({ x: (left - NUMBERS + right) / 2, y: (top + bottom + FOOT / scale) / 2, scale });
+    this._aim({ x: (left - NUMBERS + right) / 2, y: (top + bottom) / 2, scale });
     this._whole = true;
   }
 

@@ -105,7 +105,7 @@ export function marksOf({ sensors, rules }, places) {
     line.append(words);
     return [line];
   });
-  return [...lines, ...rings];
+  return [...rings, ...lines]; // the words stay legible over a ring
 }
 
 // What lies behind the nodes: the layers as stripes, and what ties equivalent sensors

@@ -75,9 +75,10 @@ export class FindingsView {
 
   _draw() {
     if (!this._found) return;
-    const { findings, left_out: leftOut } = this._found;
+    const { findings, left_out: leftOut, done } = this._found;
     const count = findings.length + leftOut;
-    write(find("tab-findings"), count ? `Findings ${count}` : "Findings");
+    const more = done || this._on.isLive() ? "" : " …"; // the rest of the run is still being read
+    write(find("tab-findings"), `Findings${count ? ` ${count}` : ""}${more}`);
     const titles = ["Sensor", "What was wrong", "Began", "Lasted", "State", "Readings"];
     const list = table("The findings, the newest first", titles, findings.map((one) => this._row(one)));
     for (const [number, row] of list.querySelectorAll("tbody tr").entries()) {

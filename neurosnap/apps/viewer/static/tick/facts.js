@@ -15,6 +15,7 @@ export class FactsView {
   constructor(names, { actions, options, room }) {
     this._names = names;
     this._actions = actions;
+    this._aim = `to achieve ${options.target.join(", ") || "the target"}`;
     const idle = actions.length ? [] : ["did", "why"]; // nothing is decided
     const without = [...idle, ...(options.imagine ? [] : ["plan"]), ...(room ? [] : ["grown"])];
     const facts = [...WORDS, ...NUMBERS].filter((fact) => !without.includes(fact));
@@ -58,7 +59,7 @@ export class FactsView {
     if (action !== null) return action;
     if (choice >= 0) return "nothing";
     const last = before?.action ? `; at tick ${before.tick}: ${before.action}` : "";
-    return `not decided yet${last}`;
+    return `no decision${last}`;
   }
 
   _plan(plan) {
@@ -71,7 +72,7 @@ export class FactsView {
 
   /** What a plan is for; its steps are shown beside that. */
   _why({ plan, why }) {
-    return plan ? plan.why || "to achieve the target" : why;
+    return plan ? plan.why || this._aim : why;
   }
 
   _contradicted({ contradicted, incoherent }) {

@@ -99,6 +99,7 @@ export class WaveView {
       this._at = null;
       this._changed();
     } else if (this._wave !== null) {
+      find("diagram").scrollIntoView({ block: "nearest" }); // a phone has scrolled it away
       // Who wants no motion goes hop by hop with the slider.
       const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
       this._at = still ? this._wave.depth : 0;
