@@ -53,11 +53,7 @@ def index() -> list[Row]:
 INDEX = index()
 
 
-def longest_first(names: list[str]) -> str:
-    return "|".join(re.escape(name) for name in sorted(names, key=len, reverse=True))
-
-
-LABEL = rf"(?:{longest_first(list(KINDS))})(?!\w)"
+LABEL = rf"(?:{'|'.join(map(re.escape, sorted(KINDS, key=len, reverse=True)))})(?!\w)"
 MARK = re.compile(r"\[GK\] ")
 # A label, a title, one of the four settings, or something next to a label.
 CITATION = re.compile(

@@ -13,7 +13,7 @@ from neurosnap.agent.growth_in_decisions import Changed
 from neurosnap.errors import RecordingError
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.protocol.anomaly_report import NamedAnomaly
-from neurosnap.protocol.run_options import SMALLEST, CellKind, RunOptions
+from neurosnap.protocol.run_options import SMALLEST, CellKind
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.grown_sensors import births_of
 from neurosnap.recording.replay.learn_again import Learning, learned_at
@@ -47,18 +47,13 @@ def inline(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_where_a_limit_cut_an_episode_off_no_episode_ends(tmp_path: Path) -> None:
     options, log = lamp_options(LIMITED, ticks=TICKS, cells="inline"), tmp_path / "log"
     recorded(options, log)
-    assert not ends_at_last(options, log)
-    # If the recording does not say that a limit cut it off, it is an end.
-    untold = changing(wire.Observation, lambda m: m.cut, lambda _: {"cut": False})
-    assert not verify(rewritten(log, tmp_path / "untold", untold)).same
-
-
-def ends_at_last(options: RunOptions, log: Path) -> set[bytes]:
-    """Return the places at which episodes ended, by the last key-frame."""
     memory = options.new_memory()
     memory.restore(of_type(log, wire.KeyFrame)[-1].agent)
     assert memory.experience is not None
-    return memory.experience.ends
+    assert not memory.experience.ends
+    # If the recording does not say that a limit cut it off, it is an end.
+    untold = changing(wire.Observation, lambda m: m.cut, lambda _: {"cut": False})
+    assert not verify(rewritten(log, tmp_path / "untold", untold)).same
 
 
 def test_what_was_grown_is_called_by_its_formula_and_learned_as_in_the_run(
@@ -149,7 +144,10 @@ def test_a_decision_that_cannot_be_right_is_named(
     [
         (lambda m: m.readings, lambda m: {"readings": flipped(m.readings)}),
         (lambda m: m.counts, lambda m: {"counts": flipped(m.counts)}),
-        (lambda m: m.counts, lambda m: {"counts": b"", "lacks": (cell_of(m),)}),
+        (
+            lambda m: m.counts,
+            lambda m: {"counts": b"", "lacks": (int(m.who.rpartition("/")[2]),)},
+        ),
     ],
     ids=["readings", "counts", "lacks"],
 )
@@ -163,10 +161,6 @@ def test_an_answer_that_was_changed_is_found(
     verdict = verify(rewritten(inline, tmp_path / "log", change))
     assert not verdict.same
     assert str(verdict.difference).startswith(f"tick {BIRTH}: /")
-
-
-def cell_of(answer: wire.Recalled) -> int:
-    return int(answer.who.rpartition("/")[2])
 
 
 def test_in_several_files_each_begins_with_what_was_grown(

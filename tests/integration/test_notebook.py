@@ -11,12 +11,6 @@ import pytest
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-def code_cells(path: Path) -> list[dict[str, Any]]:
-    """Return the cells of a notebook that hold code."""
-    cells = json.loads(path.read_text())["cells"]
-    return [cell for cell in cells if cell["cell_type"] == "code"]
-
-
 def printed(cells: list[dict[str, Any]]) -> list[str]:
     """Run cells in one namespace; return what each prints."""
     names: dict[str, object] = {"__name__": "__main__"}
@@ -39,6 +33,7 @@ def test_a_notebook_prints_what_it_shows(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(EXAMPLES)
-    cells = code_cells(EXAMPLES / f"{name}.ipynb")
+    every = json.loads((EXAMPLES / f"{name}.ipynb").read_text())["cells"]
+    cells = [cell for cell in every if cell["cell_type"] == "code"]
     assert printed(cells) == [stored(cell) for cell in cells]
     assert sum(1 for cell in cells if cell["outputs"]) >= 5

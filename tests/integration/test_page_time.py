@@ -363,11 +363,6 @@ async def test_the_counts_of_a_tick_are_those_of_its_curves(
         assert log != torn_log or counted[2][-1] == 3
 
 
-async def open_raster(page: Page) -> None:
-    await page.click("#tab-raster")
-    await page.wait_for_selector("#raster canvas[aria-label*=over]")
-
-
 @pytest.mark.slow
 async def test_the_pointer_tells_each_value_and_a_click_goes_there(
     unread_log: Path,
@@ -375,7 +370,8 @@ async def test_the_pointer_tells_each_value_and_a_click_goes_there(
     view = RunView(unread_log)
     names = view.options.sensors
     page = await page_at(unread_log, 2)
-    await open_raster(page)
+    await page.click("#tab-raster")
+    await page.wait_for_selector("#raster canvas[aria-label*=over]")
     canvas = page.locator("#raster canvas")
     await expect(canvas).to_have_attribute(
         "aria-label",

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import psutil
@@ -72,10 +71,7 @@ def test_a_swarm_is_listed_shown_and_stopped(tmp_path: Path) -> None:
     first, second = tmp_path / "first.mcap", tmp_path / "second.mcap"
     with going(first) as stopped, going(second) as left:
         listed = happy("ps")["swarms"]
-        assert [Path(one["log"]) for one in sorted(listed, key=_by_log)] == [
-            first,
-            second,
-        ]
+        assert sorted(Path(one["log"]) for one in listed) == [first, second]
         ids = {Path(one["log"]): one["swarm"] for one in listed}
         pids = {Path(one["log"]): one["pid"] for one in listed}
         names = {who for who, _ in parts_of(psutil.Process(pids[first]))}
@@ -88,10 +84,6 @@ def test_a_swarm_is_listed_shown_and_stopped(tmp_path: Path) -> None:
         assert left.poll() is None  # the other one goes on
         assert [one["swarm"] for one in happy("ps")["swarms"]] == [ids[second]]
     assert_true_run(first)
-
-
-def _by_log(note: dict[str, Any]) -> str:
-    return str(note["log"])
 
 
 def test_what_is_not_there_is_named(runtime: Path) -> None:

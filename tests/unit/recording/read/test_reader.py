@@ -160,13 +160,6 @@ def test_a_stranger_who_writes_what_we_write_is_read(log: Path) -> None:
     assert read.message == EACH["pulse"]
 
 
-def read_all(log: Path) -> None:
-    recording = Recording.open(log)
-    list(recording.messages())
-    assert recording.closing is None
-    recording.balance(recording.sequences())
-
-
 @pytest.mark.parametrize(
     ("made", "rule"),
     [
@@ -205,7 +198,10 @@ def test_what_no_writer_of_ours_writes_is_an_error(
 ) -> None:
     write_mcap(log, **made)
     with pytest.raises(RecordingError, match=rule):
-        read_all(log)
+        recording = Recording.open(log)
+        list(recording.messages())
+        assert recording.closing is None
+        recording.balance(recording.sequences())
 
 
 # Ticks --------------------------------------------------------------------------------
