@@ -99,7 +99,17 @@ async def test_the_world_is_drawn_with_its_target_and_place(planner_log: Path) -
         x, y = stage.coordinates[frame.place]
         place = f"({x}, {y})"
         said = f"A grid of 9 places: at {place}, target {target}"
-        await expect(world).to_have_attribute("aria-label", said)
+        steps = [] if frame.plan is None else frame.plan.steps
+        there, visits = frame.place, dict[int, list[str]]()
+        for number, step in enumerate(steps, 1):
+            there = stage.moves[step][there]
+            visits.setdefault(there, []).append(str(number))
+        dots = world.locator(".plan-steps text")
+        await expect(dots).to_have_text([" ".join(each) for each in visits.values()])
+        label = re.compile(
+            re.escape(said) + ("; steps of the plan: 1" if steps else "$")
+        )
+        await expect(world).to_have_attribute("aria-label", label)
         await expect(agent).to_have_attribute("cx", f"{x + 0.5}")
         assert await begins.is_visible() == frame.begins
 

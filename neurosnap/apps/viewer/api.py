@@ -89,6 +89,8 @@ class Stage(msgspec.Struct, frozen=True, kw_only=True):
     """How many values y takes."""
     target: int | None
     """The place that is the target; None if there is none."""
+    moves: list[list[int]]
+    """For each action, where it leads from each place."""
 
 
 class Listed(msgspec.Struct, frozen=True, kw_only=True):

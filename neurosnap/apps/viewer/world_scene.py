@@ -145,4 +145,5 @@ def _stage(
         width=width,
         height=height,
         target=int(aims.argmax()) if aims.sum() == 1 else None,
+        moves=np.asarray(attribute(env, "moves")).tolist(),
     )

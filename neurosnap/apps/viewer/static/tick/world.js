@@ -39,13 +39,15 @@ export class WorldView {
       }
     }
     this._agent = shape("circle", { r: 0.3, class: "agent" });
-    this._drawing.append(this._agent);
+    this._plan = shape("g", { class: "plan-steps" });
+    this._drawing.append(this._agent, this._plan);
     find("world-drawing").replaceChildren(this._drawing);
   }
 
   /** Show where the agent is at a tick. */
-  show({ place }) {
+  show({ place, plan }) {
     if (this._stage === null) return;
+    const ways = this._showPlan(place, plan);
     const [x, y] = this._spots[place ?? 0];
     this._agent.setAttribute("visibility", place === null ? "hidden" : "visible");
     this._agent.setAttribute("cx", x);
@@ -53,7 +55,28 @@ export class WorldView {
     const { kind, places, target } = this._stage;
     const where = place === null ? "place not known" : `at ${this._called(place)}`;
     const aim = target === null ? "" : `, target ${this._called(target)}`;
-    this._drawing.setAttribute("aria-label", `A ${kind} of ${places} places: ${where}${aim}`);
+    this._drawing.setAttribute("aria-label", `A ${kind} of ${places} places: ${where}${aim}${ways}`);
+  }
+
+  /** Show where each step of a plan leads, as a dot with its number; say it in words. */
+  _showPlan(place, plan) {
+    const visits = new Map(); // the numbers of the steps, by place
+    let at = place;
+    for (const [number, step] of (plan?.steps ?? []).entries()) {
+      at = this._stage.moves[step]?.[at];
+      if (at !== undefined) visits.set(at, [...(visits.get(at) ?? []), number + 1]);
+    }
+    const dots = [...visits].flatMap(([there, numbers]) => {
+      const [x, y] = this._spots[there];
+      const text = shape("text", { x, y, "font-size": numbers.length > 1 ? 0.2 : 0.3 });
+      write(text, numbers.join(" "));
+      return [shape("circle", { cx: x, cy: y, r: 0.21 }), text];
+    });
+    this._plan.replaceChildren(...dots);
+    const why = dots.length ? plan.why || "to achieve the target" : "";
+    write(find("world-plan"), why && `The numbers are the steps of the plan: ${why}.`);
+    const steps = [...visits].map(([there, numbers]) => `${numbers.join(" and ")} at ${this._called(there)}`);
+    return why && `; steps of the plan: ${steps.join(", ")}`;
   }
 
   _called(place) {
