@@ -58,8 +58,7 @@ class _Telling:
                     if asked:
                         self._said.append(f"asked {len(asked)} {_short(asked)}")
                     self._said.append(_decided(message))
-                    said = "; ".join(map(_clipped, self._said))
-                    yield f"{message.tick}: {said}"
+                    yield f"{message.tick}: {'; '.join(map(_clipped, self._said))}"
                     tick, self._said, self._asked = message.tick, [], []
                 case wire.Wiring() | wire.WorkerWiring():
                     self._wire(message)

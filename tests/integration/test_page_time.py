@@ -425,6 +425,8 @@ async def test_n_and_p_go_from_anomaly_to_anomaly(broken_log: Path) -> None:
     for tick in reversed(ticks):
         await page.click("#anomaly-back")
         await wait_shown(page, tick)
+    await page.keyboard.press("g")
+    await expect(page.locator("#goto-list")).to_contain_text("this tick has no clock")
 
 
 @pytest.mark.slow

@@ -117,19 +117,14 @@ def attempt(
     who.env.reset(seed=seed)
     inner: Any = who.env.unwrapped
     inner.s = int(who.table.states[start])
-    bits: NDArray[Any] = state_readings(who.env)
+    state, definitions = who.env.state_of(inner.s, {}), who.env.definitions
+    bits: NDArray[Any] = np.array([d.order == 0 and d(state) for d in definitions])
     way = [(inner.s, False)]
     while way[-1] not in there and not way[-1][1] and len(way) <= PATIENCE:
         action = agent.act(bits, begins=len(way) == 1).action
         bits, _, over, _, _ = who.env.step(action)
         way.append((int(inner.s), over))
     return way
-
-
-def state_readings(env: BinarySensors) -> NDArray[np.bool_]:
-    inner: Any = env.unwrapped
-    state = env.state_of(inner.s, {})
-    return np.array([one.order == 0 and one(state) for one in env.definitions])
 
 
 def tile(env: BinarySensors, row: int, column: int) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ asked                                               answer
 ``/api/births``                                     `GrownView`
 ``/api/findings``                                   `FindingList`
 ``/api/marks?from=&to=&bins=``                      `Marks`
-``/api/beside?tick=&way=``                          `Beside`
+``/api/beside?tick=``                               `Beside`
 ``/api/depths``                                     `Depths`
 ``/api/raster?from=&to=&columns=&sensor=&sensors=`` `RasterPart`
 ``/api/events``                                     `Event`, again
@@ -405,11 +405,17 @@ class Depths(ReadSoFar, frozen=True, kw_only=True):
     """Waves that are in no count, as there are too many pairs."""
 
 
-class Beside(msgspec.Struct, frozen=True):
-    """The nearest tick with an anomaly or an alarm."""
+class Beside(ReadSoFar, frozen=True, kw_only=True):
+    """Ticks to go to from one; None if there is none, or it was not read yet."""
 
-    tick: int | None
-    """None if there is none, or it was not read yet."""
+    back: int | None
+    """The nearest before it with an anomaly or an alarm."""
+    on: int | None
+    """The nearest after it."""
+    day: int | None
+    """The last that is 24 hours before it, or more."""
+    week: int | None
+    """The last that is seven days before it, or more."""
 
 
 class RasterPart(ReadSoFar, frozen=True, kw_only=True):

@@ -6,7 +6,6 @@ is said to be so. One reader hands each stretch of ticks to all of them.
 """
 
 import math
-from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from typing import TypeVar
 
@@ -29,6 +28,8 @@ T = TypeVar("T", bound=api.ReadSoFar)
 
 _BATCH = 16
 """Ticks read at a time, at most: others wait for as long."""
+_DAY = 86_400.0
+"""Seconds."""
 
 
 class RunHistory:
@@ -94,9 +95,9 @@ class RunHistory:
         so_far = self._so_far(self._run_view.last)
         return _with(so_far, self._depths.depths())
 
-    def beside(self, tick: int, way: int) -> api.Beside:
-        """Return the nearest anomaly or alarm before (-1) or after (1) a tick."""
-        return self._marks.beside(tick, way)
+    def beside(self, tick: int) -> api.Beside:
+        """Return the ticks to go to from one."""
+        return _with(self._so_far(tick), self._marks.beside(tick))
 
     def _so_far(self, last: int) -> api.ReadSoFar:
         """Return how far was read, and whether that is all there is up to a tick."""
@@ -233,13 +234,22 @@ class RunMarks:
             alarms=_counted([alarm.tick for alarm in found.alarms], edges),
         )
 
-    def beside(self, tick: int, way: int) -> api.Beside:
-        """Return the nearest anomaly or alarm before (-1) or after (1) a tick."""
-        alarms = (alarm.tick for alarm in self._findings.alarms)
-        told = sorted({*self._findings.anomalies, *alarms})
-        place = bisect_right(told, tick) if way > 0 else bisect_left(told, tick) - 1
-        there = 0 <= place < len(told)
-        return api.Beside(told[place] if there else None)
+    def beside(self, tick: int) -> api.Beside:
+        """Return the nearest anomalies or alarms, and the ticks of some time before."""
+        found = self._findings
+        told = {*found.anomalies, *(alarm.tick for alarm in found.alarms)}
+        times = list(found.times.items())  # at once: there may soon be more
+        now = found.times.get(tick, -math.inf)
+        day, week = (
+            max((t for t, at in times if t < tick and at <= now - ago), default=None)
+            for ago in (_DAY, 7 * _DAY)
+        )
+        return api.Beside(
+            back=max((one for one in told if one < tick), default=None),
+            on=min((one for one in told if one > tick), default=None),
+            day=day,
+            week=week,
+        )
 
 
 def _counted(ticks: Sequence[int], edges: NDArray[np.float64]) -> list[int]:

@@ -19,7 +19,7 @@ from neurosnap.agent.growth_in_decisions import changes_in
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.learned_by_tick import SnapshotCache, drawn, graph_id
 from neurosnap.apps.viewer.tick_messages import Ticks
-from neurosnap.apps.viewer.waves import Imagined, first_shown, plan_of
+from neurosnap.apps.viewer.waves import Imagined, first_shown, in_order, plan_of
 from neurosnap.apps.viewer.world_scene import Scene
 from neurosnap.errors import InvalidValueError, MessageError, RecordingError, ShapeError
 from neurosnap.recording.read.random_access_by_tick import TickIndex
@@ -150,7 +150,7 @@ class RunView:
         found = next((wave for wave in waves if wave.wave == number), None)
         if found is None:
             raise InvalidValueError("wave", f"must be a wave of tick {tick}", number)
-        return found
+        return in_order(found)
 
     def graph(self, tick: int) -> api.Graph:
         """Return the learned order after a tick; 0 for before the first.

@@ -312,13 +312,9 @@ class Questions:
         return _answer(self._asked(request).history.marks(first, last, bins))
 
     async def beside(self, request: Request) -> Response:
-        """Answer where the nearest anomaly or alarm is."""
-        query = request.query_params
-        way = query.get("way", "")
-        if way not in ("-1", "1"):
-            raise InvalidValueError("way", "must be 1 or -1", way)
-        tick = whole(query, "tick")
-        return _answer(self._asked(request).history.beside(tick, int(way)))
+        """Answer which ticks to go to from one."""
+        tick = whole(request.query_params, "tick")
+        return _answer(self._asked(request).history.beside(tick))
 
     async def births(self, request: Request) -> Response:
         """Answer which sensors were grown."""

@@ -118,7 +118,7 @@ class Ticks:
         )
 
     def waves(self, tick: int) -> list[api.WaveView]:
-        """Return the waves of a tick, oldest first."""
+        """Return the waves of a tick, oldest first, their hops in no order."""
         if self._waves is None:
             return []
         return self._waves.of(tick, self._signal(tick))
@@ -134,7 +134,7 @@ class Ticks:
         """
         reached = np.zeros(2 * self._sensors, np.bool_)
         if self._waves is not None:
-            reached[self._waves.reached(state.wave)] = True
+            reached[[*self._waves.reached(state.wave)]] = True
         read = self.literals(state.tick)
         said = read[::2] | read[1::2] | (reached[::2] & reached[1::2])
         return said & ~(held[::2] | held[1::2])

@@ -70,25 +70,28 @@ class Waves:
             for start in starts
         )
 
-    def reached(self, number: int) -> list[int]:
-        """Return the literals that a wave reached, in no order."""
+    def reached(self, number: int) -> dict[int, int]:
+        """Return the literals that a wave reached, in no order, each with its hops."""
         hops = self._found[number].hops
-        return [literal for literal in hops if literal in self._literals]
+        if not hops or max(hops) in self._literals:  # none of another run's
+            return hops
+        return {a: hop for a, hop in hops.items() if a in self._literals}
 
     def of(self, tick: int, observed: tuple[int, ...]) -> list[WaveView]:
-        """Return the waves of a tick, oldest first; arguments as in `settled`."""
+        """Return the waves of a tick, oldest first; arguments as in `settled`.
+
+        Their hops are in no order: there may be thousands, and few are shown.
+        """
         return [self._shown(start, observed) for start in self._of(tick)]
 
     def _shown(self, start: wire.WaveStart, observed: tuple[int, ...]) -> WaveView:
-        found = self._found[start.wave]
-        known = [hop for hop in found.hops.items() if hop[0] in self._literals]
-        hops = sorted(known, key=itemgetter(1, 0))  # nearest first
+        found, hops = self._found[start.wave], self.reached(start.wave)
         return WaveView(
             wave=start.wave,
             kind=start.kind,
             signal=list(start.signal or observed),
-            hops=hops,
-            depth=hops[-1][1] if hops else 0,
+            hops=list(hops.items()),
+            depth=max(hops.values(), default=0),
             pulses=found.pulses,
             settled=self._is_settled(start, observed),
         )
@@ -137,6 +140,12 @@ class Imagined:
         return msgspec.structs.replace(wave, action=taken[0], imagined=imagined)
 
 
+def in_order(wave: WaveView) -> WaveView:
+    """Return a wave with its hops, the nearest first."""
+    hops = sorted(wave.hops or (), key=itemgetter(1, 0))
+    return msgspec.structs.replace(wave, hops=hops)
+
+
 def first_shown(waves: Sequence[WaveView]) -> list[WaveView]:
     """Return the waves of a tick that are shown: of imagined ones the oldest.
 
@@ -145,7 +154,7 @@ def first_shown(waves: Sequence[WaveView]) -> list[WaveView]:
     imagined = [wave.wave for wave in waves if wave.imagined]
     left_out = set(imagined[MOST_IMAGINED:])
     return [
-        msgspec.structs.replace(wave, hops=None) if wave.imagined else wave
+        msgspec.structs.replace(wave, hops=None) if wave.imagined else in_order(wave)
         for wave in waves
         if wave.wave not in left_out
     ]

@@ -153,20 +153,6 @@ def discount_squares(
 
 
 @njit()
-def truncate_newborn(squares: Floats, share: float, codes: NDArray[np.uint8]) -> None:
-    """Write what the weights of a newborn sensor say of its pairs, and truncate them.
-
-    Args:
-        squares: ``(4, N)``, of its pairs with all others; updated.
-        share: The threshold.
-        codes: ``(N,)``, overwritten.
-    """
-    count = codes.shape[0]
-    row, known = row_of(squares, 0, count), np.ones(count, np.uint8)
-    _truncate(row, known, share, np.empty(count, np.float64), codes, codes)
-
-
-@njit()
 def _truncate(
     row: Row,
     known: NDArray[np.uint8],
@@ -287,8 +273,10 @@ class DiscountedSnapshot(Snapshot):
     ) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
         total = counts.sum(axis=0)
         shares = np.where(total, counts / np.maximum(total, 1), self._weights.start)
-        codes = np.zeros(len(total), np.uint8)
-        truncate_newborn(shares, self._threshold, codes)
+        codes, known = np.zeros((2, len(total)), np.uint8)
+        known.fill(1)
+        row, shift = row_of(shares, 0, len(total)), np.empty(len(total))
+        _truncate(row, known, self._threshold, shift, codes, codes)
         return shares, codes
 
     def _total(self) -> float:

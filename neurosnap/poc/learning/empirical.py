@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from neurosnap.poc.learning.archive import Arrays, entry
 from neurosnap.poc.learning.automatic_threshold import (
     AUTO,
+    MARK,
     SHARE,
     START,
     Persistence,
@@ -18,10 +19,11 @@ from neurosnap.poc.learning.automatic_threshold import (
     share_of_changes,
 )
 from neurosnap.poc.learning.columns import Columns
+from neurosnap.poc.learning.graph_kernels import row_of
 from neurosnap.poc.learning.lazy_counting_kernels import (
     Lag,
-    count_newborn,
     count_squares,
+    judge_squares,
     learn_lazily,
     settle_all,
 )
@@ -195,7 +197,10 @@ class EmpiricalSnapshot(Snapshot):
     ) -> tuple[NDArray[np.uint32], NDArray[np.uint8]]:
         codes = np.zeros(counts.shape[1], np.uint8)
         spells = None if self._persistence is None else self._persistence.spells
-        count_newborn(counts, ticks, self._threshold, codes, spells)
+        row = row_of(counts, 0, len(codes))
+        judge_squares(row, float(ticks), self._threshold, spells, codes)
+        # What was broken does not stand before it is the sensor's turn to be tested.
+        codes[codes >= MARK] = 0
         return counts, codes
 
     def _total(self) -> int:

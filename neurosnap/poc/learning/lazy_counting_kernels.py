@@ -540,7 +540,7 @@ def count_squares(
             for j in range(i):
                 with_j[j] = np.uint32(with_j[j] + np.uint32(on[j]))
                 without_j[j] = np.uint32(without_j[j] + np.uint32(off[j]))
-        _judge_squares(row, float(clock - int(born[i])), kept.threshold, spells, fresh)
+        judge_squares(row, float(clock - int(born[i])), kept.threshold, spells, fresh)
         if spells is not None:
             withstand(i, spells[1][i], row, spells, now, fresh)
         if difference(fresh, now):
@@ -550,7 +550,7 @@ def count_squares(
 
 
 @njit()
-def _judge_squares(
+def judge_squares(
     row: Row,
     age: float,
     share: float,
@@ -583,27 +583,3 @@ def _judge_squares(
             code = np.uint8(code | MARK) if broken else code
         judged = (2.0 * whole >= age) | (limit >= 1.0)
         fresh[j] = code if judged & (total > 0) else np.uint8(0)
-
-
-@njit()
-def count_newborn(
-    squares: NDArray[np.uint32],
-    age: int,
-    share: float,
-    codes: NDArray[np.uint8],
-    spells: Spells | None,
-) -> None:
-    """Write what the counts of a newborn sensor say of its pairs.
-
-    Args:
-        squares: ``(4, N)``, of its pairs with all others.
-        age: Observations in them.
-        share: The threshold.
-        codes: ``(N,)``, overwritten.
-        spells: As of `count_squares`: nothing that was broken stands before it is the
-            sensor's turn to be tested.
-    """
-    row = row_of(squares, 0, codes.shape[0])
-    _judge_squares(row, float(age), share, spells, codes)
-    for j in range(codes.shape[0]):
-        codes[j] = codes[j] if codes[j] < MARK else np.uint8(0)

@@ -20,11 +20,13 @@ const MADE = {
     const values = btoa(atob(all.values).slice(start * all.sensors, stop * all.sensors));
     return { ...all, first: Number(from), columns: stop - start, values, done: true };
   },
-  beside({ tick, way }) {
-    const { first, anomalies, alarms } = json("marks");
+  beside({ tick }) {
+    const { first, anomalies, alarms, times } = json("marks");
     const told = anomalies.flatMap((count, at) => (count + alarms[at] ? [first + at] : []));
-    const found = way > 0 ? told.find((one) => one > tick) : told.findLast((one) => one < tick);
-    return { tick: found ?? null };
+    const now = times[tick - first] ?? -Infinity;
+    const before = (days) => first + times.findLastIndex((at, k) => k < tick - first && at !== null && at <= now - 86400 * days);
+    const [day, week] = [1, 7].map(before).map((one) => (one < first ? null : one));
+    return { back: told.findLast((one) => one < tick), on: told.find((one) => one > tick), day, week, done: true };
   },
 };
 

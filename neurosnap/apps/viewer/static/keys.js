@@ -20,6 +20,7 @@ export function bind(page) {
     told().get("tab") ?? page.home,
   );
   find("link").addEventListener("click", () => copyLink(page));
+  find("goto-list").addEventListener("beforetoggle", ({ newState }) => newState === "open" && page.offerTicks());
   find("range-compare").addEventListener("click", () => page.compareRange());
   addEventListener("hashchange", () => {
     const tick = tickAsked();
@@ -37,6 +38,7 @@ export function bind(page) {
     { key: "End", id: "end", says: "the last tick", act: () => player.step(Infinity) },
     { key: "n", id: "anomaly-on", says: "the next anomaly or alarm", act: () => page.toAnomaly(1) },
     { key: "p", id: "anomaly-back", says: "the anomaly or alarm before", act: () => page.toAnomaly(-1) },
+    { key: "g", says: "go to the last finding, a day or a week before", act: () => find("goto").click() },
     { key: "[", says: "look at a range that begins here", act: () => range.setEnd(0, player.tick) },
     { key: "]", says: "let the range end here", act: () => range.setEnd(1, player.tick) },
     { key: "x", id: "range", says: "look at all ticks again", act: () => range.set(null) },

@@ -3,7 +3,7 @@
 
 import { choiceAsked, keepChoice, keepWave, tickAsked, told, waveAsked } from "./base/address.js";
 import * as api from "./base/api.js";
-import { find, flash, write } from "./base/dom.js";
+import { find, flash, link, write } from "./base/dom.js";
 import { explain } from "./base/terms.js";
 import { bind } from "./keys.js";
 import { OrderView } from "./order/order_view.js";
@@ -22,6 +22,7 @@ import { ImageView, WorldView } from "./tick/world.js";
 import { CompareView } from "./time/compare.js";
 import { TimeView } from "./time/time_view.js";
 
+const AGAIN = 700; // milliseconds until ticks to go to are asked for once more
 const SLOW = 2; // ticks a second up to which a tick's wave is shown on its way
 
 const notices = new Notices();
@@ -218,13 +219,34 @@ class Page {
   /** Go to the nearest anomaly or alarm before (-1) or after (1) this tick. */
   async toAnomaly(way) {
     const { player } = this.time;
-    const tick = await fetchBeside(player.tick, way).catch(said);
+    const { back, on } = (await fetchBeside(player.tick).catch(said)) ?? {};
+    const tick = way > 0 ? on : back;
     if (tick) {
       player.seek(tick);
       return;
     }
     this.voice.tell(`no anomaly or alarm ${way > 0 ? "after" : "before"} this tick`);
     flash(find(way > 0 ? "anomaly-on" : "anomaly-back"), way > 0 ? "no later" : "no earlier");
+  }
+
+  /** Offer ticks to go to; one that cannot be gone to says why. */
+  async offerTicks() {
+    const { frame, findings: { listed } } = this;
+    const { day, week, done } = (frame && (await fetchBeside(frame.tick).catch(said))) || {};
+    const why = frame?.at ? (done ? "the recording begins later" : "not read yet") : "this tick has no clock";
+    const offered = [
+      ["Last finding", listed[0]?.tick, "none so far"],
+      ["24 h before", day, why],
+      ["A week before", week, why],
+    ].map(([text, tick, reason]) => {
+      const go = () => tick && [find("goto-list").hidePopover(), this.time.player.seek(tick)];
+      const button = link(`${text}: ${tick ? `tick ${tick}` : reason}`, go, "");
+      if (!tick) button.ariaDisabled = "true";
+      return button;
+    });
+    find("goto-list").replaceChildren(...offered);
+    const isOpen = () => find("goto-list").matches(":popover-open");
+    if (done === false) setTimeout(() => isOpen() && this.offerTicks(), AGAIN);
   }
 
   /** Go to the tick of a wave, and play it. */

@@ -184,8 +184,14 @@ def test_what_else_was_found_is_counted_and_gone_to(
     for tick in range(TICKS + 2):
         after = [one for one in both if one > tick]
         before = [one for one in both if one < tick]
-        assert marks.beside(tick, 1).tick == min(after, default=None)
-        assert marks.beside(tick, -1).tick == max(before, default=None)
+        assert marks.beside(tick).on == min(after, default=None)
+        assert marks.beside(tick).back == max(before, default=None)
+    # Every tick is an hour; ten of them are not there.
+    times = {tick: 3600.0 * tick for tick in range(1, 400) if not 70 < tick < 81}
+    monkeypatch.setattr(marks._findings, "times", times)
+    days = [(24, None), (25, 1), (75, None), (100, 70), (399, 375)]
+    assert [(tick, marks.beside(tick).day) for tick, _ in days] == days
+    assert [marks.beside(tick).week for tick in (168, 169, 399)] == [None, 1, 231]
 
 
 def test_a_frame_tells_its_anomaly_as_watch_does(log: Path) -> None:

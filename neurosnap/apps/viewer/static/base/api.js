@@ -75,8 +75,8 @@ export const fetchRaster = (query) => ask("raster", query);
 /** What happened from tick `from` to `to`, in `bins` stretches, as far as that was read. */
 export const fetchMarks = (from, to, bins) => ask("marks", { from, to, bins });
 
-/** The tick of the nearest anomaly before (-1) or after (1) a tick; null: there is none. */
-export const fetchBeside = async (tick, way) => (await ask("beside", { tick, way })).tick;
+/** Which ticks to go to from one: an anomaly `back` or `on`, a `day` or a `week` before. */
+export const fetchBeside = (tick) => ask("beside", { tick });
 
 /** Whether the recording is still there. */
 export const fetchPresence = () => ask("presence");
