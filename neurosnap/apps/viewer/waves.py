@@ -73,7 +73,7 @@ class Waves:
     def reached(self, number: int) -> dict[int, int]:
         """Return the literals that a wave reached, in no order, each with its hops."""
         hops = self._found[number].hops
-        if not hops or max(hops) in self._literals:  # none of another run's
+        if not hops or max(hops) in self._literals:  # every one is of this run
             return hops
         return {a: hop for a, hop in hops.items() if a in self._literals}
 

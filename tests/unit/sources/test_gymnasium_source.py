@@ -79,7 +79,8 @@ def test_a_broken_package_of_worlds_does_not_hide_the_others(
     broken = EntryPoint("broken", "nowhere_at_all", source_module.WORLDS)
     whole = EntryPoint("paper", "world", source_module.WORLDS)
     monkeypatch.setattr(source_module, "entry_points", lambda group: [broken, whole])
-    source_module.import_worlds.cache_clear()
+    uncached = source_module.import_worlds.__wrapped__
+    monkeypatch.setattr(source_module, "import_worlds", uncached)
     with caplog.at_level(logging.ERROR, logger="neurosnap.sources.gymnasium_source"):
         assert len(open_source("neurosnap/Path-v0", seed=0).actions) == 2
     assert caplog.messages == ["nowhere_at_all: cannot be imported"]
