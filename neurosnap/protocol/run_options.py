@@ -261,7 +261,8 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
             " is wrong, such as 1/week or 2/month. Never: no sensor is judged.",
             at="health.alarms",
             unit="N/TIME",
-            default="1/week where 200 sensors or fewer are read from outside, else never",
+            default="1/week where there are 200 sensors or fewer, read from outside or"
+            " from a file with times; else never",
         ),
     ] = NEVER
     zone: Annotated[
@@ -270,7 +271,8 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
             "The home's time zone, such as Europe/Berlin: by its clock times are told,"
             " and it is known what an hour of a workday or weekend is like.",
             at="health.zone",
-            default="this machine's where the source is read from outside, else UTC",
+            default="that of the file; this machine's where the source is read from"
+            " outside; else UTC",
         ),
     ] = "UTC"
     deadline: Annotated[

@@ -42,6 +42,7 @@ from neurosnap.runtime.remote_parts import among, parse_ranges
 from neurosnap.runtime.request import RunRequest, Site, check_swarm
 from neurosnap.sources.camera import try_camera
 from neurosnap.sources.open import ZENOH, is_live, open_source, settle
+from neurosnap.sources.open_readings import FileSource
 from neurosnap.sources.protocol import Argument
 from neurosnap.system.local_time import system_zone
 
@@ -52,7 +53,7 @@ _SYNC = 1.0
 _ALARMS = "1/week"
 _WORKERS = 2
 _HOME = 200
-"""Sensors from outside that are judged unasked, at most. To learn of them anew takes a
+"""Sensors with times that are judged unasked, at most. To learn of them anew takes a
 second for 50, half a minute for 150, and more than in proportion for more."""
 _CALLED = {"source": ("id", "path", "kind"), "out": ("path",), "network": ("tls",)}
 """The keys of what has another name where it is refused, or that of a file in it: the
@@ -170,9 +171,11 @@ class _Fitted(NamedTuple):
     """Observations there will be at most; None if no end is known."""
     discrete: bool
     """Whether the source shows the states of a discrete world."""
+    zone: str | None
+    """The time zone of its observations; None if they have no times."""
 
 
-_NOTHING = _Fitted(Body(own=()), {}, (), None, False)
+_NOTHING = _Fitted(Body(own=()), {}, (), None, False, None)
 """Stands where there is no source, for what can be judged without."""
 
 
@@ -193,7 +196,10 @@ def _fit(config: Config, name: str, given: dict[str, Argument]) -> _Fitted:
     length = FOREVER if opened.live else opened.length
     body = body_of(opened, agent.kind, agent.grow)
     check_sensors(len(body.sensors))  # before anything is made of all their pairs
-    return _Fitted(body, arguments, target, length, opened.discrete)
+    zone = system_zone() if opened.live else None
+    if isinstance(opened, FileSource):
+        zone = opened.zone
+    return _Fitted(body, arguments, target, length, opened.discrete, zone)
 
 
 def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
@@ -201,7 +207,8 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
     given = flattened(config)
     if is_live(name):
         given.setdefault("sync", _SYNC)
-        given.setdefault("zone", system_zone())
+    if fitted.zone is not None:
+        given.setdefault("zone", fitted.zone)
         if 0 < len(fitted.body.own) <= _HOME:
             given.setdefault("alarms", _ALARMS)
     ends = [end for end in (config.run.ticks, fitted.length) if end is not None]

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from neurosnap.runtime.network import Network
 from neurosnap.runtime.request import RunRequest, Supervision
 from tests.support.command_line import call
 
+DATABASE = Path(__file__).parents[3] / "golden" / "home-assistant_v2.db"
 WORLD = '[source]\nkind = "world"\nid = "neurosnap/Path-v0"\narguments.places = 6\n'
 
 
@@ -135,6 +137,28 @@ def test_a_file_of_readings_ends(
     (file.parent / "readings.csv").write_text("a,b\n0,1\n1,1\n0,0\n")
     text = "source = {kind = 'csv', path = 'readings.csv'}"
     assert prepared(file, text, **asked).options.ticks == taken
+
+
+def test_what_has_times_is_judged_by_the_clock_of_its_home(file: Path) -> None:
+    """A table has UTC's, a database its home's; one without times is not judged."""
+    source, asked = file.parent / "readings.csv", "source = {kind = 'csv', path = "
+    text = f"{asked}'readings.csv'}}"
+    source.write_text("a,b\n0,1\n1,1\n")
+    found = [prepared(file, text).options]
+    source.write_text("time,a,b\n2026-07-01 12:00:00,0,1\n2026-07-01 12:01:00,1,1\n")
+    found.append(prepared(file, text).options)
+    shutil.copy(DATABASE, source)
+    (file.parent / ".storage").mkdir()
+    settings = '{"data": {"time_zone": "Europe/Berlin"}}'
+    (file.parent / ".storage" / "core.config").write_text(settings)
+    found.append(prepared(file, text).options)
+    found.append(prepared(file, text, health__alarms="2/month").options)
+    assert [(options.alarms, options.zone) for options in found] == [
+        ("never", "UTC"),
+        ("1/week", "UTC"),
+        ("1/week", "Europe/Berlin"),
+        ("2/month", "Europe/Berlin"),
+    ]
 
 
 @pytest.mark.parametrize("target", ["3", "'3'"])
