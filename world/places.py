@@ -131,11 +131,7 @@ class PlacesWorld(gymnasium.Env[NDArray[np.int8], np.int64]):
 
 
 def check_at_least(name: str, least: int, value: object) -> None:
-    """Refuse a size that is no whole number or is too small.
-
-    Raises:
-        InvalidValueError: `value` is not a whole number of at least `least`.
-    """
+    """Raise InvalidValueError for a size that is no whole number or below `least`."""
     if not is_whole(value) or value < least:
         rule = f"must be a whole number of at least {least}"
         raise InvalidValueError(name, rule, value)

@@ -85,11 +85,7 @@ def default_threshold(body: Body, discrete: bool) -> float | Literal["auto"]:
 
 
 def checked_share(explore: float) -> float:
-    """Return a share of random actions.
-
-    Raises:
-        InvalidValueError: It is not in [0, 1].
-    """
+    """Return a share of random actions; InvalidValueError if it is not in [0, 1]."""
     if not 0 <= explore <= 1:
         raise InvalidValueError("explore", "must be in [0, 1]", explore)
     return float(explore)

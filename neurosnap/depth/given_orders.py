@@ -90,11 +90,7 @@ def layered(sensors: int, height: int, edges: int, seed: int) -> GivenOrder:
 
 
 def check_layers(sensors: int, height: int, edges: int) -> None:
-    """Tell whether there is an order for `layered` to draw.
-
-    Raises:
-        InvalidValueError: There is none.
-    """
+    """Raise InvalidValueError if there is no order for `layered` to draw."""
     if not 1 <= height < sensors:
         rule = f"must be at least 1 and below the sensors, {sensors}"
         raise InvalidValueError("height", rule, height)

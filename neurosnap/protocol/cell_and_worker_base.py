@@ -45,34 +45,23 @@ def is_far(number: int, heard: int) -> bool:
 
 
 def check_number(what: str, number: int, heard: int) -> None:
-    """Refuse a number that is too far ahead; see `is_far`.
-
-    Raises:
-        MessageError: It is.
-    """
+    """Raise MessageError for a number that is too far ahead; see `is_far`."""
     if is_far(number, heard):
         rule = f"must be at most {AHEAD} beyond {heard}"
         raise MessageError(f"{what} {rule}, got {number}")
 
 
 def check_room(name: str, number: int, waves: Collection[int]) -> None:
-    """Refuse a wave for which there is no room beside those known.
-
-    Raises:
-        MessageError: There are `WAVES` already.
-    """
+    """Raise MessageError if a wave has no room beside the `WAVES` that are known."""
     if number not in waves and len(waves) >= WAVES:
         rule = f"must be of {WAVES} waves in all"
         raise MessageError(f"{name}: {rule}, got wave {number} too")
 
 
 def check_readings(observation: wire.Observation | wire.Learn) -> None:
-    """Refuse an observation whose two masks contradict each other.
+    """Raise MessageError if the two masks of an observation contradict each other.
 
     An observation without any known reading is refused, too: it would start no wave.
-
-    Raises:
-        MessageError: They do.
     """
     if not observation.known:
         return
@@ -106,11 +95,7 @@ class RecentReadings(Generic[T]):
         return self._readings[tick]
 
     def check_tick(self, name: str, tick: int) -> None:
-        """Refuse a tick that is too far ahead.
-
-        Raises:
-            MessageError: It is.
-        """
+        """Raise MessageError for a tick that is too far ahead."""
         if 0 < self._tick < tick - READINGS:
             rule = f"must be at most {READINGS} ticks after {self._tick}"
             raise MessageError(f"{name}: tick {rule}, got {tick}")

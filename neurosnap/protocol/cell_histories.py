@@ -103,13 +103,10 @@ class Counted(NamedTuple):
 
 
 def check_recall(recall: wire.Recall) -> list[Counted]:
-    """Refuse a question that contradicts itself.
+    """Raise MessageError for a question that contradicts itself.
 
     Returns:
         The counts that it asks for.
-
-    Raises:
-        MessageError: It does.
     """
     literals = wire.numbers("recall: counted", recall.counted)
     if sum(recall.sizes) != len(literals):
@@ -127,13 +124,10 @@ def check_recall(recall: wire.Recall) -> list[Counted]:
 def check_reminder(
     reminder: wire.Reminder, who: str, cells: range
 ) -> list[tuple[int, bytes, bytes]]:
-    """Refuse a history that is not of some of a part's cells, or contradicts itself.
+    """Raise MessageError if a history contradicts itself, or is of another's cells.
 
     Returns:
         Each cell, and its rings: the ticks at which it read on, and off.
-
-    Raises:
-        MessageError: It is.
     """
     length, count = reminder.length, len(reminder.cells)
     if reminder.to != who:
@@ -159,11 +153,7 @@ def check_reminder(
 
 
 def check_rings(name: str, rings: Iterable[bytes], length: int) -> None:
-    """Refuse bits beyond the length of a ring.
-
-    Raises:
-        MessageError: There are some.
-    """
+    """Raise MessageError for bits beyond the length of a ring."""
     longest = max(map(len, rings), default=0)
     if longest > length // 8:
         rule = f"must have up to {length} bits a ring"

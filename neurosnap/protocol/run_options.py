@@ -357,12 +357,9 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
         return hosts(len(self.sensors), self.sharing)
 
     def check_frame(self) -> None:
-        """Refuse a run whose key-frames would be too large to be sent.
+        """Raise InvalidValueError if key-frames would be too large to be sent.
 
         The weights of pairs travel in bands. The rest grows with the sensors.
-
-        Raises:
-            InvalidValueError: There are too many sensors.
         """
         count = len(self.sensors)
         # Base64 takes four bytes for three.

@@ -24,11 +24,7 @@ Measured: 10 in the coordinator of 3,000."""
 
 
 def check_sensors(sensors: int) -> None:
-    """Refuse more sensors than there is memory for all their pairs.
-
-    Raises:
-        InvalidValueError: There are more.
-    """
+    """Raise InvalidValueError for more sensors than memory holds all pairs of."""
     free = free_memory()
     most = math.isqrt(max(0, free - BYTES_BESIDE) // BYTES_A_PAIR)
     if sensors > most:
@@ -57,11 +53,7 @@ def check_world(name: str, value: object, sensors: int, needed: int) -> None:
 
 
 def check_cells(cells: int) -> None:
-    """Refuse more cells that are processes than fit beside what else a run takes.
-
-    Raises:
-        InvalidValueError: There are more.
-    """
+    """Raise InvalidValueError for more processes than fit beside the rest of a run."""
     free = free_memory()
     most = max(0, free - BYTES_BESIDE) // BYTES_A_CELL
     why = f"each takes {BYTES_A_CELL / 1e6:.0f} MB, free are {free / 1e9:.1f} GB"

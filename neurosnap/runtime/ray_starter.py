@@ -167,11 +167,7 @@ class RayActors:
 
     @staticmethod
     def check(cells: CellKind) -> None:
-        """Refuse cells that are not in workers.
-
-        Raises:
-            InvalidValueError: They are not.
-        """
+        """Raise InvalidValueError for cells that are not in workers."""
         if cells != "worker":
             rule = (
                 "must be 'worker' with place = \"ray\": an actor takes some 65 MB, 25 threads"

@@ -287,10 +287,6 @@ class Outcome(msgspec.Struct, kw_only=True):
 
 
 def check_swarm(swarm: str) -> None:
-    """Refuse an id that could not stand in a key.
-
-    Raises:
-        InvalidValueError: It holds something else than letters and digits.
-    """
+    """Raise InvalidValueError for an id of other than letters and digits."""
     if not swarm.isalnum():
         raise InvalidValueError("swarm", "must be letters and digits", swarm)

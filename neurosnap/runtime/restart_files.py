@@ -55,11 +55,7 @@ class RestartFiles:
         """Files of the recording that are damaged, and that it goes on without."""
 
     def check_free(self) -> None:
-        """Refuse to record over files that an interrupted run left.
-
-        Raises:
-            InvalidValueError: Its launcher was killed; the text says how to go on.
-        """
+        """Raise InvalidValueError if a killed run left files; it says how to go on."""
         if self._broken.exists():
             rule = (
                 "must be taken away first: a run left it that was cut short; go on"

@@ -133,11 +133,7 @@ class Wanted:
         ]
 
     def check(self, names: Sequence[str], where: str) -> None:
-        """Refuse what is asked for and not there.
-
-        Raises:
-            InvalidValueError: There is no such sensor.
-        """
+        """Raise InvalidValueError for a sensor that is asked for and not there."""
         missing = [
             pattern for pattern in self.patterns if not fnmatch.filter(names, pattern)
         ]

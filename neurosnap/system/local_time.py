@@ -14,11 +14,7 @@ _logger = logging.getLogger(__name__)
 
 
 def check_zone(name: str) -> None:
-    """Check that this machine knows a time zone.
-
-    Raises:
-        InvalidValueError: It does not.
-    """
+    """Raise InvalidValueError for a time zone that this machine does not know."""
     try:
         ZoneInfo(name)
     except (ZoneInfoNotFoundError, ValueError, OSError):

@@ -24,11 +24,7 @@ _NEEDED = ("starlette", "uvicorn")
 
 
 def check_page() -> None:
-    """Refuse a command with a page if the packages that serve it are not installed.
-
-    Raises:
-        MissingExtraError: What serves it is not installed.
-    """
+    """Raise MissingExtraError if what serves the page is not installed."""
     for package in _NEEDED:
         if importlib.util.find_spec(package) is None:
             raise MissingExtraError(f"view: {must_have(package, 'view')}")

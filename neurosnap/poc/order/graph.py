@@ -349,11 +349,7 @@ class PocGraph:
         return graph
 
     def check_names(self, sensorium: Sensorium) -> None:
-        """Refuse names of another number of sensors.
-
-        Raises:
-            ShapeError: They are.
-        """
+        """Raise ShapeError for names of another number of sensors."""
         if len(sensorium) != self.sensors:
             rule = f"must have {self.sensors} sensors"
             raise ShapeError("sensorium", rule, len(sensorium))
@@ -374,11 +370,7 @@ class PocGraph:
         return {}
 
     def refuse_contradiction(self) -> None:
-        """Refuse a literal that is equivalent to its own complement.
-
-        Raises:
-            InvalidValueError: There is one.
-        """
+        """Raise InvalidValueError if a literal is equivalent to its own complement."""
         both = (self.representative[::2] == self.representative[1::2]).nonzero()[0]
         if both.size:
             rule = "must not be equivalent to its own complement"

@@ -44,11 +44,7 @@ class RunDescription(msgspec.Struct, frozen=True, kw_only=True):
         return first_number(self.past, who)
 
     def check_vacant(self, parts: Collection[str]) -> None:
-        """Refuse to start a part that the run does not wait for.
-
-        Raises:
-            InvalidValueError: The run has no such part, or starts it itself.
-        """
+        """Raise InvalidValueError for a part that the run lacks, or starts itself."""
         for who in parts:
             if who not in self.vacant:
                 rest = len(self.vacant) - _SHOWN
