@@ -46,7 +46,8 @@ class BinarySensors(
 
     Raises:
         InvalidValueError: The action space is another, there is no sensor, one is no
-            `Sensor`, or two have the same name.
+            `Sensor`, or two have the same name; from `reset` and `step`: a predicate
+            cannot read the state.
         ShapeError: Another number of names than of actions.
 
     Examples:
@@ -100,11 +101,7 @@ class BinarySensors(
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.int8], dict[str, Any]]:
-        """Reset the environment and begin a trajectory.
-
-        Raises:
-            InvalidValueError: A predicate cannot read the state.
-        """
+        """Reset the environment and begin a trajectory."""
         observation, info = self.env.reset(seed=seed, options=options)
         readings = self._trajectory.begin(self.state_of(observation, info))
         return readings.astype(np.int8), info
@@ -113,11 +110,7 @@ class BinarySensors(
         self,
         action: Any,  # noqa: ANN401 - the environment knows
     ) -> tuple[NDArray[np.int8], SupportsFloat, bool, bool, dict[str, Any]]:
-        """Step the environment and extend the trajectory, or begin one.
-
-        Raises:
-            InvalidValueError: A predicate cannot read the state.
-        """
+        """Step the environment and extend the trajectory, or begin one."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         state = self.state_of(observation, info)
         if info.get("begins", False):

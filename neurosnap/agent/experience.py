@@ -194,11 +194,7 @@ class Experience:
         }
 
     def restore(self, arrays: Arrays) -> None:
-        """Restore the whole state from arrays.
-
-        Raises:
-            ValueError: They make no sense.
-        """
+        """Restore the whole state from arrays; ValueError if they make no sense."""
         self.met = entry(arrays, "met", self.met.shape, np.bool_).copy()
         size = len(self.met)
         octets = (size + 7) // 8

@@ -308,11 +308,7 @@ class Grower:
         return {"covers": self._counts, "trials": np.frombuffer(text, np.uint8)}
 
     def restore(self, arrays: Arrays) -> None:
-        """Restore the whole state from arrays.
-
-        Raises:
-            ValueError: They make no sense.
-        """
+        """Restore the whole state from arrays; ValueError if they make no sense."""
         shape = self._counts.shape
         self._adopt(entry(arrays, "covers", shape, np.int64).copy())
         text = entry(arrays, "trials", (rows_in(arrays, "trials"),), np.uint8)

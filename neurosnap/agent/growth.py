@@ -119,11 +119,7 @@ class Growth:
         return self.history.arrays() | self._grower.arrays()
 
     def restore(self, arrays: Arrays) -> None:
-        """Restore the whole state from arrays.
-
-        Raises:
-            ValueError: They make no sense.
-        """
+        """Restore the whole state from arrays; ValueError if they make no sense."""
         self.history = History.from_arrays(arrays, len(self._body.sensors))
         self._grower.restore(arrays)
 

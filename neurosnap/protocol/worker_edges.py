@@ -125,11 +125,7 @@ class WorkerEdges:
 
 
 def ints(name: str, data: bytes) -> Ints:
-    """Return what `neurosnap.wire.numbers` does, as a read-only ``(k,)`` array.
-
-    Raises:
-        MessageError: There is a part of a number in it.
-    """
+    """Return what `neurosnap.wire.numbers` does, as a read-only ``(k,)`` array."""
     if len(data) % 4:
         raise MessageError(f"{name}: must be four bytes a number, got {len(data)}")
     return np.frombuffer(data, "<i4")

@@ -117,6 +117,9 @@ class Connections:
     Args:
         network: Where the hub is.
         own: The swarm's own socket, where it has one.
+
+    Raises:
+        InvalidValueError: From any method: keys are not there, or not fit for use.
     """
 
     def __init__(self, network: Network, own: str = "") -> None:
@@ -131,9 +134,6 @@ class Connections:
             who: Its name.
             swarm: What its swarm is called on the wire.
             first: The number of its first message.
-
-        Raises:
-            InvalidValueError: Its keys are not there, or not fit for use.
         """
         return PartConnection(who, swarm, self._hub(who), first)
 
@@ -142,7 +142,6 @@ class Connections:
 
         Raises:
             FabricError: It does not.
-            InvalidValueError: Its keys are not there, or not fit for use.
         """
         session = await reach("coordinator", self._hub("coordinator"), stop)
         if session is None:
@@ -159,9 +158,6 @@ class Connections:
             swarm: The id.
             stop: Ends the wait for the hub.
             patience: Seconds to go on trying until the hub answers.
-
-        Raises:
-            InvalidValueError: Its keys are not there, or not fit for use.
         """
         hub = self._hub("watcher")
         return Discovery(swarm, hub, stop=stop, patience=patience)

@@ -1,6 +1,7 @@
 """Files that survive crashes and power cuts, and files that belong to this user alone.
 
-They are synced, and replaced whole or not at all.
+They are synced, and replaced whole or not at all: where a file cannot be written, what
+was there is there still, and an `OSError` says why.
 
 A program's writes go to the system's memory first; `fsync` waits until the disk has
 them. A new or renamed file needs its folder synced, too, or its name may be gone. After
@@ -56,11 +57,7 @@ def opened_file(path: str | Path) -> BinaryIO:
 
 
 def sync_file(path: Path) -> None:
-    """Wait until the disk has a file, and its name in the folder.
-
-    Raises:
-        OSError: It cannot be written.
-    """
+    """Wait until the disk has a file, and its name in the folder."""
     _sync(path)
     sync_folder(path.parent)
 
@@ -89,21 +86,13 @@ def replacing(path: Path, mode: int = 0o666) -> Iterator[Path]:
 
 
 def replace_file(path: Path, data: bytes) -> None:
-    """Write `data` to `path`, whole or not at all.
-
-    Raises:
-        OSError: It cannot be written; what was at `path` is still there.
-    """
+    """Write `data` to `path`, whole or not at all."""
     with replacing(path) as draft:
         draft.write_bytes(data)
 
 
 def sync_folder(folder: Path) -> None:
-    """Wait until the disk has the names in a folder.
-
-    Raises:
-        OSError: They cannot be written.
-    """
+    """Wait until the disk has the names in a folder."""
     try:
         _sync(folder)
     except OSError as error:

@@ -34,7 +34,9 @@ class Cubing:
 
     Vertices are ``(2N,)`` bool arrays; two are joined if they differ in one element,
     which is one sensor and all sensors equal to it; pairwise crossing elements span
-    cubes. Negligible literals are in no vertex, ubiquitous ones in all.
+    cubes. Negligible literals are in no vertex, ubiquitous ones in all. What is
+    said to be a vertex and is none, or is projected to or from an empty set, is refused
+    by `InvalidValueError`.
 
     Args:
         poc: A poc set, or a graph that generates one.
@@ -266,19 +268,12 @@ class Cubing:
 
         Returns:
             ``(2N,)`` bool; equal literals are in it together.
-
-        Raises:
-            InvalidValueError: One of the sets is empty.
         """
         here, there = self._filled("k", k), self._filled("m", m)
         return self._dual.array(here & self._dual.star(there))
 
     def nearest(self, u: Literals, onto: Convex) -> Vertex:
-        """Return the vertex of a convex set closest to `u`: its projection.
-
-        Raises:
-            InvalidValueError: `u` is no vertex, or the set is empty.
-        """
+        """Return the vertex of a convex set closest to `u`: its projection."""
         vertex, goal = self._dual.vertex("u", u), self._filled("onto", onto)
         return self._dual.array(nearest(self._dual, vertex, goal))
 
@@ -286,9 +281,6 @@ class Cubing:
         """Return the closest-point projection of a convex set to another.
 
         `nearest` does it for a vertex.
-
-        Raises:
-            InvalidValueError: One of the sets is empty.
         """
         source, goal = self._filled("what", what), self._filled("onto", onto)
         return self.convex_set(self._dual.array(project(self._dual, source, goal)))
@@ -299,9 +291,6 @@ class Cubing:
         [GK] prop:gates exist: each is the other's projection, and they differ in
         exactly the separators of the sets. For a vertex `k` it is `k` and its
         projection.
-
-        Raises:
-            InvalidValueError: One of the sets is empty.
         """
         here, there = self._filled("k", k), self._filled("m", m)
         onto = self._dual.array(project(self._dual, there, here))
@@ -317,9 +306,6 @@ class Cubing:
 
         Returns:
             The vertices; the last is ``nearest(u, onto)``.
-
-        Raises:
-            InvalidValueError: `u` is no vertex, or the set is empty.
         """
         here, goal = self._dual.vertex("u", u), self._filled("onto", onto)
         path = [here]

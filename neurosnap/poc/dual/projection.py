@@ -34,7 +34,8 @@ def project(dual: Dual, source: int, goal: int) -> int:
 class ConvexSet:
     """The vertices that hold all of some literals ([GK] eqn:typical convex set).
 
-    Made by the methods of `Cubing`; iterates over its vertices.
+    Made by the methods of `Cubing`; iterates over its vertices. What only a set with a
+    vertex has raises `InvalidValueError` if it is empty.
 
     Args:
         dual: Where it lies.
@@ -54,11 +55,7 @@ class ConvexSet:
 
     @property
     def literals(self) -> NDArray[np.bool_]:
-        """``(2N,)`` bool: the literals that all its vertices hold.
-
-        Raises:
-            InvalidValueError: It is empty.
-        """
+        """``(2N,)`` bool: the literals that all its vertices hold."""
         return self.dual.array(self.filled("convex set"))
 
     def vertices(self, limit: int | None = LISTABLE) -> Iterator[NDArray[np.bool_]]:
@@ -85,19 +82,11 @@ class ConvexSet:
         return self.dual.counter.vertices(self.dual.free(self.mask))
 
     def first(self) -> NDArray[np.bool_]:
-        """Return its first vertex.
-
-        Raises:
-            InvalidValueError: It is empty.
-        """
+        """Return its first vertex."""
         return self.dual.array(next(self.dual.walk(self.filled("convex set"))))
 
     def filled(self, name: str) -> int:
-        """Return its mask.
-
-        Raises:
-            InvalidValueError: It is empty.
-        """
+        """Return its mask."""
         if self.mask is None:
             raise InvalidValueError(name, "must not be empty", self)
         return self.mask

@@ -10,7 +10,8 @@ file says nothing that the walk does not find; other programs need it.
 verified when it is unpacked. `scan` verifies all there is. In a finished file the data
 section and the summary have a checksum each: where both are right, all is. Where one is
 missing or wrong, every chunk is unpacked and held against its own checksum, and what
-does not match is damage. So nothing of what is handed out here can be wrong.
+does not match is damage. So nothing of what is handed out here can be wrong. A file
+that cannot be read, or is no recording of ours, is refused by `RecordingError`.
 """
 
 import bisect
@@ -66,9 +67,6 @@ def scan_index(path: Path) -> Layout:
     """Find out what lies where; chunks as they are noted, not verified.
 
     Time: as its records are many.
-
-    Raises:
-        RecordingError: The file cannot be read, or is no recording of ours.
     """
     with opened(path) as file:
         layout = Layout(size=file.seek(0, io.SEEK_END))
@@ -78,11 +76,7 @@ def scan_index(path: Path) -> Layout:
 
 
 def scan_growth(path: Path, layout: Layout) -> bool:
-    """Add what a file has gained since it was scanned; return whether that is anything.
-
-    Raises:
-        RecordingError: The file cannot be read.
-    """
+    """Add what a file has gained since it was scanned; return whether it has."""
     with opened(path) as file:
         size = file.seek(0, io.SEEK_END)
         if size == layout.size or layout.cut is None:
@@ -267,9 +261,6 @@ def scan(path: Path) -> Layout:
     """Find out what lies where, and verify it; what is damaged is left out and noted.
 
     Reads the file once. One that is damaged or has no end is unpacked besides.
-
-    Raises:
-        RecordingError: The file cannot be read, or is no recording of ours.
     """
     layout = scan_index(path)
     with opened(path) as file:

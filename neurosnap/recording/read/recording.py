@@ -94,7 +94,8 @@ class Recording:
         log: Where the run is recorded; None for the path of the first file.
 
     Raises:
-        RecordingError: They are not of one run.
+        RecordingError: They are not of one run; from what looks at them: they cannot
+            be read, or say what no writer writes.
     """
 
     def __init__(
@@ -175,41 +176,25 @@ class Recording:
 
     @property
     def options(self) -> RunOptions:
-        """The options that the run was made with.
-
-        Raises:
-            RecordingError: It says nothing of its run, or nothing valid.
-        """
+        """The options that the run was made with."""
         where, rule = f"{self.path}: options", "must be those of a run"
         return decoded(self.metadata.get("options"), RunOptions, where, rule)
 
     @property
     def resumed(self) -> tuple[int, ...]:
-        """The ticks after which the run was resumed.
-
-        Raises:
-            RecordingError: It says so in a way that is not valid.
-        """
+        """The ticks after which the run was resumed."""
         where, rule = f"{self.path}: resumed", "must be a list of ticks"
         said = self.metadata.get("resumed", "[]")
         return decoded(said, tuple[int, ...], where, rule)
 
     @property
     def part(self) -> int | None:
-        """Which of the files of its run the first is, from 0; None if it is not split.
-
-        Raises:
-            RecordingError: What it says of that is no number.
-        """
+        """Which file of its run the first is, from 0; None if it is not split."""
         return self.files[0].part
 
     @property
     def begins(self) -> int:
-        """The tick of the key-frame that it begins with; 0 if it begins with the run.
-
-        Raises:
-            RecordingError: What it says of that is no number.
-        """
+        """The tick of the key-frame it begins with; 0 if it begins with the run."""
         return self.files[0].begins
 
     @property
@@ -224,11 +209,7 @@ class Recording:
 
     @property
     def closing(self) -> wire.Decision | None:
-        """The decision of the last tick, where that opens another file; else None.
-
-        Raises:
-            RecordingError: What is noted there is no decision.
-        """
+        """The decision of the last tick, where that opens another file; else None."""
         noted = (self.totals or {}).get(CLOSING)
         if noted is None:
             return None
@@ -273,11 +254,7 @@ class Recording:
 
     @property
     def whole(self) -> bool:
-        """Its files have their end and no damage, and no message is missing.
-
-        Raises:
-            RecordingError: The totals are not what a writer writes.
-        """
+        """Its files have their end and no damage, and no message is missing."""
         return (
             all(file.whole for file in self.files)
             and not self.damage
@@ -308,11 +285,7 @@ class Recording:
         return RunningNumbers(share or {}, anywhere=share is None)
 
     def sequences(self) -> RunningNumbers:
-        """Read all messages and return every sender's running numbers.
-
-        Raises:
-            RecordingError: As `messages`.
-        """
+        """Read all messages and return every sender's running numbers."""
         sequences = self.blank_sequences()
         for recorded in self.messages():
             sequences.receive(recorded.message.sender, recorded.sequence)
@@ -323,9 +296,6 @@ class Recording:
 
         In a finished recording that includes what senders say they sent after the last
         that was recorded, and counts what the writer left out.
-
-        Raises:
-            RecordingError: The totals are not what a writer writes.
         """
         noted = self.noted()
         balance = sequences.completeness(
@@ -339,9 +309,6 @@ class Recording:
         """Return what the writers noted, added up; empty if they did not get there.
 
         What one file ends before and the next begins after is missing.
-
-        Raises:
-            RecordingError: The totals are not what a writer writes.
         """
         noted = [file.noted() for file in self.files]
         between = Completeness(0, dict(self._between(noted)))

@@ -56,7 +56,8 @@ class RecordingFile:
         lost: Why messages are missing before a piece; empty if none are.
 
     Raises:
-        RecordingError: It says nothing of its run, or is of another schema.
+        RecordingError: It says nothing of its run, or is of another schema; from what
+            looks into it: it says there what no writer writes.
     """
 
     def __init__(
@@ -109,20 +110,12 @@ class RecordingFile:
 
     @property
     def part(self) -> int | None:
-        """Which of the files of its run it is, from 0; None if it is the only one.
-
-        Raises:
-            RecordingError: What it says of that is no number.
-        """
+        """Which of the files of its run it is, from 0; None if it is the only one."""
         return self._number("part") if "part" in self.metadata else None
 
     @property
     def begins(self) -> int:
-        """The tick of the key-frame that it begins with; 0 if it begins with the run.
-
-        Raises:
-            RecordingError: What it says of that is no number.
-        """
+        """The tick of the key-frame it begins with; 0 if it begins with the run."""
         if self._begins is not None:
             return self._begins
         return self._number("begins") if self.part else 0
@@ -133,9 +126,6 @@ class RecordingFile:
 
         None where the file was cut before all were known, or of a piece behind a place
         where messages are missing.
-
-        Raises:
-            RecordingError: What it says of that is not what a writer writes.
         """
         if self.lost:
             return None
@@ -179,11 +169,7 @@ class RecordingFile:
 
     @property
     def whole(self) -> bool:
-        """It has its end, no damage, and lacks no message; never of a piece.
-
-        Raises:
-            RecordingError: The totals are not what a writer writes.
-        """
+        """It has its end, no damage, and lacks no message; never of a piece."""
         return (
             self._begins is None
             and self.cut is None
@@ -192,11 +178,7 @@ class RecordingFile:
         )
 
     def noted(self) -> Noted:
-        """Return the balance as the writer noted it; empty if it did not get there.
-
-        Raises:
-            RecordingError: The totals are not what a writer writes.
-        """
+        """Return the balance as the writer noted it; empty if it did not get there."""
         if self.totals is None:
             return Noted(Completeness(0), {})
         where = f"{self.path}: {TOTALS}", "must hold completeness and expected"

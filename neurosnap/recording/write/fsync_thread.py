@@ -20,7 +20,11 @@ from neurosnap.system.durable import sync_folder
 
 
 class FsyncThread:
-    """Saves files one after the other. To be used from one thread."""
+    """Saves files one after the other. To be used from one thread.
+
+    What did not reach the disk, or was to follow that and failed, raises a
+    `RecordingError` once, from the next method that is called.
+    """
 
     def __init__(self) -> None:
         self._thread = ThreadPoolExecutor(1, "record/saving")
@@ -38,9 +42,6 @@ class FsyncThread:
 
         Returns:
             It begins: what the last one was to write is on the disk.
-
-        Raises:
-            RecordingError: As `check`.
         """
         self.check()
         if self._syncing is not None:
@@ -74,9 +75,6 @@ class FsyncThread:
         Args:
             file: It has its end.
             then: What to do once it is saved, on the thread; not done if it cannot be.
-
-        Raises:
-            RecordingError: As `wait`.
         """
 
         def saved() -> None:
@@ -100,21 +98,13 @@ class FsyncThread:
             synced.result()
 
     def wait(self) -> None:
-        """Wait until the last file is saved.
-
-        Raises:
-            RecordingError: It cannot be, or what was to follow failed. It is said once.
-        """
+        """Wait until the last file is saved."""
         saved, self._under_way = self._under_way, None
         if saved is not None:
             saved.result()
 
     def close(self) -> None:
-        """End the thread, once it has saved all files; may be called twice.
-
-        Raises:
-            RecordingError: As `wait`; or a file that grew did not reach the disk.
-        """
+        """End the thread, once it has saved all files; may be called twice."""
         self._thread.shutdown()
         self.wait()
         self._wait_for_sync()

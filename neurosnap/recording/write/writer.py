@@ -69,7 +69,8 @@ class Writer:
         chunk: Bytes (before packing) after which a chunk is closed, up to 64 MiB.
 
     Raises:
-        RecordingError: The file exists already, or cannot be made.
+        RecordingError: The file exists already, or cannot be made; from any method: it
+            was not started, is closed already, or cannot be written.
     """
 
     def __init__(
@@ -140,7 +141,6 @@ class Writer:
             metadata: Anything worth keeping; the schema number is added.
 
         Raises:
-            RecordingError: It was started or closed already, or cannot be written.
             InvalidValueError: A text cannot be written as UTF-8.
         """
         self._demand(self._open and not self._started, "must be started once")
@@ -234,20 +234,12 @@ class Writer:
         return message
 
     def write_share(self) -> None:
-        """Write down what numbers the senders' shares of this file begin with.
-
-        Raises:
-            RecordingError: The recording is not open, or cannot be written.
-        """
+        """Write down what numbers the senders' shares of this file begin with."""
         first = msgspec.json.encode(self.sequences.first).decode()
         self._write_metadata(SHARE, {"first": first})
 
     def write_gap(self, why: str) -> None:
-        """Write down that messages are missing here.
-
-        Raises:
-            RecordingError: The recording is not open, or cannot be written.
-        """
+        """Write down that messages are missing here."""
         self._write_metadata(GAP, {"why": why})
         self._gaps += 1
 
@@ -266,9 +258,6 @@ class Writer:
 
         What was flushed survives the end of this process, and a power cut once it was
         synced, too; see `neurosnap.recording.write.fsync_thread`.
-
-        Raises:
-            RecordingError: The recording is closed, or cannot be written.
         """
         self._demand(self._open, "must be open")
         try:
@@ -337,11 +326,7 @@ class Writer:
         return msgspec.structs.replace(balance, gaps=self._gaps)
 
     def save(self) -> None:
-        """Wait until the disk has all; read that back for `harm`; close. On any thread.
-
-        Raises:
-            RecordingError: It cannot be written.
-        """
+        """Wait until the disk has all; read it back for `harm`; close. Any thread."""
         try:
             os.fsync(self._stream.fileno())
             self.file.read_back(whole=True)
@@ -371,11 +356,7 @@ class Writer:
         return self._harm
 
     def abandon(self) -> None:
-        """Close without totals and index; do nothing if closed already.
-
-        Raises:
-            RecordingError: What was not flushed yet cannot be written.
-        """
+        """Close without totals and index; do nothing if closed already."""
         if not self._open:
             return
         try:

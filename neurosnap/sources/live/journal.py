@@ -291,7 +291,8 @@ class Journal:
 
     Raises:
         InvalidValueError: What is there is of other sensors.
-        NeurosnapError: It cannot be read or written.
+        NeurosnapError: It cannot be read, or the disk does not take it; so do the
+            methods that read or write.
     """
 
     def __init__(
@@ -330,11 +331,7 @@ class Journal:
         self._begin()
 
     def write(self, row: JournalRow) -> JournalRow:
-        """Write down a row as the next one, whatever its number; return it so.
-
-        Raises:
-            NeurosnapError: The disk does not take it.
-        """
+        """Write down a row as the next one, whatever its number; return it so."""
         if self._rows >= _ROWS:
             self._begin()
         row = msgspec.structs.replace(row, number=self.last + 1)
@@ -346,11 +343,7 @@ class Journal:
         return row
 
     def take(self, taken: Taken) -> None:
-        """Write down what is taken in until a row shows it.
-
-        Raises:
-            NeurosnapError: The disk does not take it.
-        """
+        """Write down what is taken in until a row shows it."""
         if self._size >= _SIZE:
             self._begin()
         self._append(taken)
@@ -361,9 +354,6 @@ class Journal:
 
         Returns:
             It may be: it was not begun before.
-
-        Raises:
-            NeurosnapError: The disk does not take it.
         """
         if tick <= self.acted:
             return False
@@ -382,9 +372,6 @@ class Journal:
         Returns:
             The tick's own row, where it is still there; the rows; and how many more
             there should be.
-
-        Raises:
-            NeurosnapError: It cannot be read or written.
         """
         there = read_journal(self.folder)
         before = next((row for row in there.rows if row.number == tick), None)
@@ -410,9 +397,6 @@ class Journal:
             rows: What follows.
             received: What was received up to that tick; None if that is known here.
             taken: What was taken in after them; None if that is known here.
-
-        Raises:
-            NeurosnapError: The disk does not take it.
         """
         self.last, taken = tick, taken or self.taken
         self.received = received or self.received
@@ -425,11 +409,7 @@ class Journal:
         return kept
 
     def sync(self) -> None:
-        """Let what was written survive a power cut, and note the time; from any thread.
-
-        Raises:
-            NeurosnapError: The disk does not take it.
-        """
+        """Let what was written survive a power cut; note the time. From any thread."""
         with self._changing:
             if self._descriptor < 0:
                 return

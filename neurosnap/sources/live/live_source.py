@@ -148,14 +148,7 @@ class LiveSource:
         self._slow = False  # it was said
 
     def first(self) -> Observed | None:
-        """Start the feeder, unless it is on its way, and wait for the first tick.
-
-        Returns:
-            As `step`.
-
-        Raises:
-            NeurosnapError: As `step`.
-        """
+        """Start the feeder, unless it is on its way, and wait as `step` does."""
         with self._condition:
             if self.journal is None:
                 self._fresh = True

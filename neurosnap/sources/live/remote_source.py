@@ -105,14 +105,7 @@ class RemoteSource:
                 return None
 
     def first(self) -> Observed | None:
-        """Return the first row.
-
-        Returns:
-            As `step`.
-
-        Raises:
-            NeurosnapError: As `step`.
-        """
+        """Return the first row, as `step` does."""
         return self.step(-1)
 
     def step(self, action: int) -> Observed | None:
