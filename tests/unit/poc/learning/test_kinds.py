@@ -1,5 +1,6 @@
-"""Snapshots: initial state, counter limits, unknown readings and invalid input."""
+"""Snapshots: first state, limits, unknown readings, invalid input, time to learn."""
 
+import math
 import re
 from typing import Any, TypeAlias
 
@@ -11,7 +12,10 @@ from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
 from neurosnap.poc.learning.discounted import DiscountedSnapshot
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.learning.pairs import Evidence
+from neurosnap.poc.learning.reading_history import Newborn
 from neurosnap.sensorium import Sensorium
+from tests.support.edges import learned_edges
+from tools.paper.fig2_discounted import to_learn
 
 Kind: TypeAlias = type[EmpiricalSnapshot] | type[DiscountedSnapshot]
 KINDS = pytest.mark.parametrize("kind", [EmpiricalSnapshot, DiscountedSnapshot])
@@ -222,3 +226,85 @@ def test_a_long_memory_is_read_back_all_the_same() -> None:
     assert snapshot.weight(0, 2) == 1 - 2**-14
     twin = DiscountedSnapshot.from_bytes(snapshot.to_bytes())
     assert twin.weight(0, 2) == 1 - 2**-14
+
+
+A, B, C = 0, 2, 4
+"""The literals that say that the sensors are on."""
+
+
+@pytest.mark.parametrize("idle", [0, 64], ids="{} sensors are idle".format)
+def test_a_limit_that_grows_past_the_exceptions_counts_at_once(idle: int) -> None:
+    """At tick 63, where the row looks ahead, a was 7 times without b; tau t is 6.3.
+
+    Nothing speaks against it any more. At 71 the limit is 7.1, and a implies b. Where
+    the row has many idle pairs, this one is judged from a list meanwhile.
+    """
+    rows = [(1, 0)] * 7 + [(1, 1), (0, 0), (0, 1), (1, 1)] * 14
+    snapshot = EmpiricalSnapshot(2 + idle, threshold=0.1)
+    a, b = (A, B) if not idle else (2 * (1 + idle), A)
+    implied = []
+    for number in range(90):
+        on, also = rows[number] if number < len(rows) else (1, 1)
+        row = (on, also) if not idle else (also, *[0] * idle, on)
+        snapshot.observe(np.array(row, np.bool_))
+        implied.append(bool(snapshot.poc_graph().up([a])[b]))
+    assert [tick for tick, holds in enumerate(implied, 1) if holds] == [*range(71, 91)]
+
+
+def test_a_newborn_is_judged_by_its_own_age() -> None:
+    """It was read at 2 of the 100 ticks before. At two more it reads what `a` does.
+
+    Its pairs are judged once half of its age was read: of 3 ticks 1 is not enough, of
+    4 ticks 2 are. By the age of the others it would take 51 ticks.
+    """
+    snapshot = EmpiricalSnapshot(3, threshold=0.1)
+    known = np.array([True, True, False])
+    for number in range(100):
+        row = np.array([number % 2, number % 3 == 0, False], np.bool_)
+        snapshot.observe(row, known)
+    nothing = Newborn(2, np.zeros((4, 2), np.uint32), np.zeros(2, np.uint8))
+    snapshot.grow(2, "c", nothing, None)
+    implied = []
+    for on in (True, False, True):
+        snapshot.observe([on, True, on], [True, False, True])
+        implied.append(bool(snapshot.poc_graph().up([C])[A]))
+    assert implied == [False, True, True]
+
+
+BOTH, ONLY_B, NEITHER = (1, 1), (0, 1), (0, 0)
+GRID = [(1 - 2.0**-k, tau) for k in (1, 2, 5, 9) for tau in (1 / 8000, 0.01, 0.25)]
+
+
+@pytest.mark.parametrize(
+    ("decay", "tau"),
+    # Each observation keeps its weight above tau until the next such one.
+    [(decay, tau) for decay, tau in GRID if decay**2 * (1 - decay) >= tau],
+)
+def test_an_implication_is_learned_after_exactly_so_many_observations(
+    decay: float, tau: float
+) -> None:
+    """The paper's ``log tau / log q`` is needed, and the next whole number enough.
+
+    The paper takes ``w_ab*`` by itself ([GK] discounted:formalism). With ``w_ab* = 1``
+    at first, no implication ``b -> a`` on record meanwhile and the other weights above
+    the threshold in time, `to_learn` is exact. While ``b -> a`` is on record, each
+    truncation takes what it takes from ``w_a*b`` from ``w_ab*`` too, and the wait may
+    be shorter.
+    """
+    arrays = DiscountedSnapshot(2, tau, decay).arrays() | {
+        "clock": np.array(1),
+        "joints": np.array([0.0]),
+        "marginals": np.array([1.0, 0.0]),
+        "codes": np.array([12], np.uint8),  # a and b* are equivalent
+    }
+    snapshot = DiscountedSnapshot.from_arrays(arrays)
+    assert snapshot.weight(0, 3) == 1
+    expected = to_learn(tau, decay)
+    for count in range(1, expected + 1):
+        snapshot.learn((ONLY_B, BOTH, NEITHER)[count % 3])
+        assert snapshot.weight(0, 3) == pytest.approx(
+            decay**count if count < expected else 0, abs=1e-12
+        )
+        edges = learned_edges(snapshot, equivalences=False)
+        assert ((0, 2) in edges) == (count == expected)
+    assert expected - 1 <= math.log(tau) / math.log(decay) < expected
