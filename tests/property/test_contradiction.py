@@ -1,4 +1,4 @@
-"""Contradictions and covers equal those found by brute force."""
+"""Contradictions and covers equal those found by brute force; many are counted."""
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations, pairwise
@@ -9,6 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from neurosnap.poc.order.contradiction import (
+    CHAINS,
     PATIENCE,
     Cover,
     contradiction,
@@ -202,3 +203,22 @@ def test_patience_is_for_all_parts_together() -> None:
     assert not some.exact
     assert some.chosen.bit_count() == 3 * rings
     assert cover_of(around, [0.0] * 5 * rings, patience=2_000).exact
+
+
+def bipartite(wide: int) -> tuple[PocGraph, list[int], set[tuple[int, int]]]:
+    """Return an order, a reading that breaks each implication in it, and those."""
+    lows, highs = range(0, 2 * wide, 2), range(2 * wide, 4 * wide, 2)
+    pairs = [(a, b) for a in lows for b in highs]
+    order = PocGraph.from_implications(2 * wide, pairs)
+    return order, [*lows, *(b + 1 for b in highs)], set(pairs)
+
+
+def test_many_broken_implications_are_counted_and_not_all_listed() -> None:
+    order, seen, pairs = bipartite(20)
+    assert set(contradiction(order, seen, np.zeros(order.sensors)).chains) == pairs
+    wide = CHAINS // 20
+    assert wide > 40
+    order, seen, _ = bipartite(wide)
+    found = contradiction(order, seen, np.zeros(order.sensors))
+    assert (len(found.chains), found.more) == (CHAINS, wide * wide - CHAINS)
+    assert len(found.culprits) == wide

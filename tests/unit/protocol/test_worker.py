@@ -1,6 +1,6 @@
 """One worker, message by message, and what it refuses."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 
 import msgspec
@@ -13,18 +13,57 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.protocol.wave_settling import DEEPEST
 from neurosnap.protocol.worker import Worker
 from neurosnap.protocol.worker_shares import shares
+from neurosnap.sensorium import pack
 from tests.support.wave_messages import packed, share, start, state_wave
-from tests.support.worker_messages import (
-    ME,
-    SENSORS,
-    batch,
-    edges,
-    fired_by,
-    fired_in,
-    observation,
-    pulses_in,
-    wired,
-)
+
+# The second of three workers over nine sensors; its literals are 6 to 11.
+SENSORS, WORKERS, ME = 9, 3, 1
+
+
+HOSTED = shares(SENSORS, WORKERS)
+
+
+Edges = Iterable[tuple[int, int]]
+
+
+def edges(pairs: Edges) -> bytes:
+    return packed(*(literal for pair in sorted(pairs) for literal in pair))
+
+
+def wired(*pairs: tuple[int, int]) -> Worker:
+    """Return the worker under test with out-edges."""
+    worker = Worker(ME, HOSTED)
+    assert worker.receive([wire.WorkerWiring(ME, 1, 0, edges(pairs))]) == []
+    return worker
+
+
+def batch(
+    *pulses: tuple[int, int, int, int], wave: int = 1, worker: int = 0, part: int = 0
+) -> wire.PulseBatch:
+    """Return pulses to the worker under test: source, target, hops, credit each."""
+    fields = [packed(*field) for field in zip(*pulses, strict=True)]
+    return wire.PulseBatch(wave, worker, ME, part, *fields)
+
+
+def observation(tick: int, *on: int) -> wire.Message:
+    return wire.Observation(tick, pack([cell in on for cell in range(SENSORS)]))
+
+
+def pulses_in(message: wire.PulseBatch) -> list[tuple[int, int, int, int]]:
+    fields = (message.sources, message.targets, message.hops, message.credit)
+    columns = [wire.numbers("field", field) for field in fields]
+    return list(zip(*columns, strict=True))
+
+
+def fired_in(report: wire.WorkerReport) -> dict[int, int]:
+    return dict(zip(*wire.fired(report), strict=True))
+
+
+def fired_by(worker: Worker, *messages: wire.Message) -> dict[int, int]:
+    """Return what fires by messages for which a worker sends one report alone."""
+    (report,) = worker.receive(messages)
+    assert isinstance(report, wire.WorkerReport)
+    return fired_in(report)
 
 
 def test_pulses_to_others_leave_in_one_batch_each_before_the_report() -> None:
