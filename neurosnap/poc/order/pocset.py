@@ -59,7 +59,7 @@ class PocSet:
     Raises:
         UnknownSensorError: A relation is about no literal of these sensors.
         InvalidValueError: A name or a relation is malformed, a strict relation closes
-            a cycle, or a literal becomes equal to its complement.
+            a cycle, or a literal becomes equal to its complement: that is named.
 
     Examples:
         >>> p = PocSet(["a", "b", "c"], [("a", "<", "c*"), ("b", "<", "c*")])
@@ -78,7 +78,7 @@ class PocSet:
             self._sensorium = Sensorium.of(sensors)
         else:
             self._sensorium = Sensorium(sensors)
-        read = read_relations(self._sensorium, relations)
+        read = _read_relations(self._sensorium, relations)
         self._graph = generated(self._sensorium, read)
 
     @classmethod
@@ -98,7 +98,7 @@ class PocSet:
             >>> PocSet.parse("a, b, c : a < b <= c*")
             PocSet.parse('a, b, c : a < b, b < c*')
         """
-        sensorium, relations = split_text(text)
+        sensorium, relations = _split_text(text)
         return cls(sensorium, relations)
 
     @classmethod
@@ -163,7 +163,7 @@ class PocSet:
             InvalidValueError: No element has that number.
         """
         if isinstance(name, str):
-            return element(self._sensorium, name)
+            return _element(self._sensorium, name)
         return as_literal("element", name, self.minimum + 2)
 
     def name(self, number: int) -> str:
@@ -358,16 +358,8 @@ class PocSet:
         return f"{names} : {', '.join(relations)}" if relations else names
 
 
-def split_text(text: object) -> tuple[Sensorium, list[str]]:
-    """Return the generators and the relations of ``"a, b : a < b"``, still as text.
-
-    Raises:
-        InvalidValueError: It is no text, or a generator is no name.
-
-    Examples:
-        >>> split_text("a, b : a<b, b<=a")
-        (Sensorium(['a', 'b']), ['a<b', 'b<=a'])
-    """
+def _split_text(text: object) -> tuple[Sensorium, list[str]]:
+    """Return the generators and the relations of ``"a, b : a < b"``, still as text."""
     if not isinstance(text, str):
         rule = 'must be text such as "a, b : a < b"'
         raise InvalidValueError("poc set", rule, text)
@@ -380,26 +372,10 @@ def split_text(text: object) -> tuple[Sensorium, list[str]]:
     return Sensorium(names), [part.strip() for part in after.split(",") if part.strip()]
 
 
-def read_relations(
+def _read_relations(
     sensorium: Sensorium, relations: Iterable[RelationLike]
 ) -> list[OrderRelation]:
-    """Return relations with their literals as numbers.
-
-    Args:
-        sensorium: Whose literals.
-        relations: Pairs ``(a, b)``, meaning ``a <= b``; triples ``(a, sign, b)``; or
-            text, in which chains such as ``"a < b < c"`` are one relation a sign.
-
-    Raises:
-        UnknownSensorError: A name or a literal is not in the sensorium.
-        InvalidValueError: An entry is none of these.
-
-    Examples:
-        >>> read_relations(Sensorium(["a", "b"]), ["a < b*"])
-        [(0, '<', 3)]
-        >>> read_relations(Sensorium(["a", "b"]), [(2, 0)])
-        [(2, '<=', 0)]
-    """
+    """Return relations with their literals as numbers; of a chain one for each sign."""
     if isinstance(relations, str):
         rule = "must be several, not one text; PocSet.parse reads one"
         raise InvalidValueError("relations", rule, relations)
@@ -408,17 +384,13 @@ def read_relations(
         for low, sign, high in _parts(entry):
             if sign not in _SIGNS:
                 raise InvalidValueError("relation sign", "must be <, <= or =", sign)
-            pair = element(sensorium, low), element(sensorium, high)
+            pair = _element(sensorium, low), _element(sensorium, high)
             found.append((pair[0], _SIGNS[sign], pair[1]))
     return found
 
 
-def element(sensorium: Sensorium, name: int | str) -> int:
-    """Return a literal that is given by its name or its number.
-
-    Raises:
-        UnknownSensorError: It is not in the sensorium.
-    """
+def _element(sensorium: Sensorium, name: int | str) -> int:
+    """Return a literal that is given by its name or its number."""
     if isinstance(name, str):
         return sensorium.literal(name)
     return as_literal("literal", name, 2 * len(sensorium))
@@ -428,18 +400,6 @@ def generated(sensorium: Sensorium, relations: Sequence[OrderRelation]) -> PocGr
     """Return the graph of relations; refuse those that contradict each other.
 
     O(N³/16) time, for the closure.
-
-    Raises:
-        InvalidValueError: They make a literal equal to its complement, or a strict
-            relation part of a cycle; the literal or the relation is named.
-
-    Examples:
-        >>> names = Sensorium(["a", "b"])
-        >>> generated(names, read_relations(names, ["a < b < a"]))
-        Traceback (most recent call last):
-            ...
-        neurosnap.errors.InvalidValueError: relations: must have no cycle through a \
-strict one, got 'a < b'
     """
     pairs = [(low, high) for low, _, high in relations]
     pairs += [(high, low) for low, sign, high in relations if sign == "="]
