@@ -8,8 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.dual.cubing import Cubing
-from neurosnap.poc.dual.projection import ConvexSet
+from neurosnap.poc.dual.cubing import ConvexSet, Cubing
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.pocset import PocSet
 from tests.support import oracles

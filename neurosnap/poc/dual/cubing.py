@@ -16,13 +16,115 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.dual.mask_dual import LISTABLE, Dual
-from neurosnap.poc.dual.projection import ConvexSet, nearest, project
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.poc.order.literal_sets import Literals, as_literals, members, to_mask
 from neurosnap.poc.order.pocset import Element, PocSet
 
 Vertex: TypeAlias = NDArray[np.bool_]
 """``(2N,)`` bool, a complete coherent *-selection."""
+
+
+class ConvexSet:
+    """The vertices that hold all of some literals ([GK] eqn:typical convex set).
+
+    Made by the methods of `Cubing`; iterates over its vertices. It is kept as what its
+    vertices share, so it takes no more room than one vertex however many it holds, and
+    two are equal iff these literals are. What only a set with a vertex has raises
+    `InvalidValueError` if it is empty.
+
+    Args:
+        dual: Where it lies.
+        mask: What its vertices share, a closed set; None if it is empty.
+    """
+
+    __slots__ = ("dual", "mask")
+
+    def __init__(self, dual: Dual, mask: int | None) -> None:
+        self.dual = dual
+        self.mask = mask
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether it has no vertex."""
+        return self.mask is None
+
+    @property
+    def literals(self) -> NDArray[np.bool_]:
+        """``(2N,)`` bool: the literals that all its vertices hold."""
+        return self.dual.array(self.filled("convex set"))
+
+    def vertices(self, limit: int | None = LISTABLE) -> Iterator[NDArray[np.bool_]]:
+        """Yield the vertices, each a new ``(2N,)`` bool array, in a fixed order.
+
+        Args:
+            limit: The most there may be; if None, as many as there are.
+
+        Raises:
+            InvalidValueError: There are more than `limit`.
+        """
+        if self.mask is None:
+            return
+        for number, vertex in enumerate(self.dual.walk(self.mask)):
+            if number == limit:
+                rule = f"must have at most {limit} vertices, or set limit=None"
+                raise InvalidValueError("dual", rule, "more")
+            yield self.dual.array(vertex)
+
+    def count(self) -> int:
+        """Return the number of vertices, without listing them."""
+        if self.mask is None:
+            return 0
+        return self.dual.counter.vertices(self.dual.free(self.mask))
+
+    def first(self) -> NDArray[np.bool_]:
+        """Return its first vertex."""
+        return self.dual.array(next(self.dual.walk(self.filled("convex set"))))
+
+    def filled(self, name: str) -> int:
+        """Return its mask."""
+        if self.mask is None:
+            raise InvalidValueError(name, "must not be empty", self)
+        return self.mask
+
+    def __iter__(self) -> Iterator[NDArray[np.bool_]]:
+        return self.vertices()
+
+    def __len__(self) -> int:
+        return self.count()
+
+    def __bool__(self) -> bool:
+        return self.mask is not None
+
+    def __contains__(self, vertex: Literals) -> bool:
+        given = self.dual.vertex("vertex", vertex)
+        return self.mask is not None and not self.mask & ~given
+
+    def __and__(self, other: "ConvexSet") -> "ConvexSet":
+        """Return the vertices in both."""
+        if other.dual is not self.dual:
+            raise InvalidValueError("convex set", "must be of the same cubing", other)
+        if self.mask is None or other.mask is None:
+            return ConvexSet(self.dual, None)
+        shared = self.mask | other.mask
+        return ConvexSet(self.dual, self.dual.closed(self.dual.array(shared)))
+
+    def __le__(self, other: "ConvexSet") -> bool:
+        """Return whether all its vertices are in the other."""
+        return (self & other) == self
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, ConvexSet):
+            return NotImplemented
+        return self.dual is other.dual and self.mask == other.mask
+
+    def __hash__(self) -> int:
+        return hash((id(self.dual), self.mask))
+
+    def __repr__(self) -> str:
+        if self.mask is None:
+            return "ConvexSet(empty)"
+        names = [self.dual.poc.name(a) for a in np.flatnonzero(self.literals).tolist()]
+        return f"ConvexSet({{{', '.join(names)}}})"
 
 
 Convex: TypeAlias = ConvexSet | Literals
@@ -273,17 +375,19 @@ class Cubing:
         return self._dual.array(here & self._dual.star(there))
 
     def nearest(self, u: Literals, onto: Convex) -> Vertex:
-        """Return the vertex of a convex set closest to `u`: its projection."""
+        """Return the vertex of a convex set closest to `u`: its projection.
+
+        [GK] cor:projection of a point, ``(u - down(T*)) | up(T)`` for ``h(T)``.
+        """
         vertex, goal = self._dual.vertex("u", u), self._filled("onto", onto)
-        return self._dual.array(nearest(self._dual, vertex, goal))
+        return self._dual.array(vertex & ~self._dual.star(goal) | goal)
 
     def project(self, what: Convex, onto: Convex) -> ConvexSet:
         """Return the closest-point projection of a convex set to another.
 
         `nearest` does it for a vertex.
         """
-        source, goal = self._filled("what", what), self._filled("onto", onto)
-        return self.convex_set(self._dual.array(project(self._dual, source, goal)))
+        return self._onto(self._filled("what", what), self._filled("onto", onto))
 
     def gate(self, k: Convex, m: Convex) -> tuple[Vertex, Vertex]:
         """Return a gate: a vertex of each set, as close to each other as any are.
@@ -293,8 +397,7 @@ class Cubing:
         projection.
         """
         here, there = self._filled("k", k), self._filled("m", m)
-        onto = self._dual.array(project(self._dual, there, here))
-        near = self.convex_set(onto).first()
+        near = self._onto(there, here).first()
         return near, self.nearest(near, m)
 
     def geodesic(self, u: Literals, onto: Convex) -> list[Vertex]:
@@ -318,6 +421,14 @@ class Cubing:
 
     def __repr__(self) -> str:
         return f"Cubing({self.poc!r})"
+
+    def _onto(self, source: int, goal: int) -> ConvexSet:
+        """Return the projection of ``h(S)`` to ``h(T)``, of which masks are given.
+
+        [GK] prop:general projection, ``h((up(S) | up(T)) - up(T)*)``.
+        """
+        shared = (source | goal) & ~self._dual.star(goal)
+        return self.convex_set(self._dual.array(shared))
 
     def _filled(self, name: str, given: Convex) -> int:
         """Return what the vertices of a convex set share; it must not be empty."""
