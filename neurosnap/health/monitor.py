@@ -305,17 +305,10 @@ def _hours(active: NDArray[np.bool_]) -> NDArray[np.bool_]:
 class Follower:
     """Follows the sensors of a home, observation by observation.
 
-    Args:
-        names: Of the sensors.
-        alarms: The budget, such as ``1/week``.
-        zone: The home's time zone, such as ``Europe/Berlin``; UTC if none of that
-            name is known here.
+    Arguments and errors are those of `HealthMonitor`.
 
     Attributes:
         monitor: Who judges.
-
-    Raises:
-        InvalidValueError: The budget has another form.
     """
 
     def __init__(

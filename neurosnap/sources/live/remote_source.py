@@ -141,19 +141,16 @@ class RemoteSource:
                 self._socket.close()
 
     def _ask(self, question: Question) -> Reply:
-        with self._asking:
-            return self._answer(question)
-
-    def _answer(self, question: Question) -> Reply:
         try:
-            if self._socket is None:
-                self._socket = self._connected()
-                self._stream = self._socket.makefile("rb")
-            if self._closed:
-                return Over()
-            self._socket.sendall(encoded(question))
-            (length,) = HEAD.unpack(self._read(HEAD.size))
-            return _replies.decode(self._read(length))
+            with self._asking:
+                if self._socket is None:
+                    self._socket = self._connected()
+                    self._stream = self._socket.makefile("rb")
+                if self._closed:
+                    return Over()
+                self._socket.sendall(encoded(question))
+                (length,) = HEAD.unpack(self._read(HEAD.size))
+                return _replies.decode(self._read(length))
         except (OSError, EOFError) as error:
             if self._closed:
                 return Over()
