@@ -5,8 +5,7 @@ from typing import Any
 
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body
-from neurosnap.agent.growth import Growth
-from neurosnap.agent.retirement import is_needless
+from neurosnap.agent.growth import Growth, is_needless
 from neurosnap.poc.learning.history_questions import Search, answered
 from neurosnap.poc.learning.reading_history import History
 from neurosnap.poc.learning.snapshot import Snapshot
