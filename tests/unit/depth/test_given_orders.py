@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from neurosnap.depth.given_orders import GivenOrder, chain, check_layers, layered
+from neurosnap.depth.probe import GivenOrder, chain, check_layers, layered
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.order.graph import PocGraph, WiringKind
 
