@@ -42,6 +42,7 @@ class PlacesWorld(gymnasium.Env[NDArray[np.int8], np.int64]):
 
     Raises:
         InvalidValueError: `wait` is neither true nor false.
+        ResetNeeded: From `fields`, if these are drawn, and `step`: there was no reset.
     """
 
     def __init__(
@@ -69,11 +70,7 @@ class PlacesWorld(gymnasium.Env[NDArray[np.int8], np.int64]):
 
     @property
     def fields(self) -> NDArray[np.bool_]:
-        """Where each sensor is on: ``(sensors, places)``, read-only.
-
-        Raises:
-            ResetNeeded: The fields are drawn at a reset, and there was none.
-        """
+        """Where each sensor is on: ``(sensors, places)``, read-only."""
         if self._fields is None:
             raise ResetNeeded("fields: are drawn at a reset, and there was none")
         return self._fields
@@ -84,9 +81,6 @@ class PlacesWorld(gymnasium.Env[NDArray[np.int8], np.int64]):
 
         ``(a, b)`` is there iff the field of `a` lies within the field of `b`; this
         includes those of empty, full and equal fields. ``name*`` is a complement.
-
-        Raises:
-            ResetNeeded: As for `fields`.
         """
         names = [literal for name in self.sensors for literal in (name, f"{name}*")]
         # [GK] eqn:true dir matrix
@@ -109,7 +103,6 @@ class PlacesWorld(gymnasium.Env[NDArray[np.int8], np.int64]):
 
         Raises:
             InvalidValueError: There is no such action.
-            ResetNeeded: There was no reset before.
         """
         if self._place is None:
             raise ResetNeeded("step: needs a reset before")

@@ -102,6 +102,7 @@ class Target(
 
     Raises:
         InvalidValueError: `env` or `target` is something else.
+        ResetNeeded: From `target` and `distances`, if it is drawn: there was no reset.
 
     References:
         [GK] "Closing the Loop: Excitation-Driven Navigation".
@@ -131,11 +132,7 @@ class Target(
 
     @property
     def target(self) -> int:
-        """The place that is the target now.
-
-        Raises:
-            ResetNeeded: It is drawn at a reset, and there was none.
-        """
+        """The place that is the target now."""
         if self._target is None:
             raise ResetNeeded("target: is drawn at a reset, and there was none")
         return self._target
@@ -145,9 +142,6 @@ class Target(
         """How far each place is from the target now: ``(places,)``, read-only.
 
         In actions, as `distances_to` counts them.
-
-        Raises:
-            ResetNeeded: As for `target`.
         """
         if self._target is None:
             raise ResetNeeded("distances: are from a target drawn at a reset")

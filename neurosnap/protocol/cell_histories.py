@@ -43,11 +43,7 @@ class PartHistory:
         self._tick = tick
 
     def remember(self, reminder: wire.Reminder) -> None:
-        """Take over the histories that the coordinator has.
-
-        Raises:
-            MessageError: They cannot be right.
-        """
+        """Take over the coordinator's histories; MessageError if they are not right."""
         found = check_reminder(reminder, self._who, self._cells)
         if reminder.tick < self._tick:
             return
@@ -59,11 +55,7 @@ class PartHistory:
                 self._rings[literal] = int.from_bytes(ring, "little")
 
     def answer(self, recall: wire.Recall) -> list[wire.Message]:
-        """Answer a question, if any cell is asked anything.
-
-        Raises:
-            MessageError: It cannot be right.
-        """
+        """Answer a question, if any cell is asked; MessageError if it is not right."""
         counted = check_recall(recall)
         own = range(2 * self._cells.start, 2 * self._cells.stop)
         readings = [a for a in recall.readings if a in own]

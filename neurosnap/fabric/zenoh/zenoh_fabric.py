@@ -79,11 +79,7 @@ class ZenohFabric:
         self._polls: list[Poll] = []
 
     async def __aenter__(self) -> Self:
-        """Open the session.
-
-        Raises:
-            FabricError: The hub cannot be reached.
-        """
+        """Open the session; FabricError if the hub cannot be reached."""
         self._failure = Failure()
         config = connecting(self._hub, self._patience)
         try:
@@ -215,9 +211,6 @@ class ZenohFabric:
         The part's own hub. Another that is linked to it has it by the time it shows
         this part's presence. A hub takes what one session sends in order, so its answer
         to a query comes after the declarations.
-
-        Raises:
-            FabricError: The hub does not answer.
         """
         key, get = self._alive, self._session.liveliness().get
 

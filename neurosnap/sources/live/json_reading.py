@@ -13,7 +13,7 @@ A value is true, false, 1, 0, or a word of `neurosnap.sources.meaning`; null whe
 sensor does not know. On a key of one sensor's own it stands alone, or as
 ``{"on": true, "at": 1690000000.0}``. ``at`` is in seconds since the epoch, and may be
 missing: then it is the time of arrival. Another field is refused: it might be a
-misspelt one.
+misspelt one. What is no reading, or longer than `LIMIT`, is an `InvalidValueError`.
 """
 
 from collections.abc import Sequence
@@ -69,12 +69,7 @@ _ons = msgspec.json.Decoder(_On)
 
 
 def read(payload: bytes) -> Reading:
-    """Return the reading in one JSON object.
-
-    Raises:
-        InvalidValueError: It is none, is longer than `LIMIT`, or has fields that do not
-            go together.
-    """
+    """Return the reading in one JSON object."""
     if len(payload) > LIMIT:
         raise too_long()
     said = _decoded(_readings, payload, "a reading in JSON")
@@ -86,11 +81,7 @@ def read(payload: bytes) -> Reading:
 
 
 def read_on(payload: bytes) -> tuple[bool | None, float | None]:
-    """Return the reading of one sensor, sent on its own key, and its time, if any.
-
-    Raises:
-        InvalidValueError: It is no value, or an object without one or with more.
-    """
+    """Return the reading of one sensor, sent on its own key, and its time, if any."""
     if payload.lstrip().startswith(b"{"):
         said = _decoded(_ons, payload, "{'on': value, 'at': seconds}")
         return value(said.on), said.at
@@ -104,11 +95,7 @@ def too_long() -> InvalidValueError:
 
 
 def value(said: object) -> bool | None:
-    """Return what a sensor read; None if it does not know.
-
-    Raises:
-        InvalidValueError: `said` is no such value.
-    """
+    """Return what a sensor read; None if it does not know."""
     try:
         return _reader.read(said)
     except ValueError as error:
@@ -131,9 +118,6 @@ def hand_in(source: LiveSource, payload: bytes, *, spare: bool) -> None:
         payload: The object, as `neurosnap.sources.live.json_reading` has it.
         spare: Do not drop a whole reading while too many wait; see
             `LiveSource.receive_whole`.
-
-    Raises:
-        InvalidValueError: It is no reading, or none of this source.
     """
     said = read(payload)
     if said.sensor is not None:
