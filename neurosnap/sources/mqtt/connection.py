@@ -12,6 +12,9 @@ full, drops the *newest* message, after the broker has been told that it arrived
 is told once the callback has returned. What a receiver raises ends the connection, and
 the broker sends the message again on the next one. So it may come twice.
 
+A broker may send all that it kept, tens of thousands of messages, before it answers
+anything. So an answer is given up when nothing comes, not when it takes long.
+
 What is wrong at the start is an error: a refused name or password and a certificate
 that is not trusted at once, anything else when the patience is over. Once connected, a
 link never gives up. It says so once an outage, and when the reason changes. One that
@@ -20,6 +23,7 @@ only publishes leaves that to the one of its run that listens.
 
 import asyncio
 import logging
+import math
 import random
 import secrets
 import ssl
@@ -35,7 +39,7 @@ from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
 
 from neurosnap.errors import InvalidValueError, NeurosnapError
-from neurosnap.fabric.wait_for_events import wait_any
+from neurosnap.fabric.wait_for_events import first_of, wait_any
 from neurosnap.sources.mqtt.options import MqttBroker
 from neurosnap.sources.mqtt.outbox import TOGETHER, Outbox, Outgoing
 
@@ -47,8 +51,8 @@ KEPT = 12 * 3600
 
 _REFUSED = {134, 135}  # name or password; paho says so for 4 and 5 of MQTT 3.1.1, too
 _OLD = 132  # the version of MQTT is not spoken; paho says so for 1 of MQTT 3.1.1, too
-_UNDERWAY = 20  # messages not acknowledged: at most so many come twice
-_ANSWER = 5.0  # seconds a broker may take for any answer
+_UNDERWAY = 20  # messages not acknowledged, if the broker heeds it
+_ANSWER = 5.0  # seconds a broker may be silent that owes an answer
 _DRAIN = 2.0  # seconds an orderly end may take to send what waits
 _SILENCE = 30  # seconds after which each side asks whether the other is there
 
@@ -74,7 +78,8 @@ class MqttLink:
         filters: What to subscribe to, with QoS 1.
         receive: Takes what comes; is called in the loop of `serve`, must be quick, and
             raises only where it must be sent again.
-        connected: Is told that it is subscribed, and that it no longer is; likewise.
+        connected: Is told that it is subscribed or that a message came, and that it no
+            longer is; likewise.
         session: What the broker knows the client by, on every connection; empty if it
             is to keep nothing. Where it speaks no MQTT 5 it keeps nothing.
 
@@ -108,7 +113,7 @@ class MqttLink:
         self._waiting = asyncio.Event()
         self._level = logging.WARNING if filters else logging.INFO
         self._said = ""  # what is wrong, while the connection is away
-        self._told = 0
+        self._told = self._came = 0
         self._was_connected = self._forget = False
 
     def hold(self, topic: str, payload: bytes) -> None:
@@ -175,27 +180,47 @@ class MqttLink:
                 # Listening comes first and ends last: only who listens hears at once
                 # that the connection broke, whatever else is being waited for.
                 listening = group.create_task(_listen(client), name="mqtt/listen")
-                await self._greet(client)
-                sending = group.create_task(self._send(client, stop), name="mqtt/send")
-                await stop.wait()
-                self._waiting.set()  # to be looked at once more, and so to end
-                await self._leave(client, sending)
+                if self._filters:
+                    await first_of(self._subscribe(client), self._quiet(), stop.wait())
+                if not (self._filters and stop.is_set()):
+                    await self._greet(client, stop)
+                    send = self._send(client, stop)
+                    sending = group.create_task(send, name="mqtt/send")
+                    await stop.wait()
+                    self._waiting.set()  # to be looked at once more, and so to end
+                    await self._leave(client, sending)
                 if self._known_as and self._forget:
                     client.disconnect_for_good()
                 listening.cancel()
         except ExceptionGroup as group_error:
             raise _first(group_error) from None
         finally:
+            self._came = 0
             self._connected(False)
 
-    async def _greet(self, client: "_Client") -> None:
-        """Subscribe, say ``online``, and let all that is held be sent again."""
+    async def _quiet(self) -> None:
+        """Fail once no message has come for too long."""
+        came = -1
+        while came != (came := self._came):  # noqa: ASYNC110 - there is no event
+            await asyncio.sleep(_ANSWER)
+        raise aiomqtt.MqttError("Operation timed out")
+
+    def _take(self, message: aiomqtt.Message) -> None:
+        """Hand over a message, be the subscription answered or not."""
+        if not self._came:
+            self._connected(True)
+        self._came += 1
+        if self._receive is not None:
+            self._receive(message.topic.value, message.payload, message.retain)
+
+    async def _greet(self, client: "_Client", stop: asyncio.Event) -> None:
+        """Say ``online``, and let all that is held be sent again."""
         client.pending_calls_threshold = TOGETHER
-        if self._filters:
-            await self._subscribe(client)
         self._connected(True)
         if self._status is not None:
-            await client.publish(self._status, ONLINE, qos=1, retain=True)
+            online = Outgoing(self._status, ONLINE, retain=True)
+            saying = self._publish_one(client, online)
+            await first_of(saying, self._quiet(), stop.wait())
         with self._lock:
             self._outbox.renew()
         self._was_connected = True
@@ -221,7 +246,7 @@ class MqttLink:
             username=broker.username,
             password=broker.password(),
             identifier=f"neurosnap-{self._role}-{self._known_as or secrets.token_hex(4)}",
-            queue_type=_handing_to(self._receive),
+            queue_type=_handing_to(self._take),
             will=will,
             timeout=_ANSWER,
             keepalive=_SILENCE,
@@ -230,17 +255,18 @@ class MqttLink:
         )
 
     async def _subscribe(self, client: aiomqtt.Client) -> None:
-        answers = await client.subscribe([(each, 1) for each in self._filters])
-        for wanted, answer in zip(self._filters, answers, strict=True):
+        wanted = [(each, 1) for each in self._filters]
+        answers = await client.subscribe(wanted, timeout=math.inf)
+        for topic, answer in zip(self._filters, answers, strict=True):
             if isinstance(answer, ReasonCode) and answer.is_failure:
                 rule = "must be a filter that the broker grants"
-                raise InvalidValueError("topic", rule, wanted)
+                raise InvalidValueError("topic", rule, topic)
 
     async def _send(self, client: aiomqtt.Client, stop: asyncio.Event) -> None:
         """Send what waits and what comes, in batches; end with one, after `stop`."""
         while not stop.is_set():
             if batch := self._batch():
-                await self._publish(client, batch)
+                await first_of(self._publish(client, batch), self._quiet())
             else:
                 await self._waiting.wait()
 
@@ -268,7 +294,7 @@ class MqttLink:
     async def _publish_one(self, client: aiomqtt.Client, message: Outgoing) -> None:
         """Publish `message`; it counts as sent once the broker has it."""
         topic, payload, retain = message
-        await client.publish(topic, payload, qos=1, retain=retain)
+        await client.publish(topic, payload, qos=1, retain=retain, timeout=math.inf)
         with self._lock:
             self._outbox.sent(message)
 
@@ -334,13 +360,14 @@ def _trust(broker: MqttBroker) -> ssl.SSLContext | None:
         raise InvalidValueError("ca_file", rule, broker.ca_file) from error
 
 
-def _handing_to(receive: Receive | None) -> type[asyncio.Queue[aiomqtt.Message]]:
+def _handing_to(
+    take: Callable[[aiomqtt.Message], None],
+) -> type[asyncio.Queue[aiomqtt.Message]]:
     """Return a queue, as the library wants one, that hands over at once."""
 
     class Handing(asyncio.Queue[aiomqtt.Message]):
         def put_nowait(self, item: aiomqtt.Message) -> None:
-            if receive is not None:
-                receive(item.topic.value, item.payload, item.retain)
+            take(item)
 
     return Handing
 

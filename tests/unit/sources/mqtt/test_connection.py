@@ -3,6 +3,8 @@
 import asyncio
 import logging
 from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from functools import partial
 from typing import Any, Self
 
 import pytest
@@ -15,6 +17,7 @@ from paho.mqtt.reasoncodes import ReasonCode
 
 from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.sources.mqtt.connection import (
+    _ANSWER,
     LONGEST,
     SHORTEST,
     MqttLink,
@@ -61,11 +64,11 @@ class Connection:
         await asyncio.Event().wait()
         yield
 
-    async def subscribe(self, filters: list[tuple[str, int]]) -> list[int]:
+    async def subscribe(self, filters: list[tuple[str, int]], **_: object) -> list[int]:
         return [1] * len(filters)
 
     async def publish(
-        self, topic: str, payload: bytes, *, qos: int, retain: bool
+        self, topic: str, payload: bytes, *, qos: int, retain: bool, **_: object
     ) -> None:
         assert self.pending_calls_threshold
         self.got.append(topic)
@@ -127,6 +130,146 @@ async def test_of_a_broken_batch_what_arrived_is_not_sent_again(
     await serve_until(link, second, 2)
     assert first.got == ["done", "again", "bad"]
     assert second.got == ["again", "bad"]
+
+
+# What takes long ----------------------------------------------------------------------
+
+CONNECT, CONNACK, PUBLISH, PUBACK, SUBSCRIBE, SUBACK, DISCONNECT = 1, 2, 3, 4, 8, 9, 14
+"""Packets of MQTT 5."""
+
+
+class Scripted:
+    """A broker on a socket that says what a test wants, and a link to it.
+
+    Time is what the test says: only `pass_time` moves the clock of the event loop.
+    """
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        loop = asyncio.get_running_loop()
+        self._now = loop.time()
+        monkeypatch.setattr(loop, "time", lambda: self._now)
+        self._clients: asyncio.Queue[
+            tuple[asyncio.StreamReader, asyncio.StreamWriter]
+        ] = asyncio.Queue()
+        self.heard: list[bytes | bool] = []
+        """What the link was told: payloads, and whether it listens."""
+        self.stop = asyncio.Event()
+
+    async def pass_time(self, seconds: float) -> None:
+        self._now += seconds
+        for _ in range(10):
+            await asyncio.sleep(0)  # who waits for that time goes on
+
+    @asynccontextmanager
+    async def linked(self) -> AsyncIterator[MqttLink]:
+        """Serve a link that has a session, and subscribes to ``door``."""
+        accept = partial(asyncio.start_server, host="127.0.0.1", port=0)
+        async with await accept(lambda *ends: self._clients.put_nowait(ends)) as server:
+            link = MqttLink(
+                MqttBroker(host="127.0.0.1", port=server.sockets[0].getsockname()[1]),
+                "test",
+                filters=["door"],
+                status="status",
+                receive=lambda _, payload, __: self.heard.append(payload),
+                connected=self.heard.append,
+                session="0123456789abcdef",
+            )
+            async with asyncio.TaskGroup() as group:
+                group.create_task(link.serve(self.stop))
+                yield link
+                self.stop.set()
+
+    async def subscribed_to(self) -> bytes:
+        """Let a link in that then subscribes; return the number of its packet."""
+        self._reader, self._writer = await self._clients.get()
+        await self.got(CONNECT)
+        self.say(CONNACK, b"\1\0\0")
+        return (await self.got(SUBSCRIBE))[:2]
+
+    def say(self, kind: int, body: bytes) -> None:
+        flags = 2 * (kind == PUBLISH)  # QoS 1
+        self._writer.write(bytes([kind << 4 | flags, len(body)]) + body)
+
+    async def got(self, kind: int) -> bytes:
+        """Return the next packet that came, which must be of a kind."""
+        first, length = await self._reader.readexactly(2)
+        assert (first >> 4, length < 128) == (kind, True)
+        return await self._reader.readexactly(length)
+
+    async def publish(self, *numbers: int) -> None:
+        """Publish numbers, and wait until each is acknowledged."""
+        for number in numbers:
+            self.say(PUBLISH, b"\0\4door" + bytes([0, number, 0, number]))
+        for number in numbers:
+            assert (await self.got(PUBACK))[:2] == bytes([0, number])
+
+    async def end(self) -> None:
+        """Wait for the end of the connection, and end it."""
+        assert await self._reader.read() == b""
+        self._writer.close()
+        await self._writer.wait_closed()
+
+
+@pytest.fixture
+async def scripted(monkeypatch: pytest.MonkeyPatch) -> Scripted:
+    return Scripted(monkeypatch)
+
+
+async def test_what_a_broker_kept_may_take_long_to_come_before_its_answer(
+    scripted: Scripted,
+) -> None:
+    async with scripted.linked():
+        wanted = await scripted.subscribed_to()
+        for first in (1, 11, 21):
+            await scripted.publish(*range(first, first + 10))
+            await scripted.pass_time(_ANSWER + 1)
+        assert scripted.heard == [True, *(bytes([n]) for n in range(1, 31))]
+        scripted.say(SUBACK, wanted + b"\0\1")
+        online = await scripted.got(PUBLISH)
+        # So it may before any other answer.
+        await scripted.publish(31)
+        await scripted.pass_time(_ANSWER + 1)
+        await scripted.publish(32)
+        scripted.say(PUBACK, online[8:10])
+        scripted.stop.set()
+        offline = await scripted.got(PUBLISH)
+        assert (online[-6:], offline[-7:]) == (b"online", b"offline")
+        scripted.say(PUBACK, offline[8:10])
+        await scripted.got(DISCONNECT)
+        await scripted.end()
+    heard = [payload for payload in scripted.heard if isinstance(payload, bytes)]
+    assert heard == [bytes([number]) for number in range(1, 33)]
+
+
+async def test_a_broker_that_falls_silent_is_given_up_and_that_is_said(
+    scripted: Scripted, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with scripted.linked():
+        await scripted.subscribed_to()
+        await scripted.publish(1)
+        for _ in range(2):  # in the first something came
+            assert not caplog.messages
+            await scripted.pass_time(_ANSWER + 1)
+        await scripted.got(DISCONNECT)
+        await scripted.end()
+        scripted.stop.set()
+    (said,) = caplog.messages
+    assert "not connected, got Operation timed out; trying again" in said
+    assert scripted.heard == [True, b"\1", False]
+
+
+async def test_who_is_stopped_while_a_broker_owes_an_answer_does_not_wait_for_it(
+    scripted: Scripted,
+) -> None:
+    async with scripted.linked() as link:
+        await scripted.subscribed_to()
+        await scripted.publish(1)
+        link.forget()
+        scripted.stop.set()
+        # It says that nothing is to be kept, and not that it leaves: it never came.
+        assert await scripted.got(DISCONNECT) == b"\0\5\x11" + bytes(4)
+        await scripted.end()
+    assert scripted.heard == [True, b"\1", False]
 
 
 # What is said -------------------------------------------------------------------------
