@@ -206,8 +206,9 @@ class Restart(msgspec.Struct, frozen=True):
     """Completed ticks that the recording lacks."""
     outside: bool = False
     """The lost ticks were read from a live source, so they cannot be repeated."""
-    kept: tuple[str, ...] = ()
-    """Files that it could not go on from, which are kept beside the recording."""
+    kept: tuple[tuple[Path, int], ...] = ()
+    """Files that are kept beside the recording, and the tick of each that it had gone
+    on from; 0 if it did not."""
 
 
 def _ignore(_: object) -> None:
@@ -255,8 +256,8 @@ class Outcome(msgspec.Struct, kw_only=True):
     restarts: int = 0
     """How often it went on after a part had died."""
     kept: tuple[str, ...] = ()
-    """Files that it could not go on from, beside the recording or of it, which may hold
-    ticks that cannot be read."""
+    """Files beside the recording or of it, which may hold ticks that cannot be read, or
+    that were observed otherwise."""
     intake: Statistics | None = None
     """What came in of a live source, over all restarts; None for another source."""
     lost: int = 0

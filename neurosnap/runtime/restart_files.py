@@ -49,8 +49,9 @@ class RestartFiles:
     def __init__(self, log: Path) -> None:
         self._log = log
         self._broken = log.with_name(f"{log.name}.broken")
-        self.kept: list[Path] = []
-        """What could not be gone on from, and is not known to be in the recording."""
+        self.kept: dict[Path, int] = {}
+        """What is not known to be all in the recording, and the tick that was gone on
+        from; 0 if none was."""
         self.unread: list[Path] = []
         """Files of the recording that are damaged, and that it goes on without."""
 
@@ -111,7 +112,8 @@ class RestartFiles:
         base = Path(found.log)
         self._clear(found.part + 1, [base])
         if self._broken.exists():
-            self._discard(self._broken, self._files(_number(self._broken)))
+            tick = 0 if before is None else before.tick
+            self._discard(self._broken, self._files(_number(self._broken)), tick)
         sync_file(base)
         base.rename(self._broken)
         sync_folder(base.parent)
@@ -140,7 +142,7 @@ class RestartFiles:
             self._discard(self._broken, self._files(_number(self._broken)))
         for path in list(self.kept):
             if _deleted(path, self._files(_number(path))):
-                self.kept.remove(path)
+                del self.kept[path]
 
     def keep_furthest(self) -> None:
         """Keep as the recording the one of two that has more whole ticks.
@@ -169,14 +171,14 @@ class RestartFiles:
         for path in self._files(first):
             self._discard(path, held_by)
 
-    def _discard(self, path: Path, held_by: Sequence[Path]) -> None:
+    def _discard(self, path: Path, held_by: Sequence[Path], tick: int = 0) -> None:
         """Delete a file if others hold its ticks; otherwise keep it beside."""
         if _deleted(path, held_by):
             return
         kept = self._free_name()
         path.rename(kept)
         sync_folder(kept.parent)
-        self.kept.append(kept)
+        self.kept[kept] = tick
 
     def _free_name(self) -> Path:
         """Return where the next thing is kept that cannot be gone on from."""

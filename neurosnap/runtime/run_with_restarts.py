@@ -237,7 +237,7 @@ class Lives:
             tick=self._next.after,
             lost=max(0, self._reached - self._next.after),
             outside=self._cannot_repeat,
-            kept=tuple(map(str, files.kept[kept:])),
+            kept=tuple(files.kept.items())[kept:],
         )
         self._reached = self._next.after
         self._redone.clear()

@@ -99,7 +99,7 @@ def test_what_fails_names_its_seed_and_how_to_see_it_again() -> None:
 class _Deleting(RestartFiles):
     """Deletes what a run cannot go on from, whatever is in it."""
 
-    def _discard(self, path: Path, held_by: Sequence[Path]) -> None:
+    def _discard(self, path: Path, held_by: Sequence[Path], tick: int = 0) -> None:
         path.unlink()
 
 

@@ -166,8 +166,12 @@ def restart_lines(event: Restart) -> Iterator[str]:
     what = "readings are lost" if event.outside else "ticks are done again"
     cost = f"; {event.lost} {what}" if event.lost else ""
     yield f"going on from tick {event.tick}: {event.why}{cost}"
-    for path in event.kept:
-        yield f"could not go on from a recording; kept: {path}"
+    for path, tick in event.kept:
+        what = "could not go on from a recording"
+        if tick:
+            why = "later ones cannot be read or were observed otherwise"
+            what = f"went on from tick {tick} of a recording, of which {why}"
+        yield f"{what}; kept: {path}"
 
 
 def outcome_lines(
@@ -242,7 +246,7 @@ def _losses(outcome: "Outcome") -> Iterator[str]:
         for path in balance.vanished:
             yield f"not left as it was written, or not taken by its disk: {path}"
     for path in outcome.kept:
-        yield f"damaged: {path} may hold ticks that cannot be read"
+        yield f"{path} may hold ticks that cannot be read or were observed otherwise"
 
 
 def _implications(pairs: Sequence[tuple[str, str]], log: Path | None) -> Iterator[str]:

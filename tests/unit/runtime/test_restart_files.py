@@ -105,8 +105,23 @@ def test_readings_that_another_life_did_not_see_are_kept(
     assert names(log.parent) == ["run.damaged-1.mcap", "run.mcap.broken"]
     log.write_bytes(recordings[60, 3])
     lives.finish()
-    assert lives.kept == [log.with_name("run.damaged-1.mcap")]
-    assert lives.kept[0].read_bytes() == recordings[30, 4]
+    (kept,) = lives.kept
+    assert kept == log.with_name("run.damaged-1.mcap")
+    assert kept.read_bytes() == recordings[30, 4]
+
+
+def test_what_was_gone_on_from_is_kept_for_what_was_observed_otherwise_since(
+    log: Path, recordings: Recordings
+) -> None:
+    log.write_bytes(recordings[30, 4])
+    lives = RestartFiles(log)
+    past = gone_on(lives, options_of(30, seed=4))
+    assert past is not None
+    log.write_bytes(recordings[60, 3])  # of another world, and it gets further
+    assert gone_on(lives, options_of(60), past) != past
+    kept = log.with_name("run.damaged-1.mcap")
+    assert lives.kept == {kept: past.tick}
+    assert kept.read_bytes() == recordings[30, 4]
 
 
 def test_what_is_held_is_not_kept(log: Path, recordings: Recordings) -> None:
@@ -116,7 +131,7 @@ def test_what_is_held_is_not_kept(log: Path, recordings: Recordings) -> None:
     assert names(log.parent) == ["run.damaged-1.mcap"]
     log.write_bytes(recordings[60, 3])
     lives.finish()
-    assert (lives.kept, names(log.parent)) == ([], ["run.mcap"])
+    assert (lives.kept, names(log.parent)) == ({}, ["run.mcap"])
 
 
 def test_what_is_kept_gets_the_next_free_name(

@@ -8,13 +8,13 @@ import typer
 
 from neurosnap.agent.body import Body
 from neurosnap.apps.cli.errors_and_signals import errors
-from neurosnap.apps.cli.terminal_output import outcome_lines, say
+from neurosnap.apps.cli.terminal_output import outcome_lines, restart_lines, say
 from neurosnap.errors import NeurosnapError
 from neurosnap.protocol.anomaly_report import NamedAnomaly, anomaly_line
 from neurosnap.protocol.coordinator import Totals
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.format.completeness import Completeness
-from neurosnap.runtime.request import Outcome
+from neurosnap.runtime.request import Outcome, Restart
 
 OPTIONS = RunOptions(source="a.csv", body=Body(own=("a", "b")), cells="inline")
 OUTCOME = Outcome(
@@ -89,3 +89,13 @@ def test_what_is_said_is_not_taken_for_markup(
     say("text", text)
     assert ended.value.exit_code == 1
     assert capsys.readouterr() == (f"{text}\n", f"error: {text}\n{text}\n")
+
+
+def test_a_restart_says_why_each_recording_is_kept() -> None:
+    kept = ((Path("a"), 0), (Path("b"), 7))
+    assert list(restart_lines(Restart("hub: died", 9, 2, kept=kept))) == [
+        "going on from tick 9: hub: died; 2 ticks are done again",
+        "could not go on from a recording; kept: a",
+        "went on from tick 7 of a recording, of which later ones cannot be read or were"
+        " observed otherwise; kept: b",
+    ]
