@@ -16,7 +16,7 @@ import sys
 import threading
 import time
 from asyncio.subprocess import PIPE, Process
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from itertools import cycle
 from pathlib import Path
@@ -43,6 +43,7 @@ SINGLY = "zenoh:singly"
 _NAMES = [f"bit{place}" for place in range(BITS)]
 _SIZE = 1 << BITS
 _STILL = 3.0  # seconds in which nothing is written once nothing comes
+_AHEAD = 1000  # messages not yet acknowledged; a client silently drops what is too many
 _WATCHDOG = 100_000  # microseconds; progress is told twice as often
 _RESTART = re.compile(r"going on from tick (\d+): .*?(?:; (\d+) ticks are done again)?")
 
@@ -196,12 +197,20 @@ def _by_broker(port: int, topic: str, status: str) -> Send:
     """Publish to a topic, once a run says on another one that it is there."""
     client, listens = Client(CallbackAPIVersion.VERSION2), threading.Event()
     client.on_message = lambda *_: listens.set()
+    room = threading.Semaphore(_AHEAD)
+    client.on_publish = lambda *_: room.release()
     client.connect("127.0.0.1", port)
     client.subscribe(status, qos=1)
     client.loop_start()
     if not listens.wait(PATIENCE):
         raise TimeoutError(f"{status}: the run does not say that it is there")
-    return lambda bits: client.publish(topic, json.dumps(bits), qos=1)
+
+    def send(bits: Mapping[str, object]) -> None:
+        if not room.acquire(timeout=PATIENCE):
+            raise TimeoutError("broker: must take what is published, did not")
+        client.publish(topic, json.dumps(bits), qos=1)
+
+    return send
 
 
 def lines_in(log: Path, lines: int) -> Lines:
