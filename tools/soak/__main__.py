@@ -185,7 +185,6 @@ async def soak_outside(
     rate: float = 200.0,
     split: int = 0,
     by: str = "-",
-    intake: bool = True,
 ) -> Soaked:
     """Make a run that is fed numbered lines, and look for each of them.
 
@@ -198,10 +197,9 @@ async def soak_outside(
         rate: Lines a second.
         split: Bytes of a file of its recording, at most.
         by: How the lines get there, as in `feed`.
-        intake: Whether the intake is killed, too.
     """
     began, log = time.perf_counter(), folder / "soaked.mcap"
-    roles = [*SERVICES, HOSTS[cells]] + [INTAKE] * intake
+    roles = [*SERVICES, HOSTS[cells], INTAKE]
     if by.startswith("zenoh:"):
         roles.remove("hub")  # it is the intake
     killer = Killer(roles, kills, seed, pause)
@@ -304,8 +302,8 @@ def _soak_each(given: argparse.Namespace, folder: Path) -> int:
         place = folder / f"{by.rstrip(':')}{rate:g}"
         place.mkdir()
         chosen = (given.cells, kills, given.seed, place, given.pause)
-        more = {"split": given.split, "intake": not given.spare_intake}
-        found = asyncio.run(soak_outside(*chosen, rate=rate, by=by, **more))
+        how = soak_outside(*chosen, rate=rate, split=given.split, by=by)
+        found = asyncio.run(how)
         fine &= found.fine
         fed, received, killed = found.lines, sum(found.received.values()), found.killed
         lost, twice = max(fed - received, 0), max(received - fed, 0)
@@ -319,7 +317,6 @@ def _soak_each(given: argparse.Namespace, folder: Path) -> int:
 
 async def _soaked(given: argparse.Namespace, folder: Path) -> Soaked:
     kills = given.kills if given.fault == "kill" else 0
-    chosen = (kills, given.seed, folder, given.pause)
     options = RunOptions(
         **_world(given),
         ticks=given.ticks or _EIGHT_HOURS,
@@ -331,7 +328,7 @@ async def _soaked(given: argparse.Namespace, folder: Path) -> Soaked:
         keep=given.keep,
         keyframe_every=given.keyframe_every,
     )
-    return await soak(options, *chosen, given.seconds)
+    return await soak(options, kills, given.seed, folder, given.pause, given.seconds)
 
 
 def _world(given: argparse.Namespace) -> dict[str, Any]:
@@ -342,10 +339,8 @@ def _world(given: argparse.Namespace) -> dict[str, Any]:
     with closing(open_source(world, given.seed, arguments)) as source:
         body = body_of(source, "planner", _ROOM) if lake else body_of(source, "walker")
     made = {"source": world, "arguments": arguments, "body": body}
-    if not lake:
-        return made
     grows = {"agent": "planner", "imagine": 200, "explore": 0.1, "threshold": 1 / 8000}
-    return made | grows
+    return made | grows if lake else made
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -374,7 +369,6 @@ def _parser() -> argparse.ArgumentParser:
     add("--rate", type=float, nargs="+", default=[50.0, 500.0, 2000.0], help=rates)
     ways = ["-", "zenoh:", SINGLY, "mqtt:"]
     add("--by", choices=ways, nargs="+", default=ways, help="who feeds lines")
-    add("--spare-intake", action="store_true", help="let the intake live")
     add("--folder", type=Path, help="where to record meanwhile")
     add("--json", action="store_true", help="add one object, last")
     return parser

@@ -16,7 +16,7 @@ import sys
 import threading
 import time
 from asyncio.subprocess import PIPE, Process
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from itertools import cycle
 from pathlib import Path
@@ -204,13 +204,10 @@ def _by_broker(port: int, topic: str, status: str) -> Send:
     client.loop_start()
     if not listens.wait(PATIENCE):
         raise TimeoutError(f"{status}: the run does not say that it is there")
-
-    def send(bits: Mapping[str, object]) -> None:
-        if not room.acquire(timeout=PATIENCE):
-            raise TimeoutError("broker: must take what is published, did not")
-        client.publish(topic, json.dumps(bits), qos=1)
-
-    return send
+    return lambda bits: (
+        room.acquire(timeout=PATIENCE)
+        and client.publish(topic, json.dumps(bits), qos=1)
+    )
 
 
 def lines_in(log: Path, lines: int) -> Lines:
