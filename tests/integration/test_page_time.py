@@ -352,8 +352,9 @@ async def test_the_counts_of_a_tick_are_those_of_its_curves(
             told = await page.evaluate(
                 """async (names) => {
                     const { countAll } = await import("/tick/belief.js");
-                    const { fetchFrames, fetchRun } = await import("/base/api.js");
-                    const frames = await fetchFrames(1, (await fetchRun()).ticks);
+                    const { ask } = await import("/base/api.js");
+                    const to = (await ask("run")).ticks;
+                    const { frames } = await ask("frames", { from: 1, to });
                     const counts = frames.map(countAll);
                     return names.map((name) => counts.map((count) => count[name]));
                 }""",

@@ -2,7 +2,7 @@
 // Everything shown follows from that position.
 
 import { choiceAsked, keepChoice, keepWave, tickAsked, told, waveAsked } from "./base/address.js";
-import * as api from "./base/api.js";
+import { ask, openEvents, run as runNumber, say, sayLink, stopAsking } from "./base/api.js";
 import { find, flash, link, write } from "./base/dom.js";
 import { explain } from "./base/terms.js";
 import { bind } from "./keys.js";
@@ -16,7 +16,7 @@ import { Reasons } from "./tick/belief.js";
 import { ChoiceView } from "./tick/choice.js";
 import { FactsView } from "./tick/facts.js";
 import { Outline } from "./tick/outline.js";
-import { Notices, Voice } from "./tick/voice.js";
+import { Voice } from "./tick/voice.js";
 import { WaveView } from "./tick/wave.js";
 import { ImageView, WorldView } from "./tick/world.js";
 import { CompareView } from "./time/compare.js";
@@ -25,11 +25,6 @@ import { TimeView } from "./time/time_view.js";
 const AGAIN = 700; // milliseconds until ticks to go to are asked for once more
 const SLOW = 2; // ticks a second up to which a tick's wave is shown on its way
 
-const notices = new Notices();
-const fetchRun = notices.watched("run", api.fetchRun);
-const fetchFrames = notices.watched("frames", api.fetchFrames);
-const fetchBeside = notices.watched("marks", api.fetchBeside);
-const fetchPresence = notices.watched("presence", api.fetchPresence);
 const said = () => {}; // the failure was reported where it was asked
 
 /** All parts of the page of one run. */
@@ -49,58 +44,35 @@ class Page {
     const pick = (thing) => this.pick(thing);
     const goTo = (sensor) => this.goTo(sensor);
     const seek = (tick) => this.time.player.seek(tick);
-    this.growth = new GrowthView(run, {
-      fetchBirths: notices.watched("births", api.fetchBirths),
-      seek,
-      pick: goTo,
-      change: () => this.learnBirths(),
-    });
+    this.growth = new GrowthView(run, { seek, pick: goTo, change: () => this.learnBirths() });
     this.findings = new FindingsView(names, {
-      fetchFindings: notices.watched("findings", api.fetchFindings),
       isLive: () => this.run.live,
       seek,
       pick: goTo,
       change: (done) => this.learnFindings(done),
     });
-    this.frameCache = new FrameCache(fetchFrames);
+    this.frameCache = new FrameCache(async (from, to) => (await ask("frames", { from, to })).frames);
     this.time = new TimeView(names, {
-      fetchSeries: notices.watched("series", api.fetchSeries),
-      fetchMarks: notices.watched("marks", api.fetchMarks),
-      fetchRaster: notices.watched("raster", api.fetchRaster),
       ready: (tick) => this.frameCache.isReady(tick),
       move: () => this.move(),
       pick: goTo,
     });
     this.order = new OrderView(names, this.growth, {
-      fetchGraph: notices.watched("graph", api.fetchGraph),
       choose: (thing) => this.choose(thing),
       goTo,
       rename: (named) => this.rename(named),
       change: () => this.showWords(),
       reasons: () => this.reasons(),
     });
-    this.wave = new WaveView({
-      names,
-      actions: run.actions,
-      fetchWave: notices.watched("wave", api.fetchWave),
-      change: () => this.changeWave(),
-    });
-    const fetchDepths = notices.watched("depths", api.fetchDepths);
-    this.depths = new DepthView(fetchDepths, (dot) => this.playWave(dot));
+    this.wave = new WaveView({ names, actions: run.actions, change: () => this.changeWave() });
+    this.depths = new DepthView((dot) => this.playWave(dot));
     this.facts = new FactsView(names, run);
     this.world = new WorldView(run.world);
     this.image = new ImageView(run);
     this.voice = new Voice(names);
     this.outline = new Outline(find("sensors"), names, goTo);
-    this.choice = new ChoiceView(names, {
-      pick: (thing) => this.choose(thing),
-      fetchEdge: api.fetchEdge,
-    });
-    this.compare = new CompareView(names, run, {
-      fetchDifference: api.fetchDifference,
-      seek,
-      pick,
-    });
+    this.choice = new ChoiceView(names, { pick: (thing) => this.choose(thing) });
+    this.compare = new CompareView(names, run, { seek, pick });
   }
 
   // Moving through time --------------------------------------------------------------
@@ -128,7 +100,7 @@ class Page {
   arrive(frame) {
     document.body.ariaBusy = false;
     const missing = `tick ${this.time.player.tick} was not recorded`;
-    notices.say("tick", frame === null ? missing : "");
+    say("tick", frame === null ? missing : "");
     if (frame) {
       this.late.end();
       this.show(frame);
@@ -156,7 +128,7 @@ class Page {
   /** Select what the link selects. */
   restore() {
     const [choice, wave] = [choiceAsked(this.names), waveAsked()];
-    if (typeof choice === "string") notices.say("asked", `there is no ${choice} here`);
+    if (typeof choice === "string") say("asked", `there is no ${choice} here`);
     else if (choice?.sensor !== undefined) this.goTo(choice.sensor);
     else if (choice) this.choose(choice);
     if (wave) this.wave.take(wave);
@@ -219,7 +191,7 @@ class Page {
   /** Go to the nearest anomaly or alarm before (-1) or after (1) this tick. */
   async toAnomaly(way) {
     const { player } = this.time;
-    const { back, on } = (await fetchBeside(player.tick).catch(said)) ?? {};
+    const { back, on } = (await ask("beside", { tick: player.tick }).catch(said)) ?? {};
     const tick = way > 0 ? on : back;
     if (tick) {
       player.seek(tick);
@@ -232,7 +204,7 @@ class Page {
   /** Offer ticks to go to; one that cannot be gone to says why. */
   async offerTicks() {
     const { frame, findings: { listed } } = this;
-    const { day, week, done } = (frame && (await fetchBeside(frame.tick).catch(said))) || {};
+    const { day, week, done } = (frame && (await ask("beside", { tick: frame.tick }).catch(said))) || {};
     const why = frame?.at ? (done ? "the recording begins later" : "not read yet") : "this tick has no clock";
     const offered = [
       ["Last finding", listed[0]?.tick, "none so far"],
@@ -329,8 +301,8 @@ class Page {
     find("badge").classList.toggle("over", !live);
     write(find("badge"), live ? "live" : `ended at tick ${ticks}`);
     find("follow").hidden = !live;
-    notices.say("empty", live || ticks >= first ? "" : "no tick was recorded");
-    notices.say("cut", cut === null ? "" : `This recording is not whole: ${cut}`);
+    say("empty", live || ticks >= first ? "" : "no tick was recorded");
+    say("cut", cut === null ? "" : `This recording is not whole: ${cut}`);
     this.frameCache.last = ticks;
     this.time.setEnds(first, ticks);
     this.growth.load().catch(said);
@@ -346,7 +318,7 @@ class Page {
   /** Something new has come: take it in after what came before. */
   receive(event) {
     const taken = this.received.then(() => (event.reset ? this.renew() : this.take(event)));
-    this.received = taken.catch((error) => notices.say("page", error.message));
+    this.received = taken.catch((error) => say("page", error.message));
   }
 
   /** It is another recording now. */
@@ -354,14 +326,14 @@ class Page {
     this.frameCache.clear();
     this.order.orders.clear();
     this.choose(this.order.chosen); // nothing is known of it any more
-    this.setRun(await fetchRun().catch(() => this.run));
+    this.setRun(await ask("run").catch(() => this.run));
   }
 
   /** Say what has become of the recording; null: it is there. */
   showTrouble(trouble) {
     if (this.run.live) return; // it may begin anew, and is then told of
-    notices.say("file", trouble ?? "");
-    api.stopAsking(trouble);
+    say("file", trouble ?? "");
+    stopAsking(trouble);
   }
 
   take(event) {
@@ -380,13 +352,13 @@ class Page {
     this.time.player.following = asked === null && this.run.live;
     this.opening = asked === null && !this.run.live;
     this.setRun(this.run);
-    chooseRun().then((runs) => this.compare.offer(runs, api.run), said);
-    attend(fetchPresence, (trouble) => this.showTrouble(trouble));
+    chooseRun().then((runs) => this.compare.offer(runs, runNumber), said);
+    attend((trouble) => this.showTrouble(trouble));
     if (this.run.live) {
       follow(
-        api.openEvents,
+        openEvents,
         (event) => this.receive(event),
-        (here) => notices.link(here),
+        (here) => sayLink(here),
       );
     }
   }
@@ -402,11 +374,11 @@ class Page {
 
 async function open() {
   try {
-    const page = new Page(await fetchRun());
+    const page = new Page(await ask("run"));
     page.begin();
     return page;
   } catch (error) {
-    notices.say("page", error.message);
+    say("page", error.message);
     throw error;
   }
 }

@@ -13,7 +13,6 @@ export class OrderView {
    * @param {string[]} names
    * @param {import("../run/growth.js").GrowthView} growth
    * @param {object} on
-   * @param {(tick: number) => Promise<object>} on.fetchGraph
    * @param {(thing: object|null) => void} on.choose told what was clicked
    * @param {(sensor: number) => void} on.goTo
    * @param {(nodes: object[]) => void} on.rename told the names of the sensors in an order
@@ -28,7 +27,7 @@ export class OrderView {
     this._sought = null;
     this._arranged = 0; // when an order was last shown
     this.graph = null;
-    this.orders = new Orders(on.fetchGraph);
+    this.orders = new Orders();
     this.diagram = new Diagram(find("drawing"), {
       pick: on.choose,
       alone: () => this.focus.layOut(true),

@@ -2,13 +2,13 @@
 // It fetches for the tick that is wanted now. While it plays and learns, an answer is of a tick
 // that has passed: it is handed on all the same, being nearer than what was there before.
 
+import { ask } from "../base/api.js";
+
 const KEPT = 60;
 
 /** Graphs by id. */
 export class Orders {
-  /** @param {(tick: number) => Promise<object>} fetchGraph says itself what goes wrong */
-  constructor(fetchGraph) {
-    this._fetch = fetchGraph;
+  constructor() {
     this._known = new Map();
     this._wanted = null;
     this._asking = false;
@@ -35,7 +35,7 @@ export class Orders {
     const { frame, arrived } = this._wanted;
     this._wanted = null;
     try {
-      const graph = await this._fetch(frame.tick);
+      const graph = await ask("graph", { tick: frame.tick });
       this._known.set(graph.id, graph);
       if (this._known.size > KEPT) this._known.delete(this._known.keys().next().value);
       arrived(graph);

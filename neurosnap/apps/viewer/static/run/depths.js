@@ -1,7 +1,7 @@
 // Depth against height of all waves of a run: a dot for each pair, by kind of wave.
 // Words, colours and marks are those of depth.png.
 
-import { gathering } from "../base/api.js";
+import { ask, gathering } from "../base/api.js";
 import { counted, find, shape, write } from "../base/dom.js";
 
 const [LEFT, BOTTOM, SIDE] = [22, 136, 130]; // pixels: the axes, as the page has them
@@ -10,14 +10,11 @@ const WAYS = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 };
 
 /** The dots beside the wave. */
 export class DepthView {
-  /**
-   * @param {() => Promise<object>} fetchDepths
-   * @param {(dot: {tick: number, wave: number}) => void} play told the first wave of a dot
-   */
-  constructor(fetchDepths, play) {
+  /** @param {(dot: {tick: number, wave: number}) => void} play told the first wave of a dot */
+  constructor(play) {
     this._play = play;
     /** Ask for the dots until all waves have been counted. */
-    this.load = gathering(async () => this._draw(await fetchDepths()));
+    this.load = gathering(async () => this._draw(await ask("depths")));
     find("depths-dots").addEventListener("keydown", keyed);
   }
 

@@ -1,7 +1,7 @@
 // The findings: which sensors were at fault, since when, and what was read around that.
 // The list is made anew only when there is something new in it.
 
-import { gathering } from "../base/api.js";
+import { ask, gathering } from "../base/api.js";
 import { find, link, make, palette, repainted, table, write } from "../base/dom.js";
 import { bytes, imageOf } from "../time/raster.js";
 
@@ -14,7 +14,6 @@ export class FindingsView {
   /**
    * @param {string[]} names
    * @param {object} on
-   * @param {() => Promise<object>} on.fetchFindings
    * @param {() => boolean} on.isLive
    * @param {(tick: number) => void} on.seek
    * @param {(sensor: number) => void} on.pick
@@ -26,7 +25,7 @@ export class FindingsView {
     this.listed = []; // the newest first
     /** Ask for what there is, until all of it has been read. */
     this.load = gathering(async () => {
-      const found = await on.fetchFindings();
+      const found = await ask("findings");
       this._take(found);
       if (on.isLive()) await new Promise((soon) => setTimeout(soon, REST));
       return found.done;

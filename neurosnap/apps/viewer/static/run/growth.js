@@ -1,6 +1,6 @@
 // The table of the sensors a run has grown, asked for until all of them are known.
 
-import { gathering } from "../base/api.js";
+import { ask, gathering } from "../base/api.js";
 import { counted, find, link, make, table } from "../base/dom.js";
 
 /** The births of a run, and the panel that lists them. */
@@ -8,7 +8,6 @@ export class GrowthView {
   /**
    * @param {{sensors: string[], room: number}} run
    * @param {object} on
-   * @param {() => Promise<object>} on.fetchBirths
    * @param {(tick: number) => void} on.seek
    * @param {(sensor: number) => void} on.pick
    * @param {() => void} on.change told when more is known
@@ -23,7 +22,7 @@ export class GrowthView {
     /** Ask for what there is, until all of it has been read. */
     this.load = gathering(async () => {
       if (!this.grows) return true;
-      const grown = await on.fetchBirths();
+      const grown = await ask("births");
       this._take(grown);
       return grown.done;
     });

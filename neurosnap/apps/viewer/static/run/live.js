@@ -1,7 +1,7 @@
 // Follows a live run: its news, whether the server is there, and which recording is shown.
 
 import { keep, told } from "../base/address.js";
-import { fetchRuns, run } from "../base/api.js";
+import { ask, run } from "../base/api.js";
 import { find, make, write } from "../base/dom.js";
 
 /**
@@ -38,16 +38,10 @@ export function follow(open, onEvent, onLink) {
 
 const EVERY = 2000; // milliseconds
 
-/**
- * Ask again and again.
- *
- * @param {() => Promise<object>} ask says itself if no answer comes
- * @param {(trouble: string|null) => void} onTrouble told what has become of the recording;
- *   null: it is there
- */
-export function attend(ask, onTrouble) {
+/** Ask again and again; `onTrouble` is told what has become of the recording, null: it is there. */
+export function attend(onTrouble) {
   setInterval(() => {
-    if (!document.hidden) ask().then(({ trouble }) => onTrouble(trouble), () => {});
+    if (!document.hidden) ask("presence").then(({ trouble }) => onTrouble(trouble), () => {});
   }, EVERY);
 }
 
@@ -56,7 +50,7 @@ export function attend(ask, onTrouble) {
 
 /** Show the recordings there are, where there are several; return them. */
 export async function chooseRun() {
-  const runs = await fetchRuns();
+  const { runs } = await ask("runs");
   const choice = find("run");
   choice.hidden = runs.length < 2;
   choice.replaceChildren(

@@ -13,13 +13,13 @@ const NAMED = 8; // members of a class that are listed
 export class ChoiceView {
   /**
    * @param {string[]} names
-   * @param {{pick: (thing: object|null) => void, fetchEdge: Function}} on
+   * @param {{pick: (thing: object|null) => void}} on
    */
   constructor(names, on) {
     this._names = names;
     this._on = on;
     this._thing = null;
-    this._edge = new EdgeView(find("choice-body"), names, on.fetchEdge);
+    this._edge = new EdgeView(find("choice-body"), names);
     find("choice-close").addEventListener("click", () => on.pick(null));
   }
 

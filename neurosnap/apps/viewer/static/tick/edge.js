@@ -1,6 +1,7 @@
 // An edge: the four weights of its square and the threshold, at this tick.
 // It holds while the weight that speaks against it stays below the threshold.
 
+import { ask } from "../base/api.js";
 import { make, number, table, write } from "../base/dom.js";
 import { complementOf, literalName } from "../base/literals.js";
 import { term } from "../base/terms.js";
@@ -9,10 +10,9 @@ const PATIENCE = 120; // milliseconds a tick has to stay before its weights are 
 
 /** What is known of one edge, drawn into an element. */
 export class EdgeView {
-  constructor(home, names, fetchEdge) {
+  constructor(home, names) {
     this._home = home;
     this._names = names;
-    this._fetch = fetchEdge;
     this._edge = null;
     this._known = null;
   }
@@ -48,9 +48,10 @@ export class EdgeView {
   }
 
   async _ask(edge, tick) {
+    const { source, target } = edge;
     const isWanted = () => edge === this._edge && tick === this._tick;
     try {
-      const known = await this._fetch(edge.source, edge.target, tick);
+      const known = await ask("edge", { source, target, tick });
       if (isWanted()) this._show(known);
     } catch (error) {
       if (isWanted()) write(this._says, error.message);

@@ -1,8 +1,6 @@
-// Announcements: ticks and changes to screen readers, problems to all users.
-// A tick is announced once the position stays there; problems are shown at the top.
+// Announcements to screen readers: a tick and its changes, once the position stays there.
 
-import { GONE } from "../base/api.js";
-import { find, write } from "../base/dom.js";
+import { find } from "../base/dom.js";
 import { conditions, few } from "../base/literals.js";
 import { changedWords } from "../run/growth.js";
 
@@ -40,46 +38,5 @@ export class Voice {
     const did = frame.action ? `, then ${frame.action}` : "";
     const grew = changedWords(frame);
     find("said").textContent = `tick ${frame.tick}${did}${grew && `, ${grew}`}${named && `: ${named}`}`;
-  }
-}
-
-/** What is amiss, said by several: none wipes away what another said. */
-export class Notices {
-  constructor() {
-    this._words = new Map();
-  }
-
-  /** Say something in the name of `who`; nothing: it is no longer so. */
-  say(who, text) {
-    if (text === (this._words.get(who) ?? "")) return;
-    this._words.set(who, text);
-    const all = [...new Set(this._words.values())].filter(Boolean).join(" · ");
-    write(find("notice"), all);
-    find("notice").title = all; // there may not be room for all of it
-    find("notice").hidden = all === "";
-    // What is shown is what was read before.
-    const isOld = ["link", "file"].some((one) => this._words.get(one));
-    document.body.classList.toggle("old", isOld);
-  }
-
-  /** Say whether the server is there, which every answer shows. */
-  link(here) {
-    this.say("link", here ? "" : GONE);
-  }
-
-  /** Have a question say what goes wrong, until it is answered again. */
-  watched(who, ask) {
-    return async (...asked) => {
-      try {
-        const answer = await ask(...asked);
-        this.say(who, "");
-        this.link(true);
-        return answer;
-      } catch (error) {
-        if (error.message === GONE) this.link(false);
-        else this.say(who, error.message);
-        throw error;
-      }
-    };
   }
 }

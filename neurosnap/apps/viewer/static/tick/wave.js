@@ -1,5 +1,6 @@
 // One wave of a tick, hop by hop: its progress, and its depth against the order's height.
 
+import { ask } from "../base/api.js";
 import { counted, find, make, write } from "../base/dom.js";
 import { literalName } from "../base/literals.js";
 
@@ -10,7 +11,7 @@ const REST = 0.8; // hops' time that a wave played within a tick stands still at
 /** The panel of the wave, and the clock it is shown by. */
 export class WaveView {
   /**
-   * @param {{names: string[], actions: string[], fetchWave: Function, change: () => void}} on
+   * @param {{names: string[], actions: string[], change: () => void}} on
    *   `change` is called when it shows something else
    */
   constructor(on) {
@@ -138,7 +139,7 @@ export class WaveView {
   /** Ask for the hops of a wave, which imagined ones come without. */
   async _fetch(tick, wave) {
     wave.hops = []; // asked for once
-    wave.hops = (await this._on.fetchWave(tick, wave.wave).catch(() => wave)).hops;
+    wave.hops = (await ask("wave", { tick, wave: wave.wave }).catch(() => wave)).hops;
     if (this._wave === wave) this._hops = new Map(wave.hops);
     this._changed();
   }

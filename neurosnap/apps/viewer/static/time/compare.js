@@ -1,5 +1,6 @@
 // The comparison of two ticks: of this recording, or of this and another.
 
+import { ask } from "../base/api.js";
 import { find, link, make, table, write } from "../base/dom.js";
 import { bitWord, drawn, few, literalName } from "../base/literals.js";
 
@@ -12,7 +13,6 @@ export class CompareView {
    * @param {string[]} names
    * @param {object} run
    * @param {object} on
-   * @param {(tick: number, other: string, then: number) => Promise<object>} on.fetchDifference
    * @param {(tick: number) => void} on.seek
    * @param {(thing: object) => void} on.pick
    */
@@ -89,12 +89,13 @@ export class CompareView {
   /** Ask for what differs, one question at a time. */
   async _ask() {
     if (this._frame === null || !this._isOpen || this._asking) return;
-    const asked = [this._frame.tick, this._with.value, this._tick];
+    const [tick, other, then] = [this._frame.tick, this._with.value, this._tick];
+    const asked = [tick, other, then];
     if (String(asked) === String(this._asked)) return;
     this._asking = true;
     this._asked = asked;
     try {
-      this._show(await this._on.fetchDifference(...asked));
+      this._show(await ask("difference", { tick, other, then }));
       write(this._says, "");
     } catch (error) {
       this._body.replaceChildren();

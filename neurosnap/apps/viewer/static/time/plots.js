@@ -1,6 +1,6 @@
 // Small plots over time, one for each kind of number, all over the same ticks.
 
-import { gathering } from "../base/api.js";
+import { ask, gathering } from "../base/api.js";
 import { find, make, number, write } from "../base/dom.js";
 import { term } from "../base/terms.js";
 import { countAll } from "../tick/belief.js";
@@ -32,7 +32,6 @@ export class Plots {
   /**
    * @param {HTMLElement} home
    * @param {object} on
-   * @param {(from: number, to: number, points: number) => Promise} on.fetchSeries
    * @param {(tick: number) => void} on.seek
    * @param {(from: number, to: number) => void} on.range
    */
@@ -67,14 +66,14 @@ export class Plots {
 
   /** Ask for everything once; tell whether all is there now. */
   async _ask() {
-    const [first, last] = this._range;
-    const { done, columns } = await this._on.fetchSeries(first, last, POINTS);
+    const [from, to] = this._range;
+    const { done, columns } = await ask("series", { from, to, points: POINTS });
     for (const plot of this._plots) {
       const series = plot.columns.map((column) => columns[column]);
-      plot.chart.set(uPlot.join(series.map(({ ticks, values }) => [ticks, values])), [first, last]);
+      plot.chart.set(uPlot.join(series.map(({ ticks, values }) => [ticks, values])), [from, to]);
       this._tell(plot);
     }
-    const isAll = done && String(this._range) === String([first, last]);
+    const isAll = done && String(this._range) === String([from, to]);
     this._wait(!isAll);
     return isAll;
   }

@@ -1,6 +1,6 @@
 // A raster of every sensor over time: a row a sensor, a column a tick.
 
-import { gathering } from "../base/api.js";
+import { ask, gathering } from "../base/api.js";
 import { counted, find, make, palette, repainted, write } from "../base/dom.js";
 import { shortened } from "../base/literals.js";
 import { term } from "../base/terms.js";
@@ -20,7 +20,6 @@ export class RasterView {
   /**
    * @param {string[]} names
    * @param {object} on
-   * @param {(query: object) => Promise<object>} on.fetchRaster
    * @param {(tick: number) => void} on.seek
    * @param {(sensor: number) => void} on.pick
    */
@@ -104,7 +103,7 @@ export class RasterView {
     const [from, to] = this._range;
     const columns = Math.min(2000, Math.max(1, this._map.clientWidth - NAMES));
     const sensor = Number(this._part.value || 0);
-    this._known = await this._on.fetchRaster({ from, to, columns, sensor, sensors: SENSORS });
+    this._known = await ask("raster", { from, to, columns, sensor, sensors: SENSORS });
     this._draw();
     return this._known.done;
   }

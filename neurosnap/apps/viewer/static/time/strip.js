@@ -2,7 +2,7 @@
 // Targets reached, beginnings of trajectories, restarts and ticks that are not
 // there are among them. The server counts them for stretches of ticks a few pixels wide.
 
-import { gathering } from "../base/api.js";
+import { ask, gathering } from "../base/api.js";
 import { counted, find, make, shape, write } from "../base/dom.js";
 
 const HEIGHT = 16;
@@ -38,7 +38,6 @@ const KEY = [
 export class Strip {
   /**
    * @param {object} on
-   * @param {(from: number, to: number, bins: number) => Promise<object>} on.fetchMarks
    * @param {(tick: number) => void} on.seek
    */
   constructor(on) {
@@ -48,7 +47,8 @@ export class Strip {
     this._marks = null;
     this._gather = gathering(async () => {
       const bins = Math.max(1, Math.floor(this._room / STRETCH));
-      this._marks = await on.fetchMarks(...this._range, bins);
+      const [from, to] = this._range;
+      this._marks = await ask("marks", { from, to, bins });
       this._draw();
       return this._marks.done;
     });

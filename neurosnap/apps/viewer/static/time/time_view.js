@@ -11,9 +11,6 @@ export class TimeView {
   /**
    * @param {string[]} names
    * @param {object} on
-   * @param {Function} on.fetchSeries
-   * @param {Function} on.fetchMarks
-   * @param {Function} on.fetchRaster
    * @param {(tick: number) => boolean} on.ready whether a tick can be shown at once
    * @param {() => void} on.move told of every new position
    * @param {(sensor: number) => void} on.pick
@@ -23,9 +20,9 @@ export class TimeView {
     const seek = (tick) => this.player.seek(tick);
     this.player = new Player({ ready: on.ready, move: on.move, change: () => this.timeline.showPlayer() });
     this.timeline = new Timeline(this.player);
-    this.strip = new Strip({ fetchMarks: on.fetchMarks, seek });
-    this.plots = new Plots(find("plots"), { fetchSeries: on.fetchSeries, seek, range });
-    this.raster = new RasterView(names, { fetchRaster: on.fetchRaster, seek, pick: on.pick });
+    this.strip = new Strip({ seek });
+    this.plots = new Plots(find("plots"), { seek, range });
+    this.raster = new RasterView(names, { seek, pick: on.pick });
     this.range = new TickRange(() => this._showRange());
   }
 
