@@ -505,6 +505,37 @@ ALONE = {
         """,
         [[120, 239], [240, 359], 150, [150, 150]],
     ),
+    "a question that takes long is named until it is answered": (
+        """
+        const { ask } = await import("/base/api.js");
+        const [set, get] = [window.setTimeout, window.fetch];
+        let [late, answer] = [null, null];
+        window.setTimeout = (act, after) => (late = after === 300 && act);
+        window.fetch = () => new Promise((soon) => (answer = () => soon(Response.json({}))));
+        const sign = document.querySelector("#reading");
+        const told = [];
+        for (const [what, query] of [
+            ["frames", { from: 400, to: 400 }],
+            ["frames", { from: 360, to: 479 }],
+            ["graph", { tick: 7 }],
+        ]) {
+            const asked = ask(what, query);
+            told.push(sign.hidden);
+            late();
+            told.push(sign.hidden, sign.textContent);
+            answer();
+            await asked;
+        }
+        [window.setTimeout, window.fetch] = [set, get];
+        return [...told, sign.hidden];
+        """,
+        [
+            *(True, False, "reading tick 400 …"),
+            *(True, False, "reading ticks 360 to 479 …"),
+            *(True, False, "reading the order at tick 7 …"),
+            True,
+        ],
+    ),
     "a frame that is early or late skips no tick": (
         """
         const { Player } = await import("/time/player.js");

@@ -42,8 +42,35 @@ export const stopAsking = (reason) => {
 
 const OWN = ["difference", "edge", "runs"]; // what goes wrong is said where it is asked
 
+// What takes long is named in the head of the page, until it is answered.
+
+const PATIENCE = 300; // milliseconds that pass for at once
+const SUBJECTS = {
+  run: "the run", runs: "the recordings", presence: "whether the recording is there", frames: "",
+  graph: "the order", wave: "a wave", edge: "the weights of an edge", difference: "what differs",
+  series: "the curves", raster: "the raster", marks: "what happened", beside: "where to go",
+  births: "what was grown", findings: "the findings", depths: "the depths of waves",
+};
+const slow = new Map(); // what is named, by the timer of its question
+
+/** Name a question that is not answered soon; return what ends that. */
+function named(what, { tick, from = tick, to = from }) {
+  const ticks = from === undefined ? "" : from === to ? `tick ${from}` : `ticks ${from} to ${to}`;
+  const subject = [SUBJECTS[what], ticks].filter(Boolean).join(" at ");
+  const show = () => {
+    write(find("reading"), slow.size ? `reading ${[...new Set(slow.values())].join(", ")} …` : "");
+    find("reading").hidden = slow.size === 0;
+  };
+  const timer = setTimeout(() => show(slow.set(timer, subject)), PATIENCE);
+  return () => {
+    clearTimeout(timer);
+    if (slow.delete(timer)) show();
+  };
+}
+
 /** Ask a question of `neurosnap/apps/viewer/api.py`, by its name; say what goes wrong. */
 export async function ask(what, query = {}) {
+  const answered = named(what, query);
   try {
     if (ended !== null && what !== "presence") throw new Error(ended);
     const response = await fetch(at(what, query)).catch(() => null);
@@ -56,6 +83,8 @@ export async function ask(what, query = {}) {
   } catch (error) {
     if (error.message !== GONE && !OWN.includes(what)) say(what, error.message);
     throw error;
+  } finally {
+    answered();
   }
 }
 
