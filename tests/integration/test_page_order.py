@@ -1,5 +1,6 @@
 """The learned order on the page: drawing, focus and descriptions."""
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -7,11 +8,12 @@ import numpy as np
 import pytest
 from playwright.async_api import Page, expect
 
+from neurosnap.apps.viewer.background_reading import RunHistory
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.recording.read.recording import Recording
 from tests.support.browser_pages import IN_BROWSER, go_to, opened, page_at
-from tests.support.recorded_runs import TICKS
-from tools.browser import wait_shown
+from tests.support.recorded_runs import TICKS, path_run, recorded
+from tools.browser import wait_shown, wait_until
 
 pytestmark = IN_BROWSER
 
@@ -24,6 +26,13 @@ LAID = """() => [...document.querySelectorAll("#drawing [data-sensor]")]
     .map(({ dataset }) => Number(dataset.sensor)).sort((a, b) => a - b)"""
 EDGES = """() => [...document.querySelectorAll("#drawing [data-edge]")]
     .map(({ dataset }) => dataset.edge.split("-").map(Number))"""
+LINES = """([all, own]) => [...document.querySelectorAll(`#drawing ${all}`)].map((line) => {
+    const style = getComputedStyle(line.matches(own) ? line : line.querySelector(own));
+    const edge = line.dataset.edge?.split("-").map(Number);
+    return [edge, parseFloat(style.strokeWidth), style.strokeDasharray !== "none"];
+})"""
+TESTED = """async () => (await import("/main.js")).page.order.graph.testedBy"""
+CHOOSE = """async (thing) => (await import("/main.js")).page.choose(thing)"""
 WAY = [1, 5, 14, 20, TICKS, 5, 20, 21, 20]
 
 
@@ -120,6 +129,54 @@ async def test_an_edge_that_is_clicked_shows_its_weights(path_log: Path) -> None
     for button in ("right", "middle"):
         await page.mouse.click(x, y, button=button)
         await expect(page.locator("#choice")).to_be_hidden()
+
+
+@pytest.fixture(scope="module")
+def long_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a recording in which some relations are tested more often than others."""
+    return recorded(path_run(200), tmp_path_factory.mktemp("long") / "run.mcap")
+
+
+@pytest.mark.slow
+async def test_a_relation_is_as_wide_as_it_was_tested_and_dotted_if_it_was_not(
+    long_log: Path,
+) -> None:
+    history, view = RunHistory(RunView(long_log)), RunView(long_log)
+    while history.read_on():
+        pass
+    async with opened(long_log, "#t=40") as page:
+        for tick, same in (40, 4), (200, 0):
+            await go_to(page, tick)
+            await wait_until(page, f"({TESTED})().then((by) => by === {tick})")
+            graph = view.graph(tick)
+            told = history.tested(tick, graph)
+            tests = dict[frozenset[int], int]()  # of an edge, and of its contrapositive
+            for edge, tested in zip(graph.edges, told.edges, strict=True):
+                tests[frozenset((edge.source, edge.target))] = tested
+                tests[frozenset((edge.source ^ 1, edge.target ^ 1))] = tested
+            lines = await page.evaluate(LINES, [".link", ".line"])
+            widths = sorted({(tests[frozenset(edge)], wide) for edge, wide, _ in lines})
+            assert len(lines) == len(graph.edges)
+            assert not any(dotted for _, _, dotted in lines)
+            # The more occasions, the wider.
+            assert len(widths) == len(set(told.edges))
+            assert all(few[1] < more[1] for few, more in pairwise(widths))
+            # Sensors that never changed were never told apart.
+            ties = await page.evaluate(LINES, [".tie", ".tie"])
+            assert not any(told.nodes)
+            assert len(ties) == sum(len(each) - 1 for each in graph.classes) == same
+            assert all(dotted for _, _, dotted in ties)
+            # The cards say it, too.
+            body = page.locator("#choice-body")
+            for members in graph.classes:
+                await page.evaluate(CHOOSE, {"sensor": members[0] >> 1})
+                await expect(body).to_contain_text("not tested yet")
+            source, target = lines[0][0]
+            await page.evaluate(CHOOSE, {"edge": {"source": source, "target": target}})
+            count = tests[frozenset((source, target))]
+            await expect(body).to_contain_text(f"tested on {count} occasion")
+            await page.evaluate(CHOOSE, None)
+        await expect(page.locator(".legend .untested")).to_be_visible()
 
 
 def related(log: Path, tick: int, sensor: int) -> list[int]:

@@ -319,6 +319,20 @@ class GrownView(ReadSoFar, frozen=True, kw_only=True):
     """How many more may be grown."""
 
 
+class Tested(ReadSoFar, frozen=True, kw_only=True):
+    """On how many occasions the relations of an order were tested, and held, by a tick.
+
+    Of the two sides of a test, as for the support of an anomaly, the one that was made
+    less often counts.
+    """
+
+    edges: list[int]
+    """Of each edge of the order."""
+    nodes: list[int]
+    """Of each sensor of it: as equal to what stands for its class; of that itself, the
+    most of the others. 0 where it is equal to none."""
+
+
 FindingState: TypeAlias = Literal["now", "over", "learned as normal"]
 
 

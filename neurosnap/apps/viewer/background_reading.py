@@ -18,7 +18,7 @@ from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.findings import RunFindings
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.tick_messages import NOT_RECORDED, Ticks, conditions
-from neurosnap.apps.viewer.time_series import Raster, TimeSeries
+from neurosnap.apps.viewer.time_series import Occasions, Raster, TimeSeries
 from neurosnap.errors import RecordingError
 from neurosnap.poc.order.graph import BEYOND_HEIGHT
 
@@ -47,6 +47,7 @@ class RunHistory:
         self._run_view = run_view
         self._series = TimeSeries(run_view)
         self._raster = Raster(run_view)
+        self._occasions = Occasions(run_view)
         self._depths = DepthCounts()
         self._findings = RunFindings(run_view.options, self._series, self._raster)
         self._marks = RunMarks(run_view, self._series, self._findings)
@@ -95,6 +96,11 @@ class RunHistory:
         so_far = self._so_far(self._run_view.last)
         return _with(so_far, self._depths.depths())
 
+    def tested(self, tick: int, graph: api.Graph) -> api.Tested:
+        """Return how often an order was tested, as `Occasions.tested`."""
+        so_far = self._so_far(tick)
+        return _with(so_far, self._occasions.tested(tick, graph))
+
     def beside(self, tick: int) -> api.Beside:
         """Return the ticks to go to from one."""
         return _with(self._so_far(tick), self._marks.beside(tick))
@@ -137,6 +143,7 @@ class RunHistory:
             self._marks.read(ticks, first, last)
         self._series.read(ticks, what, first, last)
         self._raster.read(what, first)
+        self._occasions.read(ticks, first, last)
         if ticks is not None:
             self._findings.read(ticks, first, last)
 

@@ -88,16 +88,20 @@ def _answers(view: RunView, script: str) -> Iterator[tuple[str, object]]:
     yield "run", view.run(live=False)
     yield "runs", api.Runs([api.Listed(name=view.path.name, live=False)])
     yield "presence", api.Presence(None)
-    known: set[str] = set()
+    known: dict[str, api.Graph] = {}
+    orders: dict[int, str] = {}
     before: api.Frame | None = None
     step = view.at_once(_AT_ONCE)
     for start in range(first, last + 1, step):
         for frame in view.frames(start, start + step - 1):
             yield from _of_tick(view, frame, before, known)
-            before = frame
+            before, orders[frame.tick] = frame, frame.graph
     history = RunHistory(RunView(view.path, view))
     while history.read_on():
         pass
+    for tick, order in orders.items():
+        if order:
+            yield f"tested {tick}", history.tested(tick, known[order])
     yield "series", history.series(first, last, api.MOST_POINTS)
     yield "marks", history.marks(first, last, MOST_TICKS)
     yield "births", history.grown()
@@ -109,7 +113,10 @@ def _answers(view: RunView, script: str) -> Iterator[tuple[str, object]]:
 
 
 def _of_tick(
-    view: RunView, frame: api.Frame, before: api.Frame | None, known: set[str]
+    view: RunView,
+    frame: api.Frame,
+    before: api.Frame | None,
+    known: dict[str, api.Graph],
 ) -> Iterator[tuple[str, object]]:
     """Yield what there is of a tick; its order, unless that is `known`."""
     tick = frame.tick
@@ -122,7 +129,7 @@ def _of_tick(
         return  # the order cannot be known
     graph = view.graph(tick)
     if frame.graph not in known:
-        known.add(frame.graph)
+        known[frame.graph] = graph
         yield f"graph {frame.graph}", graph
     yield f"edges {tick}", [view.edge(e.source, e.target, tick) for e in graph.edges]
     if before is not None and before.graph:

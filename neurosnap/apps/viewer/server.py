@@ -190,7 +190,7 @@ class Questions:
         every: tuple[Endpoint, ...] = (
             *(self.runs, self.run, self.presence, self.events),
             *(self.frames, self.wave, self.graph, self.edge, self.image),
-            *(self.series, self.raster, self.marks, self.beside),
+            *(self.series, self.raster, self.marks, self.beside, self.tested),
             *(self.births, self.findings, self.depths, self.difference),
         )
         return {each.__name__: each for each in every}
@@ -315,6 +315,12 @@ class Questions:
         """Answer which ticks to go to from one."""
         tick = whole(request.query_params, "tick")
         return _answer(self._asked(request).history.beside(tick))
+
+    async def tested(self, request: Request) -> Response:
+        """Answer how often the relations of an order were tested."""
+        tick, session = whole(request.query_params, "tick"), self._asked(request)
+        graph = await session.ask(RunView.graph, tick)
+        return _answer(await asyncio.to_thread(session.history.tested, tick, graph))
 
     async def births(self, request: Request) -> Response:
         """Answer which sensors were grown."""

@@ -16,8 +16,10 @@ from neurosnap.apps.viewer.api import (
     COUNTED,
     STATED,
     Column,
+    Graph,
     Points,
     RasterPart,
+    Tested,
 )
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.tick_messages import (
@@ -30,10 +32,15 @@ from neurosnap.apps.viewer.tick_messages import (
     Ticks,
 )
 from neurosnap.errors import InvalidValueError
+from neurosnap.poc.learning.reading_history import History
 from neurosnap.recording.replay.grown_sensors import Births
 
 MOST_SENSORS = 500
+_MOST_READINGS = 2**28
+"""Readings of which occasions are counted, at most: the first, in 64 MB."""
 MOST_COLUMNS = 2000
+_BLOCK = 4096
+"""Ticks for which there is room at first."""
 _RASTER_ROOM = 64 * 2**20
 """Bytes of values, at most: of a longer run only every so many ticks are kept."""
 _KINDS: dict[Column, tuple[int, ...]] = {
@@ -188,6 +195,53 @@ class Raster:
             sensors=count,
             values=b"".join(row[sensor : sensor + count].tobytes() for row in chosen),
         )
+
+
+class Occasions:
+    """The readings of a run, as far as they were read, which test its relations."""
+
+    def __init__(self, run_view: RunView) -> None:
+        self._run_view = run_view
+        self._sensors = run_view.options.body.count
+        self._first = run_view.first
+        self._history = History(self._sensors, _BLOCK)
+
+    def read(self, ticks: Ticks | None, first: int, last: int) -> None:
+        """Take in the ticks that follow those read before; None if they cannot be."""
+        history, none = self._history, np.zeros(2 * self._sensors, np.bool_)
+        if not history.tick:
+            self._first = first
+        for tick in range(first, last + 1):
+            if history.tick * self._sensors >= _MOST_READINGS:
+                return
+            if history.tick + 1 == history.length:  # it is never to come round
+                history.on = np.concatenate([history.on, np.zeros_like(history.on)])
+                history.off = np.concatenate([history.off, np.zeros_like(history.off)])
+            on, off = (none if ticks is None else ticks.literals(tick)).reshape(-1, 2).T
+            history.record(on, on | off)
+
+    def tested(self, tick: int, graph: Graph) -> Tested:
+        """Return how often the relations of the order after a tick were tested."""
+        edges = [(edge.source, edge.target) for edge in graph.edges]
+        same = [(2 * n.sensor, n.group) for n in graph.nodes if n.group != 2 * n.sensor]
+        ends = np.array(edges + same, np.int64).reshape(-1, 2).T
+        held = self._until(tick).occasions_held(*ends).tolist()
+        nodes = dict.fromkeys((node.sensor for node in graph.nodes), 0)
+        for (own, group), tested in zip(same, held[len(edges) :], strict=True):
+            nodes[own >> 1] = tested
+            nodes[group >> 1] = max(nodes[group >> 1], tested)
+        return Tested(edges=held[: len(edges)], nodes=[*nodes.values()])
+
+    def _until(self, tick: int) -> History:
+        """Return the readings up to a tick, as far as they were read."""
+        ticks = max(0, min(tick - self._first + 1, self._history.tick))
+        words, bit = divmod(ticks, 64)
+        then = History(self._sensors, 64 * words + 64)
+        for ring, whole in (then.on, self._history.on), (then.off, self._history.off):
+            ring[:] = whole[: words + 1]
+            ring[-1] &= np.uint64((1 << bit) - 1)
+        then.tick = ticks
+        return then
 
 
 def thinned(values: NDArray[np.float32], points: int) -> NDArray[np.int64]:

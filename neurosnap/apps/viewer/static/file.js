@@ -13,6 +13,7 @@ const MADE = {
   graph: ({ tick }) => json(`graph ${json(`frame ${tick}`)?.graph}`),
   edge: ({ source, target, tick }) =>
     json(`edges ${tick}`)?.find((edge) => edge.source === Number(source) && edge.target === Number(target)),
+  tested: ({ tick }) => json(`tested ${tick}`),
   difference: ({ tick, then }) => json(`difference ${tick} ${then}`),
   raster({ from, to, sensor }) {
     const all = json(`raster ${sensor}`);

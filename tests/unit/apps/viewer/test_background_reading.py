@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
+from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.apps.viewer import background_reading, time_series
@@ -27,7 +28,9 @@ from neurosnap.apps.viewer.tick_messages import (
 from neurosnap.apps.viewer.time_series import thinned
 from neurosnap.depth.measure import from_recording
 from neurosnap.errors import InvalidValueError
+from neurosnap.poc.learning.pair_occasions import count_pairs
 from neurosnap.protocol.anomaly_report import named_anomaly, with_support
+from neurosnap.recording.read.recorded_readings import readings_of
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.grown_sensors import RecordedBirth
 from tests.support.lamp import LIMITED, lamp_options
@@ -39,6 +42,7 @@ from tests.support.recorded_runs import (
     path_run,
     planner_run,
     recorded,
+    scripted_run,
     torn_run,
     unread_run,
     without_states,
@@ -111,6 +115,53 @@ def test_every_wave_is_counted_once_by_height_and_depth(
         assert (wave.kind, wave.depth) == (one.kind, one.depth)
     assert len(depths.counts) == min(most, len(pairs))
     assert (depths.left_out > 0) == (most < len(pairs))
+
+
+# How often relations were tested ------------------------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("most", [150, 500])
+def test_relations_are_tested_on_as_many_occasions_as_readings_have(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: int
+) -> None:
+    monkeypatch.setattr(time_series, "_BLOCK", 64)  # it has to grow
+    recording = Recording.open(recorded(path_run(200), tmp_path / "run.mcap"))
+    view, sensors = RunView(recording.path), recording.options.body.count
+    monkeypatch.setattr(time_series, "_MOST_READINGS", most * sensors)
+    history = read(recording.path)
+    for tick in (1, 63, 64, 128, 200):
+        graph, sensorium = view.graph(tick), view.learned(tick).snapshot.sensorium
+        columns = readings_of(recording, sensorium, min(tick, most)).columns
+        occasions = count_pairs(columns).occasions
+
+        def held(a: int, b: int, occasions: NDArray[np.uint32] = occasions) -> int:
+            a, b = max(a, b), min(a, b)
+            pair = (a >> 1) * ((a >> 1) - 1) // 2 + (b >> 1)
+            joint = 2 * (a & 1) + (b & 1)
+            return int(min(occasions[joint, pair], occasions[3 - joint, pair]))
+
+        told = history.tested(tick, graph)
+        assert told.done
+        assert 0 not in told.edges  # the rule tests both sides
+        assert told.edges == [held(e.source, e.target) for e in graph.edges]
+        same = dict(zip((node.sensor for node in graph.nodes), told.nodes, strict=True))
+        for first, *others in graph.classes:
+            assert [same.pop(one >> 1) for one in others] == [
+                held(first, one) for one in others
+            ]
+            assert same.pop(first >> 1) == max(held(first, one) for one in others)
+        assert not any(same.values())
+
+
+def test_copies_are_tested_as_often_as_they_changed(tmp_path: Path) -> None:
+    rows: list[list[bool | None]] = [
+        [n % 2 == 0, n % 2 == 0, n % 2 > 0] for n in range(20)
+    ]
+    log = scripted_run(rows, tmp_path / "copies.mcap")
+    graph = RunView(log).graph(20)
+    assert graph.classes == [(0, 2, 5)]
+    assert read(log).tested(20, graph).nodes == [10, 10, 10]
 
 
 # Marks ------------------------------------------------------------------------------

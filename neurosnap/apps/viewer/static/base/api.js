@@ -47,7 +47,7 @@ const OWN = ["difference", "edge", "runs"]; // what goes wrong is said where it 
 const PATIENCE = 300; // milliseconds that pass for at once
 const SUBJECTS = {
   run: "the run", runs: "the recordings", presence: "whether the recording is there", frames: "",
-  graph: "the order", wave: "a wave", edge: "the weights of an edge", difference: "what differs",
+  graph: "the order", tested: "the tests of the order", wave: "a wave", edge: "the weights of an edge", difference: "what differs",
   series: "the curves", raster: "the raster", marks: "what happened", beside: "where to go",
   births: "what was grown", findings: "the findings", depths: "the depths of waves",
 };

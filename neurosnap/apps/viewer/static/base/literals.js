@@ -1,5 +1,7 @@
 // Literals: sensor s has literal 2s, and its complement, written s*, has 2s + 1.
 
+import { counted } from "./dom.js";
+
 export const sensorOf = (literal) => literal >> 1;
 export const complementOf = (literal) => literal ^ 1;
 export const isComplement = (literal) => (literal & 1) === 1;
@@ -17,6 +19,10 @@ export function drawn(source, target) {
   const [from, to] = turn ? [complementOf(target), complementOf(source)] : [source, target];
   return { source: from, target: to, kind: isComplement(to) ? "inhibit" : "excite" };
 }
+
+/** How often a relation was tested, in words; nothing until that is known. */
+export const testedWords = (tested) =>
+  tested === undefined ? "" : tested ? `tested on ${counted(tested, "occasion")}` : "not tested yet";
 
 /** Some names, and how many more there are. */
 export function few(names, most, between = ", ") {

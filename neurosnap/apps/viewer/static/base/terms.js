@@ -22,6 +22,7 @@ const TERMS = {
   literal: "One of the two halves of a sensor: the sensor itself, or its complement, which is on where the sensor is off.",
   context: "A sensor such as up&door: on where the action up was taken and door was on before it. In such a name ~ means not.",
   occasion: "Ticks one after the other in which two sensors do not change count as one occasion: a lasting reading is no new evidence.",
+  untested: "No occasion has tested it yet, as where two sensors have never changed. What is tested by more occasions has a wider line. A test is an occasion with the first on, and one with the second off; of these the fewer count.",
   "if on": "What the memory would believe of others if this sensor were on.",
   "if off": "What the memory would believe of others if this sensor were off.",
   read: "What the sensor itself said at this tick.",

@@ -160,17 +160,33 @@ export class Diagram {
     const { items, links } = isLegible ? drawingOf(this._seen) : { items: [], links: [] };
     this._laid = layOut(items, links, widthOf);
     const { places, bands, box } = this._laid;
-    // What was there before moves: to make and style hundreds of elements takes a frame.
-    const before = new Map(this._lines.map((line) => [line.line.dataset.edge, line]));
-    this._lines = links.map((link) => lineOf(link, places, before));
+    this._draw(links);
     this._nodes = new Map([...places].map(([sensor, place]) => [sensor, nodeOf(place, this._nodes.get(sensor))]));
-    const [stripes, ties, lines, nodes] = this._layers;
+    const [stripes, , lines, nodes] = this._layers;
     stripes.replaceChildren(...stripesOf(bands, box.left - NUMBERS));
-    ties.replaceChildren(...tiesOf(places));
     keep(lines, this._lines.map(({ line }) => line));
     keep(nodes, [...this._nodes.values()]);
     this._layers[4].replaceChildren(...marksOf(this._marks, places));
     if (this._whole) this.fit();
+    this._dress();
+  }
+
+  /** Draw lines and ties where they belong, as wide as they were tested. */
+  _draw(links) {
+    const { places } = this._laid;
+    // What was there before moves: to make and style hundreds of elements takes a frame.
+    const before = new Map(this._lines.map((line) => [line.line.dataset.edge, line]));
+    this._lines = links.map((link) => lineOf(link, places, before));
+    this._layers[1].replaceChildren(...tiesOf(places));
+  }
+
+  /** Take over how often the relations of the order that is shown were tested. */
+  weigh(graph) {
+    this._graph = graph;
+    if (this._nodes.size === 0) return;
+    const { items, links } = drawingOf(this._focus.alone ? restricted(graph, this._focus) : graph);
+    for (const item of items) this._laid.places.get(item.sensor).item = item;
+    this._draw(links);
     this._dress();
   }
 
@@ -191,14 +207,14 @@ export class Diagram {
   }
 
   /** How a line looks, as the classes of its element. */
-  _lookOf({ from, to, edge, kind }) {
+  _lookOf({ from, to, edge, kind, tested }) {
     const { sensors, edges } = this._focus;
     const { sensor, edge: chosen } = this._chosen ?? {};
     const ends = [from.sensor, to.sensor];
     const isChosen = chosen ? chosen.source === edge.source && chosen.target === edge.target : ends.includes(sensor);
     const isFar = sensors !== null && !ends.every((end) => sensors.has(end));
     const isFaint = isFar || (this._sought !== null && !ends.some((end) => this._sought.has(end)));
-    return [`link ${kind}`, !edges.has(kind) && "gone", isChosen ? "chosen" : isFaint && "faint"].filter(Boolean).join(" ");
+    return [`link ${kind}`, tested === 0 && "untested", !edges.has(kind) && "gone", isChosen ? "chosen" : isFaint && "faint"].filter(Boolean).join(" ");
   }
 
   // The pointer: dragging moves the drawing, the wheel makes it larger, a click means what

@@ -145,7 +145,7 @@ export function restricted(graph, { sensors, edges: kinds }) {
     nodes: graph.nodes.filter(({ sensor }) => sensors.has(sensor)),
     edges: graph.edges
       .filter(({ source, target }) => kinds.has(drawn(source, target).kind))
-      .map(({ source, target }) => ({ source: stands(source), target: stands(target) }))
+      .map((edge) => ({ ...edge, source: stands(edge.source), target: stands(edge.target) }))
       .filter(({ source, target }) => has(source) && has(target)),
     classes: classes.filter(({ length }) => length > 1),
   };

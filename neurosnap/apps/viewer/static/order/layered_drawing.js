@@ -30,14 +30,15 @@ export function drawingOf(graph) {
     sensor: node.sensor,
     layer: node.layer,
     name: node.name,
+    tested: node.tested,
     class: sensorOf(node.class), // a literal's and its complement's are one
     turned: isComplement(node.class), // it is the complement that stands in its class
   }));
   const itemOf = new Map(items.map((item) => [item.sensor, item]));
-  const links = graph.edges.map(({ source, target }) => {
+  const links = graph.edges.map(({ source, target, tested }) => {
     const edge = drawn(source, target);
     const [from, to] = [edge.source, edge.target].map((end) => itemOf.get(sensorOf(end)));
-    return { from, to, edge, kind: edge.kind };
+    return { from, to, edge, kind: edge.kind, tested };
   });
   return { items, links };
 }

@@ -43,14 +43,18 @@ export function lineOf(link, places, before) {
   const edge = `${link.edge.source}-${link.edge.target}`;
   const c = curve(link, places);
   const d = `M${c.x0} ${c.y0}C${c.x1} ${c.y1} ${c.x2} ${c.y2} ${c.x3} ${c.y3}`;
-  let { line, d: old } = before.get(edge) ?? {};
+  let { line, d: old, link: last } = before.get(edge) ?? {};
   if (line === undefined) {
     line = shape("g", { "data-edge": edge });
     line.append(shape("path", { class: "near" }), shape("path", { class: "line" }));
   }
+  if (link.tested !== last?.tested) line.style.setProperty("--wide", wideBy(link.tested));
   if (d !== old) for (const path of line.children) path.setAttribute("d", d);
   return { link, curve: c, line, d };
 }
+
+/** How wide a line is, by the occasions that tested its relation; as in the style sheet until these are known. */
+const wideBy = (tested) => (tested === undefined ? "" : Math.min(0.8 + 0.7 * Math.log10(Math.max(tested, 1)), 3));
 
 /** What lines end in. */
 export function endsOf() {
@@ -133,11 +137,16 @@ export function tiesOf(places) {
     for (let k = 1; k < members.length; k += 1) {
       const [one, other] = [members[k - 1], members[k]];
       const isLevel = one.y === other.y;
-      found.push(tie(isLevel ? one : first, other));
+      const from = isLevel ? one : first;
+      // Each was compared with what stands for their class.
+      const tested = other.item.tested && Math.min(from.item.tested, other.item.tested);
+      const line = shape("path", { class: tested === 0 ? "tie untested" : "tie", d: tie(from, other) });
+      line.style.setProperty("--wide", wideBy(tested));
+      found.push(line);
       if (!isLevel) first = other;
     }
   }
-  return found.map((d) => shape("path", { class: "tie", d }));
+  return found;
 }
 
 function tie(one, other) {

@@ -1,5 +1,6 @@
 // The panel of the learned order at a tick: its diagram, focus and description.
 
+import { ask, gathering } from "../base/api.js";
 import { counted, find, write } from "../base/dom.js";
 import { Diagram } from "./diagram.js";
 import { Focus, MOST, Search } from "./focus.js";
@@ -34,6 +35,19 @@ export class OrderView {
       tell: (sensor) => `${names[sensor]}: ${on.reasons().of(sensor)}`,
     });
     this.focus = new Focus(growth, () => this._refocus());
+    this._weigh = gathering(async () => {
+      const [graph, { tick }] = [this.graph, this._frame];
+      if (this.graphOf(this._frame) === null || graph.testedBy === tick) return true;
+      const { edges, nodes, done } = await ask("tested", { tick });
+      if (!done) return false;
+      graph.testedBy = tick;
+      graph.edges.forEach((edge, k) => (edge.tested = edges[k]));
+      graph.nodes.forEach((node, k) => (node.tested = nodes[k]));
+      if (graph !== this.graph) return true;
+      this.diagram.weigh(graph);
+      this._on.change();
+      return true;
+    });
     this.search = new Search(names, growth, { mark: (found) => this._seek(found), pick: on.goTo });
   }
 
@@ -77,6 +91,7 @@ export class OrderView {
     find("drawing").ariaBusy = this.graph?.id !== graph && graph !== "";
     this._refocus();
     this._on.change();
+    if (!this._playing) this._weigh().catch(() => {}); // said where it was asked
   }
 
   /** An order has come that was not here; it may be of a tick before the one that is shown. */
@@ -88,8 +103,12 @@ export class OrderView {
     this._describe();
   }
 
-  /** Take over an order, and the names of the sensors in it. */
+  /** Take over an order, the names of the sensors in it, and what is known of how it was tested. */
   _setGraph(graph) {
+    const key = ({ sensor, class: of, source, target }) => [sensor, of, source, target].join();
+    const all = (order) => [...(order?.edges ?? []), ...(order?.nodes ?? [])];
+    const before = new Map(all(this.graph).map((one) => [key(one), one.tested]));
+    for (const one of all(graph)) one.tested ??= before.get(key(one));
     this.graph = graph;
     this._on.rename(graph.nodes);
   }

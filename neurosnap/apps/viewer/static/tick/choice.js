@@ -1,7 +1,7 @@
 // The card of what is selected: a sensor with its edges, or an edge with its weights.
 
 import { find, link, make, write } from "../base/dom.js";
-import { bitWord, conditions, drawn, few, isComplement, literalName, sensorOf } from "../base/literals.js";
+import { bitWord, conditions, drawn, few, isComplement, literalName, sensorOf, testedWords } from "../base/literals.js";
 import { term } from "../base/terms.js";
 import { unread } from "../run/growth.js";
 import { consequences } from "./belief.js";
@@ -36,7 +36,7 @@ export class ChoiceView {
   /** Show a tick. */
   show(frame, graph, playing, reasons) {
     if (this._thing === null) return;
-    if (this._thing.edge) this._edge.at(frame.tick, playing);
+    if (this._thing.edge) this._edge.at(frame.tick, playing, graph);
     else this._showSensor(this._thing.sensor, frame, graph, reasons);
   }
 
@@ -46,6 +46,7 @@ export class ChoiceView {
       this._reads = make("dd");
       this._has = make("dd");
       this._why = make("dd");
+      this._equal = make("p", { className: "quiet" });
       const facts = make(
         "dl",
         {},
@@ -64,6 +65,7 @@ export class ChoiceView {
     write(this._reads, gone || bitWord(frame.bits[sensor]));
     write(this._has, gone || conditions(frame)[sensor]);
     write(this._why, reasons.of(sensor));
+    write(this._equal, testedWords(this._node(sensor, graph)?.tested));
   }
 
   /** Names have changed. */
@@ -82,7 +84,7 @@ export class ChoiceView {
     const facts = [make("dt", {}, term("layer")), make("dd", {}, String(node.layer))];
     if (same) {
       const members = same.map((literal) => literalName(this._names, literal));
-      facts.push(make("dt", {}, term("equivalence", "equal")), make("dd", {}, few(members, NAMED, " ≡ ")));
+      facts.push(make("dt", {}, term("equivalence", "equal")), make("dd", {}, few(members, NAMED, " ≡ "), this._equal));
     }
     for (const [literal, word] of [[2 * sensor, "if on"], [2 * sensor + 1, "if off"]]) {
       facts.push(make("dt", {}, term(word)), make("dd", {}, consequences(literal, graph, this._names)));

@@ -3,7 +3,7 @@
 
 import { ask } from "../base/api.js";
 import { make, number, table, write } from "../base/dom.js";
-import { complementOf, literalName } from "../base/literals.js";
+import { complementOf, drawn, literalName, testedWords } from "../base/literals.js";
 import { term } from "../base/terms.js";
 
 const PATIENCE = 120; // milliseconds a tick has to stay before its weights are asked for
@@ -30,20 +30,26 @@ export class EdgeView {
     );
     this._values = Array.from({ length: 5 }, () => make("td", { className: "number" }, "–"));
     this._says = make("p", { className: "quiet" });
+    this._tests = make("p", { className: "quiet" });
     const kind = edge.kind === "excite" ? "excites" : "inhibits";
     this._home.replaceChildren(
       make("p", {}, make("b", {}, `${names[0]} → ${names[1]}`), ` ${kind}`),
       make("p", { className: "quiet" }, `the same as ${backwards[0]} → ${backwards[1]}`),
       table("The weights of its square", [], this._lines(edge), { id: "edge" }),
+      this._tests,
       this._says,
     );
   }
 
-  /** Show its weights at a tick, once one stays there. */
-  at(tick, playing) {
+  /** Show its weights at a tick, once one stays there, and how often it was tested if the order has it. */
+  at(tick, playing, graph) {
     clearTimeout(this._timer); // it may have been of another tick
     this._tick = tick;
-    if (this._edge === null || playing || this._known?.tick === tick) return;
+    if (this._edge === null) return;
+    const isThis = ({ source, target }) => source === this._edge.source && target === this._edge.target;
+    const found = graph?.edges.find((edge) => isThis(drawn(edge.source, edge.target)));
+    write(this._tests, testedWords(found?.tested));
+    if (playing || this._known?.tick === tick) return;
     this._timer = setTimeout(() => this._ask(this._edge, tick), PATIENCE);
   }
 
