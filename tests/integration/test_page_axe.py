@@ -24,6 +24,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 AXE = Path(__file__).parents[1] / "vendor" / "axe-core" / "axe.min.js"
 PLANNED = 36  # ticks of the lamp, at which a plan of two steps begins
 PHONE = 360, 740
+SCHEMES: tuple[Scheme, ...] = ("dark", "light")
 CONTROLS = ("#search", "#help", "#fit", "#wave-play", "#taller", "#speed", "#world svg")
 ENTERED = ("belief", "wave", "time", "compare", "raster", "phone")
 """States that have between them all that the others show; their runs are short."""
@@ -47,8 +48,7 @@ async def faults(page: Page) -> list[object]:
 
 
 async def no_fault_in_either_scheme(page: Page) -> None:
-    schemes: tuple[Scheme, ...] = ("dark", "light")
-    for scheme in schemes:
+    for scheme in SCHEMES:
         await page.emulate_media(color_scheme=scheme)
         assert await faults(page) == [], scheme
 
@@ -103,6 +103,51 @@ async def test_axe_finds_nothing_in_what_no_picture_shows(
     await page.click("#tab-grown")
     await expect(page.locator(".plan li")).to_have_count(2)
     await no_fault_in_either_scheme(page)
+
+
+@pytest.mark.slow
+async def test_six_tabs_stand_side_by_side_on_a_phone(lamp_log: Path) -> None:
+    async with opened(lamp_log, "#t=1") as page:
+        await page.set_viewport_size({"width": 390, "height": 844})
+        tabs = await page.evaluate(
+            """[...document.querySelectorAll("[role=tab]")]
+                .map((tab) => tab.getBoundingClientRect())
+                .map(({ top, right }) => [top, right])"""
+        )
+        right = await page.evaluate(
+            "document.querySelector('[role=tablist]').getBoundingClientRect().right"
+        )
+        assert len(tabs) == 6
+        assert len({top for top, _ in tabs}) == 1
+        assert max(end for _, end in tabs) <= right + 0.5 < 390
+
+
+@pytest.mark.slow
+async def test_what_is_off_and_what_is_predicted_off_can_be_told_apart(
+    path_log: Path,
+) -> None:
+    page = await page_at(path_log, 1)
+    for scheme in SCHEMES:
+        await page.emulate_media(color_scheme=scheme)
+        inks = await page.evaluate(
+            r"""async () => {
+                const { palette } = await import("/base/dom.js");
+                const { panel, guess } = palette();
+                return [panel, guess].map((ink) => ink.match(/[\d.]+/g).map(Number));
+            }"""
+        )
+        dark, light = sorted(luminance(ink) for ink in inks)
+        assert (light + 0.05) / (dark + 0.05) >= 3, scheme
+
+
+def luminance(ink: list[float]) -> float:
+    """Return the relative luminance of a colour, as WCAG 2.2 has it."""
+    parts = [part / 255 for part in ink[:3]]
+    red, green, blue = (
+        part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4
+        for part in parts
+    )
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
 
 
 @pytest.mark.slow

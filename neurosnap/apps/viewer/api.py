@@ -163,7 +163,7 @@ class PlanView(msgspec.Struct, frozen=True, kw_only=True):
     more: int
     """Steps to come that are not named."""
     why: str
-    """What it is for, where that is not the target; else empty."""
+    """What it is for."""
 
 
 class AnomalyView(msgspec.Struct, frozen=True, kw_only=True):

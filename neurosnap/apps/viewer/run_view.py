@@ -286,7 +286,7 @@ class RunView:
             sensors=body.size,
             retired=[body.first_grown + place for place in body.retired],
             changed=[] if decision is None else list(changes_in(decision, body)),
-            plan=plan_of(decision, self._names),
+            plan=plan_of(decision, self._names, self.options.target),
             anomaly=self._anomaly(ticks, tick, body),
         )
 

@@ -160,10 +160,13 @@ def first_shown(waves: Sequence[WaveView]) -> list[WaveView]:
     ]
 
 
-def plan_of(decision: wire.Decision | None, actions: Sequence[str]) -> PlanView | None:
+def plan_of(
+    decision: wire.Decision | None, actions: Sequence[str], target: Sequence[str]
+) -> PlanView | None:
     """Return the plan that a decision follows; None if it follows none."""
     told = None if decision is None else plan_told(decision.why, actions)
     if told is None or decision is None or decision.action != told.actions[0]:
         return None
     more = told.left - len(told.actions)
-    return PlanView(steps=list(told.actions), more=more, why=told.why)
+    why = told.why or f"to achieve {', '.join(target) or 'the target'}"
+    return PlanView(steps=list(told.actions), more=more, why=why)

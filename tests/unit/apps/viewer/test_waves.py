@@ -133,7 +133,8 @@ def test_what_tells_of_no_plan_is_none(why: str) -> None:
 def test_a_plan_counts_the_steps_it_does_not_name() -> None:
     steps = (0, 1, 1, 0, 3, 0, 1, 3)
     why = plan_reason(Plan(steps, np.zeros((8, 2), np.bool_), ""), ACTIONS)
-    plan = plan_of(wire.Decision(4, steps[0], why), ACTIONS)
-    assert plan == api.PlanView(steps=list(steps[:6]), more=2, why="")
-    assert plan_of(None, ACTIONS) is None
-    assert plan_of(wire.Decision(4, 3, why), ACTIONS) is None  # another was taken
+    plan = plan_of(wire.Decision(4, steps[0], why), ACTIONS, ("door", "dark"))
+    told = api.PlanView(steps=list(steps[:6]), more=2, why="to achieve door, dark")
+    assert plan == told
+    assert plan_of(None, ACTIONS, ()) is None
+    assert plan_of(wire.Decision(4, 3, why), ACTIONS, ()) is None  # another was taken

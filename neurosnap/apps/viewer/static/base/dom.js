@@ -113,7 +113,7 @@ export function tabs(list, show, first) {
 
 const NAMES = [
   "bg", "panel", "ink", "mute", "line", "band", "accent", "bad", "first", "second", "third",
-  "fourth",
+  "fourth", "guess",
 ];
 
 /** The colours of the present scheme by name. */

@@ -15,7 +15,6 @@ export class FactsView {
   constructor(names, { actions, options, room }) {
     this._names = names;
     this._actions = actions;
-    this._aim = `to achieve ${options.target.join(", ") || "the target"}`;
     const idle = actions.length ? [] : ["did", "why"]; // nothing is decided
     const without = [...idle, ...(options.imagine ? [] : ["plan"]), ...(room ? [] : ["grown"])];
     const facts = [...WORDS, ...NUMBERS].filter((fact) => !without.includes(fact));
@@ -42,7 +41,7 @@ export class FactsView {
     const set = (fact, text) => this._values.has(fact) && write(this._values.get(fact), text);
     set("did", this._did(frame, before));
     this._plan(frame.plan);
-    set("why", this._why(frame) || "–");
+    set("why", frame.plan?.why || frame.why || "–"); // of a plan the steps are shown beside it
     set("grown", changedWords(frame) || "nothing");
     for (const fact of NUMBERS) set(fact, String(frame[fact]));
     set("contradicted", this._contradicted(frame));
@@ -68,11 +67,6 @@ export class FactsView {
     if (home === undefined || key === this._planned) return;
     this._planned = key;
     home.replaceChildren(plan ? stepsOf(plan, this._actions) : "none");
-  }
-
-  /** What a plan is for; its steps are shown beside that. */
-  _why({ plan, why }) {
-    return plan ? plan.why || this._aim : why;
   }
 
   _contradicted({ contradicted, incoherent }) {

@@ -73,7 +73,7 @@ export class WorldView {
       return [shape("circle", { cx: x, cy: y, r: 0.21 }), text];
     });
     this._plan.replaceChildren(...dots);
-    const why = dots.length ? plan.why || "to achieve the target" : "";
+    const why = dots.length ? plan.why : "";
     write(find("world-plan"), why && `The numbers are the steps of the plan: ${why}.`);
     const steps = [...visits].map(([there, numbers]) => `${numbers.join(" and ")} at ${this._called(there)}`);
     return why && `; steps of the plan: ${steps.join(", ")}`;

@@ -13,7 +13,7 @@ const WORDS = [
   "not recorded", "unknown", "off", "on", "off, predicted", "on, predicted",
   "contradicted",
 ];
-const INKS = ["bg", "line", "panel", "accent", "band", "predicted", "bad"];
+const INKS = ["bg", "line", "panel", "accent", "guess", "predicted", "bad"];
 
 /** The tab. */
 export class RasterView {
