@@ -489,7 +489,7 @@ ALONE = {
         window.setTimeout = set;
         return asked;
         """,
-        [1, 120, 5, 1, 120, 5],
+        [1, 24, 5, 1, 24, 5],
     ),
     "the tick that is wanted does not wait for its block": (
         FRAMES
@@ -503,7 +503,29 @@ ALONE = {
         frameCache.isReady(130);
         return [...asked, (await frameCache.at(150)).tick, ...asked.slice(2)];
         """,
-        [[120, 239], [240, 359], 150, [150, 150]],
+        [[120, 143], [144, 167], 150, [150, 150]],
+    ),
+    "of blocks that were gone to the last is fetched, one at a time": (
+        FRAMES
+        + """
+        const begun = [];
+        const frameCache = new FrameCache(async (from, to) => {
+            asked.push(from);
+            if (from !== to) await new Promise((end) => begun.shift()(end));
+            return [{ tick: from }];
+        });
+        const next = () => new Promise((begin) => begun.push(begin));
+        frameCache.last = 300;
+        let block = next();
+        await frameCache.at(150);
+        const end = await block;
+        block = next();
+        for (const tick of [30, 60, 250]) await frameCache.at(tick);
+        end();
+        await block;
+        return asked;
+        """,
+        [150, 144, 30, 60, 250, 240],
     ),
     "a question that takes long is named until it is answered": (
         """

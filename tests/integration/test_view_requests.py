@@ -72,6 +72,66 @@ async def test_to_be_asked_for_the_head_it_gives_no_body(path_log: Path) -> None
     assert head.endswith(b"\r\n\r\n")
 
 
+async def test_what_can_wait_is_read_one_at_a_time_and_after_what_is_asked(
+    path_log: Path,
+) -> None:
+    session, order, here = ViewSession(path_log), list[str](), asyncio.Event()
+
+    async def ask(name: str) -> None:
+        here.set()
+        async with session.held():
+            order.append(name)
+
+    async def read_block(name: str) -> None:
+        async with session.later:
+            for turn in "12":
+                async with session.held(later=True):
+                    order.append(name + turn)
+                    if (name, turn) == ("block ", "1"):
+                        here.clear()
+                        group.create_task(ask("meanwhile"))
+                        await here.wait()
+
+    async with (
+        asyncio.timeout(PATIENCE),
+        asyncio.TaskGroup() as group,
+        session.held(),
+    ):
+        group.create_task(read_block("block "))
+        group.create_task(read_block("other "))
+        group.create_task(ask("asked last"))
+        await here.wait()
+    blocks = ["block 1", "meanwhile", "block 2", "other 1", "other 2"]
+    assert order == ["asked last", *blocks]
+
+
+async def test_a_block_of_ticks_whose_client_is_gone_is_not_read(
+    path_log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read, gone, frames = [], asyncio.Event(), RunView.frames
+    lost = H11Protocol.connection_lost
+
+    def watched(self: RunView, first: int, last: int) -> list[api.Frame]:
+        read.append(first)
+        return frames(self, first, last)
+
+    def on_lost(self: H11Protocol, error: Exception | None) -> None:
+        lost(self, error)
+        gone.set()
+
+    monkeypatch.setattr(RunView, "frames", watched)
+    monkeypatch.setattr(H11Protocol, "connection_lost", on_lost)
+    session = ViewSession(path_log)
+    async with asyncio.timeout(PATIENCE), serving(session) as address:
+        async with session.later:
+            leaving = asyncio.create_task(get(address, "/api/frames?from=1&to=9"))
+            await session.wanted.wait()
+            leaving.cancel()
+            await gone.wait()
+        status, _ = await get(address, "/api/frames?from=11&to=12")
+        assert (status, read) == (200, [11, 12])
+
+
 STATIC = Path(viewer.__file__).parent / "static"
 WRONG = [
     ("/api/frames", 400, "from: must be a whole number from 0 up, got None"),

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import ctypes
 import importlib.util
 import webbrowser
 from collections.abc import Callable, Coroutine, Sequence
@@ -21,6 +22,9 @@ T = TypeVar("T")
 _POLL = 0.1
 """Seconds between two looks for a recording that is to begin."""
 _NEEDED = ("starlette", "uvicorn")
+_MALLOPT = (-8, 1), (-3, 1 << 18)
+"""One arena for all threads, and pages of their own for large arrays, of which the
+process else keeps what is freed: M_ARENA_MAX and M_MMAP_THRESHOLD."""
 
 
 def check_page() -> None:
@@ -56,6 +60,9 @@ async def look(
             serves the page is not installed.
     """
     check_page()
+    with contextlib.suppress(AttributeError):  # of glibc alone
+        for setting in _MALLOPT:
+            ctypes.CDLL(None).mallopt(*setting)
     from neurosnap.apps.viewer.opened_recording import ViewSession
     from neurosnap.apps.viewer.server import serving
     from neurosnap.runtime.registry import recorded_in

@@ -6,6 +6,7 @@ is said to be so. One reader hands each stretch of ticks to all of them.
 """
 
 import math
+import time
 from collections.abc import Sequence
 from typing import TypeVar
 
@@ -27,7 +28,9 @@ _MOST_PLACES = 2000
 T = TypeVar("T", bound=api.ReadSoFar)
 
 _BATCH = 16
-"""Ticks read at a time, at most: others wait for as long."""
+"""Ticks read at a time, at most."""
+_TURN = 0.1
+"""Seconds that this takes, about: what is asked waits for as long."""
 _DAY = 86_400.0
 """Seconds."""
 
@@ -55,6 +58,8 @@ class RunHistory:
         """The last tick that was read; one before the first if none was."""
         self.ended = False
         """No more can be read."""
+        self._batch = run_view.at_once(_BATCH)
+        """Ticks to read next."""
 
     def series(self, first: int, last: int, points: int) -> api.Series:
         """Return all columns; arguments as of `TimeSeries.curves`."""
@@ -119,10 +124,13 @@ class RunHistory:
         view = self._run_view
         view.grow()
         first = max(self.read_to + 1, view.first)
-        last = min(view.last, first + view.at_once(_BATCH) - 1)
+        last = min(view.last, first + self._batch - 1)
         if first > last:
             return False
+        began = time.perf_counter()
         self._read(first, last)
+        pace = self._batch / (time.perf_counter() - began)
+        self._batch = max(1, min(view.at_once(_BATCH), int(pace * _TURN)))
         self.read_to = last  # last: a reader in between sees whole ticks
         self.ended = False
         return True

@@ -21,7 +21,7 @@ from neurosnap.recording.replay.learn_again import Learning
 
 _STRIDE = 100
 """Ticks between two snapshots that are kept on the way."""
-_ROOM = 64 * 2**20
+_ROOM = 32 * 2**20
 """Bytes of snapshots that are kept, at most; the last few in any case."""
 _A_PAIR = 12
 """Bytes a pair of sensors takes in a snapshot, about."""
@@ -35,7 +35,7 @@ class SnapshotCache:
         self._options = options
         self._kept: OrderedDict[int, Learning] = OrderedDict()
         pairs = len(options.sensors) ** 2 // 2
-        self._most = max(3, _ROOM // (_A_PAIR * pairs + 1024))
+        self._most = max(2, _ROOM // (_A_PAIR * pairs + 1024))
         self._most = min(self._most, 256)
 
     def at(self, tick: int) -> Learning:

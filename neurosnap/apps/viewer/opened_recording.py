@@ -50,6 +50,10 @@ class ViewSession:
         self._log = log
         self._grows = grows
         self._lock = asyncio.Lock()
+        self._asking = 0  # those that are in `held`
+        self._quiet = asyncio.Event()  # none is
+        self.later = asyncio.Lock()
+        """Held by who reads much and can wait: one at a time."""
         self._looked = 0.0
         self.wanted = asyncio.Event()
         """Set once it is looked at: of several only these are read through."""
@@ -79,18 +83,30 @@ class ViewSession:
             return await asyncio.to_thread(question, view, *arguments, **named)
 
     @asynccontextmanager
-    async def held(self) -> AsyncIterator[RunView]:
+    async def held(self, *, later: bool = False) -> AsyncIterator[RunView]:
         """Keep others from the view while the context is entered.
+
+        Args:
+            later: All that is asked meanwhile goes first. For who holds `later`.
 
         Raises:
             RecordingError: The recording is not there any more.
         """
-        async with self._lock:
-            # A chunk that cannot be read passes for damage: its ticks for not recorded.
-            trouble = None if self.live else await asyncio.to_thread(self.trouble)
-            if trouble is not None:
-                raise RecordingError(trouble)
-            yield self.run_view
+        while later and self._asking:
+            await self._quiet.wait()
+        self._asking += 1
+        self._quiet.clear()
+        try:
+            async with self._lock:
+                # A chunk that cannot be read passes for damage: its ticks for missing.
+                trouble = None if self.live else await asyncio.to_thread(self.trouble)
+                if trouble is not None:
+                    raise RecordingError(trouble)
+                yield self.run_view
+        finally:
+            self._asking -= 1
+            if not self._asking:
+                self._quiet.set()
 
     def trouble(self) -> str | None:
         """Return why the recording cannot be read any more; None if it can."""
@@ -154,10 +170,10 @@ class ViewSession:
         await wait_any(self.wanted, stop)
         while not stop.is_set():
             live, more, history = self.live, False, self.history
-            async with self._lock:
-                pass  # who asks now goes before what is only needed soon
             try:
-                more = await asyncio.to_thread(history.read_on)
+                async with self.later, self.held(later=True):
+                    history = self.history  # it may have become another
+                    more = await asyncio.to_thread(history.read_on)
             except RecordingError:
                 history.ended = True  # what was read until then is there
             if more:

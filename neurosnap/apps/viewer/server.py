@@ -12,7 +12,7 @@ import secrets
 import socket
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Sequence
-from contextlib import AsyncExitStack, asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -252,15 +252,16 @@ class Questions:
         if last - first >= api.MOST_FRAMES:
             rule = f"must be at most {api.MOST_FRAMES - 1} after from"
             raise InvalidValueError("to", rule, last)
-        session, at_once = self._asked(request), 1
+        session, at_once, later = self._asked(request), 1, last > first
         found: list[api.Frame] = []
-        while first <= last and not await request.is_disconnected():
-            end = min(first + at_once - 1, last)
-            async with session.held() as view:
-                began = time.perf_counter()
-                found += await asyncio.to_thread(view.frames, first, end)
-            took, first = time.perf_counter() - began, end + 1
-            at_once = max(1, int(min(2, _TURN / took) * at_once))
+        async with session.later if later else nullcontext():
+            while first <= last and not await request.is_disconnected():
+                end = min(first + at_once - 1, last)
+                async with session.held(later=later) as view:
+                    began = time.perf_counter()
+                    found += await asyncio.to_thread(view.frames, first, end)
+                took, first = time.perf_counter() - began, end + 1
+                at_once = max(1, int(min(2, _TURN / took) * at_once))
         return _answer(api.Frames(found))
 
     async def graph(self, request: Request) -> Response:

@@ -6,6 +6,7 @@ looked for from the chunk before the one it was observed in, and as far behind i
 something is missing.
 """
 
+from collections.abc import Iterator
 from contextlib import suppress
 
 import numpy as np
@@ -117,11 +118,10 @@ class Ticks:
             rule=None if rule is None else (rule.source, rule.target),
         )
 
-    def waves(self, tick: int) -> list[api.WaveView]:
-        """Return the waves of a tick, oldest first, their hops in no order."""
-        if self._waves is None:
-            return []
-        return self._waves.of(tick, self._signal(tick))
+    def waves(self, tick: int) -> Iterator[api.WaveView]:
+        """Yield the waves of a tick, oldest first, their hops in no order."""
+        if self._waves is not None:
+            yield from self._waves.of(tick, self._signal(tick))
 
     def contradicted(
         self, state: wire.State, held: NDArray[np.bool_]

@@ -11,7 +11,7 @@ imagined the state (`neurosnap.agent.imagining_planner`).
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from operator import itemgetter
 
@@ -77,12 +77,12 @@ class Waves:
             return hops
         return {a: hop for a, hop in hops.items() if a in self._literals}
 
-    def of(self, tick: int, observed: tuple[int, ...]) -> list[WaveView]:
-        """Return the waves of a tick, oldest first; arguments as in `settled`.
+    def of(self, tick: int, observed: tuple[int, ...]) -> Iterator[WaveView]:
+        """Yield the waves of a tick, oldest first; arguments as in `settled`.
 
         Their hops are in no order: there may be thousands, and few are shown.
         """
-        return [self._shown(start, observed) for start in self._of(tick)]
+        return (self._shown(start, observed) for start in self._of(tick))
 
     def _shown(self, start: wire.WaveStart, observed: tuple[int, ...]) -> WaveView:
         found, hops = self._found[start.wave], self.reached(start.wave)
@@ -128,7 +128,8 @@ class Imagined:
     def marked(self, wave: WaveView, state: NDArray[np.bool_]) -> WaveView:
         """Return a wave with the action it is about, and whether it was imagined.
 
-        The state is that of its tick, ``(2N,)``.
+        One that was comes without its hops: a search takes thousands, of which one is
+        looked at. The state is that of its tick, ``(2N,)``.
         """
         taken = [self._action[a] for a in wave.signal if a in self._action]
         if wave.kind == "state" or len(taken) != 1:
@@ -137,7 +138,10 @@ class Imagined:
         place[[self._held[a] for a in wave.signal if a in self._held]] = True
         told = self._told[taken[0]]
         imagined = bool((told & (place ^ state[: self._own])).any())
-        return msgspec.structs.replace(wave, action=taken[0], imagined=imagined)
+        hops = None if imagined else wave.hops
+        return msgspec.structs.replace(
+            wave, action=taken[0], imagined=imagined, hops=hops
+        )
 
 
 def in_order(wave: WaveView) -> WaveView:
@@ -147,14 +151,11 @@ def in_order(wave: WaveView) -> WaveView:
 
 
 def first_shown(waves: Sequence[WaveView]) -> list[WaveView]:
-    """Return the waves of a tick that are shown: of imagined ones the oldest.
-
-    These come without their hops: a search takes hundreds, of which one is looked at.
-    """
+    """Return the waves of a tick that are shown: of imagined ones the oldest."""
     imagined = [wave.wave for wave in waves if wave.imagined]
     left_out = set(imagined[MOST_IMAGINED:])
     return [
-        msgspec.structs.replace(wave, hops=None) if wave.imagined else in_order(wave)
+        wave if wave.imagined else in_order(wave)
         for wave in waves
         if wave.wave not in left_out
     ]

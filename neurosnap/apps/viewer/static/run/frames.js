@@ -1,10 +1,8 @@
 // A cache of a recording's frames: fetched in blocks, the next one in advance.
 // Those looked at longest ago are forgotten.
 
-/** Ticks in a block: two seconds at sixty a second, half of what the server gives. */
-const BLOCK = 120;
-
-const KEPT = 48;
+const BLOCK = 24; // ticks: of a run that imagines each may take half a second
+const KEPT = 240;
 const REST = 1000; // milliseconds until a block that could not be had is asked for again
 
 /** Frames by tick. */
@@ -15,6 +13,8 @@ export class FrameCache {
     this._fetch = fetchFrames;
     this._blocks = new Map(); // by number, the one looked at last at the end
     this._asked = new Map(); // questions that are not answered yet, or were in vain
+    this._next = null; // the block that was gone to last
+    this._ahead = Promise.resolve(); // once the one that is fetched for later is here
   }
 
   /** The frame of a tick; null: the recording has none; undefined: it is not here. */
@@ -66,7 +66,12 @@ export class FrameCache {
    */
   async _loadFirst(number, tick) {
     await this._askOnce(`first of ${number}`, tick, tick, () => {
-      setTimeout(() => this._load(number).catch(() => {})); // who needs it is told why
+      this._next = number;
+      this._ahead = this._ahead.then(async () => {
+        await new Promise(setTimeout);
+        // One at a time, of those that were gone to the last. Who needs it is told why.
+        if (this._next === number) await this._load(number).catch(() => {});
+      });
     });
   }
 
