@@ -84,8 +84,7 @@ def held(path: Path, name: str, patience: float = 0.0) -> Iterator[None]:
     Raises:
         InvalidValueError: Another process holds it, for `patience` seconds from now.
     """
-    digest = hashlib.sha256(os.fsencode(path.resolve())).hexdigest()
-    address, until = f"\0neurosnap-{digest}", time.monotonic() + patience
+    address, until = f"\0{_name(path)}", time.monotonic() + patience
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as hold:
         while True:
             with suppress(OSError):
@@ -99,6 +98,11 @@ def held(path: Path, name: str, patience: float = 0.0) -> Iterator[None]:
         yield
 
 
+def _name(path: Path) -> str:
+    """Return the name of the socket that holds a path."""
+    return f"neurosnap-{hashlib.sha256(os.fsencode(path.resolve())).hexdigest()}"
+
+
 def _holder(address: str) -> str:
     """Return which process holds a socket."""
     with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as end:
@@ -108,9 +112,12 @@ def _holder(address: str) -> str:
     return "another process"
 
 
-def recorded_in(log: Path) -> list[Note]:
-    """Return the swarms of this machine that record into a file."""
-    return [note for note in swarms() if note.log == str(log.resolve())]
+def is_held(path: Path) -> bool:
+    """Tell whether a process of this machine holds a recording, as by `held`.
+
+    A run holds its own from one life of its swarm to the next, when there is no note.
+    """
+    return _name(path) in Path("/proc/net/unix").read_text(encoding="utf-8")
 
 
 def swarms() -> list[Note]:

@@ -9,10 +9,12 @@ import pytest
 from msgspec.structs import replace
 from playwright.async_api import Page, Route, expect
 
+from neurosnap import wire
 from neurosnap.apps.viewer.opened_recording import ViewSession
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.apps.viewer.server import serving
 from neurosnap.apps.viewer.tick_difference import difference
+from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 from tests.support.browser_pages import (
     IN_BROWSER,
@@ -25,6 +27,7 @@ from tests.support.browser_pages import (
     worded,
 )
 from tests.support.page_requests import get
+from tests.support.recorded_messages import first
 from tests.support.recorded_runs import (
     TICKS,
     csv_run,
@@ -34,6 +37,7 @@ from tests.support.recorded_runs import (
     scripted_run,
     without_states,
 )
+from tests.support.rewritten_recordings import rewritten
 from tools.browser import wait_shown
 
 pytestmark = IN_BROWSER
@@ -122,15 +126,16 @@ def cut_short(log: Path, target: Path, part: float) -> Path:
 async def test_another_recording_takes_the_place_of_the_one_before(
     path_log: Path, another_log: Path, tmp_path: Path
 ) -> None:
-    log = cut_short(path_log, tmp_path / "run.mcap", 0.7)
+    # A part has died: the recording has its end, and the launcher still holds it.
+    log = in_chunks(path_log, tmp_path / "run.mcap", 1000)
     other = cut_short(another_log, tmp_path / "other.mcap", 0.4)
-    first, then = RunView(log).last, RunView(other).last
-    assert 0 < then < first < TICKS
+    then = RunView(other).last
+    assert 0 < then < RunView(log).last == TICKS
     # A tick may be asked for that the shorter recording, there already, does not have.
     beyond = "status of 400"
-    live = opened(log, f"#t={first}", grows=lambda: True, but_for=beyond)
+    live = opened(log, f"#t={TICKS}", grows=lambda: True, but_for=beyond)
     async with live as page:
-        await wait_shown(page, first)
+        await wait_shown(page, TICKS)
         await page.click("#tab-sensors")
         await page.evaluate(
             """async () => {
@@ -138,13 +143,49 @@ async def test_another_recording_takes_the_place_of_the_one_before(
                 page.choose({ edge: { source: 0, target: 2, kind: "excite" } });
             }"""
         )
-        await page.wait_for_selector(f'#choice-body[data-tick="{first}"]')
+        await page.wait_for_selector(f'#choice-body[data-tick="{TICKS}"]')
+        async with page.expect_response("**/api/presence") as looked:
+            log.rename(tmp_path / "run.mcap.broken")
+        assert "deleted or moved" in await (await looked.value).text()
+        await expect(page.locator("#badge")).to_have_text("live")
         other.replace(log)
         await expect(page.locator("#tick")).to_have_text(f"tick {then} of {then}")
+        await expect(page.locator("#depths-state")).to_have_text(f"{then} state waves")
+        await expect(page.locator("#notice")).to_be_hidden()
         assert await states(page, then) == worded(another_log)[then]
         await page.wait_for_selector(f'#choice-body[data-tick="{then}"]')
         pressed = page.locator("#follow")
         await expect(pressed).to_have_attribute("aria-pressed", "false")
+
+
+def with_a_stopped_cell(recorded: list[Recorded]) -> list[Recorded]:
+    """Keep what comes before tick 20 has settled if ``cell/3`` stops in its wave."""
+    place, begun = first(recorded, wire.WaveStart, lambda start: start.tick == 20)
+    rest = (
+        one
+        for one in recorded[place + 1 :]
+        if isinstance(one.message, wire.Pulse | wire.CellReport)
+        and (one.message.wave, begun.kind) == (begun.wave, "state")
+        and one.message.sender != "cell/3"
+    )
+    return [*recorded[: place + 1], *rest]
+
+
+@pytest.mark.slow
+async def test_whom_a_live_run_waits_for_is_named(
+    path_log: Path, tmp_path: Path
+) -> None:
+    log = rewritten(path_log, tmp_path / "run.mcap", with_a_stopped_cell)
+    names = RunView(log).options.sensors
+    async with opened(log, "#t=19", grows=lambda: True) as page:
+        waiting = page.locator("#waiting")
+        await expect(waiting).to_have_text(
+            re.compile(rf"^waiting for {names[3]} for \d")
+        )
+        await waiting.get_by_role("button").click()
+        await expect(page.locator("#choice-title")).to_have_text(names[3])
+        in_chunks(path_log, tmp_path / "whole.mcap", 1000).replace(log)
+        await expect(waiting).to_be_hidden()
 
 
 @pytest.mark.slow

@@ -28,7 +28,9 @@ def test_a_recording_is_held_by_one_process_and_the_other_is_told_which(
 ) -> None:
     log = tmp_path / "a.mcap"
     rule = rf"^out: must be of one run at a time, and process {os.getpid()} has it, got"
+    assert not registry.is_held(log)
     with registry.held(log, "out"):
+        assert registry.is_held(log)
         with pytest.raises(InvalidValueError, match=rule), registry.held(log, "out"):
             pass
         assert str(log) in refused("run", "neurosnap/Path-v0", "--out", log)

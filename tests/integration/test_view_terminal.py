@@ -92,7 +92,7 @@ async def test_a_recording_that_is_about_to_begin_is_waited_for(
     late, stop, asked = tmp_path / "late.mcap", asyncio.Event(), []
     said: list[str] = []
 
-    def recorded_in(path: Path) -> bool:
+    def is_held(path: Path) -> bool:
         asked.append(path)
         if len(asked) == 2:  # it was not there when it was first looked for
             shutil.copy(path_log, late)
@@ -102,7 +102,7 @@ async def test_a_recording_that_is_about_to_begin_is_waited_for(
         said.append(text)
         stop.set()
 
-    monkeypatch.setattr("neurosnap.runtime.registry.recorded_in", recorded_in)
+    monkeypatch.setattr("neurosnap.runtime.registry.is_held", is_held)
     monkeypatch.setattr("neurosnap.apps.cli.serve_page.typer.echo", say)
     async with asyncio.timeout(PATIENCE):
         await look([late], stop, browser=False)

@@ -50,8 +50,8 @@ async def look(
         stop: Ends it.
         port: 0: any that is free.
         browser: Whether to open it.
-        grows: Says whether they are still being written; None for each by the notes of
-            this machine's swarms. As long as one is, its beginning is waited for.
+        grows: Says whether they are still being written; None: whether a process of
+            this machine holds each. As long as one is, its beginning is waited for.
         as_json: Say where as JSON.
 
     Raises:
@@ -65,16 +65,13 @@ async def look(
             ctypes.CDLL(None).mallopt(*setting)
     from neurosnap.apps.viewer.opened_recording import ViewSession
     from neurosnap.apps.viewer.server import serving
-    from neurosnap.runtime.registry import recorded_in
-
-    def writer_of(log: Path) -> Callable[[], bool]:
-        return lambda: bool(recorded_in(log))
+    from neurosnap.runtime.registry import is_held
 
     sessions: list[ViewSession] = []
     for number, log in enumerate(logs):
         if log.resolve() in {other.resolve() for other in logs[:number]}:
             raise InvalidValueError("log", "must be named once", str(log))
-        writes = grows or writer_of(log)
+        writes = grows or partial(is_held, log)
         opened = partial(ViewSession, log, writes)
         sessions.append(await _begun(opened, writes, stop))
     async with serving(*sessions, port=port) as address:

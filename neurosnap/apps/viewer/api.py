@@ -468,11 +468,22 @@ class Event(msgspec.Struct, frozen=True, kw_only=True):
     """Those that are new, or of which more is known."""
 
 
+class Waiting(msgspec.Struct, frozen=True):
+    """A wave that has not settled."""
+
+    cells: list[tuple[int, int]]
+    """The first and the last cell, by sensor, of each part that has not answered it."""
+    seconds: float
+    """How long ago it began."""
+
+
 class Presence(msgspec.Struct, frozen=True):
     """Whether the recording is still there."""
 
     trouble: str | None
     """What has become of it; None if it is there."""
+    waiting: Waiting | None = None
+    """Of a run that goes on: its last wave, if it has not settled."""
 
 
 class Wrong(msgspec.Struct, frozen=True):

@@ -66,7 +66,7 @@ class ViewSession:
         run_view = RunView(self._log)
         self.history = RunHistory(RunView(self._log, run_view))
         self.run_view = run_view
-        self.live = self._is_live(self._grows())
+        self.live = self._grows()
 
     async def ask(
         self,
@@ -152,18 +152,13 @@ class ViewSession:
             if self.run_view.recording.replaced():
                 self._open()
                 return
+            self.run_view.grow()
         except RecordingError:
+            if not grows and self.run_view.path.exists():
+                raise
             # Deleted, which who asks is told; or the run that goes on has not begun to
             # write.
-            self.live = self._is_live(grows)
-            return
-        self.run_view.grow()
-        self.live = self._is_live(grows)
-
-    def _is_live(self, grows: bool) -> bool:
-        """Return whether more may come: another file may where there are several."""
-        recording = self.run_view.recording
-        return grows and (recording.part is not None or recording.cut is not None)
+        self.live = grows
 
     async def read_on(self, stop: asyncio.Event) -> None:
         """Read on in the background once that is wanted, until `stop` is set."""

@@ -5,7 +5,9 @@ has, which is the one that `neurosnap verify` derives. Only the learned order is
 out, by learning what was observed from the nearest key-frame on.
 """
 
+import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Self
 
@@ -18,6 +20,7 @@ from neurosnap.agent.body import Body
 from neurosnap.agent.growth_in_decisions import changes_in
 from neurosnap.apps.viewer import api
 from neurosnap.apps.viewer.learned_by_tick import SnapshotCache, drawn, graph_id
+from neurosnap.apps.viewer.slow_cells import Answers, not_waiting
 from neurosnap.apps.viewer.tick_messages import Ticks
 from neurosnap.apps.viewer.waves import Imagined, first_shown, in_order, plan_of
 from neurosnap.apps.viewer.world_scene import Scene
@@ -151,6 +154,35 @@ class RunView:
         if found is None:
             raise InvalidValueError("wave", f"must be a wave of tick {tick}", number)
         return in_order(found)
+
+    def waiting(self) -> api.Waiting | None:
+        """Return whom a wave of the last ticks waits for; None: for no part.
+
+        While a run that goes on is being copied, it waits for none.
+
+        Raises:
+            RecordingError: A message that is needed is not what it should be.
+        """
+        last = max(self.first, self.last)
+        if self.last < max(self.recording.resumed, default=0):
+            return None
+        answers = Answers(self.options)
+        ticks = Ticks(self.tick_index, self.options, last, last + 1, answers=answers)
+        for tick in (last, last + 1):
+            for start in ticks.unsettled(tick)[:1]:
+                observed = ticks.signal(tick)
+                silent = answers.silent(start, observed)
+                if not (start.signal or self.options.sharing):
+                    with suppress(RecordingError):
+                        graph = self.recall.at(tick).snapshot.poc_graph()
+                        edges = graph.wire_list(self.options.wiring)
+                        silent = not_waiting(silent, observed, edges)
+                if silent:
+                    parts = [answers.parts[part] for part in silent]
+                    seconds = time.time() - answers.began(start) / 1e9
+                    cells = [(part[0], part[-1]) for part in parts]
+                    return api.Waiting(cells, seconds)
+        return None
 
     def graph(self, tick: int) -> api.Graph:
         """Return the learned order after a tick; 0 for before the first.

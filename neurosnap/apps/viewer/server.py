@@ -234,9 +234,13 @@ class Questions:
         return _answer(await self._asked(request).run())
 
     async def presence(self, request: Request) -> Response:
-        """Answer whether the recording is still there."""
-        session = self._asked(request)
-        return _answer(api.Presence(await asyncio.to_thread(session.trouble)))
+        """Answer whether the recording is still there, and whom its run waits for."""
+        session, waiting = self._asked(request), None
+        trouble = await asyncio.to_thread(session.trouble)
+        if trouble is None and session.live:
+            await session.look()
+            waiting = await session.ask(RunView.waiting)
+        return _answer(api.Presence(trouble, waiting))
 
     async def events(self, request: Request) -> Response:
         """Answer with what is new, again and again."""

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.apps.viewer import api
+from neurosnap.apps.viewer.slow_cells import Answers
 from neurosnap.apps.viewer.waves import Waves
 from neurosnap.errors import RecordingError, ShapeError
 from neurosnap.protocol.anomaly_report import (
@@ -46,6 +47,7 @@ class Ticks:
         first: From 1 up.
         last: Not before `first`.
         with_waves: Whether reports on waves are read, too, which are most of it.
+        answers: Is given all that was heard of their waves.
     """
 
     def __init__(
@@ -56,6 +58,7 @@ class Ticks:
         last: int,
         *,
         with_waves: bool = True,
+        answers: Answers | None = None,
     ) -> None:
         self.options = options
         self.observations: dict[int, wire.Observation] = {}
@@ -66,6 +69,7 @@ class Ticks:
         self.anomalies: dict[int, wire.Anomaly] = {}
         self.reached: dict[int, wire.Reached] = {}
         """By wave; where reports on waves are read, these say more."""
+        self._answers = answers
         self._literals: dict[int, NDArray[np.bool_]] = {}
         self._range = range(first, last + 1)
         self._sensors = len(options.sensors)
@@ -121,7 +125,13 @@ class Ticks:
     def waves(self, tick: int) -> Iterator[api.WaveView]:
         """Yield the waves of a tick, oldest first, their hops in no order."""
         if self._waves is not None:
-            yield from self._waves.of(tick, self._signal(tick))
+            yield from self._waves.of(tick, self.signal(tick))
+
+    def unsettled(self, tick: int) -> list[wire.WaveStart]:
+        """Return the waves of a tick of which more may be reported, oldest first."""
+        if self._waves is None:
+            return []
+        return self._waves.unsettled(tick, self.signal(tick))
 
     def contradicted(
         self, state: wire.State, held: NDArray[np.bool_]
@@ -139,7 +149,7 @@ class Ticks:
         said = read[::2] | read[1::2] | (reached[::2] & reached[1::2])
         return said & ~(held[::2] | held[1::2])
 
-    def _signal(self, tick: int) -> tuple[int, ...]:
+    def signal(self, tick: int) -> tuple[int, ...]:
         """Return the literals that start a tick's state wave."""
         return tuple(self.literals(tick).nonzero()[0].tolist())
 
@@ -171,6 +181,8 @@ class Ticks:
         for anomaly in chunk.all("anomaly", wire.Anomaly):
             if anomaly.tick in self._range:
                 self.anomalies.setdefault(anomaly.tick, anomaly)
+        if self._answers is not None:
+            self._answers.take(chunk, self._range)
         if self._waves is None:
             for reached in chunk.all("reached", wire.Reached):
                 if reached.tick in self._range:
@@ -187,9 +199,7 @@ class Ticks:
         # A decision is the last that is said on a tick; a run's last tick has none.
         if min(len(self.states), len(self.decisions)) < len(self._range):
             return False
-        return self._waves is None or all(
-            self._waves.settled(tick, self._signal(tick)) for tick in self._range
-        )
+        return not any(map(self.unsettled, self._range))
 
 
 def conditions(tick_index: TickIndex, ticks: Ticks, tick: int) -> NDArray[np.uint8]:

@@ -56,8 +56,8 @@ class Waves:
             found.credit += report.credit
             found.pulses += report.pulses
 
-    def settled(self, tick: int, observed: tuple[int, ...]) -> bool:
-        """Return whether all waves of a tick have settled, so that no more is reported.
+    def unsettled(self, tick: int, observed: tuple[int, ...]) -> list[wire.WaveStart]:
+        """Return the waves of a tick of which more may be reported, oldest first.
 
         Args:
             tick: The tick.
@@ -65,10 +65,11 @@ class Waves:
         """
         starts = self._of(tick)
         given_up = {start.repeats for start in starts}
-        return all(
-            start.wave in given_up or self._is_settled(start, observed)
+        return [
+            start
             for start in starts
-        )
+            if start.wave not in given_up and not self._is_settled(start, observed)
+        ]
 
     def reached(self, number: int) -> dict[int, int]:
         """Return the literals that a wave reached, in no order, each with its hops."""
@@ -78,7 +79,7 @@ class Waves:
         return {a: hop for a, hop in hops.items() if a in self._literals}
 
     def of(self, tick: int, observed: tuple[int, ...]) -> Iterator[WaveView]:
-        """Yield the waves of a tick, oldest first; arguments as in `settled`.
+        """Yield the waves of a tick, oldest first; arguments as in `unsettled`.
 
         Their hops are in no order: there may be thousands, and few are shown.
         """

@@ -373,7 +373,7 @@ class Recording:
         return fresh
 
     def replaced(self) -> bool:
-        """Return whether the first file there is now is none of those that were there.
+        """Return whether a file is another now, or one is before those that were there.
 
         Raises:
             RecordingError: None is there.
@@ -381,4 +381,5 @@ class Recording:
         paths = list(part_paths(self._log).values()) if self.part is not None else []
         first = paths[0] if paths else self.files[0].path
         known = {file.path: self._identities[file.path] for file in self.files}
-        return identity(first) != known.get(first)
+        there = {first, *(path for path in known if path.exists())}
+        return any(identity(path) != known.get(path) for path in there)

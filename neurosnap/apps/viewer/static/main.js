@@ -3,7 +3,7 @@
 
 import { choiceAsked, keepChoice, keepWave, tickAsked, told, waveAsked } from "./base/address.js";
 import { ask, openEvents, run as runNumber, say, sayLink, stopAsking } from "./base/api.js";
-import { find, flash, link, write } from "./base/dom.js";
+import { find, flash, link, make, write } from "./base/dom.js";
 import { explain } from "./base/terms.js";
 import { bind } from "./keys.js";
 import { OrderView } from "./order/order_view.js";
@@ -23,6 +23,7 @@ import { CompareView } from "./time/compare.js";
 import { TimeView } from "./time/time_view.js";
 
 const AGAIN = 700; // milliseconds until ticks to go to are asked for once more
+const [PATIENCE, NAMED] = [1, 4]; // seconds that a wave may take; cells that are named
 const SLOW = 2; // ticks a second up to which a tick's wave is shown on its way
 
 const said = () => {}; // the failure was reported where it was asked
@@ -336,6 +337,18 @@ class Page {
     stopAsking(trouble);
   }
 
+  /** Name whom a wave waits for; null: for no cell. */
+  showWaiting(waiting) {
+    const { cells, seconds } = waiting ?? { cells: [], seconds: 0 };
+    const named = cells.slice(0, NAMED).flatMap(([first, last], k) => [
+      k ? ", " : "waiting for ",
+      link(first === last ? this.names[first] : `worker of ${this.names[first]} to ${this.names[last]}`, () => this.goTo(first)),
+    ]);
+    const more = cells.length > NAMED ? ` and ${cells.length - NAMED} more` : "";
+    find("waiting").hidden = seconds < PATIENCE;
+    find("waiting").replaceChildren(...named, make("span", { ariaHidden: true }, `${more} for ${seconds.toFixed(1)} s`));
+  }
+
   take(event) {
     for (const frame of event.frames) this.frameCache.add(frame);
     const { ticks, live, cut } = event;
@@ -353,7 +366,10 @@ class Page {
     this.opening = asked === null && !this.run.live;
     this.setRun(this.run);
     chooseRun().then((runs) => this.compare.offer(runs, runNumber), said);
-    attend((trouble) => this.showTrouble(trouble));
+    attend(({ trouble, waiting }) => {
+      this.showTrouble(trouble);
+      this.showWaiting(this.run.live ? waiting : null);
+    });
     if (this.run.live) {
       follow(
         openEvents,

@@ -38,10 +38,10 @@ export function follow(open, onEvent, onLink) {
 
 const EVERY = 2000; // milliseconds
 
-/** Ask again and again; `onTrouble` is told what has become of the recording, null: it is there. */
-export function attend(onTrouble) {
+/** Ask again and again; `onPresence` is told what has become of the recording. */
+export function attend(onPresence) {
   setInterval(() => {
-    if (!document.hidden) ask("presence").then(({ trouble }) => onTrouble(trouble), () => {});
+    if (!document.hidden) ask("presence").then(onPresence, () => {});
   }, EVERY);
 }
 
