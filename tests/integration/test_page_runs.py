@@ -412,22 +412,24 @@ async def test_what_is_wrong_is_said_until_it_is_no_longer_so(
         await page.evaluate(
             """() => {
                 const real = window.fetch;
-                const answer = async () => Response.json({ error: "not so" }, { status: 500 });
-                const gone = async () => { throw new TypeError("gone"); };
-                const ways = [answer, gone, real];
-                const never = () => new Promise(() => {}); // it would say that it is there
-                window.fetch = (what) => {
-                    if (what === "api/presence") return never();
-                    return (what.startsWith("api/raster") ? ways.shift() ?? real : real)(what);
+                Object.assign(window, { refused: true, gone: false });
+                window.fetch = async (what) => {
+                    if (window.gone) throw new TypeError("gone");
+                    return window.refused && what.startsWith("api/raster")
+                        ? Response.json({ error: "not so" }, { status: 500 })
+                        : real(what);
                 };
             }"""
         )
         await page.click("#tab-raster")
         await expect(notice).to_have_text(re.compile(f"{CUT.pattern}.* · not so$"))
+        await page.evaluate("window.gone = true")
         await page.click("#tab-raster")
         await expect(notice).to_have_text(re.compile("not so · .* does not answer"))
+        await page.evaluate("window.gone = false")
         await page.keyboard.press("n")  # where the next anomaly is, is always asked
         await expect(notice).to_have_text(re.compile(f"{CUT.pattern}.* · not so$"))
+        await page.evaluate("window.refused = false")
         await page.click("#tab-raster")
         await expect(notice).not_to_contain_text("not so")
         await expect(notice).to_have_text(CUT)
