@@ -29,7 +29,6 @@ LARGEST_KEYFRAME = 1 << 26
 """Bytes of a key-frame, at most, which no other message may pass either."""
 LARGEST_IMAGE = 1 << 24
 """Bytes of an image, at most."""
-
 HISTORY = 8192
 """Ticks of a sensor's readings that are kept: 2 kB a sensor."""
 _LARGEST = 2**31 - 1
@@ -810,8 +809,6 @@ def worker_keys(worker: int | str) -> tuple[str, ...]:
 
 LEARNING_KEYS = ("learn", "band/coordinator")
 """What a worker listens to besides, where workers share the learning."""
-
-
 _BETWEEN = frozenset({"pulse", "pulsebatch"})
 _OF_MANY = _BETWEEN | {
     *("cellreport", "workerreport", "recalled", "band"),

@@ -12,8 +12,6 @@ from neurosnap.poc.learning.archive import Arrays, entry, rows_in
 from neurosnap.sensorium import complement
 
 _MOST = 1 << 16  # places that are remembered, each kind of them
-
-
 BEGINNING: Final = -1
 """Stands for the beginning of an episode where an action may."""
 

@@ -44,8 +44,6 @@ CONFIRMATIONS: Final = 5
 HOPELESS: Final = 4
 """A result is left to chance once so many covers of it failed, and so many more for
 each that became a sensor."""
-
-
 LONGEST: Final = 8
 """Literals of a cover at most."""
 

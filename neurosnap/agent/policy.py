@@ -17,22 +17,17 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.automatic_threshold import AUTO
 
 AgentKind: TypeAlias = Literal["walker", "excited", "planner"]
-
 EXPLORE = 0.2
 """The share of random actions, unless another is given.
 
 Enough for an agent that forgets to find back to a target it has lost, and little enough
 to stay near one it has found."""
-
-
 TRIES = 0.1
 """The share of random actions where exploration is planned, and nothing else is wanted.
 
 They test what seems known: plans go where an outcome is unknown, and nowhere else."""
-
 Exploration: TypeAlias = float | Literal["planned"]
 """A share of random actions; or to go where the outcome of an action is unknown."""
-
 Signal: TypeAlias = tuple[int, ...]
 """The literals a planning wave starts from, each once."""
 Closures: TypeAlias = Sequence[NDArray[np.bool_]]

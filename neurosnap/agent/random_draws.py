@@ -7,7 +7,6 @@ from neurosnap.errors import InvalidValueError
 
 WIDTH = 4
 """Numbers a tick: what one turn of the Philox counter gives."""
-
 _BLOCK = 1024  # ticks drawn at once: making a generator costs as much as a tick
 
 

@@ -12,7 +12,6 @@ from neurosnap.system.durable import replacing
 _UNFIT = re.compile(r"[^\w.-]+")
 _LONGEST = 60  # letters of a source in a name, each up to 4 of the 255 bytes there are
 _EVERYBODY = 0o666
-
 LOGS = Path("logs")
 """Where recordings go by default."""
 

@@ -220,7 +220,6 @@ def _write_file(path: Path, content: bytes) -> None:
 
 
 _LOG = logging.getLogger(__name__)
-
 SOON = timedelta(days=30)
 """How long before its end a certificate is warned of."""
 _warned: set[Path] = set()

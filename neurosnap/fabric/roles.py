@@ -15,7 +15,6 @@ Role: TypeAlias = Literal[
     "hub", "coordinator", "world", "recorder", "cell", "worker", "watcher", "sensor"
 ]
 ROLES: tuple[Role, ...] = get_args(Role)
-
 READING = "reading"
 """Where programs outside put what their sensors read: no message of ours."""
 
@@ -92,7 +91,6 @@ RIGHTS: dict[Role, Rights] = {
 
 DESCRIPTION = "brief"
 """What a coordinator answers to those who want to take part in its run."""
-
 FLUSHED = "flushed"
 """What every part asks for at its end; the hub itself answers that no part has it."""
 

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from neurosnap.system.compiled import njit
 
 Floats = NDArray[np.float64]
-
 KINDS = ("silent", "less", "more", "stuck", "chatter")
 SILENT, LESS, MORE, STUCK, CHATTER = range(5)
 CLOCKS = 4

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from neurosnap.health.ten_minute_steps import DAY, PARTS
 
 Floats = NDArray[np.float64]
-
 WINDOWS = (1, 6, 24)
 """In steps."""
 BEFORE = 2

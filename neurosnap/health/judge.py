@@ -26,7 +26,6 @@ from neurosnap.health.ten_minute_steps import DAY, STEP, WEEK, parts_of_day
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-
 WELL = -1
 """The kind of a sensor without an alarm."""
 _WELL_BELOW = 0.5

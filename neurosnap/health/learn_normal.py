@@ -24,7 +24,6 @@ from neurosnap.health.ten_minute_steps import DAY, WEEK, Steps, parts_of_day
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-
 ACTIVATIONS = 20
 """How often a sensor must have come on to be known."""
 OCCASIONS = 5

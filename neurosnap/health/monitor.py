@@ -34,7 +34,6 @@ from neurosnap.health.ten_minute_steps import DAY, STEP, WEEK, Steps, parts_of_d
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-
 MEMORY = 8 * WEEK
 """Steps that are learned from."""
 QUIET = DAY // 3
@@ -228,8 +227,6 @@ class HealthMonitor:
 _HOUR = WINDOWS[1]
 _LEAST = 5
 """Hours that a companion must have been seen in."""
-
-
 HARDLY = 0.05
 """The probability of coming on in a step below which hardly anything speaks for it."""
 

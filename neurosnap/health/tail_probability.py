@@ -10,11 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-
 RATE, START, MEAN, SHAPE = range(4)
 """The columns of a tail: peaks a week above its start, the start, the mean above it,
 and the number of peaks that tell so."""
-
 _WHOLE = 5
 """With fewer peaks all of them are used."""
 

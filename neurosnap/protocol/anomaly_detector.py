@@ -30,7 +30,6 @@ from neurosnap.sensorium import selection
 MOST = 64
 """Broken implications that one anomaly lists; a thousand sensors may break as many as
 there are pairs of them."""
-
 _CHUNK = 4096  # links whose occasions are counted at a time; 8 MB or so
 _FADING = 0.02
 _STILL = 0.001

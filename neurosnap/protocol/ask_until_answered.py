@@ -11,7 +11,6 @@ from typing import Generic, TypeVar
 from neurosnap.errors import AnswerLostError
 
 T = TypeVar("T")
-
 _NAMED = 10  # parts, in an error
 
 

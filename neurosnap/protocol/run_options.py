@@ -33,7 +33,6 @@ LearningKind: TypeAlias = Literal["coordinator", "spread"]
 CellKind: TypeAlias = Literal["process", "worker", "inline"]
 FEW_CELLS = 64
 """Cells up to this number are a process each, unless told otherwise."""
-
 _BYTES_A_SENSOR = 64  # of a key-frame, its name and its last readings not counted
 _FRAME_BESIDE = 1 << 22  # bytes of a key-frame for all that does not grow with sensors
 

@@ -24,8 +24,6 @@ from neurosnap.protocol.worker_edges import parted
 from neurosnap.protocol.worker_shares import hosts, shares
 
 _UNANNOUNCED = 64  # most waves in a row that are not announced to all cells
-
-
 FRAME = 1 << 16
 """The most edges a message to a worker adds, and the most it drops: half a megabyte
 each."""

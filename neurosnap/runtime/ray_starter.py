@@ -63,11 +63,9 @@ from neurosnap.runtime.starter import Listener
 
 P = ParamSpec("P")
 T = TypeVar("T")
-
 Actor: TypeAlias = Any
 """A handle of a `RayPart`, whose methods Ray adds at run time."""
 Work: TypeAlias = Coroutine[Any, Any, None]
-
 _PATIENCE = 60.0  # seconds that others may take to give room back
 _LOOK = 0.2  # seconds between two looks at a stop request
 _LAST_WORD = 10.0  # seconds in which Ray must say that who was killed is dead

@@ -55,14 +55,11 @@ from neurosnap.sources.open import ZENOH, is_live, lost_by, open_live
 
 INTAKE = "intake"
 """What the part is called."""
-
 _MOMENT = 0.05  # seconds until a thread that was let go is let go once more
 _LAST = 5.0  # seconds a world may take to hear that it is over
 _GRACE = 10.0  # seconds the intake may take to end
 _AGAIN = 0.1  # seconds before it is started again
-
 _logger = logging.getLogger(__name__)
-
 Work = Callable[[RunRequest], Awaitable[Outcome]]
 """Runs the swarm; the request says how outside readings get to its world."""
 

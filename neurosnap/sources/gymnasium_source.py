@@ -19,10 +19,8 @@ from neurosnap.sources.protocol import Argument, Observed
 
 WORLDS = "neurosnap.worlds"
 """The entry-point group of modules that register environments when imported."""
-
 _MODE = "rgb_array"
 _DRAWS = f"must go with an environment that has the render mode {_MODE}"
-
 _logger = logging.getLogger(__name__)
 
 

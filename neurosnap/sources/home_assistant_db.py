@@ -24,14 +24,12 @@ _STATES = """
     ORDER BY last_updated_ts, state_id
 """
 
-
 _ATTRIBUTES = """
     SELECT DISTINCT shared_attrs FROM state_attributes
     JOIN states ON states.attributes_id = state_attributes.attributes_id
     JOIN states_meta ON states_meta.metadata_id = states.metadata_id
     WHERE states_meta.entity_id = ?
 """
-
 
 _SETTINGS = Path(".storage", "core.config")
 """Where Home Assistant keeps its settings, beside the database."""

@@ -14,7 +14,6 @@ from neurosnap.errors import InvalidValueError, similar
 from neurosnap.sensorium import WORDS
 
 RULE = "must be 0 or 1, false or true, off or on, or nothing for unknown"
-
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _UNIT = r"(?:[^\s\d,<>.+-][^\s,<>]*)?"
 _WHEN = re.compile(

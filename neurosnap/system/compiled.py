@@ -28,9 +28,7 @@ if TYPE_CHECKING:
 
 P = ParamSpec("P")
 R = TypeVar("R")
-
 _EVERY = 10.0  # seconds between two lines of progress
-
 _logger = logging.getLogger(__name__)
 _lock = threading.RLock()
 _kernels: "list[_Kernel[Any, Any]]" = []

@@ -10,8 +10,6 @@ import os
 
 NAME = "neurosnap-uma"
 """What pip knows this project by."""
-
-
 HOME = "https://arxiv.org/abs/1502.06132"
 """Where to read about it: the paper, as in the project's own description."""
 

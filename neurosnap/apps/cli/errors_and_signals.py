@@ -29,12 +29,10 @@ if TYPE_CHECKING:
     from neurosnap.recording.read.recording import Recording
 
 T = TypeVar("T")
-
 LOST = 3
 _TWICE = 0.5
 """Seconds in which a second SIGINT is the first again: `timeout -s INT` sends it to the
 program and to its group."""
-
 LEARN = "Learn"
 RECORDINGS = "Recordings"
 WATCH = "Watch"

@@ -68,7 +68,6 @@ Time = Annotated[
     ),
 ]
 
-
 Threshold = Annotated[
     str | None,
     typer.Option(

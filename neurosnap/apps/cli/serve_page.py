@@ -18,7 +18,6 @@ from neurosnap.fabric.wait_for_events import wait_any
 from neurosnap.system.distribution import must_have
 
 T = TypeVar("T")
-
 _POLL = 0.1
 """Seconds between two looks for a recording that is to begin."""
 _NEEDED = ("starlette", "uvicorn")

@@ -47,7 +47,6 @@ from neurosnap.sources.protocol import Argument
 from neurosnap.system.local_time import system_zone
 
 _logger = logging.getLogger(__name__)
-
 _SYNC = 1.0
 """Seconds of readings from outside that a power cut may cost."""
 _ALARMS = "1/week"

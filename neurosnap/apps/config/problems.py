@@ -20,7 +20,6 @@ from neurosnap.errors import InvalidValueError
 
 Keys: TypeAlias = tuple[str | int, ...]
 """The way to a value: the keys of tables, the numbers of array items from 0 up."""
-
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 # Strings of several lines may end with two more quotes, which belong to them.
 _TOKEN = re.compile(

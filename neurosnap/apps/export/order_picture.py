@@ -19,7 +19,6 @@ from neurosnap.poc.order.pocset import PocSet
 from neurosnap.sensorium import Sensorium, visible
 
 Floats: TypeAlias = NDArray[np.float64]
-
 MOST = 120
 """Sensors that are drawn: of more the names could not be read."""
 
@@ -30,7 +29,6 @@ _GAP = 20.0  # between two boxes
 _LANE = 13.0  # what a line takes of a rank that it passes
 _LETTER = 7.2  # of monospaced 12 px
 _EDGE = 12.0
-
 _ROUNDS = 60
 _LONGEST = 28  # letters of a name
 _STYLE = """

@@ -32,7 +32,6 @@ from neurosnap.system.distribution import must_have
 Kind: TypeAlias = Literal["time", "number", "bit", "text"]
 Cell: TypeAlias = int | bool | str | None
 """Times are nanoseconds since the epoch."""
-
 _LATEST = 2**63
 """Times before this can be written as dates: up to the year 2262."""
 

@@ -22,7 +22,6 @@ from neurosnap.fabric.protocol import Handler
 from neurosnap.fabric.wait_for_events import Failure
 
 T = TypeVar("T")
-
 _CAPACITY = 1 << 20
 _CHUNK = 4096  # deliveries a poll handles before other tasks get their turn
 

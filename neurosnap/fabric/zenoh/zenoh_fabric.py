@@ -31,7 +31,6 @@ from neurosnap.fabric.zenoh.inbox import Inbox, Poll
 
 P = ParamSpec("P")
 T = TypeVar("T")
-
 _BLOCK = zenoh.CongestionControl.BLOCK
 _FLUSH = 5.0  # seconds the hub may take to have taken everything
 _ANSWER = 10.0  # seconds others may take to answer

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 Arrays: TypeAlias = dict[str, NDArray[Any]]
-
 _DATE = (1980, 1, 1, 0, 0, 0)
 _UNIX = 3
 

@@ -59,8 +59,6 @@ MARK: Final = np.uint8(16)
 TURNS: Final = 32
 """Readings of a sensor from one test of its pairs to the next."""
 _NOTHING = 2
-
-
 Spells: TypeAlias = tuple[NDArray[np.uint32], NDArray[np.uint8]]
 """What the second test takes besides the weights: ``(2, 2N)``, at how many ticks each
 literal was read, and after how many of them its complement was read next; and ``(N,)``,

@@ -31,7 +31,6 @@ from neurosnap.sensorium import Sensorium
 from neurosnap.system.compiled import njit
 
 Floats = NDArray[np.float64]
-
 SLACK = 1e-12
 """By how much a discounted weight must be smaller to count as smaller."""
 TINY = 1e-300

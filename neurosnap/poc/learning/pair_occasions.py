@@ -19,7 +19,6 @@ from neurosnap.poc.order.literal_sets import Words
 from neurosnap.system.compiled import njit
 
 _ONE, _TOP = np.uint64(1), np.uint64(63)
-
 OnProgress: TypeAlias = Callable[[int, int], object]
 """Told how many pairs are done, and of how many."""
 

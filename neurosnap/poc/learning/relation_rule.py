@@ -39,7 +39,6 @@ from neurosnap.poc.order.literal_sets import Words
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-
 NOISE = 0.04
 """The largest share of all ticks that may speak against an implication."""
 FAILING = 0.5

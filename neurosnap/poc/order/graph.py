@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     import networkx
 
 _Scalar = TypeVar("_Scalar", bound=np.generic)
-
 WiringKind: TypeAlias = Literal["hasse", "derived"]
 BEYOND_HEIGHT = 2
 """Hops that a wave may take beyond the height where sensors are equal, or nearly so:

@@ -17,7 +17,6 @@ from neurosnap.errors import InvalidValueError, ShapeError
 
 Literals: TypeAlias = NDArray[np.bool_] | Iterable[int]
 """What may be given for a set of literals: ``(2N,)`` bool, or the literals."""
-
 Words: TypeAlias = NDArray[np.uint64]
 """Packed sets: the last axis holds one set's words."""
 

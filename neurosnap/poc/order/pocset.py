@@ -26,19 +26,13 @@ from neurosnap.sensorium import Sensorium, complement
 
 Element: TypeAlias = int | str
 """An element by its number, or a literal by its name."""
-
-
 Sign: TypeAlias = Literal["<", "<=", "="]
-
 RelationLike: TypeAlias = (
     tuple[int | str, int | str] | tuple[int | str, str, int | str] | str
 )
 """``(a, b)`` for ``a <= b``, ``(a, sign, b)``, or text such as ``"a < b <= c*"``."""
-
 _SIGNS: dict[str, Sign] = {"<": "<", "<=": "<=", "≤": "<=", "=": "="}
 _SPLIT = re.compile(r"(<=|≤|<|=)")
-
-
 OrderRelation: TypeAlias = tuple[int, Sign, int]
 """Two literals, and between them ``"<"`` (below, and not equal), ``"<="`` or ``"="``.
 """

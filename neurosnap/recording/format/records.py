@@ -55,7 +55,6 @@ CRC = struct.Struct("<I")
 """A checksum."""
 MALFORMED = (struct.error, UnicodeDecodeError, ValueError, IndexError)
 """What reading the body of a record raises."""
-
 _Record = TypeVar("_Record")
 
 

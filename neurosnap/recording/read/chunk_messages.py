@@ -13,13 +13,10 @@ from neurosnap.recording.format.chunk_index import FACTS, ChunkIndex
 from neurosnap.recording.format.records import Chunk, damaged_in
 
 M = TypeVar("M")
-
 _DECODED = 5
 """Bytes of memory for each byte of a message that is decoded and kept; 2 to 8 were
 measured, by topic."""
-
 _DECODERS = {topic: msgspec.json.Decoder(kind) for topic, kind in wire.TOPICS.items()}
-
 UNREADABLE = (msgspec.MsgspecError, UnicodeDecodeError, RecursionError)
 """What decoding raises; deep nesting is the last."""
 

@@ -37,7 +37,6 @@ _OUTPUTS = (
     *("keyframe", "anomaly", "recall", "reminder", "learn"),
 )
 _SHOWN = 300  # characters of a message shown in a difference
-
 _Key: TypeAlias = tuple[str, int, int]
 """What several recorded messages answer: kind, wave or tick, and round."""
 

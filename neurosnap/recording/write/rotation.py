@@ -55,7 +55,6 @@ from neurosnap.recording.write.fsync_thread import FsyncThread
 from neurosnap.recording.write.writer import Writer
 
 _log = logging.getLogger(__name__)
-
 LATE = 2 * 10**9
 """Nanoseconds that a file stays open for what was sent before the next one began, and
 that a message waits for the word it answers."""

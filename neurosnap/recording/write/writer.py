@@ -44,7 +44,6 @@ from neurosnap.system.distribution import version
 from neurosnap.system.durable import OwnFile, sync_folder
 
 _log = logging.getLogger(__name__)
-
 _LARGEST_PAYLOAD = LIMIT // 2
 """A chunk is closed once it is full, so it holds at most one payload beyond its size;
 both together stay well below what the reader takes."""

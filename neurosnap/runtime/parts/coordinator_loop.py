@@ -20,7 +20,6 @@ from neurosnap.fabric.wait_for_events import first_of
 from neurosnap.runtime.parts.job import decoded
 
 _log = logging.getLogger(__name__)
-
 _WARNED = 1 / 3  # of its time is over when the world is named as who is waited for
 _LAST_WORD = 0.5  # seconds
 _WORD = 0.25  # seconds between two words of how far it is, at most

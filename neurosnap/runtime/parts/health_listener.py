@@ -32,7 +32,6 @@ _LATE = 60.0
 who reads the recording then finds each reading in the same step."""
 _LAST = 10.0
 """Seconds it may take to end."""
-
 _logger = logging.getLogger(__name__)
 
 

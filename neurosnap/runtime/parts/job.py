@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from neurosnap.fabric.in_memory import MemoryHub
 
 T = TypeVar("T")
-
 _SHOWN = 400  # characters of a fault; what is wrong with a message may quote all of it
 # A pipe keeps writes of up to 4,096 bytes whole, so that many cells can share one; four
 # of them are the length of what follows.
@@ -80,7 +79,6 @@ class Failed(msgspec.Struct, frozen=True, tag=True):
 
 
 Report: TypeAlias = Ready | Advanced | Grown | Health | Done | Failed
-
 _encode = msgspec.json.encode
 _decoder: msgspec.json.Decoder[Report] = msgspec.json.Decoder(Report)
 

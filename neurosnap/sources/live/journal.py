@@ -48,16 +48,12 @@ from neurosnap.system.durable import sync_folder
 
 SUFFIX = ".journal"
 """What a journal's name ends with, after that of its recording."""
-
 _ROWS = 256  # rows after which another file begins
 _SIZE = 1 << 18  # bytes after which one begins that is not for a row
 _NAME = "rows"
 _LONGEST = 1 << 26  # bytes of a record at most; a longer one is damage
 _HEAD = struct.Struct("<II")  # length and checksum
-
 Number: TypeAlias = Annotated[int, msgspec.Meta(ge=0)]
-
-
 Readings: TypeAlias = dict[int, tuple[bool | None, float]]
 """By sensor: what was read last, and when, in seconds since the epoch."""
 
@@ -135,7 +131,6 @@ class Acted(msgspec.Struct, frozen=True, array_like=True, tag="acted"):
 
 
 Record: TypeAlias = Begin | JournalRow | Taken | Acted
-
 _encoder = msgspec.msgpack.Encoder()
 _decoder: msgspec.msgpack.Decoder[Record] = msgspec.msgpack.Decoder(Record)
 

@@ -27,7 +27,6 @@ from neurosnap.sources.meaning import Reader
 
 LIMIT = 1 << 20
 """Bytes of one object, at most."""
-
 _Value: TypeAlias = bool | int | float | str | None
 _T = TypeVar("_T")
 _reader = Reader("reading")

@@ -31,7 +31,6 @@ from neurosnap.sensorium import Sensorium
 Bits: TypeAlias = NDArray[np.bool_]
 Spans: TypeAlias = float | Sequence[float | None] | None
 """Seconds, one for all sensors or one a sensor; None if there is no such bound."""
-
 TOLERANCE = 1.0
 """Seconds that clocks may differ by before one was put right."""
 

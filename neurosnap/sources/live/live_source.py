@@ -44,7 +44,6 @@ WAITING = 1 << 16
 """Readings that may wait for their tick: half a minute of 2,000 a second."""
 ROOM = 1024
 """Readings that wait when a feeder that can hold its writer back does so."""
-
 SLOW = 30
 """Ticks in a row that are due before they are asked for, when the run is too slow."""
 _SLOW = (
@@ -53,7 +52,6 @@ _SLOW = (
 )
 
 _logger = logging.getLogger(__name__)
-
 _LONGEST = 86_400.0  # seconds to wait before looking again; a wait cannot be any number
 
 

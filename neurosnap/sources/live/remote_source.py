@@ -49,7 +49,6 @@ class IntakeFailed(msgspec.Struct, frozen=True, array_like=True, tag="failed"):
 Question: TypeAlias = Ask | IntakeRecall
 Reply: TypeAlias = JournalRow | Over | IntakeFailed
 """To `IntakeRecall` the row says only what was known."""
-
 HEAD = struct.Struct("<I")
 """The length of a message."""
 questions: msgspec.msgpack.Decoder[Question] = msgspec.msgpack.Decoder(Question)

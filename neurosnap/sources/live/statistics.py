@@ -63,10 +63,8 @@ def outage_line(outage: wire.Outage, zone: str) -> str:
 
 Fate: TypeAlias = Literal["shown", "late", "refused", "dropped"]
 """What becomes of a reading, as `wire.Received` counts it."""
-
 EVERY = 1.0
 """Seconds between two lines about bad input."""
-
 _logger = logging.getLogger(__name__)
 
 

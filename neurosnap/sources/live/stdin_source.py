@@ -18,7 +18,6 @@ from neurosnap.sources.live.json_reading import LIMIT, hand_in, read, too_long
 from neurosnap.sources.live.live_source import LiveSource
 
 STANDARD_INPUT = 0
-
 _PIECE = 1 << 16
 _NAME = "standard input"
 

@@ -48,20 +48,16 @@ SHORTEST, LONGEST = 0.5, 30.0
 """Seconds before the first and the last attempt to connect again, before jitter."""
 KEPT = 12 * 3600
 """Seconds for which a broker keeps what a session misses."""
-
 _REFUSED = {134, 135}  # name or password; paho says so for 4 and 5 of MQTT 3.1.1, too
 _OLD = 132  # the version of MQTT is not spoken; paho says so for 1 of MQTT 3.1.1, too
 _UNDERWAY = 20  # messages not acknowledged, if the broker heeds it
 _ANSWER = 5.0  # seconds a broker may be silent that owes an answer
 _DRAIN = 2.0  # seconds an orderly end may take to send what waits
 _SILENCE = 30  # seconds after which each side asks whether the other is there
-
 _KEEPS_NOTHING = (
     "%s: speaks no MQTT 5, so it keeps nothing of what comes while this run is away"
 )
-
 _logger = logging.getLogger(__name__)
-
 Receive: TypeAlias = Callable[[str, bytes, bool], None]
 """Takes topic, payload, and whether the broker had kept it."""
 

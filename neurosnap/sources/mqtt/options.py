@@ -17,7 +17,6 @@ from neurosnap.sources.live.tick_schedule import Seconds, TickRule
 from neurosnap.sources.meaning import Comparison, parse_comparison
 
 Text = Annotated[str, msgspec.Meta(min_length=1, max_length=1024)]
-
 _TOPIC = "must be a topic, without + and #"
 
 

@@ -14,10 +14,8 @@ from typing import NamedTuple
 
 WAITING = 256
 """Passing messages that may wait; of more, the oldest is dropped."""
-
 LASTS = 5.0
 """Seconds for which a passing message is worth sending."""
-
 TOGETHER = 16
 """Messages on their way at a time; paho lets 20 be in flight."""
 

@@ -16,7 +16,6 @@ from neurosnap.sources.mqtt.options import MqttSensor
 
 LARGEST = 64 * 1024
 """Bytes of a payload that are looked at; one that is longer is refused unread."""
-
 _SHOWN = 40  # characters of a payload in an error
 
 

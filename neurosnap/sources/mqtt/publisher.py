@@ -252,7 +252,6 @@ Components: TypeAlias = dict[str, dict[str, Any]]
 
 # What is no reading is the payload None to Home Assistant.
 _BELIEF = "{{ 'None' if value == 'unknown' else value }}"
-
 _DIAGNOSIS = "diagnostic"
 _NOT_IN_ID = re.compile(r"[^a-z0-9]+")
 

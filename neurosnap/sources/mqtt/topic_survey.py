@@ -38,7 +38,6 @@ PAIRS = (
 """Words for on and off that no sensor knows unless it is told."""
 MOST_TOPICS = 10_000
 """Topics that are looked at; what comes of others is counted."""
-
 _MOST_WORDS = 8  # different values of one place; a sensor has a few
 _LONGEST = 40  # characters of a value that may be a word
 _DEPTH = 3  # levels of a JSON payload
