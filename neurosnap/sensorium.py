@@ -133,10 +133,7 @@ class Sensorium:
         return self._names[number >> 1] + "*" * (number & 1)
 
     def observation(self, bits: ArrayLike) -> NDArray[np.bool_]:
-        """Return `bits` as an observation: ``(N,)`` bool.
-
-        Args:
-            bits: ``(N,)``; bool, or numbers that are all 0 or 1.
+        """Return `bits`, bool or numbers, as an observation: ``(N,)`` bool.
 
         Returns:
             The same array if it already is one, a new one otherwise.
@@ -217,12 +214,9 @@ def unpack(data: bytes, count: int) -> NDArray[np.bool_]:
 def unpack_readings(
     bits: bytes, known: bytes, count: int
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_] | None]:
-    """Return what `count` sensors read, and which of the readings are known.
+    """Return what `count` sensors read, and which is known, None if all: ``(N,)`` each.
 
     Both as `pack` made them; `known` is empty if all are.
-
-    Returns:
-        ``(N,)`` each, the second None where all readings are known.
 
     Raises:
         ShapeError: They are of another number of sensors.

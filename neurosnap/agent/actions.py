@@ -38,10 +38,7 @@ class Actions(Contexts):
         self._first = self._own + len(body.actions)
 
     def signals(self, state: NDArray[np.bool_]) -> list[tuple[int, ...]]:
-        """Return for each action what taking it here would switch on.
-
-        Args:
-            state: ``(2N,)``, the coherent state.
+        """Return what taking each action in a coherent state, ``(2N,)``, switches on.
 
         Returns:
             ``α`` and every ``α∧c`` with ``c`` in the state, for each action ``α``;

@@ -317,10 +317,7 @@ class Agent:
         return self.decision
 
     def consequences(self, action: int | str) -> NDArray[np.bool_]:
-        """Return the literals that an action taken here guarantees: ``(2N,)``.
-
-        Args:
-            action: Its name or number.
+        """Return ``(2N,)``: what an action, by name or number, guarantees here.
 
         Raises:
             InvalidValueError: There is no such action, or actions are not sensed.

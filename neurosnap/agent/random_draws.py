@@ -14,10 +14,8 @@ class RandomNumbers:
     """Numbers in [0, 1), `WIDTH` for every tick, from a counter-based generator.
 
     Numbers that came from one stream would depend on how many were drawn before, and so
-    on the order in which messages arrived. These depend on the seed and the tick alone.
-
-    Args:
-        seed: The generator's key, from 0 up.
+    on the order in which messages arrived. These depend on the seed, the generator's
+    key from 0 up, and the tick alone.
 
     Raises:
         InvalidValueError: The seed is out of range.

@@ -88,11 +88,9 @@ class Sensor:
 class Trajectory:
     """The last states of a trajectory, as far back as any of its sensors looks.
 
-    It keeps copies, since an environment may write its next state where the last one
-    was. A state that a predicate cannot read leaves the trajectory as it was.
-
-    Args:
-        sensors: In the order of the observation.
+    Sensors come in the order of the observation. It keeps copies, since an environment
+    may write its next state where the last one was. A state that a predicate cannot
+    read leaves the trajectory as it was.
 
     Raises:
         InvalidValueError: One of them is no `Sensor`, or two have the same name.
@@ -113,10 +111,7 @@ class Trajectory:
         self._states: tuple[Any, ...] = ()
 
     def begin(self, state: object) -> NDArray[np.bool_]:
-        """Start anew at `state`, where it is taken to have rested.
-
-        Returns:
-            ``(N,)``, the reading of every sensor. O(N) calls.
+        """Start at rest in `state`; return the readings, ``(N,)``. O(N) calls.
 
         Raises:
             InvalidValueError: As for `Sensor.__call__`.

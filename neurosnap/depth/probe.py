@@ -39,11 +39,7 @@ class GivenOrder:
     """Edges on the longest chain, and on the longest that starts in the signal."""
 
     def reach(self) -> NDArray[np.bool_]:
-        """Return everything above the signal, itself included.
-
-        Returns:
-            ``(2N,)``. O(h e) time, for edges ``h`` hops deep.
-        """
+        """Return ``up(signal)``: ``(2N,)``. O(h e) time, for edges ``h`` hops deep."""
         sources, targets = self.edges >> 32, self.edges & 0xFFFFFFFF
         reached = np.zeros(2 * self.sensors, np.bool_)
         reached[list(self.signal)] = True

@@ -27,10 +27,7 @@ LOOKBACK = 4 * WEEK
 
 
 def parse_budget(text: str) -> float:
-    """Return alarms a week.
-
-    Args:
-        text: Such as ``1/week``; a number a ``hour``, ``day``, ``week`` or ``month``.
+    """Return alarms a week, of a number a ``hour``, ``day``, ``week`` or ``month``.
 
     Raises:
         InvalidValueError: It is not of that form, or zero.

@@ -134,11 +134,7 @@ def speaks(evidence: Floats, expected: Floats) -> NDArray[np.bool_]:
 
 
 def peaks(evidence: Floats) -> Floats:
-    """Return the peaks of the excursions above zero that are over.
-
-    Args:
-        evidence: ``(steps,)``, 0 or more.
-    """
+    """Return the peaks of ``(steps,)``, 0 or more, in the excursions that are over."""
     above = np.concatenate([[False], evidence > 0, [False]])
     bounds = np.flatnonzero(above[1:] != above[:-1]).reshape(-1, 2)
     over = bounds[bounds[:, 1] < len(evidence)]

@@ -102,14 +102,11 @@ def learn(steps: Steps, valid: Flags, zone: str) -> LearnedRates:
 
 
 def per_step(rates: Floats, alone: Floats) -> Floats:
-    """Return the rates that evidence is followed by.
+    """Return the rates that evidence is followed by: ``(4, steps, sensors)``.
 
     Args:
         rates: ``(3, steps, sensors)``, a window each.
         alone: ``(steps, sensors)``, a step; what ``more`` is judged by.
-
-    Returns:
-        ``(4, steps, sensors)``, a step each.
     """
     steps = rates / np.array(WINDOWS)[:, None, None]
     return np.concatenate([steps, alone[None]])

@@ -355,11 +355,7 @@ class Follower:
         return said
 
     def until(self, now: float) -> list[News]:
-        """Let time pass without an observation.
-
-        Args:
-            now: Seconds since 1970. Before the first observation it does nothing.
-        """
+        """Let time pass to `now`, seconds since 1970, after the first observation."""
         said: list[News] = []
         zone = self.monitor.zone
         if self._at is None:

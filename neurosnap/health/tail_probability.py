@@ -18,7 +18,7 @@ _WHOLE = 5
 
 
 def tail_of(peaks: Floats, weeks: float, mean: float, weight: float = 1) -> Floats:
-    """Return the tail of peaks that were seen.
+    """Return the tail of peaks that were seen, ``(4,)``: rate, start, mean, shape.
 
     Args:
         peaks: ``(n,)``, in any order, above zero.
@@ -26,9 +26,6 @@ def tail_of(peaks: Floats, weeks: float, mean: float, weight: float = 1) -> Floa
         mean: What to expect above the start if there were no peaks. What is found is
             never below it: a tail lighter than theory gives is not believed.
         weight: How many peaks that is worth.
-
-    Returns:
-        ``(4,)``: rate, start, mean, shape.
     """
     count = len(peaks)
     upper = min(count, max(_WHOLE, (count + 1) // 2))

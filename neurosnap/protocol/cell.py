@@ -53,11 +53,7 @@ class _Wave(msgspec.Struct):
 
 
 class Cell(Host[_Wave, wire.Observation]):
-    """The pure core of one cell.
-
-    Args:
-        cell: Its sensor's number; its literals are ``2 * cell`` and ``2 * cell + 1``.
-    """
+    """The pure core of one cell; its literals: ``2 * cell`` and ``2 * cell + 1``."""
 
     def __init__(self, cell: int) -> None:
         super().__init__(f"cell/{cell}", range(2 * cell, 2 * cell + 2))

@@ -95,11 +95,7 @@ class Counted(NamedTuple):
 
 
 def check_recall(recall: wire.Recall) -> list[Counted]:
-    """Raise MessageError for a question that contradicts itself.
-
-    Returns:
-        The counts that it asks for.
-    """
+    """Return the counts a question asks for; MessageError: it contradicts itself."""
     literals = wire.numbers("recall: counted", recall.counted)
     if sum(recall.sizes) != len(literals):
         rule = f"must be of {sum(recall.sizes)} literals"

@@ -300,10 +300,7 @@ class Coordinator:
                 ]
 
     def overdue(self, number: int) -> list[wire.Message]:
-        """Send again what has not come to its end within its deadline.
-
-        Args:
-            number: As in `in_flight`.
+        """Send again what is past its deadline; `number` is as in `in_flight`.
 
         Raises:
             AnswerLostError: It was sent often enough.
@@ -486,9 +483,7 @@ class Coordinator:
         """Close the tick: a key-frame if one is due, and the decision.
 
         Nothing is in flight, and the next state wave is behind the wirings it takes.
-
-        Args:
-            grown: Whether any sensor came or went.
+        `grown` says whether any sensor came or went.
         """
         if grown:
             self._changed = True

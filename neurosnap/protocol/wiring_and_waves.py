@@ -241,9 +241,8 @@ class SentWiring:
     def rewire(self, edges: Edges) -> list[wire.Message]:
         """Return the messages that turn the wiring into `edges`. O(e + n) time.
 
-        Args:
-            edges: ``(e,)``, ascending, ``source << 32 | target`` each; it must not
-                change afterwards.
+        These are ``(e,)``, ascending, ``source << 32 | target`` each, and must not
+        change afterwards.
         """
         before, self._edges = self._edges, edges
         if self.is_forgotten:

@@ -110,11 +110,7 @@ def world(named: Trust) -> ChooseParts:
 
 
 def recorder(new_log: Callable[[], Path]) -> ChooseParts:
-    """Return what chooses a recorder.
-
-    Args:
-        new_log: Returns where to record a swarm; asked once for each.
-    """
+    """Return what chooses a recorder; `new_log` gives each swarm a place to record."""
 
     def choose(swarm: str, description: RunDescription) -> list[RemotePart]:
         options = description.options

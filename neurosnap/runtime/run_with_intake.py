@@ -267,12 +267,10 @@ async def _keep_up(
     ready: asyncio.Event,
     ending: asyncio.Event,
 ) -> Statistics | None:
-    """Start the intake, and start it again when it dies, until `ending`.
+    """Start the intake, again whenever it dies, until `ending`; return what it counted.
 
-    How often is for the run to bound: a world that asks dies with it.
-
-    Returns:
-        What it counted; None if it died in the end.
+    None if it died in the end. How often is for the run to bound: a world that asks
+    dies with it.
     """
     while True:
         try:

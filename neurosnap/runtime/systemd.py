@@ -40,11 +40,8 @@ class ServiceManager:
     def progress(self, tick: int) -> None:
         """Say that the run is up, if that was not said, and that it goes on.
 
-        Called as long as it does; says it once a second at most, or as often as the
-        manager asks for.
-
-        Args:
-            tick: How far it is.
+        Called as long as it does, with the tick that it is at; says it once a second at
+        most, or as often as the manager asks for.
         """
         now = time.monotonic()
         if self._socket is None or now < self._next:

@@ -46,10 +46,7 @@ class Camera:
         return (tick - 1) % self._every == 0
 
     def image(self, tick: int) -> wire.Image:
-        """Return an image of the environment as it is now.
-
-        Args:
-            tick: That of the last observation.
+        """Return an image of the environment as it is now, after observing `tick`.
 
         Raises:
             InvalidValueError: What the environment draws is no image, or too large.

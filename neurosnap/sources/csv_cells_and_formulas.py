@@ -52,11 +52,8 @@ class TableFile(Protocol):
 class CsvFile:
     """A CSV file, whose lines can be read as often as asked.
 
-    Args:
-        path: Where it is.
-
     Attributes:
-        path: The same.
+        path: Where it is.
         delimiter: What stands between cells: that one of the three which the header has
             most of.
         header: Its first line's cells. An apostrophe that keeps a spreadsheet from

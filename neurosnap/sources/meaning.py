@@ -163,10 +163,7 @@ class Reader:
         self._before: bool | None = None
 
     def read(self, value: object) -> bool | None:
-        """Return what a value says; None if it is unknown.
-
-        Args:
-            value: A text, or what a JSON document holds.
+        """Return what a text, or another JSON value, says; None if it is unknown.
 
         Raises:
             ValueError: It says nothing; the text is the rule.

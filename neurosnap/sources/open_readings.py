@@ -138,9 +138,6 @@ class FileSource:
 class _ParquetFile:
     """A Parquet file: columns of booleans, numbers or words; what is missing is empty.
 
-    Args:
-        path: Where it is.
-
     Attributes:
         time: The first column of dates, which holds the time; None if there is none.
             The others are left out.

@@ -30,10 +30,7 @@ class Readings:
 
 
 def utc(seconds: float) -> str:
-    """Return a moment as text, to the second.
-
-    Args:
-        seconds: Since 1970.
+    """Return a moment, in seconds since 1970, as text, to the second.
 
     Examples:
         >>> utc(1203898814)

@@ -166,24 +166,17 @@ def options_of(
 
 
 def option(flag: str) -> Any:  # noqa: ANN401 - typer's
-    """Return the default value of a verb's parameter that is an option of a run.
-
-    Args:
-        flag: The option's name, which is the parameter's too.
-    """
+    """Return the default value of a verb's parameter that is an option of a run."""
     return run_options()[flag].parameter(flag)
 
 
 def with_run_options(
     *flags: str,
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Give a verb some options of a run.
+    """Give a verb the options of a run that `flags` names.
 
     They stand behind its first two parameters, context and source. The verb itself is
     called without them: it reads them from its context, by `request_of`.
-
-    Args:
-        flags: The names of these options.
 
     Raises:
         KeyError: There is no option of such a name.

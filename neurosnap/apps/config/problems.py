@@ -113,11 +113,9 @@ class LineNumbers:
     def line(self, keys: Keys) -> int | None:
         """Return the line, from 1 up, on which a key stands, or a table's header.
 
-        Of what stands behind a string of several lines within the same array or inline
-        table, it is the line on which that string begins.
-
-        Args:
-            keys: The way to it. It may be implied, as ``a`` is by ``[a.b]``.
+        The way to it may be implied, as ``a`` is by ``[a.b]``. Of what stands behind a
+        string of several lines within the same array or inline table, it is the line on
+        which that string begins.
 
         Returns:
             None if there is no such key. O(log L) parses, for L lines.

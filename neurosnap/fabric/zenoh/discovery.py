@@ -139,14 +139,11 @@ class Discovery:
     async def next(
         self, stop: asyncio.Event, patience: float | None = None
     ) -> FoundSwarm | None:
-        """Return the swarm that came last, one each time it came.
+        """Return the swarm that came last, once for each; None if `stop` was set.
 
         Args:
             stop: Ends the wait.
             patience: Seconds one may take to come; None if it may take any time.
-
-        Returns:
-            The swarm, which is there now; None if `stop` was set.
 
         Raises:
             TimeoutError: None came.

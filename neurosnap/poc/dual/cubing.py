@@ -132,16 +132,13 @@ Convex: TypeAlias = ConvexSet | Literals
 
 
 class Cubing:
-    """The dual cubing of a poc set ([GK] defn:dual).
+    """The dual cubing of a poc set, or of what a graph generates ([GK] defn:dual).
 
     Vertices are ``(2N,)`` bool arrays; two are joined if they differ in one element,
     which is one sensor and all sensors equal to it; pairwise crossing elements span
-    cubes. Negligible literals are in no vertex, ubiquitous ones in all. What is
-    said to be a vertex and is none, or is projected to or from an empty set, is refused
-    by `InvalidValueError`.
-
-    Args:
-        poc: A poc set, or a graph that generates one.
+    cubes. Negligible literals are in no vertex, ubiquitous ones in all. What is said to
+    be a vertex and is none, or is projected to or from an empty set, is refused by
+    `InvalidValueError`.
 
     Examples:
         >>> c = Cubing(PocSet.parse("a, b, c : a < c*, b < c*"))
@@ -194,10 +191,7 @@ class Cubing:
         return self.count()
 
     def face_vector(self) -> tuple[int, ...]:
-        """Return the number of cubes of each dimension, without listing them.
-
-        Returns:
-            Entry ``d`` counts the cubes of dimension ``d``; costs as `count` does.
+        """Return the number of cubes of each dimension, from 0 up; costs as `count`.
 
         Examples:
             >>> Cubing(PocSet(60)).face_vector()[:2] == (2**60, 60 * 2**59)
@@ -364,12 +358,10 @@ class Cubing:
         return self.convex_set(self._dual.array(shared))
 
     def separators(self, k: Convex, m: Convex) -> NDArray[np.bool_]:
-        """Return the literals that all of `k` holds and none of `m`.
+        """Return the literals that all of `k` holds and none of `m`, ``(2N,)`` bool.
 
-        [GK] eqn:separator. Their elements are as many as the hops between the sets.
-
-        Returns:
-            ``(2N,)`` bool; equal literals are in it together.
+        [GK] eqn:separator. Their elements are as many as the hops between the sets;
+        equal literals are in it together.
         """
         here, there = self._filled("k", k), self._filled("m", m)
         return self._dual.array(here & self._dual.star(there))

@@ -380,13 +380,10 @@ class Snapshot(abc.ABC):
         self._graph = None
 
     def adopt(self, state: NDArray[np.bool_]) -> None:
-        """Set the state.
+        """Set the state, ``(2N,)`` bool.
 
-        It should be coherent with respect to the current graph; what is checked is
-        that it is a *-selection, which takes no walk over the graph.
-
-        Args:
-            state: ``(2N,)`` bool.
+        It should be coherent with respect to the current graph; what is checked is that
+        it is a *-selection, which takes no walk over the graph.
 
         Raises:
             ShapeError: Another shape.

@@ -35,10 +35,7 @@ class Order(NamedTuple):
 
 
 def order_of(rows: Words) -> Order:
-    """Return the order of a relation.
-
-    Args:
-        rows: ``(n, w)``, the out-edges of every literal, closed under contraposition.
+    """Return the order of a relation: ``(n, w)`` edges closed under contraposition.
 
     Cost:
         O(n w) words to read all rows, O(w) for each of the ``c`` covers and at most a

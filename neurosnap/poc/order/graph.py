@@ -235,9 +235,6 @@ class PocGraph:
         so a path that repeats nothing passes such members at its ends only, one hop
         each; in between it goes up a chain of representatives.
 
-        Args:
-            kind: ``"hasse"`` or ``"derived"``.
-
         Returns:
             ``(2N, 2N)`` bool, read-only.
 

@@ -257,10 +257,9 @@ class PocSet:
         return None
 
     def hasse(self) -> list[tuple[int, int]]:
-        """Return the pairs of neighbours in the order, by representatives.
+        """Return pairs of representatives ``(a, b)``, `a` directly below `b`, sorted.
 
-        Returns:
-            Pairs ``(a, b)``, `a` directly below `b`, sorted; the bounds are left out.
+        The bounds are left out.
 
         Examples:
             >>> PocSet.parse("a, b : a < b").hasse()

@@ -140,11 +140,7 @@ def _resume_point_in(
 
 
 def whole_ticks(log: Path) -> int:
-    """Return how far a recorded run can go on, in ticks; 0: it cannot.
-
-    Args:
-        log: As in `find_resume_point`.
-    """
+    """Return how far a recorded run can go on, in ticks; 0: it cannot."""
     with suppress(RecordingError):
         return find_resume_point(log)[1].tick
     return 0

@@ -34,9 +34,6 @@ class RecordedBirth(msgspec.Struct, frozen=True, kw_only=True):
 class Births:
     """Lists the sensors that a run grows, message by message.
 
-    Args:
-        body: What is sensed when the run starts.
-
     Attributes:
         first: What is sensed when the run starts.
         body: What is sensed by now.

@@ -79,10 +79,8 @@ class CausalOrder:
     """Holds each reply back until the request that it answers.
 
     Each sender's own order is kept. The word may be lost, or never have been said: so
-    what waits is let go after a while, and bounded by what comes in that time.
-
-    Args:
-        patience: How long a message waits, nanoseconds.
+    what waits is let go after `patience` nanoseconds, and bounded by what comes in that
+    time.
     """
 
     def __init__(self, patience: int) -> None:

@@ -33,12 +33,9 @@ class FsyncThread:
         self._named: set[Path] = set()  # whose names the disk has; the thread's own
 
     def sync(self, files: Sequence[Writer]) -> bool:
-        """Sync the data written to files so far, without waiting.
+        """Sync the data written to open files so far, without waiting.
 
         Does nothing while the last sync is under way.
-
-        Args:
-            files: They are open.
 
         Returns:
             It begins: what the last one was to write is on the disk.

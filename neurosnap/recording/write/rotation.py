@@ -314,8 +314,7 @@ class SplitWriter:
     def flush(self, now: int) -> None:
         """Flush what was written to the operating system; see `Writer.flush`.
 
-        Args:
-            now: By the clock of `add`; what waits for longer than `LATE` goes along.
+        What waits for longer than `LATE` at `now`, by the clock of `add`, goes along.
 
         Raises:
             RecordingError: Also where a file that was closed before cannot be saved.
@@ -346,10 +345,7 @@ class SplitWriter:
         return self._saving.check() and not self._harmed
 
     def sync(self) -> bool:
-        """Sync all flushed data to disk, on a thread.
-
-        Returns:
-            Whether a sync began; false while the previous one is under way.
+        """Sync flushed data to disk, on a thread; false while another is under way.
 
         Raises:
             RecordingError: Now or before the disk did not take it.
@@ -359,11 +355,7 @@ class SplitWriter:
     def finish(
         self, totals: Mapping[str, str], expected: Mapping[str, int]
     ) -> Completeness:
-        """Finish all files; see `Writer.finish`.
-
-        Returns:
-            What they hold of what was sent, added up.
-        """
+        """Finish all files, see `Writer.finish`; return what they hold, added up."""
         self._write_all(self._causes.rest())
         self._close(expected)
         self._saving.close()

@@ -134,10 +134,7 @@ class Writer:
         return self._stream.tell()
 
     def start(self, metadata: Mapping[str, str]) -> None:
-        """Write what the run is, before its first message.
-
-        Args:
-            metadata: Anything worth keeping; the schema number is added.
+        """Write what the run is, before its first message; the schema number is added.
 
         Raises:
             InvalidValueError: A text cannot be written as UTF-8.

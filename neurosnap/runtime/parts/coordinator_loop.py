@@ -128,13 +128,10 @@ async def run_coordinator(
 
 
 class WorldDeadline:
-    """A deadline for the world's next observation.
+    """A deadline for the world's next observation: `patience` seconds, or none if None.
 
     Only what the coordinator says is needed: a decision asks the world for an
     observation, and the first wave of a tick shows that this has come.
-
-    Args:
-        patience: Seconds it may take; None if it may take any time.
     """
 
     def __init__(self, patience: float | None) -> None:

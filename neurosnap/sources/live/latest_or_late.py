@@ -122,9 +122,6 @@ class LatestReadings:
     def observation(self, now: float) -> tuple[Bits, Bits]:
         """Return what is read, and what of it is known. O(N).
 
-        Args:
-            now: Never before any time given earlier.
-
         Returns:
             The readings and which are known: ``(N,)`` each, new arrays; a reading that
             is not known is 0.

@@ -155,12 +155,9 @@ class LiveSource:
         return self._tick()
 
     def step(self, action: int) -> Observed | None:
-        """Carry out `action`, and wait for the next tick.
+        """Carry out `action`, unless there are no actions, and wait for the next tick.
 
         It may be the first call, where a run goes on that had its first tick before.
-
-        Args:
-            action: The choice; not looked at where there are no actions.
 
         Returns:
             The readings; None if the source is closed, or its feeder has come to an
@@ -398,22 +395,14 @@ class LiveSource:
             self._condition.notify_all()
 
     def wait_for_room(self) -> bool:
-        """Wait while too many whole readings do; from a feeder's thread.
-
-        Returns:
-            There is room; otherwise no reading is wanted any more.
-        """
+        """Wait, as a feeder, for room; false if no reading is wanted any more."""
         with self._condition:
             while len(self._waiting) >= ROOM and not self._closed:
                 self._condition.wait()
             return not self._closed and not self.is_full
 
     def refuse(self, text: str) -> None:
-        """Count a message that is no reading, and log it, a line a second at most.
-
-        Args:
-            text: What it was, as ``name: rule, got value``.
-        """
+        """Count what is no reading; log ``name: rule, got value``, a line a second."""
         with self._condition:
             self._refusals.refuse(text)
             self._take("refused", {})

@@ -108,10 +108,7 @@ class RemoteSource:
         return self.step(-1)
 
     def step(self, action: int) -> Observed | None:
-        """Return the next row, once there is one.
-
-        Args:
-            action: The choice, to be carried out before.
+        """Return the next row there is, once `action`, the choice, is carried out.
 
         Returns:
             The readings; None if the source is closed, or over.

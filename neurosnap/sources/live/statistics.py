@@ -81,11 +81,7 @@ class Refusals:
         self._untold, self._last = 0, ""
 
     def refuse(self, text: str) -> None:
-        """Log one, unless the last line is too recent.
-
-        Args:
-            text: What it was, as ``name: rule, got value``.
-        """
+        """Log one, as ``name: rule, got value``, unless the last line is too recent."""
         now = self._clock()
         if now < self._next:
             self._untold, self._last = self._untold + 1, text

@@ -15,15 +15,12 @@ Seconds: TypeAlias = Annotated[float, msgspec.Meta(gt=0, le=31_536_000)]
 
 
 class Clocked:
-    """A tick every `interval` seconds, the first one at once.
+    """A tick every `interval` seconds, above 0, the first one at once.
 
     A tick that is late, since the swarm was busy or nothing was known, is given as soon
     as it can be. Further ones that were due meanwhile are skipped, not caught up on:
     they would all show the same. The next is due when it would have been anyway, so
     lateness does not add up.
-
-    Args:
-        interval: Seconds, above 0.
     """
 
     def __init__(self, interval: float) -> None:

@@ -135,9 +135,6 @@ class MqttLink:
     async def serve(self, stop: asyncio.Event) -> None:
         """Stay connected until `stop` is set, then send what waits and say goodbye.
 
-        Args:
-            stop: Ends it.
-
         Raises:
             InvalidValueError: At the start: the broker refuses the name or the
                 password, or a filter, or its certificate is not trusted.

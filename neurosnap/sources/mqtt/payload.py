@@ -83,11 +83,7 @@ class Payload:
 
 
 class PayloadReader:
-    """Reads the payloads of one sensor's topic: on, off or unknown.
-
-    Args:
-        sensor: Which, and how it reads.
-    """
+    """Reads the payloads of one sensor's topic: on, off or unknown."""
 
     def __init__(self, sensor: MqttSensor) -> None:
         self._sensor = sensor

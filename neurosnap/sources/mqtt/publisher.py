@@ -109,10 +109,7 @@ class MqttPublisher:
         self.anomaly(None)
 
     def state(self, state: wire.State) -> None:
-        """Publish what is believed by a tick's state. O(N).
-
-        Args:
-            state: What the coordinator published.
+        """Publish what is believed by a state that the coordinator published. O(N).
 
         Raises:
             ShapeError: It is the state of another number of sensors.
@@ -144,9 +141,7 @@ class MqttPublisher:
     def anomaly(self, record: Mapping[str, object] | None) -> None:
         """Publish that there is an anomaly now, or that there is none.
 
-        Args:
-            record: What JSON can hold; None if there is none: the last one stays to
-                be looked at.
+        `record` is what JSON can hold; if None, the last one stays to be looked at.
         """
         if record is not None:
             self._last = record
@@ -235,10 +230,7 @@ def slugs(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def beliefs(literals: NDArray[np.bool_]) -> list[bytes]:
-    """Return the belief about every sensor in a state.
-
-    Args:
-        literals: ``(2N,)``, coherent.
+    """Return the belief about every sensor in a coherent state, ``(2N,)``.
 
     Returns:
         One of `WORDS` a sensor; unknown where neither of its literals is in the state.

@@ -75,11 +75,7 @@ class Survey:
         """Messages of topics beyond `MOST_TOPICS`."""
 
     def add(self, topic: str, data: bytes) -> bool:
-        """Add one message. O(its length).
-
-        Returns:
-            Whether its topic is a new one.
-        """
+        """Add one message; return whether its topic is a new one. O(its length)."""
         heard = self._heard.get(topic)
         new = heard is None
         if heard is None:
