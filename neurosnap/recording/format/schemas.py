@@ -15,6 +15,7 @@ from neurosnap.wire import Image, Message
 
 ENCODING = "jsonschema"
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
 _FOREIGN: dict[type[Message], str] = {Image: "foxglove.CompressedImage"}
 """The schemas of others that a message has all fields of; viewers go by the name."""
 
