@@ -284,8 +284,7 @@ def as_known(known: ArrayLike, count: int) -> NDArray[np.bool_]:
     """
     mask = np.asarray(known)
     if mask.shape != (count,):
-        rule = f"must hold {count} flags, one a sensor"
-        raise ShapeError("known", rule, mask.shape)
+        raise ShapeError("known", f"must hold {count} flags, one a sensor", mask.shape)
     if mask.dtype != np.bool_ and mask.size:
         raise InvalidValueError("known", "must be bool", mask.dtype)
     return mask.astype(np.bool_, copy=False)

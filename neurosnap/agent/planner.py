@@ -159,8 +159,7 @@ def target_literals(body: Body, target: Iterable[str | int]) -> tuple[int, ...]:
         sensorium.name(literal)
         literals.add(int(literal))
     if not literals:
-        rule = "must name a sensation to achieve"
-        raise InvalidValueError("target", rule, "nothing")
+        raise InvalidValueError("target", "must name a sensation to achieve", "nothing")
     for literal in literals:
         if literal ^ 1 in literals:
             rule = "must not hold a literal and its complement"

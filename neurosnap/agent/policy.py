@@ -47,11 +47,9 @@ class Policy(Protocol):
             tick: The tick whose state is known.
             state: ``(2N,)``, the coherent state.
         """
-        ...
 
     def grow(self, body: Body) -> None:
         """Go on with a body that has grown, or retired, a sensor."""
-        ...
 
 
 EXACT: Final = 1 / 100_000

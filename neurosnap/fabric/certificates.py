@@ -80,8 +80,7 @@ def make_keys(folder: Path, hosts: Sequence[str] = (), *, days: int = 365) -> Ma
     if os.path.lexists(folder):
         raise InvalidValueError("keys", "must not exist yet", str(folder))
     if not folder.absolute().parent.is_dir():
-        rule = "must be in a folder that exists"
-        raise InvalidValueError("keys", rule, str(folder))
+        raise InvalidValueError("keys", "must be in a folder that exists", str(folder))
     hosts = tuple(dict.fromkeys((*_HERE, *hosts)))
     names = [_general_name(host) for host in hosts]
     start = datetime.now(UTC)

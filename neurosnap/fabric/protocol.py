@@ -27,14 +27,12 @@ class Fabric(Protocol):
     @property
     def who(self) -> str:
         """The part's name, as in `Message.sender`."""
-        ...
 
     def publish(self, *messages: wire.Message) -> None:
         """Send `messages` in order, each under its key.
 
         May block while the network is congested.
         """
-        ...
 
     async def subscribe(
         self, keys: Sequence[str], handler: Handler, *, poll: float | None = None
@@ -51,11 +49,9 @@ class Fabric(Protocol):
                 one key only: what is collected under each is apart from the others, so
                 no sender's order would be kept.
         """
-        ...
 
     async def announce(self) -> None:
         """Show this part as alive, after all its subscriptions are in place."""
-        ...
 
     async def confirm(self) -> None:
         """Wait until every message published on this hub from now on comes here.
@@ -67,31 +63,24 @@ class Fabric(Protocol):
         Raises:
             FabricError: The hub does not answer.
         """
-        ...
 
     async def present(self) -> set[str]:
         """Return the names of the parts that are there now."""
-        ...
 
     async def describe_run(self, content: bytes) -> None:
         """Answer every part that asks what the run is with `content`."""
-        ...
 
     async def ask(self) -> bytes | None:
         """Return what the coordinator describes the run as; None if it is gone."""
-        ...
 
     async def watch(self, handler: PresenceHandler) -> None:
         """Call ``handler(who, alive)`` of each part; a second is ``who/instance``."""
-        ...
 
     async def serve(self, stop: asyncio.Event) -> None:
         """Wait until `stop` is set; raise what a handler raised before that."""
-        ...
 
     def fail(self, error: BaseException) -> None:
         """Make `serve` raise `error`, unless it already has one to raise."""
-        ...
 
     async def __aenter__(self) -> Self: ...
 

@@ -5,6 +5,7 @@ Events count, and not levels: a door that is open for weeks says nothing all the
 
 import functools
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,22 +24,17 @@ _HALF = 3
 _SATURDAY = 5
 
 
+@dataclass(eq=False)
 class Steps:
-    """The readings of completed steps, oldest first.
+    """The readings of completed steps, oldest first."""
 
-    Args:
-        came_on: ``(steps, sensors)``, how often a sensor came on.
-        longest: ``(steps, sensors)``, seconds: of all the times on that end in a step
-            or outlast it, how long the longest had lasted by its end.
-        first: The number of the first step, in steps since 1970.
-    """
-
-    def __init__(
-        self, came_on: NDArray[np.int32], longest: NDArray[np.float32], first: int
-    ) -> None:
-        self.came_on = came_on
-        self.longest = longest
-        self.first = first
+    came_on: NDArray[np.int32]
+    """``(steps, sensors)``, how often a sensor came on."""
+    longest: NDArray[np.float32]
+    """``(steps, sensors)``, seconds: of all the times on that end in a step or outlast
+    it, how long the longest had lasted by its end."""
+    first: int
+    """The number of the first step, in steps since 1970."""
 
     def __len__(self) -> int:
         return len(self.came_on)

@@ -34,8 +34,7 @@ def among(numbers: Sequence[int], name: str, count: int) -> Sequence[int]:
         InvalidValueError: One is of none that there is.
     """
     if not count:
-        rule = f"must go with a swarm that has {name}"
-        raise InvalidValueError(name, rule, numbers)
+        raise InvalidValueError(name, f"must go with a swarm that has {name}", numbers)
     if numbers[-1] >= count:
         rule = f"must be {name} of the swarm, 0 to {count - 1}"
         raise InvalidValueError(name, rule, numbers[-1])

@@ -128,8 +128,7 @@ def open_live(
         >>> source.close()
     """
     if not is_live(name):
-        rule = f"must be {STDIN}, {ZENOH} or {MQTT}"
-        raise InvalidValueError("source", rule, name)
+        raise InvalidValueError("source", f"must be {STDIN}, {ZENOH} or {MQTT}", name)
     arguments = {} if arguments is None else arguments
     if name == MQTT:
         try:

@@ -192,8 +192,7 @@ def export(
         path = log.with_suffix(".csv") if out is None else out
         if path.suffix.lower() == ".mcap":
             if force:
-                rule = "must come without --force"
-                raise InvalidValueError("out", rule, str(path))
+                raise InvalidValueError("out", "must come without --force", str(path))
             with unwinding():
                 _report_salvaged(salvage(log, path), form)
             return

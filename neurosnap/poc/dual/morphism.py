@@ -48,8 +48,7 @@ class PocMorphism:
         self._target = target
         own = np.array([target.element(image) for image in images], np.int64)
         if len(own) != len(source):
-            rule = f"must be {len(source)}, one a sensor"
-            raise ShapeError("images", rule, len(own))
+            raise ShapeError("images", f"must be {len(source)}, one a sensor", len(own))
         self._images = np.stack([own, own ^ 1], axis=1).reshape(-1)
         self._images.flags.writeable = False
         self._refuse_disorder()

@@ -623,8 +623,7 @@ def _checked_threshold(threshold: float | str) -> float:
     if isinstance(threshold, bool) or not isinstance(
         threshold, float | int | np.number
     ):
-        rule = 'must be a number, or "auto"'
-        raise InvalidValueError("threshold", rule, threshold)
+        raise InvalidValueError("threshold", 'must be a number, or "auto"', threshold)
     # Written so that NaN is out of range.
     if not 0 < threshold <= 0.25:
         raise InvalidValueError("threshold", "must be in (0, 0.25]", threshold)

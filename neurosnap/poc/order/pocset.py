@@ -354,8 +354,7 @@ class PocSet:
 def _split_text(text: object) -> tuple[Sensorium, list[str]]:
     """Return the generators and the relations of ``"a, b : a < b"``, still as text."""
     if not isinstance(text, str):
-        rule = 'must be text such as "a, b : a < b"'
-        raise InvalidValueError("poc set", rule, text)
+        raise InvalidValueError("poc set", 'must be text such as "a, b : a < b"', text)
     before, _, after = text.partition(":")
     names = [name.strip() for name in before.split(",")] if before.strip() else []
     for name in names:
@@ -431,5 +430,4 @@ def _parts(entry: RelationLike) -> list[tuple[int | str, str, int | str]]:
         return [(given[0], "<=", given[1])]
     if len(given) == 3:
         return [(given[0], str(given[1]), given[2])]
-    rule = "must be (a, b), (a, sign, b) or text"
-    raise InvalidValueError("relation", rule, entry)
+    raise InvalidValueError("relation", "must be (a, b), (a, sign, b) or text", entry)

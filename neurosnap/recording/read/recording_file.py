@@ -241,8 +241,7 @@ class RecordingFile:
         topics = {**self.topics, **self._named(found.registered.values())}
         for number in np.flatnonzero(np.bincount(found.channels)).tolist():
             if number not in topics:
-                rule = "channel must be registered"
-                raise damaged_in(self.path, chunk, rule, number)
+                raise damaged_in(self.path, chunk, "channel must be registered", number)
         return ChunkMessages(self.path, chunk, found, topics)
 
     @property

@@ -33,7 +33,6 @@ class Core(Protocol):
     @property
     def tick(self) -> int:
         """The last whole tick, for reports of progress."""
-        ...
 
     @property
     def in_flight(self) -> tuple[int, ...]:
@@ -41,23 +40,18 @@ class Core(Protocol):
 
         Waves by number; a question as its -round; and 0, if workers learn.
         """
-        ...
 
     def begin(self) -> list[wire.Message]:
         """Return what opens the run."""
-        ...
 
     def receive(self, message: wire.Message) -> list[wire.Message]:
         """Receive one message; return what is to be published for it."""
-        ...
 
     def overdue(self, number: int) -> list[wire.Message]:
         """Return what is to be published because what has this number is late."""
-        ...
 
     def stop(self) -> list[wire.Message]:
         """End after what is under way."""
-        ...
 
 
 @dataclass(frozen=True)

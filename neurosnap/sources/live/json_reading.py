@@ -51,8 +51,7 @@ class Reading(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             return tuple(value(self.bits.get(name)) for name in sensors)
         bits = self.bits or []
         if len(bits) != len(sensors):
-            rule = f"must be {len(sensors)}, one a sensor"
-            raise ShapeError("bits", rule, len(bits))
+            raise ShapeError("bits", f"must be {len(sensors)}, one a sensor", len(bits))
         return tuple(map(value, bits))
 
 
