@@ -81,12 +81,7 @@ class FabricError(NeurosnapError):
 
 
 class InboxOverflowError(FabricError):
-    """An inbox received more messages than it can hold before it was read.
-
-    Args:
-        owner: Whose inbox it is.
-        capacity: How many messages it may hold.
-    """
+    """An owner's inbox received more messages than its capacity before it was read."""
 
     def __init__(self, owner: str, capacity: int) -> None:
         super().__init__(

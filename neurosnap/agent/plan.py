@@ -81,11 +81,7 @@ class PlanTold(NamedTuple):
 
 
 def plan_told(why: str, names: Sequence[str]) -> PlanTold | None:
-    """Return the plan that a decision's reason names; None if it names none.
-
-    Args:
-        why: The reason.
-        names: What the actions are called.
+    """Return the plan that a decision's reason names, by the actions' names, or None.
 
     Examples:
         >>> plan_told("to begin another episode, in 2: up, left", ["left", "up"])

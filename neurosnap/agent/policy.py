@@ -41,11 +41,9 @@ class Policy(Protocol):
     """Chooses the action of a tick once the state is known."""
 
     def decide(self, tick: int, state: NDArray[np.bool_]) -> Deliberation:
-        """Decide what to do; each round asks for one closure at least.
+        """Decide what to do at a tick, by its coherent state, ``(2N,)``.
 
-        Args:
-            tick: The tick whose state is known.
-            state: ``(2N,)``, the coherent state.
+        Each round asks for one closure at least.
         """
 
     def grow(self, body: Body) -> None:

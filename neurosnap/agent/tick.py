@@ -68,12 +68,8 @@ Steps: TypeAlias = Generator[Request, Any, bool]
 def tick(mind: Mind, sensed: Sensed) -> Steps:
     """Go through one tick, from an observation to the decision on it.
 
-    The steps are those of docs/design.md, "A tick"; the decision is `mind.decision`
-    at the end.
-
-    Args:
-        mind: As it was after the tick before.
-        sensed: What every sensor reads now.
+    The mind is as it was after the tick before. The steps are those of docs/design.md,
+    "A tick"; the decision is `mind.decision` at the end.
     """
     snapshot, memory, last = mind.snapshot, mind.memory, mind.decision
     # 1. What came is held against what the last action guaranteed, by what was

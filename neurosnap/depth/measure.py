@@ -60,10 +60,8 @@ async def measure(
 ) -> list[Measured]:
     """Time waves through swarms wired to orders of given heights.
 
-    Args:
-        sweep: Which.
-        stop: Ends it; what was measured by then is returned.
-        on_progress: Called with the number of waves that are timed.
+    What was measured by `stop` is returned; `on_progress` is called with the number of
+    waves that are timed.
 
     Raises:
         SwarmError: A part failed.
@@ -167,13 +165,7 @@ def write_csv(rows: Iterable[Measured], path: Path) -> None:
 def draw(rows: Sequence[Measured], folder: Path, source: str) -> list[Path]:
     """Write ``depth.png``, ``.svg`` and ``.pdf``: depth over height, time over depth.
 
-    Args:
-        rows: The waves.
-        folder: Where to.
-        source: What they are of.
-
-    Returns:
-        What was written.
+    Return what was written. `source` is what the waves are of.
 
     Raises:
         MissingExtraError: matplotlib is not installed.

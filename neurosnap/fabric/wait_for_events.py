@@ -14,16 +14,10 @@ async def wait_any(*events: asyncio.Event, seconds: float | None = None) -> None
 async def first_of(
     *several: Coroutine[Any, Any, object], seconds: float | None = None
 ) -> bool:
-    """Wait until one of several is over, and raise what it raised.
+    """Wait until one of several is over; raise what it raised, return whether one is.
 
-    The others are cancelled; all are, if the caller is.
-
-    Args:
-        several: What is waited for.
-        seconds: How long at most; if None, as long as it takes.
-
-    Returns:
-        Whether one is over.
+    It waits `seconds` at most; if None, as long as it takes. The others are cancelled;
+    all are, if the caller is.
     """
     tasks = [asyncio.create_task(each) for each in several]
     try:

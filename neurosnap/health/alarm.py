@@ -193,11 +193,8 @@ class News(msgspec.Struct, frozen=True):
 def news(before: Standing | None, now: Standing) -> Iterator[News]:
     """Yield what is over, and then what was raised.
 
-    An alarm that begins and ends between two looks is missed.
-
-    Args:
-        before: How they were; None if nothing was known of them.
-        now: How they are.
+    An alarm that begins and ends between two looks is missed. `before` is None if
+    nothing was known of the sensors.
     """
     alarms = () if before is None else before.alarms
     was = {(alarm.sensor, alarm.step) for alarm in alarms}

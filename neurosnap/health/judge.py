@@ -50,13 +50,9 @@ class RateChanges(NamedTuple):
 class Judge:
     """Judges the sensors of a home: the evidence against each, and its alarm.
 
-    An alarm ends when its sensor is well again: it came on after a silence, went off
-    after it was stuck, or came on as usual for a day. The evidence for it starts from
-    zero then, so that a repair is no alarm.
-
-    Args:
-        sensors: How many.
-        alarms: The budget, alarms a week.
+    The budget is so many alarms a week. An alarm ends when its sensor is well again: it
+    came on after a silence, went off after it was stuck, or came on as usual for a day.
+    The evidence for it starts from zero then, so that a repair is no alarm.
     """
 
     def __init__(self, sensors: int, alarms: float) -> None:

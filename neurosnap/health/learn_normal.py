@@ -55,13 +55,7 @@ class LearnedRates:
 
 
 def learn(steps: Steps, valid: Flags, zone: str) -> LearnedRates:
-    """Learn from a history.
-
-    Args:
-        steps: The history.
-        valid: ``(steps, sensors)``, which readings to learn from.
-        zone: The time zone of the home.
-    """
+    """Learn from a home's history where it is `valid`, ``(steps, sensors)``."""
     active = steps.came_on > 0
     parts = parts_of_day(steps.first, len(steps), zone)
     weights, expected = expectation.learned(active, valid, parts)

@@ -58,10 +58,7 @@ async def compile_first(options: RunOptions | None, stop: asyncio.Event) -> None
     """Compile what a run needs, unless that is compiled; as long as it takes.
 
     Where there is no folder to keep it in, nothing is compiled here: each part does.
-
-    Args:
-        options: As for `CompileJob`.
-        stop: Ends it.
+    The options are as for `CompileJob`.
 
     Raises:
         NothingBegunError: `stop` was set before all was compiled.

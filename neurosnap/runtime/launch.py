@@ -185,12 +185,7 @@ class _Launch:
         return self._connections.to(who, swarm, first)
 
     async def run(self, here: Collection[str], stop: asyncio.Event) -> Ending:
-        """Start everything, wait for the end, end everything.
-
-        Args:
-            here: The parts that are started here, by name.
-            stop: Ends it.
-        """
+        """Start the parts `here`, wait for the end or `stop`, end everything."""
         if self._site.network.connect and not await self._connections.await_hub(stop):
             raise NothingBegunError("swarm: must reach its hub, got a stop request")
         try:

@@ -128,12 +128,9 @@ class Connections:
         self._known: dict[Role, Credentials | None] = {}
 
     def to(self, who: str, swarm: str, first: int = 0) -> PartConnection:
-        """Return the connection of a part.
+        """Return the connection of a part, its messages numbered from `first`.
 
-        Args:
-            who: Its name.
-            swarm: What its swarm is called on the wire.
-            first: The number of its first message.
+        `swarm` is what its swarm is called on the wire.
         """
         return PartConnection(who, swarm, self._hub(who), first)
 
@@ -154,10 +151,7 @@ class Connections:
     ) -> Discovery:
         """Return a lookout for the swarms of an id, to be entered.
 
-        Args:
-            swarm: The id.
-            stop: Ends the wait for the hub.
-            patience: Seconds to go on trying until the hub answers.
+        It goes on trying for `patience` seconds until the hub answers, or until `stop`.
         """
         hub = self._hub("watcher")
         return Discovery(swarm, hub, stop=stop, patience=patience)

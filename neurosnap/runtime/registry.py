@@ -150,11 +150,7 @@ def find(swarm: str = "") -> Note:
 
 
 def stop(note: Note, patience: float) -> None:
-    """Ask a swarm to end in order, as Ctrl-C would, and wait for it.
-
-    Args:
-        note: From `find`.
-        patience: Seconds to wait.
+    """Ask a swarm to end in order, as Ctrl-C would, and wait for `patience` seconds.
 
     Raises:
         SwarmError: It has not ended by then; it is left alone.

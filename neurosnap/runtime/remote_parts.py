@@ -42,11 +42,7 @@ def among(numbers: Sequence[int], name: str, count: int) -> Sequence[int]:
 
 
 def parse_ranges(name: str, text: str) -> list[int]:
-    """Return the numbers in ``0-3,7``, ascending.
-
-    Args:
-        name: What they are of, for the error.
-        text: What was given.
+    """Return the numbers in ``0-3,7``, ascending; `name` says of what in an error.
 
     Raises:
         InvalidValueError: It holds something else, or a number twice.

@@ -19,10 +19,6 @@ from neurosnap.system.distribution import must_have
 class Camera:
     """Takes an image of an environment every so many ticks, the first at tick 1.
 
-    Args:
-        source: What was opened to be drawn.
-        every: Ticks from one image to the next.
-
     Raises:
         InvalidValueError: Nothing can be drawn of such a source.
         MissingExtraError: Pillow is not installed.
@@ -69,9 +65,7 @@ class Camera:
 def try_camera(source: Source, every: int) -> None:
     """Draw a source before it is used, so that a run is refused before it starts.
 
-    Args:
-        source: It is reset.
-        every: As of `Camera`; 0: nothing is to be drawn.
+    The source is reset. `every` is as of `Camera`; 0: nothing is to be drawn.
 
     Raises:
         NeurosnapError: As `Camera`, and its `image`; or the environment cannot draw.

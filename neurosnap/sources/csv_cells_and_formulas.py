@@ -147,13 +147,9 @@ class TableRow(NamedTuple):
 
 
 class TableRows:
-    """The readings in a table.
+    """The readings of the wanted sensors in a table.
 
     A first column that is called ``time``, or has no name, holds no sensor.
-
-    Args:
-        file: The file.
-        wanted: Which sensors to read.
 
     Attributes:
         sensors: Their names.

@@ -99,9 +99,7 @@ _ROLES = {
 def roles(header: list[str], time: str | None = None) -> tuple[int, int, int] | None:
     """Return which columns hold time, sensor and value; None if it is no log.
 
-    Args:
-        header: The names of the columns.
-        time: The name of the column with the time, if it was told.
+    `time` is the name of the column with the time, if it was told.
     """
     names = [name.casefold() for name in header]
     found = []
@@ -119,12 +117,7 @@ def roles(header: list[str], time: str | None = None) -> tuple[int, int, int] | 
 def read_event_log(
     file: TableFile, places: tuple[int, int, int], wanted: Wanted
 ) -> Readings:
-    """Return the readings of a log.
-
-    Args:
-        file: The log.
-        places: As `roles` returns them.
-        wanted: Which sensors to read.
+    """Return the wanted readings of a log, with `places` as `roles` returns them.
 
     Raises:
         InvalidValueError: A line breaks a rule.

@@ -50,12 +50,7 @@ def canvas_type(what: str) -> "type[Figure]":
 
 
 def encoded(figure: "Figure", kind: str) -> bytes:
-    """Return a picture as the bytes of a file.
-
-    Args:
-        figure: What is drawn.
-        kind: One of `KINDS`.
-    """
+    """Return a picture as the bytes of a file, of one of `KINDS`."""
     from matplotlib import rc_context
 
     buffer = io.BytesIO()

@@ -47,11 +47,7 @@ _BYTES_A_PAIR = 100
 
 
 def open_data(data: Path, wanted: Wanted = _ALL) -> Recording | Readings:
-    """Return the recording in a file, or else the readings in it.
-
-    Args:
-        data: The file.
-        wanted: Which sensors to read, and how.
+    """Return the recording in a file, or else the readings in it that are wanted.
 
     Raises:
         InvalidValueError: The file cannot be read, or breaks a rule; or it is a

@@ -64,12 +64,7 @@ class HubJob(msgspec.Struct, frozen=True):
 
 @asynccontextmanager
 async def routing(own: HubAddress, sessions: int) -> AsyncIterator[None]:
-    """Run the hub while the context is entered.
-
-    Args:
-        own: Where it listens, with the hub's credentials.
-        sessions: How many may connect.
-    """
+    """Run a hub at `own`, which has its credentials; so many sessions may connect."""
     session = await asyncio.to_thread(
         open_hub,
         [own.endpoint],

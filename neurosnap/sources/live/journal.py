@@ -249,9 +249,7 @@ def decoded(data: bytes) -> Iterator[Record]:
 def cut(folder: Path, tick: int) -> None:
     """Delete the files of a journal that hold no row after a tick.
 
-    Args:
-        folder: The journal; it need not exist.
-        tick: All rows up to it are where they are safe.
+    The journal need not exist. All rows up to the tick are where they are safe.
 
     Raises:
         NeurosnapError: A file cannot be read, or deleted.

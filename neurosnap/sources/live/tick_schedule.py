@@ -71,9 +71,7 @@ class OnChange:
     def wait(self, now: float, changed: bool) -> float | None:
         """Return the time left until a change may show, or none has to.
 
-        Args:
-            now: The time.
-            changed: Something differs from what the last tick gave.
+        `changed` means that something differs from what the last tick gave.
         """
         if self._last is None:
             return 0.0 if changed else None

@@ -118,10 +118,7 @@ class ZenohFeeder:
 def hand_over(source: LiveSource, key: str, payload: zenoh.ZBytes) -> None:
     """Hand in one message; what is no reading is refused.
 
-    Args:
-        source: Takes it.
-        key: Below the swarm's prefix.
-        payload: As it came; a large one is not even copied.
+    The key is below the swarm's prefix; a large payload is not even copied.
     """
     try:
         if len(payload) > LIMIT:

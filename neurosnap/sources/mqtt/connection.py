@@ -421,10 +421,6 @@ def _code(error: Exception) -> int | None:
 def explained(broker: MqttBroker, error: Exception) -> Exception:
     """Return what is wrong in words that name it, where trying again is no help.
 
-    Args:
-        broker: Who was to be connected to.
-        error: Why it could not be.
-
     Returns:
         An `InvalidValueError` that names what the broker or we do not accept, never
         the password; `error` itself where it may be better next time.
@@ -440,12 +436,7 @@ def explained(broker: MqttBroker, error: Exception) -> Exception:
 
 
 def give_up(broker: MqttBroker, error: Exception, *, late: bool) -> None:
-    """Raise what a start fails of, if it is to fail.
-
-    Args:
-        broker: Who was to be connected to.
-        error: Why it could not be.
-        late: The patience is over.
+    """Raise what a start fails of, if it is to fail; `late`: the patience is over.
 
     Raises:
         InvalidValueError: It will not be better next time.

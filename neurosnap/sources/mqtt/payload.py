@@ -20,12 +20,7 @@ _SHOWN = 40  # characters of a payload in an error
 
 
 class Payload:
-    """A published payload, decoded once for all sensors that read it.
-
-    Args:
-        topic: Where to.
-        data: What.
-    """
+    """A published payload, decoded once for all sensors that read it."""
 
     def __init__(self, topic: str, data: bytes) -> None:
         self.topic = topic

@@ -185,12 +185,7 @@ _OTHER = re.compile(r"[^A-Za-z0-9_-]+")
 
 
 class Topics:
-    """The topics of one run.
-
-    Args:
-        prefix: What they start with.
-        sensors: The sensors' names.
-    """
+    """The topics of one run, below a prefix, by the names of its sensors."""
 
     def __init__(self, prefix: str, sensors: Sequence[str]) -> None:
         self.status = f"{prefix}/status"
