@@ -51,8 +51,6 @@ def index() -> list[Row]:
 
 
 INDEX = index()
-
-
 LABEL = rf"(?:{'|'.join(map(re.escape, sorted(KINDS, key=len, reverse=True)))})(?!\w)"
 MARK = re.compile(r"\[GK\] ")
 # A label, a title, one of the four settings, or something next to a label.

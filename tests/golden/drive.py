@@ -29,7 +29,6 @@ Messages = list[wire.Message]
 Receive = Callable[[wire.Message], Messages]
 Lost = Callable[[str, wire.Message], bool]
 """Whether a message does not reach a part, by the part's name."""
-
 BETWEEN = 20_000_000
 """Nanoseconds from one recorded message to the next."""
 

@@ -13,7 +13,6 @@ from tests.support.exhaustive import rows
 from tests.support.ports import free_port
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh]
-
 PATH = "neurosnap/Path-v0"
 
 

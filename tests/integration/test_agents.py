@@ -39,7 +39,6 @@ from tests.support.rewritten_recordings import changing, flipped, rewritten
 from tests.support.run_options import options_for
 
 pytestmark = pytest.mark.slow
-
 SEED = 5
 TICKS = 40
 PATH, CYCLE = "neurosnap/Path-v0", "neurosnap/Cycle-v0"

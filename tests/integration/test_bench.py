@@ -9,8 +9,6 @@ from tools.bench import __main__ as bench
 from tools.browser import NO_BROWSER, chromium
 
 pytestmark = [pytest.mark.bench, pytest.mark.slow, pytest.mark.zenoh]
-
-
 needs_browser = pytest.mark.skipif(chromium() is None, reason=NO_BROWSER)
 
 

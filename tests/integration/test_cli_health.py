@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from neurosnap.health.alarm import Standing
 
 DATABASE = Path(__file__).parent.parent / "golden" / "home-assistant_v2.db"
-
 pytestmark = pytest.mark.slow
 
 

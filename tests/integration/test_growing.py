@@ -18,7 +18,6 @@ from world.toy_text import frozen_lake
 
 pytestmark = pytest.mark.slow
 
-
 (LAKE, CLIFF, COINS) = (
     stage_of(Setting(name="", world=f"neurosnap/{world}-v0", steps=0, coins=coins))
     for world, coins in (("FrozenLake", 0), ("CliffWalking", 0), ("FrozenLake", 3))

@@ -31,7 +31,6 @@ from neurosnap.sensorium import pack
 from tests.support.patience import PATIENCE
 
 pytestmark = pytest.mark.slow
-
 SENSORS = 4
 CELLS = [f"cell/{cell}" for cell in range(SENSORS)]
 LARGEST = 2**31 - 1

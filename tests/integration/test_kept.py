@@ -34,7 +34,6 @@ from tests.support.senders import by_zenoh
 from tests.support.swarm_processes import parts_of
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh, pytest.mark.timeout(600)]
-
 BITS = 6  # as wide as the numbers of the lines are shown: they are counted modulo
 SENSORS = ",".join(f"bit{place}" for place in range(BITS))
 

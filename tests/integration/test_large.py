@@ -14,7 +14,6 @@ from tests.support.fabrics import Heard, Seen
 from tests.support.secured_hub import SWARM, hub_with
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
-
 MIB = 1 << 20
 HUGE = 320 * MIB
 

@@ -129,7 +129,6 @@ class SlowLink:
 
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
-
 ELSEWHERE = ("--swarm", SWARM, "--elsewhere", "2-5")
 DELAY = 0.005  # seconds over the slow link, one way
 

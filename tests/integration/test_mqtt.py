@@ -50,7 +50,6 @@ pytestmark = [
     needs_mosquitto,
 ]
 
-
 AT_ONCE = MqttTick(min_interval=0)
 PREFIX = "neurosnap/house"
 

@@ -34,7 +34,6 @@ from tests.support.senders import listened_to
 from tests.support.sources import readings
 
 pytestmark = pytest.mark.slow
-
 SWARM = "home"
 NAMES = ("door", "motion")
 EXAMPLE = Path(__file__).parents[2] / "examples" / "any_program.py"

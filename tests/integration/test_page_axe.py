@@ -19,7 +19,6 @@ from tools.screenshots.recordings import recorded
 from tools.screenshots.states import STATES, enter
 
 pytestmark = IN_BROWSER
-
 DOCS = Path(__file__).parents[2] / "docs"
 AXE = Path(__file__).parents[1] / "vendor" / "axe-core" / "axe.min.js"
 PLANNED = 36  # ticks of the lamp, at which a plan of two steps begins

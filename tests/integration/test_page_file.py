@@ -10,7 +10,6 @@ from tests.support.browser_pages import IN_BROWSER, go_to, looked_at, states, wo
 from tools.browser import wait_shown
 
 pytestmark = [*IN_BROWSER, pytest.mark.slow]
-
 BROKEN = 25  # the last tick with an anomaly
 
 

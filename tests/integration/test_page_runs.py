@@ -41,7 +41,6 @@ from tests.support.rewritten_recordings import rewritten
 from tools.browser import wait_shown
 
 pytestmark = IN_BROWSER
-
 LISTED = 50  # edges and classes
 LONG = 300  # more ticks than a block of frames has
 FAR = 290

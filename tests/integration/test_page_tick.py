@@ -26,7 +26,6 @@ from tests.support.run_options import options_for
 from tools.browser import wait_shown
 
 pytestmark = IN_BROWSER
-
 GOAL = "x_below_1"  # the first literal of what the planner wants
 SCENES = 60  # ticks in the world of the lamp
 PLANNED = 36  # a plan of two steps begins, and nothing gets in its way

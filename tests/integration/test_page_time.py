@@ -26,7 +26,6 @@ from tests.support.recorded_runs import TICKS, path_run, recorded, without_state
 from tools.browser import wait_shown, wait_until
 
 pytestmark = IN_BROWSER
-
 LONG = 2000
 END = 8  # pixels of the strip before its first tick and behind its last
 NAMES, HIGH = 170, 13  # pixels: the column of names, and a row

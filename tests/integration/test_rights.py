@@ -25,8 +25,6 @@ from tests.support.secured_hub import SWARM, Hub, hub_with, run_swarm
 from tests.support.services import going
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
-
-
 WIRING = wire.Wiring(cell=1, epoch=1, after=0, add=(4,))
 FORBIDDEN: tuple[wire.Message, ...] = (
     WIRING,

@@ -28,8 +28,6 @@ from tests.support.recorded_runs import recorded
 from tools.simulate.case import random_options
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("no_process_is_left")]
-
-
 PATH, GRID = "neurosnap/Path-v0", "neurosnap/Grid-v0"
 SENSORS, TICKS, SEED = 8, 40, 3
 

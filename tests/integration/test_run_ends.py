@@ -10,7 +10,6 @@ from tests.support.exhaustive import rows
 from tools.soak.signals import Struggle, struggling
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("no_process_is_left")]
-
 INT, TERM, HUP = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
 ENDLESS = ("--ticks", 10_000_000, "--set", "places=4")
 

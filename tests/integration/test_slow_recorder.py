@@ -18,7 +18,6 @@ from tests.support.disturbed_runs import ENDLESS, check_whole, options_for
 from tests.support.swarm_processes import parts_of
 
 pytestmark = [pytest.mark.zenoh, pytest.mark.slow]
-
 HELD = 4  # reports of the same tick, a quarter of a second apart
 
 

@@ -14,7 +14,6 @@ from tools.soak.__main__ import main, soak
 from tools.soak.memory import Gauge
 
 pytestmark = pytest.mark.slow
-
 TICKS = 500  # a chunk is full after 100 of them, and a file after 200 or so
 
 

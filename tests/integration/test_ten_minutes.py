@@ -15,7 +15,6 @@ from tests.support.mosquitto import needs_mosquitto, peer, see, started
 from tests.support.view_commands import Verb, done, verb
 
 pytestmark = [pytest.mark.slow, pytest.mark.zenoh]
-
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "ten_minutes.md").read_text()
 DATABASE = ROOT / "tests" / "golden" / "home-assistant_v2.db"

@@ -17,7 +17,6 @@ from tests.support.view_commands import Verb, address_of, done, verb
 from tools.browser import wait_shown
 
 pytestmark = [pytest.mark.zenoh, *IN_BROWSER]
-
 NAMES = ("a", "b", "c")
 FIRST, LAST = 30, 40
 

@@ -17,7 +17,6 @@ import pytest
 from neurosnap.system import distribution
 
 pytestmark = [pytest.mark.exhaustive, pytest.mark.slow, pytest.mark.timeout(180)]
-
 _OURS = {"PYTHONPATH", "NUMBA_CACHE_DIR"}
 ROOT = Path(__file__).parents[2]
 WORLDS = """

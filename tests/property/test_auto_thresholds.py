@@ -24,7 +24,6 @@ from tests.support.strategies import as_set
 Bits = NDArray[np.bool_]
 Square = dict[tuple[int, int], int]
 """The weights of a pair of sensors by the literals that are on: 0, or 1 for a star."""
-
 TURNS = 32
 AGAINST = {1: (0, 1), 2: (1, 0), 4: (0, 0), 8: (1, 1)}
 """What each code is broken by, as the bits of `pair_codes` have it."""

@@ -67,7 +67,6 @@ ITEMS: dict[Keys, int] = {
 }
 """The lines of items of lists, and of a key without a name."""
 
-
 VALID = Draft202012Validator(schema())
 WRONG = date(1979, 5, 27)  # no key takes a date
 UNKNOWN = "zyzzyva"  # no key has this name, or one like it

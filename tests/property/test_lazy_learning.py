@@ -44,7 +44,6 @@ class Eager:
 
 
 Bits = NDArray[np.uint8]
-
 KINDS = "walk", "windows", "rates", "noise", "stands"
 
 

@@ -22,7 +22,6 @@ from tests.support.strategies import Bits, as_set, bit_rows, observations, runs
 Matrix: TypeAlias = NDArray[np.float64]
 Reading: TypeAlias = tuple[list[bool], list[bool]]
 """The bits, and which of them are known."""
-
 SHARES = st.floats(0.001, 0.25) | st.sampled_from([0.25, 1 / 8, 1 / 3 / 2, 0.01])
 # With these and at most twelve observations doubles hold every weight exactly.
 EXACT_SHARES = st.sampled_from([1 / 4, 1 / 8, 1 / 16])

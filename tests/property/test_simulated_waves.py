@@ -190,7 +190,6 @@ def launch(
 
 
 pytestmark = pytest.mark.slow
-
 UNDISTURBED = cases(3000)  # a seed each
 
 

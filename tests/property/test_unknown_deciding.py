@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from neurosnap.poc.learning.snapshot import Snapshot
 
 Row = list[bool | None]
-
 OWN = ["low", "better", "worse"]
 SEED, EXPLORE, THRESHOLD = 5, 0.2, 0.25
 KINDS = pytest.mark.parametrize("kind", ["walker", "excited", "planner"])

@@ -72,7 +72,6 @@ class KeptServers:
 
 
 servers: list[KeptServers] = []
-
 _WORDS = {1: "on", 0: "off", None: "unknown"}
 _REST = """async () => {
     const { page } = await import("/main.js");

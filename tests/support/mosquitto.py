@@ -15,7 +15,6 @@ from tests.support.programs import find, needs
 
 HOST = "127.0.0.1"
 PROGRAM = find("mosquitto")
-
 needs_mosquitto = needs("mosquitto")
 
 

@@ -11,7 +11,6 @@ from typing import TypeVar
 import pytest
 
 VARIABLE = "NEUROSNAP_NO_SKIPS"
-
 _R = TypeVar("_R", pytest.TestReport, pytest.CollectReport)
 
 

@@ -21,7 +21,6 @@ LIMIT = 1.0
 """Seconds that a test may cost that is neither slow nor exhaustive."""
 QUICK = 0.05
 """Seconds that a test of `make quick` may cost in the mean."""
-
 _COST, _KIND = "processor time", "kind of test"
 _TICK = 1 / os.sysconf("SC_CLK_TCK")
 

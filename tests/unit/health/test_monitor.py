@@ -21,7 +21,6 @@ from tests.support.lived_in import SENSORS, START, Interval, in_steps, lived_in
 DAYS, ONSET_DAY = 28, 21
 ONSET = START + ONSET_DAY * 86400.0
 BATH, FLUSH, FRIDGE = (SENSORS.index(name) for name in ("bath", "flush", "fridge"))
-
 pytestmark = pytest.mark.slow
 
 

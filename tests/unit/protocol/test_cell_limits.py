@@ -53,7 +53,6 @@ WRONG: list[wire.Message] = [
     wire.Wiring(1, 2, 1, add_complement=tuple(range(DEEPEST + 1))),
 ]
 
-
 FOREIGN: list[tuple[wire.Message, str]] = [
     (wire.Pulse(8, 0, 4, 1, 0), "pulse: must be for this cell, got 4"),
     (wire.Wiring(2, 5, 0, add=(4,)), "wiring: must be for this cell, got 2"),

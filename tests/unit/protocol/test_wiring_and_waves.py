@@ -201,7 +201,6 @@ def test_a_lost_wave_names_the_workers_that_owe_a_report() -> None:
 
 CELLS, WORKERS = 7, 3
 Pairs = set[tuple[int, int]]
-
 literals = st.integers(0, 2 * CELLS - 1)
 wirings = st.sets(st.tuples(literals, literals), max_size=20)
 

@@ -18,11 +18,7 @@ from tests.support.wave_messages import packed, share, start, state_wave
 
 # The second of three workers over nine sensors; its literals are 6 to 11.
 SENSORS, WORKERS, ME = 9, 3, 1
-
-
 HOSTED = shares(SENSORS, WORKERS)
-
-
 Edges = Iterable[tuple[int, int]]
 
 

@@ -11,7 +11,6 @@ _SCRIPT = (_ROOT / "tools" / "vendor").read_text(encoding="utf-8")
 _TAKEN = re.findall(
     r"^take (\S+) (\S+) (\S+) \\\n +(\S+) \\\n +(.+)$", _SCRIPT, re.MULTILINE
 )
-
 homes = pytest.mark.parametrize("home", sorted({taken[0] for taken in _TAKEN}))
 
 

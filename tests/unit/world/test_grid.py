@@ -9,9 +9,7 @@ import pytest
 from world.grid import GridWorld
 
 CHANGES = {"up": (0, 1), "down": (0, -1), "left": (-1, 0), "right": (1, 0)}
-
 SIZES = [(3, 3), (4, 3), (6, 5)]
-
 HOLES = [(3, 3, (1, 1)), (4, 3, (2, 1)), (6, 5, (1, 1)), (6, 5, (4, 3)), (6, 5, (2, 3))]
 """The only place for one, and the corners of where one may be."""
 MIDDLES = [(11, 11, "middle"), (3, 3, "middle"), (4, 7, "middle")]

@@ -112,7 +112,6 @@ NO_TOML: dict[str | bytes, str] = {
     b"a = '\xff'": "swarm.toml: must be UTF-8 text (invalid start byte at byte 5)",
 }
 
-
 REFUSED: dict[str | bytes, str] = {
     **{f"{WORLD}{table}\n": f"swarm.toml:{line}" for table, line in VALUES.items()},
     **{f"{WORLD}{table}\n": f"swarm.toml:{line}" for table, line in TOGETHER.items()},

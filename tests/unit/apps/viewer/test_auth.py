@@ -14,7 +14,6 @@ PORT = 4711
 TOKEN = "a-token-of-this-test"
 COOKIE = (b"cookie", f"neurosnap-{PORT}={TOKEN}".encode())
 HOST = (b"host", f"127.0.0.1:{PORT}".encode())
-
 Headers = Sequence[tuple[bytes, bytes]]
 
 

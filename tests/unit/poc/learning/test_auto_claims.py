@@ -16,12 +16,10 @@ from tools.paper.learning_error import errors
 from tools.paper.walks import Walk, walk
 
 pytestmark = pytest.mark.slow
-
 RUNS, STEPS = 6, 3000
 CHECKED = [199, 399, 799, 1199, 1599, 1999, 2499, 2999]
 ONE = 2 / RUNS
 """An implication that is wrong in one of the runs, with its contrapositive."""
-
 Errors = NDArray[np.float64]
 
 

@@ -25,7 +25,6 @@ from tests.support.split_runs import SplitRun
 
 EVERY = 7  # ticks from key-frame to key-frame
 TICKS = 40
-
 pytestmark = pytest.mark.slow
 
 

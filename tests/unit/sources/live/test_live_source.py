@@ -30,7 +30,6 @@ from tests.support.sources import readings
 NAMES = ["door", "motion"]
 EPOCH = 1_690_000_000.0
 END = 60.0
-
 Shown = list[bool | None]
 Put = tuple[int, int, bool | None]
 

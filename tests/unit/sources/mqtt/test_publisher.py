@@ -18,8 +18,6 @@ from neurosnap.sources.mqtt.publisher import MqttPublisher
 
 NAMES = ["door", "hall", "light"]
 LITERALS = {b"ON": (1, 0), b"OFF": (0, 1), b"unknown": (0, 0)}
-
-
 WORDS = [b"ON", b"OFF", b"unknown"]
 
 

@@ -18,7 +18,6 @@ from tools.paper.learning_error import LearningEntry
 from tools.paper.walks import SETTINGS
 
 pytestmark = pytest.mark.slow
-
 STEPS = 24_000  # all decays have learned long before the last tenth
 OPTIONS = FigureOptions(runs=2, steps=STEPS)
 SLOW, FAST = 400.0, 100.0

@@ -24,7 +24,6 @@ from tools.paper.tabular import PlaceTable, follow, q_learning
 from tools.paper.worlds_as_tables import Setting, StageEnv, settings, stage_of
 
 pytestmark = [pytest.mark.slow, pytest.mark.exhaustive]
-
 LAKE = Setting(name="lake", world="neurosnap/FrozenLake-v0", steps=400, journeys=20)
 (CLIFF,) = (one for one in settings() if one.name == "cliff")
 METHODS = fig7_growth.METHODS

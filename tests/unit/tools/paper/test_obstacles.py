@@ -16,7 +16,6 @@ from tools.paper.obstacles import (
 )
 
 pytestmark = [pytest.mark.slow, pytest.mark.exhaustive]
-
 PUNCTURED = "neurosnap/PuncturedGrid-v0"
 ABOVE = ("x_below_6", "x_below_5*", "y_below_10", "y_below_9*")
 
