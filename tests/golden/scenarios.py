@@ -252,12 +252,7 @@ SCENARIOS = (
 
 
 def made(scenario: Scenario, log: Path) -> list[Driven]:
-    """Make the run of a scenario and its recording; return each life of the swarm.
-
-    Args:
-        scenario: What to run.
-        log: Where its recording goes.
-    """
+    """Make the run of a scenario, recorded at `log`; return each life of the swarm."""
     options, order, lost = scenario.options, scenario.order, scenario.lost()
     if not scenario.dies:
         whole = drive(options, scenario.new_source(), order, lost=lost)

@@ -127,11 +127,8 @@ async def looked_at(
 ) -> AsyncIterator[Page]:
     """Give a page that may go to one server alone, and where nothing may fail.
 
-    Args:
-        url: The server's.
-        scheme: As in `new_page`.
-        still: As in `new_page`.
-        but_for: What a console message may hold that is no failure; empty: none.
+    Scheme and `still` are as in `new_page`. A console message that holds `but_for` is
+    no failure; empty: none.
     """
     strange: list[str] = []
     home = url.partition("?")[0]

@@ -78,8 +78,7 @@ class Disturbed:
     def run(self, *killings: tuple[int, tuple[str, ...]]) -> Outcome:
         """Make the run; in each of its lives, parts are killed together.
 
-        Args:
-            *killings: How many ticks of this life must be on disk, and who dies then.
+        A killing is how many ticks of this life must be on disk, and who dies then.
         """
         return asyncio.run(self.running(*killings))
 

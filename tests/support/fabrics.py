@@ -134,10 +134,8 @@ async def are_one_network(*ends: Callable[[str], Fabric]) -> None:
     """Return once parts on any of several hubs are heard on all others.
 
     Declarations of before two hubs were linked are passed on in no order: who is seen
-    through a new link may not be heard yet.
-
-    Args:
-        ends: For each hub, what returns the end of a part on it.
+    through a new link may not be heard yet. For each hub, `ends` returns the end of a
+    part on it.
     """
     for one, other in permutations(ends, 2):
         heard = Heard()

@@ -54,10 +54,7 @@ class FakeTime(threading.Condition):
 def timed(source: LiveSource, time: FakeTime, epoch: float = 0.0) -> LiveSource:
     """Let a source that is not used yet go by a fake clock, and wait in it.
 
-    Args:
-        source: The source.
-        time: The clock.
-        epoch: Seconds since 1970 when it shows 0.
+    The clock shows 0 at `epoch`, in seconds since 1970.
     """
     source._clock, source._condition = time.clock, time
     time.epoch = epoch

@@ -25,19 +25,13 @@ def register() -> None:
 def examples(wide: int) -> settings:
     """Return the settings of a property that draws more or fewer than others.
 
-    Plain settings in a module would overrule the profile.
-
-    Args:
-        wide: How many the profile ``wide`` draws; the others as much fewer as usual.
+    The profile ``wide`` draws so many; the others as much fewer as usual. Plain
+    settings in a module would overrule the profile.
     """
     share = settings().max_examples / PROFILES["wide"]
     return settings(max_examples=max(1, round(wide * share)))
 
 
 def cases(wide: int) -> int:
-    """Return how many seeds a test of random cases goes through.
-
-    Args:
-        wide: How many the profile ``wide`` goes through; the others go through fewer.
-    """
+    """Return how many seeds a test goes through: so many in the profile ``wide``."""
     return examples(wide).max_examples

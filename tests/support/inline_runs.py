@@ -78,10 +78,7 @@ def implying_rows(
 ) -> list[list[bool | None]]:
     """Draw rows of three sensors, of which the first implies the second.
 
-    Args:
-        ticks: How many.
-        seed: Draws them.
-        unknown: How likely each reading of the first two is unknown.
+    Each reading of the first two is unknown with the chance `unknown`.
     """
     chance = random.Random(seed)
     table: list[list[bool | None]] = []

@@ -15,9 +15,7 @@ def find(program: str) -> str | None:
 def needs(program: str, package: str = "") -> pytest.MarkDecorator:
     """Return what skips a test where a program is missing, and says so.
 
-    Args:
-        program: Its name.
-        package: Debian's name for what it comes with, if that is another.
+    Its package is Debian's name for what it comes with, if that is another.
     """
     why = f"needs {program}: apt-get install {package or program}"
     return pytest.mark.skipif(find(program) is None, reason=why)

@@ -87,10 +87,7 @@ def dropping(
 ) -> Change:
     """Return the change that leaves out the first message of one kind, as found.
 
-    Args:
-        kind: Of which kind it is.
-        found: Whether it is that one.
-        and_after: Whether all that follows it is left out, too.
+    With `and_after` all that follows it is left out, too.
     """
 
     def change(recorded: list[Recorded]) -> list[Recorded]:

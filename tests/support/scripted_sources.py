@@ -10,12 +10,7 @@ from neurosnap.sources.protocol import Observed
 
 
 class Scripted:
-    """Shows rows of readings, one after the other; None is unknown.
-
-    Args:
-        rows: What it shows.
-        actions: The names of its actions.
-    """
+    """Shows rows of readings, one after the other; None is unknown."""
 
     orders: tuple[int, ...] = ()
     exclusive: bool = True

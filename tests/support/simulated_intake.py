@@ -35,8 +35,7 @@ class _Time(FakeTime):
 class Intake:
     """A live `Source` whose process may die; the swarms ask it, one after the other.
 
-    Args:
-        case: The run. What its file says comes in over and over.
+    What the file of its run says comes in over and over.
     """
 
     live: bool = True
@@ -75,11 +74,7 @@ class Intake:
         return self.step(-1)
 
     def step(self, action: int) -> Observed | None:
-        """Return the next row; while none is there, readings come.
-
-        Raises:
-            PartDiedError: The intake dies.
-        """
+        """Return the next row; while none is there, readings come, or PartDiedError."""
         source = self._source
         self._await_row()
         return source.step(action) if source.given else source.first()
