@@ -46,11 +46,9 @@ class Description:
 
 
 def describe(name: str, env: gymnasium.Env[Any, Any]) -> Description:
-    """Return what `env` says of itself.
+    """Return what `env` says of itself; it is neither reset nor stepped.
 
-    Args:
-        name: What to call it in an error.
-        env: Any environment; it is neither reset nor stepped.
+    `name` is what to call it in an error.
 
     Raises:
         InvalidValueError: It has other spaces, or its names are no names.

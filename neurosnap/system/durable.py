@@ -66,9 +66,7 @@ def sync_file(path: Path) -> None:
 def replacing(path: Path, mode: int = 0o666) -> Iterator[Path]:
     """Give a draft beside `path` to write, which replaces it if nothing goes wrong.
 
-    Args:
-        path: What is replaced, or made.
-        mode: Its permissions, less the user's mask.
+    `mode` is its permissions, less the user's mask.
 
     Raises:
         OSError: It cannot be written; what was at `path` is still there.

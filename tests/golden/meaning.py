@@ -22,12 +22,7 @@ _LONG = 150
 
 
 def lines(messages: Iterable[wire.Message], sensors: int) -> list[str]:
-    """Return what a swarm came to.
-
-    Args:
-        messages: What the world and the coordinator published, in order.
-        sensors: How many there are.
-    """
+    """Return what a swarm came to, by what world and coordinator said, in order."""
     return list(_Telling(sensors).tell(messages))
 
 

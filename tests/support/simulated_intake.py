@@ -83,11 +83,7 @@ class Intake:
         """Do nothing: it outlives the swarm."""
 
     def check(self) -> None:
-        """Hold what it counted against what came in.
-
-        Raises:
-            WrongError: It does not add up.
-        """
+        """Hold what it counted against what came in; WrongError: another sum."""
         counts = self._source.statistics()
         found, came = counts.received.total + counts.after, self._counted.total()
         if found != came:

@@ -93,10 +93,6 @@ class RunningNumbers:
     def receive(self, sender: str, sequence: int) -> bool:
         """Count one message; constant time as long as they come in order.
 
-        Args:
-            sender: Who sent it.
-            sequence: Its running number, at least 0.
-
         Returns:
             Whether it came for the first time. A duplicate is counted.
         """
@@ -160,11 +156,9 @@ class RunningNumbers:
     def completeness(
         self, expected: Mapping[str, int] = _NOTHING, *, foreign: int = 0
     ) -> Completeness:
-        """Return the balance, against what each sender says it sent.
+        """Return the balance, against what each sender says it sent, as in `gaps`.
 
-        Args:
-            expected: As in `gaps`.
-            foreign: How many payloads were no message at all.
+        So many `foreign` payloads were no message at all.
         """
         missing = {
             sender: sum(stop - start for start, stop in ranges)
