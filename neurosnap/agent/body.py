@@ -227,10 +227,14 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         return felt + [2 * (first + self.context.index((action, a))) for a in now]
 
     def reading(self, context: Context, state: NDArray[np.bool_]) -> bool | None:
-        """Return what a grown sensor reads, as far as a state, ``(2N,)``, tells.
+        """Return what a grown sensor reads, as far as a state tells.
 
-        It is the state of the step that ended. None if the reading depends on what is
-        not in it: on the step before, say.
+        Args:
+            context: Its context.
+            state: ``(2N,)``, of the step that ended.
+
+        Returns:
+            None if that depends on what is not in the state: on the step before, say.
         """
         members = self.members(context)
         if state[[a ^ 1 for a in members]].any():

@@ -46,9 +46,11 @@ class Description:
 
 
 def describe(name: str, env: gymnasium.Env[Any, Any]) -> Description:
-    """Return what `env` says of itself; it is neither reset nor stepped.
+    """Return what `env` says of itself.
 
-    `name` is what to call it in an error.
+    Args:
+        name: What to call it in an error.
+        env: Any environment; it is neither reset nor stepped.
 
     Raises:
         InvalidValueError: It has other spaces, or its names are no names.

@@ -63,6 +63,10 @@ def default_threshold(body: Body, discrete: bool) -> float | Literal["auto"]:
     cliff. Where sensors are bins of what is continuous, each action has exceptions at
     the edges of the bins, and a memory that allows for none believes nothing of use.
 
+    Args:
+        body: What is sensed and done.
+        discrete: Whether its world shows discrete states.
+
     Returns:
         `EXACT` for an agent that senses its actions in context, if the world is
         discrete or it has room for sensors to be grown; otherwise ``"auto"``: each pair

@@ -78,8 +78,10 @@ def follow(
 ) -> HealthLog:
     """Return the alarms and health of a home, from the first observation to the last.
 
-    The readings are in order; the follower has followed nothing yet, and keeps the
-    budget.
+    Args:
+        readings: In order.
+        follower: Has followed nothing yet.
+        budget: Of alarms, that it keeps.
 
     Raises:
         InvalidValueError: What the readings raise.

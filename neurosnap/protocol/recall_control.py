@@ -110,7 +110,10 @@ class RecallControl:
         """Receive an answer. Return what all say, or what is to be sent.
 
         An answer of a round that was given up, or that came before, is dropped.
-        `history` is what the coordinator has kept for parts that lack theirs.
+
+        Args:
+            answer: A part's.
+            history: What the coordinator has kept for parts that lack theirs.
 
         Raises:
             MessageError: It cannot be right.

@@ -77,7 +77,11 @@ class Wave:
         )
 
     def report(self, report: wire.CellReport | wire.WorkerReport, cells: range) -> None:
-        """Count a report that speaks for `cells`; one that came before changes nothing.
+        """Count a report; one that came before changes nothing.
+
+        Args:
+            report: A cell's, or a worker's.
+            cells: The cells that it speaks for.
 
         Raises:
             MessageError: The report cannot be right: it is of another wave, names

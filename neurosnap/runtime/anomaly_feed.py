@@ -23,6 +23,10 @@ from neurosnap.recording.replay.grown_sensors import Births, births_of
 from neurosnap.runtime.network import Connections, Network
 from neurosnap.runtime.parts.coordinator_process import read_description
 from neurosnap.runtime.parts.health_listener import HealthListener, Past
+from neurosnap.runtime.parts.job import WavesSoFar
+from neurosnap.runtime.request import SILENT, Watcher
+
+_PATIENCE = 10.0  # seconds until a coordinator is there, the first or the next
 
 Fed: TypeAlias = NamedAnomaly | Changed | News
 
@@ -97,7 +101,7 @@ async def watch(
     *,
     support: int | None = None,
     log: Path | None = None,
-    patience: float = 10.0,
+    watcher: Watcher = SILENT,
 ) -> None:
     """Look on at a swarm that runs, until it is over or `stop` is set.
 
@@ -113,11 +117,11 @@ async def watch(
         support: The occasions an anomaly must rest on; if None, what the run asks for.
         log: Its recording, from which the sensors are known that may be broken. If
             None it is not here, so what is learned of them begins now.
-        patience: Seconds until a coordinator is there, the first or the next.
+        watcher: Its `on_waves`, on the fabric's thread, and `on_presence` are called.
 
     Raises:
-        InvalidValueError: The run reports no anomalies and alarms, and grows nothing;
-            or support is asked for, and the run does not count occasions.
+        InvalidValueError: There is nothing to report of the run, and no watcher; or
+            support is asked for, and the run does not count occasions.
         SwarmError: There is no such swarm.
     """
     seen_one = False
@@ -128,15 +132,15 @@ async def watch(
     ):
         while True:
             try:
-                seen = await discovery.next(stop, patience)
+                seen = await discovery.next(stop, _PATIENCE)
             except TimeoutError:
                 if seen_one:
                     return
-                rule = f"must have a coordinator within {patience:g} s, none came"
+                rule = f"must have a coordinator within {_PATIENCE:g} s, none came"
                 raise SwarmError(f"swarm {swarm}: {rule}") from None
             if seen is None:
                 return
-            incarnation = _Incarnation(report, alarms, support)
+            incarnation = _Incarnation(report, alarms, support, watcher)
             if await incarnation.look_on(connections, seen, stop):
                 return
             seen_one = True
@@ -146,9 +150,15 @@ class _Incarnation:
     """One incarnation of a swarm that is looked on at."""
 
     def __init__(
-        self, report: Callable[[Fed], None], alarms: "_Alarms", support: int | None
+        self,
+        report: Callable[[Fed], None],
+        alarms: "_Alarms",
+        support: int | None,
+        watcher: Watcher = SILENT,
     ) -> None:
         self._report = report
+        self._watcher = watcher
+        self._waves = WavesSoFar()
         self._alarms = alarms
         self._support = support
         self._least = 0  # occasions
@@ -161,20 +171,24 @@ class _Incarnation:
         self, connections: Connections, seen: FoundSwarm, stop: asyncio.Event
     ) -> bool:
         """Report until it is over or `stop` is set; tell whether it ended in order."""
-        topics = ("observation", "anomaly", "decision", "keyframe", "leave/coordinator")
+        topics = ["observation", "anomaly", "decision", "keyframe", "leave/coordinator"]
+        topics += [] if self._watcher is SILENT else ["state", "reached"]
         async with connections.to("watcher", seen.name).fabric() as fabric:
             await fabric.subscribe(topics, self._handle)
             content = await fabric.ask()
             if content is None:
                 return False
             self._begin(read_description(content).options, seen.name)
+            if self._watcher is not SILENT:
+                await fabric.watch(self._watcher.on_presence)
             await wait_any(seen.gone, self._over, stop)
             return self._over.is_set() or stop.is_set()
 
     def _begin(self, options: RunOptions, swarm: str) -> None:
         """Report what came early, now that it is known what the run is."""
         self._alarms.begin(options)
-        if not (options.watch or options.body.room or options.alarms != NEVER):
+        tells = options.watch or options.body.room or options.alarms != NEVER
+        if not tells and self._watcher is SILENT:
             rule = "must be run with --anomalies or --alarms"
             raise InvalidValueError("swarm", rule, swarm)
         self._least = _support(options, self._support)
@@ -206,6 +220,9 @@ class _Incarnation:
                     births.follow(message)
                     for change in _changes(message, births):
                         self._report(change)
+                case wire.State() | wire.Reached():
+                    self._waves.add(message)
+                    self._watcher.on_waves(self._waves)
                 case wire.KeyFrame():  # what was grown before it was looked on at
                     births.follow(message)
                 case _:

@@ -81,9 +81,11 @@ class Network(msgspec.Struct, frozen=True, kw_only=True):
             raise InvalidValueError("tls", rule, self.tls)
 
     def endpoint(self, role: Role, own: str) -> str:
-        """Return where a part of a role listens or connects.
+        """Return where a part listens or connects.
 
-        The hub is the one that listens; `own` is the swarm's own socket.
+        Args:
+            role: The part's; the hub is the one that listens.
+            own: The swarm's own socket.
         """
         if self.connect:
             return self.connect
@@ -110,7 +112,11 @@ PRIVATE = Network()
 
 
 class Connections:
-    """Connections of the parts of one network, or of a swarm on a socket of its own.
+    """Connections of the parts of one network.
+
+    Args:
+        network: Where the hub is.
+        own: The swarm's own socket, where it has one.
 
     Raises:
         InvalidValueError: From any method: keys are not there, or not fit for use.

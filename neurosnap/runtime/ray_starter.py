@@ -422,7 +422,10 @@ def _nodes() -> list[Node]:
 def _check_reach(found: Collection[Node], own: str, endpoint: str) -> None:
     """Refuse a hub that some node cannot reach.
 
-    `own` is the id of this process's node; the endpoint is empty for a private socket.
+    Args:
+        found: The nodes.
+        own: The id of this process's.
+        endpoint: Where the hub listens; empty for a private socket.
     """
     machines = {node.address for node in found}
     if len(machines) < 2 or (endpoint and not stays_here(endpoint)):

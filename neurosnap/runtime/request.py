@@ -11,6 +11,7 @@ import msgspec
 from neurosnap.agent.growth_in_decisions import Changed
 from neurosnap.errors import InvalidValueError, MissingExtraError
 from neurosnap.health.alarm import Standing
+from neurosnap.protocol.anomaly_report import NamedAnomaly
 from neurosnap.protocol.coordinator import Totals
 from neurosnap.protocol.option_declaration import option
 from neurosnap.protocol.resume_point import ResumePoint
@@ -19,6 +20,7 @@ from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.read.recording import part_path
 from neurosnap.runtime.child_processes import ChildProcesses
 from neurosnap.runtime.network import PRIVATE, Network
+from neurosnap.runtime.parts.job import WavesSoFar
 from neurosnap.runtime.parts.world_process import WayIn
 from neurosnap.runtime.starter import Starter
 from neurosnap.sources.live.statistics import Statistics
@@ -211,7 +213,7 @@ class Restart(msgspec.Struct, frozen=True):
     on from; 0 if it did not."""
 
 
-def _ignore(_: object) -> None:
+def _ignore(*_: object) -> None:
     """Do nothing."""
 
 
@@ -233,6 +235,12 @@ class Watcher:
     """Called with the health of a home's sensors, when that is new."""
     on_restart: Callable[[Restart], None] = _ignore
     """Called when the run goes on after a part has died."""
+    on_waves: Callable[[WavesSoFar], None] = _ignore
+    """Called with the waves so far, right before `on_tick`."""
+    on_presence: Callable[[str, bool], None] = _ignore
+    """Called with the name of each part that is started, and of each that is gone."""
+    on_anomaly: Callable[[NamedAnomaly], None] = _ignore
+    """Called with each anomaly that has the support which the run asks for."""
 
 
 SILENT = Watcher()

@@ -36,8 +36,10 @@ class Listener(Protocol):
     def ended(self, who: str, how: str, *, in_order: bool) -> None:
         """Note that a part has ended, after all of its reports.
 
-        `how` is as in "ended with ..."; in order means by itself, or as it was asked
-        to.
+        Args:
+            who: Its name.
+            how: As in "ended with ...".
+            in_order: It ended by itself, or as it was asked to.
         """
 
 

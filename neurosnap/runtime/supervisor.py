@@ -6,18 +6,20 @@ ended in order. Whether the parts are processes or something else, their starter
 
 import asyncio
 from collections.abc import Callable, Collection, Sequence
-from typing import Self, TypeVar
+from typing import Self, TypeVarTuple
 
 import msgspec
 
 from neurosnap.errors import PartDiedError, SwarmError
 from neurosnap.fabric.wait_for_events import wait_any
 from neurosnap.health.alarm import Standing
+from neurosnap.protocol.anomaly_report import NamedAnomaly
 from neurosnap.runtime.child_processes import ChildProcesses
 from neurosnap.runtime.parts.job import (
     Advanced,
     Done,
     Failed,
+    Found,
     Grown,
     Health,
     Job,
@@ -28,7 +30,7 @@ from neurosnap.runtime.parts.job import (
 from neurosnap.runtime.request import SILENT, Watcher
 from neurosnap.runtime.starter import Handle, Starter
 
-T = TypeVar("T")
+Ts = TypeVarTuple("Ts")
 
 
 class RunningPart:
@@ -98,6 +100,7 @@ class Supervisor:
     def began(self, who: str, handle: Handle) -> None:
         """Note that a part was started."""
         self._parts[who] = RunningPart(who, handle)
+        self._pass_on(self._watcher.on_presence, who, True)
         for report in self._early.pop(who, ()):
             self.receive(report)
 
@@ -111,9 +114,14 @@ class Supervisor:
         match report:
             case Ready():
                 part.ready.set()
-            case Advanced(tick=tick):
+            case Advanced(tick=tick, waves=waves):
                 self.has_begun = True
+                if waves is not None:
+                    self._pass_on(self._watcher.on_waves, waves)
                 self._pass_on(self._watcher.on_tick, tick)
+            case Found(anomaly=anomaly):
+                told = msgspec.json.decode(anomaly, type=NamedAnomaly)
+                self._pass_on(self._watcher.on_anomaly, told)
             case Grown(changes=changes):
                 for change in changes:
                     self._pass_on(self._watcher.on_change, change)
@@ -126,12 +134,12 @@ class Supervisor:
             case Failed():
                 self._reasons[report.who] = report
 
-    def _pass_on(self, call: Callable[[T], None], what: T) -> None:
+    def _pass_on(self, call: Callable[[*Ts], None], *what: *Ts) -> None:
         """Call a function of the watcher; what it raises ends the run."""
         if self._refused:
             return
         try:
-            call(what)
+            call(*what)
         except Exception as error:  # noqa: BLE001 - comes out of the run, whole
             self._refused = True
             self.blame(error)
@@ -139,6 +147,7 @@ class Supervisor:
     def ended(self, who: str, how: str, *, in_order: bool) -> None:
         """Note that a part has ended."""
         self._parts[who].ended.set()
+        self._pass_on(self._watcher.on_presence, who, False)
         reason = self._reasons.get(who)
         if who in self._killed or (
             in_order and who in self._expected and reason is None

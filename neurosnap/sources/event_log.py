@@ -32,7 +32,13 @@ class Events:
         self._times, self._who, self._said = array("d"), array("q"), array("b")
 
     def add(self, time: float, name: str, value: bool | None) -> None:
-        """Add what a sensor reads from `time`, seconds since 1970; None: unknown."""
+        """Add an event.
+
+        Args:
+            time: Seconds since 1970.
+            name: Of the sensor.
+            value: What it reads from then on; None if that is unknown.
+        """
         self._times.append(time)
         self._who.append(self._sensors.setdefault(name, len(self._sensors)))
         self._said.append(_UNKNOWN if value is None else int(value))

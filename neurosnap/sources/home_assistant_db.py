@@ -53,7 +53,11 @@ class _Attributes(msgspec.Struct):
 
 
 def read_home_assistant(path: str, wanted: Wanted) -> Readings:
-    """Return the readings of a home's sensors that are wanted; see the module.
+    """Return the readings of a home's sensors.
+
+    Args:
+        path: Where the database is.
+        wanted: Which entities to read; by themselves binary sensors are.
 
     Raises:
         InvalidValueError: It is no such database, lacks an entity that is wanted, or

@@ -25,11 +25,15 @@ _ROWS = 4096  # of a Parquet file that are read at a time
 
 
 def open_readings(path: str, wanted: Wanted | None = None) -> Readings:
-    """Return the readings in a file, of the sensors that are wanted; if None, of all.
+    """Return the readings in a file.
 
     What a file is, is told by its first bytes: a database of Home Assistant, Parquet,
     else CSV. A Parquet or CSV file is a log of events if its header has the columns of
     one, or else a table.
+
+    Args:
+        path: Where it is.
+        wanted: Which sensors to read, and how; if None, all there are.
 
     Raises:
         MissingExtraError: pyarrow is needed, and not installed.
@@ -80,7 +84,11 @@ def _read_table(file: TableFile, wanted: Wanted) -> Readings:
 class FileSource:
     """A source that gives the readings of a file; actions change nothing.
 
-    A tick at which nothing is known is left out. `wanted` is as in `open_readings`.
+    A tick at which nothing is known is left out.
+
+    Args:
+        path: Where the file is.
+        wanted: As in `open_readings`.
 
     Raises:
         MissingExtraError: As `open_readings`.

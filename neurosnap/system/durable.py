@@ -66,7 +66,9 @@ def sync_file(path: Path) -> None:
 def replacing(path: Path, mode: int = 0o666) -> Iterator[Path]:
     """Give a draft beside `path` to write, which replaces it if nothing goes wrong.
 
-    `mode` is its permissions, less the user's mask.
+    Args:
+        path: What is replaced, or made.
+        mode: Its permissions, less the user's mask.
 
     Raises:
         OSError: It cannot be written; what was at `path` is still there.

@@ -45,7 +45,12 @@ def _clock(zone: str) -> tzinfo:
 
 
 def local(seconds: float, zone: str) -> datetime:
-    """Return a moment, seconds since 1970, by a zone's clock; if unknown, UTC's."""
+    """Return a moment by the clock of a zone; of one that is not known here, UTC's.
+
+    Args:
+        seconds: Since 1970.
+        zone: Such as ``Europe/Berlin``.
+    """
     return datetime.fromtimestamp(seconds, _clock(zone))
 
 

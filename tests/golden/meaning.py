@@ -22,7 +22,12 @@ _LONG = 150
 
 
 def lines(messages: Iterable[wire.Message], sensors: int) -> list[str]:
-    """Return what a swarm came to, by what world and coordinator said, in order."""
+    """Return what a swarm came to.
+
+    Args:
+        messages: What the world and the coordinator published, in order.
+        sensors: How many there are.
+    """
     return list(_Telling(sensors).tell(messages))
 
 

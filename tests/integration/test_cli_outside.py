@@ -1,7 +1,15 @@
 """``neurosnap run`` with readings from a pipe and from a Zenoh program."""
 
+import contextlib
+import fcntl
 import json
+import os
+import re
 import signal
+import struct
+import subprocess
+import sys
+import termios
 from pathlib import Path
 
 import pytest
@@ -56,3 +64,39 @@ def test_ctrl_c_ends_a_run_that_waits_for_input(tmp_path: Path) -> None:
         process.send_signal(signal.SIGINT)
         process.wait(PATIENCE)
     assert process.returncode == 3  # the first line
+
+
+def test_a_terminal_shows_a_run_at_a_glance_below_what_its_parts_say(
+    tmp_path: Path,
+) -> None:
+    log = tmp_path / "seen.mcap"
+    keeper, terminal = os.openpty()
+    fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("4H", 40, 120, 0, 0))
+    given = ["run", "-", "--set", "sensors=door,motion", "--out", str(log)]
+    seen = b""
+    with subprocess.Popen(
+        [sys.executable, "-m", "neurosnap", *given],
+        env={**os.environ, "TERM": "xterm"},
+        stdin=subprocess.PIPE,
+        stdout=terminal,
+        stderr=terminal,
+    ) as process:
+        os.close(terminal)
+        assert process.stdin is not None
+        process.stdin.write(b"nonsense\n" + b'{"bits": [1, 1]}\n{"bits": [0, 0]}\n' * 9)
+        process.stdin.flush()
+        while b"18 in ticks" not in seen:
+            seen += os.read(keeper, 1 << 16)
+        process.stdin.close()
+        with contextlib.suppress(OSError):  # nothing has it open any more
+            while more := os.read(keeper, 1 << 16):
+                seen += more
+    os.close(keeper)
+    assert process.returncode == 3
+    text = seen.decode()
+    # A part has said it: the rows are taken away before it is printed.
+    assert re.search(r"\x1b\[2K\r?standard input:1: reading", text)
+    for row in ("cells     2 of 2 alive", "19 received = 18 in ticks + 1 refused"):
+        assert row in text
+    assert "deepest by height:" in text
+    assert text.rindex("\x1b[2K") < text.index("the deepest wave")  # the summary

@@ -26,9 +26,12 @@ def first(
 
 
 def assert_true_run(log: Path, tick: int = 0, *, ticks: int | None = None) -> Verdict:
-    """Check that a run is whole, and the same again from `tick`, as in `verify`.
+    """Check that a run is whole, and derived again the same.
 
-    So many ticks are compared, if that matters.
+    Args:
+        log: Its recording.
+        tick: As in `verify`.
+        ticks: How many are compared, if that matters.
     """
     verdict = verify(log, tick)
     assert (verdict.difference, verdict.same) == (None, True)

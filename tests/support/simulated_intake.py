@@ -83,7 +83,11 @@ class Intake:
         """Do nothing: it outlives the swarm."""
 
     def check(self) -> None:
-        """Hold what it counted against what came in; WrongError: another sum."""
+        """Hold what it counted against what came in.
+
+        Raises:
+            WrongError: It does not add up.
+        """
         counts = self._source.statistics()
         found, came = counts.received.total + counts.after, self._counted.total()
         if found != came:

@@ -17,6 +17,7 @@ from neurosnap.apps.cli.errors_and_signals import (
     new_log,
     run_async,
 )
+from neurosnap.apps.cli.run_at_a_glance import glance_at
 from neurosnap.apps.cli.run_flags import (
     FLAG,
     NETWORK,
@@ -31,7 +32,6 @@ from neurosnap.apps.cli.terminal_output import (
     outcome_facts,
     outcome_lines,
     print_facts,
-    progress,
     say,
     watcher,
 )
@@ -135,15 +135,11 @@ def _carry_out(request: "RunRequest", form: str, *, view: bool = False) -> "Outc
     def report(outcome: "Outcome") -> None:
         say(form, *outcome_lines(request.options, outcome, request.written))
 
-    ticks = request.options.ticks
-    with ServiceManager() as service, progress("ticks", ticks) as shown:
-
-        def on_tick(tick: int) -> None:
-            shown(tick)
-            service.progress(tick)
+    glance = glance_at(request)
+    with ServiceManager() as service, glance.shown():
 
         async def work(stop: asyncio.Event) -> "Outcome":
-            return await run_swarm(request, stop, watcher(on_tick))
+            return await run_swarm(request, stop, watcher(glance, service.progress))
 
         if view and (new := request.log) is not None:
             return run_async(lambda stop: viewed(new, stop, work, report))

@@ -23,6 +23,7 @@ from neurosnap.apps.cli.errors_and_signals import (
     new_log,
     run_async,
 )
+from neurosnap.apps.cli.run_at_a_glance import glance_at
 from neurosnap.apps.cli.run_flags import (
     FLAG,
     NETWORK,
@@ -38,7 +39,6 @@ from neurosnap.apps.cli.terminal_output import (
     outcome_facts,
     outcome_lines,
     print_facts,
-    progress,
     say,
     warn,
     watcher,
@@ -294,8 +294,9 @@ def coordinator(
         parts = frozenset(["world", *options.host_names(), *recorder])
         site = replace(request.site, elsewhere=parts, patience=patience)
         request = RunRequest(options, site=site)
-        with progress("ticks", options.ticks) as on_tick:
-            watching = watcher(on_tick)
+        glance = glance_at(request)
+        with glance.shown():
+            watching = watcher(glance)
             outcome = run_async(lambda stop: run_swarm(request, stop, watching))
         say(form, *outcome_lines(options, outcome, None))
         facts = outcome_facts(options, outcome, None)

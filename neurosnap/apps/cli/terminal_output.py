@@ -20,7 +20,7 @@ from rich.progress import (
 )
 
 from neurosnap.health.alarm import Newsreader
-from neurosnap.protocol.anomaly_report import few
+from neurosnap.protocol.anomaly_report import anomaly_line, few
 from neurosnap.runtime.request import Restart, Watcher
 from neurosnap.sensorium import visible
 from neurosnap.sources.live.statistics import received_line
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from neurosnap.agent.growth_in_decisions import Changed
+    from neurosnap.apps.cli.run_at_a_glance import Glance
     from neurosnap.health.alarm import Standing
     from neurosnap.protocol.run_options import RunOptions
     from neurosnap.runtime.request import Outcome
@@ -150,11 +151,21 @@ def health_facts(standing: "Standing") -> dict[str, object]:
     return {"progress": msgspec.structs.asdict(standing.progress), "alarms": alarms}
 
 
-def watcher(on_tick: "Callable[[int], None]") -> Watcher:
-    """Return the functions that print a run's restarts, changes and news of health."""
+def watcher(
+    glance: "Glance", on_tick: "Callable[[int], None]" = lambda _: None
+) -> Watcher:
+    """Return the functions that print a run's restarts, changes and news of health.
+
+    Args:
+        glance: Is fed with the rest.
+        on_tick: As in `Watcher`.
+    """
     reader = Newsreader()
     return Watcher(
         on_tick,
+        on_waves=glance.waves,
+        on_presence=glance.presence,
+        on_anomaly=lambda anomaly: glance.found(anomaly_line(anomaly)),
         on_change=lambda change: warn(changed_line(change)),
         on_health=lambda standing: warn(*map(visible, reader.lines(standing))),
         on_restart=lambda event: warn(*restart_lines(event)),

@@ -20,6 +20,7 @@ from neurosnap.apps.cli.errors_and_signals import (
     errors,
     run_async,
 )
+from neurosnap.apps.cli.run_at_a_glance import Glance
 from neurosnap.apps.cli.run_flags import FLAG, NETWORK, option, with_parameters
 from neurosnap.apps.cli.serve_page import look
 from neurosnap.apps.cli.terminal_output import (
@@ -27,12 +28,15 @@ from neurosnap.apps.cli.terminal_output import (
     print_facts,
     print_json,
     say,
+    screen,
     table,
     warn,
+    watcher,
 )
 from neurosnap.errors import InvalidValueError
 from neurosnap.fabric.wait_for_events import first_of
 from neurosnap.runtime.network import Network
+from neurosnap.runtime.request import SILENT
 from neurosnap.sensorium import visible
 
 if TYPE_CHECKING:
@@ -130,10 +134,11 @@ def _watch_swarm(
     network = convert(Network, connect=connect, **secured)
     network.check("watcher")
     warn(f"watching {swarm}; Ctrl-C ends it")
-    show = partial(_report, form=form)
-    run_async(
-        lambda stop: look_on(network, swarm, stop, show, support=support, log=log)
-    )
+    show, glance = partial(_report, form=form), Glance()
+    fed = watcher(glance) if screen.is_terminal else SILENT
+    follow = partial(look_on, support=support, log=log, watcher=fed)
+    with glance.shown():
+        run_async(lambda stop: follow(network, swarm, stop, show))
 
 
 def _report(told: "Fed", form: str) -> None:

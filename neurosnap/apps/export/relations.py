@@ -119,7 +119,10 @@ class Findings:
     def write(self, out: Path, *, force: bool, reads: Path) -> None:
         """Write all of it in the form that the ending of a file asks for.
 
-        With `force` it replaces what is there, but never what it `reads`.
+        Args:
+            out: The file.
+            force: Replace what is there.
+            reads: The data; nothing replaces these.
 
         Raises:
             InvalidValueError: A file is there already, or no folder for it.

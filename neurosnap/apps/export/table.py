@@ -191,11 +191,15 @@ def export(
     *,
     force: bool = False,
 ) -> Exported:
-    """Write a row for each tick of a recording, as .csv or .parquet by a file's ending.
+    """Write a row for each tick of a recording, in the format of a file's ending.
 
     A recording that was cut short is written as far as it goes, and of one that is
-    damaged what can be read. Memory is bounded; it takes O(ticks · N) time. With
-    `force` it replaces what is there.
+    damaged what can be read. Memory is bounded; it takes O(ticks · N) time.
+
+    Args:
+        recording: What is written.
+        out: A file .csv or .parquet.
+        force: Replace what is there.
 
     Raises:
         InvalidValueError: There is no such format, or a file is there already.

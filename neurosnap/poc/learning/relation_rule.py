@@ -83,7 +83,15 @@ class _Rates(NamedTuple):
 
 
 def judge(columns: Columns, counts: PairCounts) -> Judged:
-    """Apply the rule to all pairs of readings by their counts. O(N²) time and space."""
+    """Apply the rule to all pairs.
+
+    Args:
+        columns: The readings.
+        counts: Their counts.
+
+    Returns:
+        O(N²) time and space.
+    """
     rates = _rates(columns)
     pairs = counts.ticks.shape[1]
     judged = Judged(np.zeros(pairs, np.uint8), np.zeros(pairs, np.bool_))

@@ -93,6 +93,10 @@ class RunningNumbers:
     def receive(self, sender: str, sequence: int) -> bool:
         """Count one message; constant time as long as they come in order.
 
+        Args:
+            sender: Who sent it.
+            sequence: Its running number, at least 0.
+
         Returns:
             Whether it came for the first time. A duplicate is counted.
         """
@@ -156,9 +160,11 @@ class RunningNumbers:
     def completeness(
         self, expected: Mapping[str, int] = _NOTHING, *, foreign: int = 0
     ) -> Completeness:
-        """Return the balance, against what each sender says it sent, as in `gaps`.
+        """Return the balance, against what each sender says it sent.
 
-        So many `foreign` payloads were no message at all.
+        Args:
+            expected: As in `gaps`.
+            foreign: How many payloads were no message at all.
         """
         missing = {
             sender: sum(stop - start for start, stop in ranges)

@@ -54,7 +54,9 @@ def stretches(recording: Recording) -> list[Recording]:
 def lost_behind(part: RecordingFile, after: RecordingFile | None) -> str:
     """Return why messages are missing behind a file; empty: none are.
 
-    `after` is the next file there is of its run; None if there is none.
+    Args:
+        part: The file.
+        after: The next there is of its run; None if there is none.
     """
     layout = part.layout
     last = layout.chunks[-1].offset if layout.chunks else 0

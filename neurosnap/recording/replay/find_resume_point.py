@@ -402,7 +402,9 @@ def _begun_after(recording: Recording) -> dict[str, int]:
 def restore(past: ResumePoint, ticks: int) -> Coordinator:
     """Return the coordinator's core as it was after the last whole tick.
 
-    The run is to have so many ticks in all, more than there are.
+    Args:
+        past: From `find_resume_point`.
+        ticks: How many ticks the run is to have in all; more than there are.
     """
     several = stretches(Recording.open_file(Path(past.log)))
     stretch = [one for one in several if one.begins <= past.tick][-1]

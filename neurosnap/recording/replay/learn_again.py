@@ -20,7 +20,12 @@ from neurosnap.sensorium import unpack_readings
 
 
 class Learning:
-    """The learning of a run up to a tick, without the snapshot's state."""
+    """The learning of a run up to a tick, without the snapshot's state.
+
+    Args:
+        path: The recording, for errors.
+        options: The run's.
+    """
 
     def __init__(self, path: Path, options: RunOptions) -> None:
         self._path = path
@@ -64,7 +69,9 @@ class Learning:
     ) -> None:
         """Learn from the observation of the next tick. O(N²/2) time.
 
-        The tick's decision says which sensors come or go; it is None if none does.
+        Args:
+            observation: The observation.
+            decision: The tick's; it says which sensors come or go. None if none does.
 
         Raises:
             RecordingError: It is of another tick, or of other sensors.

@@ -67,9 +67,11 @@ class FsyncThread:
                 os.close(descriptor)
 
     def save(self, file: Writer, then: Callable[[], None]) -> None:
-        """Sync and finish a file that has its end, once the one before is synced.
+        """Sync and finish a file, once the one before is synced.
 
-        `then` is called on the thread once it is saved, and not if it cannot be.
+        Args:
+            file: It has its end.
+            then: What to do once it is saved, on the thread; not done if it cannot be.
         """
 
         def saved() -> None:

@@ -74,7 +74,7 @@ async def run_coordinator(
     parts: Collection[str],
     deadlines: Deadlines,
     on_progress: Callable[[int], None] = lambda _: None,
-    on_decision: Callable[[wire.Decision], None] = lambda _: None,
+    on_said: Callable[[wire.Message], None] = lambda _: None,
 ) -> float:
     """Run `core` as the swarm's coordinator until it has finished or `stop` is set.
 
@@ -90,7 +90,7 @@ async def run_coordinator(
         deadlines: How long it waits for what.
         on_progress: Called with the core's tick once the swarm is up, after each burst,
             and while nothing is over its deadline four times a second; on any thread.
-        on_decision: Called with every decision that is published, likewise.
+        on_said: Called with every message that is published, likewise.
 
     Returns:
         Seconds from the beginning to the end, the wait for the parts left out.
@@ -101,7 +101,7 @@ async def run_coordinator(
         AnswerLostError: A wave did not settle, a question to the cells' histories was
             not answered, or workers did not learn, and neither did the repeats.
     """
-    shell = _CoordinatorLoop(core, fabric, parts, deadlines, on_progress, on_decision)
+    shell = _CoordinatorLoop(core, fabric, parts, deadlines, on_progress, on_said)
     presence = _Presence(parts, fabric, shell)
     await fabric.subscribe(wire.COORDINATOR_KEYS, shell.handle)
     await fabric.watch(presence.change)
@@ -179,7 +179,7 @@ class _CoordinatorLoop:
         parts: Collection[str],
         deadlines: Deadlines,
         on_progress: Callable[[int], None],
-        on_decision: Callable[[wire.Decision], None],
+        on_said: Callable[[wire.Message], None],
     ) -> None:
         self._answer = WorldDeadline(deadlines.answer)
         self._parts = frozenset(parts)
@@ -189,7 +189,7 @@ class _CoordinatorLoop:
         self._fabric = fabric
         self._deadline = deadlines.wave
         self._on_progress = on_progress
-        self._on_decision = on_decision
+        self._on_said = on_said
         self._begun = False
         self._loop = asyncio.get_running_loop()
         self._lock = threading.Lock()
@@ -244,8 +244,7 @@ class _CoordinatorLoop:
                 self._started[-message.round] = time.monotonic()
             elif isinstance(message, wire.Learn):
                 self._started[0] = time.monotonic()
-            if isinstance(message, wire.Decision):
-                self._on_decision(message)
+            self._on_said(message)
         if self._core.finished:
             self._loop.call_soon_threadsafe(self.over.set)
 

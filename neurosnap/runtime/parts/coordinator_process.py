@@ -9,15 +9,17 @@ from collections.abc import Collection
 
 import msgspec
 
+from neurosnap import wire
 from neurosnap.errors import InvalidValueError, SwarmError
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.fabric.wait_for_events import wait_any
+from neurosnap.protocol.anomaly_report import named_anomaly, with_support
 from neurosnap.protocol.coordinator import Coordinator, Totals
 from neurosnap.protocol.resume_point import ResumePoint, first_number
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.replay.find_resume_point import restore
 from neurosnap.runtime.parts.coordinator_loop import Deadlines, run_coordinator
-from neurosnap.runtime.parts.job import PartContext, take_part
+from neurosnap.runtime.parts.job import PartContext, Reporter, WavesSoFar, take_part
 from neurosnap.runtime.recorded_source import recordable
 from neurosnap.sources.open import is_live
 from neurosnap.system.compiled import cache_folder
@@ -100,6 +102,35 @@ def answer_within(options: RunOptions) -> float | None:
     return _TRIES * options.deadline
 
 
+class _Reports:
+    """Reports the progress of a run, and what it finds; called on any thread."""
+
+    def __init__(self, core: Coordinator, support: int, reporter: Reporter) -> None:
+        self._core = core
+        self._support = support
+        self._reporter = reporter
+        self._waves = WavesSoFar()
+
+    def said(self, message: wire.Message) -> None:
+        """Note or report what the coordinator has just said."""
+        match message:
+            case wire.State() | wire.Reached():
+                self._waves.add(message)
+            case wire.Decision():
+                self._reporter.changed(self._core.changes(message))
+            case wire.Anomaly():
+                told = with_support(message, self._support)
+                if told is not None:
+                    names = self._core.memory.body.sensors
+                    self._reporter.found(named_anomaly(told, names))
+            case _:
+                pass
+
+    def progress(self, tick: int) -> None:
+        """Report how far the run is."""
+        self._reporter.progress(tick, self._waves)
+
+
 class CoordinatorJob(msgspec.Struct, frozen=True):
     """The job of the coordinator."""
 
@@ -121,6 +152,7 @@ class CoordinatorJob(msgspec.Struct, frozen=True):
         # From `run_coordinator` on the core is used under the lock of its loop alone,
         # by the delivery threads and by the event loop.
         core = coordinator_for(options, description.past)
+        reports = _Reports(core, options.support, part.reporter)
         patience = self.patience
         if patience is None:
             # Without a folder for compiled code, each part compiles while it comes up.
@@ -141,8 +173,8 @@ class CoordinatorJob(msgspec.Struct, frozen=True):
                     deadlines=Deadlines(
                         options.deadline, answer_within(options), patience
                     ),
-                    on_progress=part.reporter.progress,
-                    on_decision=lambda said: part.reporter.changed(core.changes(said)),
+                    on_progress=reports.progress,
+                    on_said=reports.said,
                 ),
             )
             named = core.graph.implications(core.snapshot.sensorium)

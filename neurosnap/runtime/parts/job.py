@@ -35,6 +35,28 @@ _LONGEST = 4096 - 4
 _PROGRESS = 0.05  # seconds between two reports of progress
 
 
+class WavesSoFar(msgspec.Struct):
+    """The waves of a run, since one looks on."""
+
+    tick: int = 0
+    """That of the last wave."""
+    number: int = 0
+    """Its number: as many were started in the whole run."""
+    depth: int = 0
+    """Its hops."""
+    height: int = 0
+    """The height of the order, in implications."""
+    deepest: dict[int, int] = {}
+    """The most hops, by the height of what the waves began with."""
+
+    def add(self, settled: wire.State | wire.Reached) -> None:
+        """Add a wave that has settled."""
+        self.tick, self.number = settled.tick, settled.wave
+        self.depth, self.height = settled.depth, settled.height
+        most = self.deepest.get(settled.longest, 0)
+        self.deepest[settled.longest] = max(most, settled.depth)
+
+
 class Ready(msgspec.Struct, frozen=True, tag=True):
     """A part reports that it is ready."""
 
@@ -46,6 +68,7 @@ class Advanced(msgspec.Struct, frozen=True, tag=True):
 
     who: str
     tick: Annotated[int, msgspec.Meta(ge=0)]
+    waves: WavesSoFar | None = None
 
 
 class Grown(msgspec.Struct, frozen=True, tag=True):
@@ -53,6 +76,13 @@ class Grown(msgspec.Struct, frozen=True, tag=True):
 
     who: str
     changes: list[Changed]
+
+
+class Found(msgspec.Struct, frozen=True, tag=True):
+    """A part reports an anomaly, as a `NamedAnomaly`."""
+
+    who: str
+    anomaly: msgspec.Raw
 
 
 class Health(msgspec.Struct, frozen=True, tag=True):
@@ -78,7 +108,7 @@ class Failed(msgspec.Struct, frozen=True, tag=True):
     """It would be able to if another part had not died."""
 
 
-Report: TypeAlias = Ready | Advanced | Grown | Health | Done | Failed
+Report: TypeAlias = Ready | Advanced | Grown | Found | Health | Done | Failed
 _encode = msgspec.json.encode
 _decoder: msgspec.json.Decoder[Report] = msgspec.json.Decoder(Report)
 
@@ -117,19 +147,25 @@ class Reporter:
         """Report that the part is up."""
         self._send(Ready(self._who))
 
-    def progress(self, tick: int) -> None:
+    def progress(self, tick: int, waves: WavesSoFar | None = None) -> None:
         """Report the tick it has come to, unless one was reported a moment ago."""
         now = time.monotonic()
-        is_next = self._every_tick and tick != self._tick
-        if now < self._next_progress and not is_next:
+        is_due = now >= self._next_progress
+        if not is_due and not (self._every_tick and tick != self._tick):
             return
-        self._tick, self._next_progress = tick, now + _PROGRESS
-        self._send(Advanced(self._who, tick))
+        self._tick = tick
+        if is_due:
+            self._next_progress = now + _PROGRESS
+        self._send(Advanced(self._who, tick, waves if is_due else None))
 
     def changed(self, changes: list[Changed]) -> None:
         """Say what was grown or retired. Only for parts with a pipe of their own."""
         if changes:
             self._send(Grown(self._who, changes))
+
+    def found(self, anomaly: object) -> None:
+        """Report an anomaly. Only for parts with a pipe of their own."""
+        self._send(Found(self._who, msgspec.Raw(msgspec.json.encode(anomaly))))
 
     def health(self, standing: object) -> None:
         """Say how the sensors are. Only for parts with a pipe of their own."""

@@ -49,8 +49,10 @@ def has_status(options: RunOptions) -> bool:
 class StatusListener:
     """Passes a swarm's messages to a publisher, on the fabric's thread.
 
-    The body is what is sensed at first; `support` the occasions that an anomaly must
-    rest on.
+    Args:
+        publisher: Publishes it.
+        body: What is sensed at first.
+        support: The occasions that an anomaly must rest on.
     """
 
     def __init__(

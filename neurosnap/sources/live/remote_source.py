@@ -62,7 +62,13 @@ def encoded(message: Question | Reply) -> bytes:
 
 
 class RemoteSource:
-    """A live `Source` behind a socket, whose path is its address."""
+    """A live `Source` behind a socket.
+
+    Args:
+        address: The path of the socket.
+        sensors: The names of the sensors.
+        actions: The names of the atomic actions, one of which is taken at each step.
+    """
 
     live: bool = True
     discrete: bool = False

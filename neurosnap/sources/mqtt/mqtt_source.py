@@ -34,7 +34,12 @@ def mqtt_source(
 
     At each step exactly one action is taken: its payload is published, if the broker
     can be told within `neurosnap.sources.mqtt.outbox.LASTS` seconds. The first action
-    is to do nothing. `journal` and `most` are as for `LiveSource`.
+    is to do nothing.
+
+    Args:
+        options: What is read and done.
+        journal: As for `LiveSource`.
+        most: As for `LiveSource`.
 
     Raises:
         InvalidValueError: The certificates to trust cannot be read, or the password.

@@ -15,6 +15,7 @@ from neurosnap.protocol.anomaly_report import NamedAnomaly
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.anomaly_feed import Fed, _Alarms, _Incarnation
 from neurosnap.runtime.parts.coordinator_process import RunDescription
+from neurosnap.runtime.request import Watcher
 from tests.support.patience import PATIENCE
 
 OPTIONS = RunOptions(source="none", body=Body(own=("door", "motion")), watch=True)
@@ -53,6 +54,9 @@ class Swarm:
     async def subscribe(self, _: tuple[str, ...], handler: Handler) -> None:
         self._handler = handler
 
+    async def watch(self, _: object) -> None:
+        """Nobody comes or goes."""
+
     async def ask(self) -> bytes:
         self._say(self._before)
         asyncio.get_running_loop().call_soon(self._say, self._after)
@@ -69,13 +73,17 @@ async def test_an_anomaly_that_cannot_be_is_passed_over_early_and_late() -> None
         assert isinstance(told, NamedAnomaly)
         heard.append(told.culprits)
 
-    said: list[wire.Message] = [BAD, GOOD]
+    waves: list[int] = []
+    watcher = Watcher(on_waves=lambda so_far: waves.append(so_far.number))
+    reached = wire.Reached(1, 7, (0,), b"", 1, 1, 1, 1)
+    said: list[wire.Message] = [BAD, GOOD, reached]
     swarm: Any = Swarm(said, [*said, wire.Leave("coordinator")])
     async with asyncio.timeout(PATIENCE):
-        incarnation = _Incarnation(hear, _Alarms(hear, None), None)
+        incarnation = _Incarnation(hear, _Alarms(hear, None), None, watcher)
         in_order = await incarnation.look_on(swarm, FoundSwarm("demo"), asyncio.Event())
     assert in_order
     assert heard == [("door",), ("door",)]
+    assert waves == [7, 7]
 
 
 def grown(tick: int, literals: tuple[int, ...], sensor: int) -> wire.Decision:

@@ -12,9 +12,11 @@ import pytest
 
 from neurosnap.agent.growth_in_decisions import Changed
 from neurosnap.health.alarm import AlarmProgress, Standing
+from neurosnap.protocol.anomaly_report import NamedAnomaly
 from neurosnap.runtime.child_processes import ChildProcesses, without_main
 from neurosnap.runtime.parts.job import (
     Advanced,
+    Found,
     Grown,
     Health,
     Job,
@@ -22,6 +24,7 @@ from neurosnap.runtime.parts.job import (
     PartContext,
     Ready,
     Report,
+    WavesSoFar,
 )
 from neurosnap.runtime.request import Watcher
 from neurosnap.runtime.supervisor import Supervisor
@@ -218,14 +221,24 @@ def reported(supervisor: Supervisor, *reports: Report) -> None:
 
 def test_what_parts_report_is_passed_on_in_order() -> None:
     ticks, changes, standings = list[int](), list[Changed](), list[Standing]()
-    watcher = Watcher(ticks.append, changes.append, standings.append)
+    waves, found = list[WavesSoFar](), list[NamedAnomaly]()
+    watcher = Watcher(
+        ticks.append,
+        changes.append,
+        standings.append,
+        on_waves=waves.append,
+        on_anomaly=found.append,
+    )
     supervisor, who = Supervisor(watcher=watcher), "coordinator"
     grown = Changed(4, 24, "press&a&b")
     now = [Standing(step, AlarmProgress(9, 40, 0, 2)) for step in (7, 8)]
     health = [Health(who, msgspec.Raw(msgspec.json.encode(each))) for each in now]
-    come = [Advanced(who, tick) for tick in (3, 4, 4)]
-    reported(supervisor, *come, Grown(who, [grown]), *health)
+    so_far, anomaly = WavesSoFar(4, 9), NamedAnomaly(4, 4, ("a",), (), True, (), 0, "")
+    come = [Advanced(who, 3), Advanced(who, 4, so_far), Advanced(who, 4)]
+    told = Found(who, msgspec.Raw(msgspec.json.encode(anomaly)))
+    reported(supervisor, *come, told, Grown(who, [grown]), *health)
     assert (ticks, changes, standings) == ([3, 4, 4], [grown], now)
+    assert (waves, found) == ([so_far], [anomaly])
     assert supervisor.health == now[-1]
 
 
