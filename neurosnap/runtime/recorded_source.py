@@ -6,6 +6,7 @@ connects to, reads or imports, but for worlds of ours and standard input.
 
 import re
 from collections.abc import Mapping
+from contextlib import closing
 from pathlib import Path
 from typing import TypeAlias
 
@@ -69,10 +70,8 @@ def reopened(options: RunOptions, trusts: Trust) -> tuple[RunOptions, int | None
         rule = f"must be named here, too, as {options.arguments!r:.500}"
         raise InvalidValueError("arguments", rule, arguments)
     opened = open_source(source, options.seed, arguments, None, options.frames > 0)
-    try:
+    with closing(opened):
         try_camera(opened, options.frames)
-    finally:
-        opened.close()
     plain = replace(options.body, room=0, grown=())
     if body_of(opened, options.agent) != plain:
         rule = "must have the sensors and actions of the run"

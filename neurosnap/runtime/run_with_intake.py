@@ -308,7 +308,7 @@ class _WorldServer:
         if task is not None:
             self._serving.add(task)
             task.add_done_callback(self._serving.discard)
-        try:
+        with contextlib.closing(writer):
             async with self._turn:
                 await self._arrive()
                 try:
@@ -316,8 +316,6 @@ class _WorldServer:
                         await self._converse(reader, writer)
                 finally:
                     self.leave()
-        finally:
-            writer.close()
 
     def leave(self) -> None:
         """Journal changes while no world asks for them."""

@@ -9,7 +9,7 @@ import logging
 import shlex
 import stat
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -187,11 +187,9 @@ def _fit(config: Config, name: str, given: dict[str, Argument]) -> _Fitted:
         place = ",".join(target) if target else None
         arguments |= drawn_to(name, seed, arguments, place)
         target = ()
-    opened = open_source(name, seed, arguments, None, config.recording.frames > 0)
-    try:
-        try_camera(opened, config.recording.frames)
-    finally:
-        opened.close()
+    frames = config.recording.frames
+    with closing(open_source(name, seed, arguments, None, frames > 0)) as opened:
+        try_camera(opened, frames)
     length = FOREVER if opened.live else opened.length
     body = body_of(opened, agent.kind, agent.grow)
     check_sensors(len(body.sensors))  # before anything is made of all their pairs

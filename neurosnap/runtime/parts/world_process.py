@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, closing
 from pathlib import Path
 
 import msgspec
@@ -124,7 +124,7 @@ class WorldJob(msgspec.Struct, frozen=True):
         """Answer decisions until the end."""
         options, past, connection = self.options, self.past, part.connection
         source, known = _opened(options, self.way_in, connection), None
-        try:
+        with closing(source):
             if isinstance(source, LiveSource | RemoteSource):
                 # In a thread: it asks another process, which may be coming back.
                 tick = 0 if past is None else past.tick
@@ -143,8 +143,6 @@ class WorldJob(msgspec.Struct, frozen=True):
                     frames=options.frames,
                 )
                 await take_part(fabric, work)
-        finally:
-            source.close()
         part.reporter.done(
             source.statistics() if isinstance(source, LiveSource) else None
         )
