@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from playwright.async_api import Page, expect
 
-from neurosnap.apps.viewer.background_reading import RunHistory
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.recording.read.recording import Recording
 from tests.support.browser_pages import IN_BROWSER, go_to, opened, page_at
+from tests.support.page_requests import read
 from tests.support.recorded_runs import TICKS, path_run, recorded
 from tools.browser import wait_shown, wait_until
 
@@ -65,15 +65,19 @@ async def test_no_two_nodes_overlap_and_what_is_implied_stands_above(
             const places = diagram._laid.places;
             const of = (item) => places.get(item.sensor).y;
             return [
-                [...places.values()].map(({ x, y, width }) => [x, y, width]),
+                [...places.values()].map(({ x, y, width, item: { sensor } }) =>
+                    [x, y, width, diagram._nodes.get(sensor).querySelector(".name").getBBox()]
+                ).map(([x, y, width, name]) => [x, y, width, name.x, name.width]),
                 diagram._lines.map(({ link }) => link).filter(({ edge }) =>
                     edge.source % 2 === 0 && edge.target % 2 === 0,
                 ).map(({ from, to }) => [of(from), of(to)]),
             ];
         }"""
     )
-    for k, (x, y, width) in enumerate(places):
-        for other_x, other_y, other_width in places[:k]:
+    for k, (x, y, width, name, name_width) in enumerate(places):
+        # The name stands in its own part of the pill, beside 16 pixels for the other.
+        assert 3 < name + width / 2 < width - 16 - name_width
+        for other_x, other_y, other_width, *_ in places[:k]:
             aside = abs(x - other_x) >= (width + other_width) / 2
             assert aside or abs(y - other_y) >= 20
     assert edges
@@ -141,9 +145,7 @@ def long_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 async def test_a_relation_is_as_wide_as_it_was_tested_and_dotted_if_it_was_not(
     long_log: Path,
 ) -> None:
-    history, view = RunHistory(RunView(long_log)), RunView(long_log)
-    while history.read_on():
-        pass
+    history, view = read(long_log), RunView(long_log)
     async with opened(long_log, "#t=40") as page:
         for tick, same in (40, 4), (200, 0):
             await go_to(page, tick)
@@ -176,6 +178,13 @@ async def test_a_relation_is_as_wide_as_it_was_tested_and_dotted_if_it_was_not(
             count = tests[frozenset((source, target))]
             await expect(body).to_contain_text(f"tested on {count} occasion")
             await page.evaluate(CHOOSE, None)
+            # One chip leaves the lines of what rests on few.
+            seldom = page.get_by_role("button", name="under 10 tests")
+            await seldom.click()
+            well = sum(count > 9 for count in told.edges)
+            await expect(page.locator("#drawing .link.gone")).to_have_count(well)
+            await seldom.click()
+            assert well or tick == 40
         await expect(page.locator(".legend .untested")).to_be_visible()
 
 
@@ -244,13 +253,11 @@ async def test_what_is_looked_at_is_laid_out_alone(planner_log: Path) -> None:
 
 
 @pytest.mark.slow
-async def test_only_what_is_predicted_or_contradicted_is_kept(
-    unread_log: Path,
-) -> None:
+async def test_only_what_is_predicted_or_contradicted_is_kept(unread_log: Path) -> None:
     page = await page_at(unread_log, 31)
     chip = page.locator("#focus-only button")
     there = page.locator("#focus-only button:visible")
-    await expect(there).to_have_text(["on 2", "predicted 1"])  # of others is none
+    await expect(there).to_have_text(["on 2", "predicted 1", "under 10 tests 3"])
     await chip.nth(2).click()
     assert await page.evaluate(SEEN) == [1]
     await page.click("#focus-alone")

@@ -3,6 +3,7 @@
 import re
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -231,9 +232,7 @@ async def test_two_that_exclude_each_other_say_so_both(planner_log: Path) -> Non
 
 
 @pytest.mark.slow
-async def test_what_was_learned_in_a_range_is_one_click_away(
-    planner_log: Path,
-) -> None:
+async def test_what_was_learned_in_a_range_is_one_click_away(planner_log: Path) -> None:
     async with opened(planner_log, "#t=3&range=5-20") as page:
         await page.click("#range-compare")
         await wait_shown(page, 20)
@@ -244,8 +243,7 @@ async def test_what_was_learned_in_a_range_is_one_click_away(
         # However long the lists beside it are, its rows stand together.
         table = page.locator("#compare .differences > table")
         assert await table.locator("tbody tr").count() == 3
-        box = await table.bounding_box()
-        assert box is not None
+        box: Any = await table.bounding_box()
         assert box["height"] < 120
         await page.keyboard.press("x")
         await expect(page.locator("#range-compare")).to_be_hidden()
@@ -365,9 +363,7 @@ def lake_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-async def test_the_latest_image_is_shown_with_its_tick(
-    lake_log: Path,
-) -> None:
+async def test_the_latest_image_is_shown_with_its_tick(lake_log: Path) -> None:
     view = RunView(lake_log)
     async with opened(lake_log, but_for="status of 500") as page:
         shown = page.locator("#image-drawing")

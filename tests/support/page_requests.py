@@ -1,12 +1,23 @@
-"""Requests to `neurosnap view`, and the status of its answers."""
+"""Requests to `neurosnap view`, its answers, and what it has read in the end."""
 
 import asyncio
 from collections.abc import AsyncGenerator
+from pathlib import Path
 
 import msgspec
 
 from neurosnap.apps.viewer.api import Event
 from neurosnap.apps.viewer.auth import Address
+from neurosnap.apps.viewer.background_reading import RunHistory
+from neurosnap.apps.viewer.run_view import RunView
+
+
+def read(log: Path) -> RunHistory:
+    """Return what a view has read of a recording in the end."""
+    history = RunHistory(RunView(log))
+    while history.read_on():
+        pass
+    return history
 
 
 async def say(address: Address, request: bytes) -> bytes:

@@ -34,6 +34,7 @@ from neurosnap.recording.read.recorded_readings import readings_of
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.grown_sensors import RecordedBirth
 from tests.support.lamp import LIMITED, lamp_options
+from tests.support.page_requests import read
 from tests.support.recorded_messages import of_type
 from tests.support.recorded_runs import TICKS as FEW
 from tests.support.recorded_runs import (
@@ -51,13 +52,6 @@ from tests.support.recorded_runs import (
 TICKS, SUPPORT, SENSORS = 60, 2, 3
 GONE = range(4, 9)
 LAST = 32  # the last tick of the run that leaves sensors unread
-
-
-def read(log: Path) -> RunHistory:
-    history = RunHistory(RunView(log))
-    while history.read_on():
-        pass
-    return history
 
 
 def column(history: RunHistory, name: str, last: int = FEW) -> list[float | None]:

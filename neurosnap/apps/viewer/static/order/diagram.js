@@ -91,7 +91,7 @@ export class Diagram {
    * there is no search.
    */
   focus(focus, chosen, sought) {
-    const key = ({ sensors, edges, alone }) => [alone, [...edges], [...(sensors ?? ["all"])]].join();
+    const key = ({ sensors, edges, alone, most }) => [alone, most, [...edges], [...(sensors ?? ["all"])]].join();
     const laidOut = this._focus.alone || focus.alone;
     const same = key(focus) === key(this._focus);
     const isMarked = chosen === this._chosen && sought === this._sought;
@@ -134,13 +134,13 @@ export class Diagram {
     this._aim(camera);
   }
 
-  /** See everything, at not much more than its own size. */
+  /** See everything, at not much more than its own size, or more where there is much room. */
   fit() {
     const { left, right, top, bottom } = this._laid.box;
     const { clientWidth: width, clientHeight: height } = this._home;
     const across = (width - 2 * MARGIN) / (right - left + NUMBERS);
     const down = (height - 2 * MARGIN) / (bottom - top);
-    const scale = Math.max(Math.min(across, down, 1.25), SMALLEST);
+    const scale = Math.max(Math.min(across, down, Math.max(1.25, width / 1300)), SMALLEST);
     this._aim({ x: (left - NUMBERS + right) / 2, y: (top + bottom) / 2, scale });
     this._whole = true;
   }
@@ -208,13 +208,13 @@ export class Diagram {
 
   /** How a line looks, as the classes of its element. */
   _lookOf({ from, to, edge, kind, tested }) {
-    const { sensors, edges } = this._focus;
+    const { sensors, edges, most } = this._focus;
     const { sensor, edge: chosen } = this._chosen ?? {};
     const ends = [from.sensor, to.sensor];
     const isChosen = chosen ? chosen.source === edge.source && chosen.target === edge.target : ends.includes(sensor);
     const isFar = sensors !== null && !ends.every((end) => sensors.has(end));
     const isFaint = isFar || (this._sought !== null && !ends.some((end) => this._sought.has(end)));
-    return [`link ${kind}`, tested === 0 && "untested", !edges.has(kind) && "gone", isChosen ? "chosen" : isFaint && "faint"].filter(Boolean).join(" ");
+    return [`link ${kind}`, tested === 0 && "untested", (!edges.has(kind) || tested > most) && "gone", isChosen ? "chosen" : isFaint && "faint"].filter(Boolean).join(" ");
   }
 
   // The pointer: dragging moves the drawing, the wheel makes it larger, a click means what

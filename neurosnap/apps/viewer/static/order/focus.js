@@ -11,7 +11,8 @@ export const MOST = 160;
 
 const EDGES = ["excite", "inhibit", "same"];
 const WORDS = { excite: "excites", inhibit: "inhibits", same: "equivalent" };
-const ONLY = ["on", "contradicted", "predicted", "grown"];
+const [FEW, BARELY] = [10, "under 10 tests"]; // what rests on fewer is not reported as broken
+const ONLY = ["on", "contradicted", "predicted", "grown", BARELY];
 const DEPTHS = [["1", "1 edge"], ["2", "2 edges"], ["Infinity", "all"]];
 
 /** The controls, and what follows from them. */
@@ -49,32 +50,37 @@ export class Focus {
   }
 
   /**
-   * What is looked at. Of an order too large to be drawn it is laid out by itself, and what
-   * a search has found is looked at where nothing is selected.
+   * What is looked at. Of an order too large to be drawn it is laid out by itself, and where
+   * nothing is selected it is what a search has found, or else what may be wrong.
    *
-   * @returns {{sensors: Set<number>|null, edges: Set<string>, alone: boolean}} the sensors,
-   *   null for all of them; which kinds of edges are drawn; whether the rest is left out
+   * @returns {{sensors: Set<number>|null, edges: Set<string>, alone: boolean, most: number}} the
+   *   sensors, null for all of them; which kinds of edges are drawn; whether the rest is left
+   *   out; how often at most an edge was tested that is drawn
    */
   of(graph, frame, chosen, sought) {
     const held = beliefs(frame);
+    const barely = barelyTested(graph);
     const is = {
       on: (sensor) => held[sensor].condition === "on",
       contradicted: (sensor) => held[sensor].condition === "contradicted",
       predicted: (sensor) => held[sensor].predicted,
       grown: (sensor) => this._growth.isGrown(sensor),
+      [BARELY]: (sensor) => barely.has(sensor),
     };
     const all = graph.nodes.map(({ sensor }) => sensor);
     this._count(graph, all, is);
     const sensor = chosen?.sensor;
     this._depth.disabled = sensor === undefined;
     const isLarge = all.length > MOST;
-    let sensors = sensor === undefined ? (isLarge ? sought : null) : this._around(graph, sensor, isLarge);
+    const asked = isLarge ? (sought ?? suspects(frame)) : null;
+    let sensors = sensor === undefined ? asked : this._around(graph, sensor, isLarge);
     if (this._only.size > 0) {
       const kept = all.filter((one) => [...this._only].some((kind) => is[kind](one)));
       sensors = new Set(kept.filter((one) => sensors === null || sensors.has(one)));
     }
     find("focus-alone").disabled = sensors === null && !this._alone;
-    return { sensors, edges: this._edges, alone: (this._alone || isLarge) && sensors !== null };
+    const most = this._only.has(BARELY) ? FEW - 1 : Infinity;
+    return { sensors, edges: this._edges, alone: (this._alone || isLarge) && sensors !== null, most };
   }
 
   /** The sensors of whose literals one implies one of this sensor's, or is implied. */
@@ -126,6 +132,13 @@ export class Focus {
     find(home).append(chip);
   }
 }
+
+/** The sensors that may be wrong at a tick, and those of the rule that is broken; null: none. */
+const suspects = ({ anomaly: one }) => one && new Set([...one.culprits, ...one.others, ...(one.rule ?? []).map(sensorOf)]);
+
+/** The sensors of which a relation was tested seldom; none as long as that is not known. */
+const barelyTested = ({ edges, nodes }) =>
+  new Set([...edges, ...nodes].filter(({ tested }) => tested < FEW).flatMap(({ sensor, source, target }) => sensor ?? [source, target].map(sensorOf)));
 
 /** The part of an order that has some sensors and kinds of edges. */
 export function restricted(graph, { sensors, edges: kinds }) {
@@ -202,8 +215,7 @@ export class Search {
     const names = this._names.map((name) => name.toLowerCase());
     const asked = text.split(/\s+/).filter(Boolean).map((word) => this._asked(word, names));
     const wrong = asked.find((one) => typeof one === "string");
-    const matches = (_, sensor) =>
-      this._growth.isSensor(sensor) && asked.every((is) => is(sensor));
+    const matches = (_, sensor) => this._growth.isSensor(sensor) && asked.every((is) => is(sensor));
     const all = names.flatMap((name, sensor) => (!wrong && matches(name, sensor) ? [sensor] : []));
     this._found = text ? all : [];
     // A name that is the whole of what was typed comes first.

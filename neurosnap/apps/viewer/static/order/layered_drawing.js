@@ -9,9 +9,9 @@ import { drawn, isComplement, sensorOf } from "../base/literals.js";
 /** How high an item is drawn. */
 export const HEIGHT = 20;
 
-const GAP = 14; // beside an item
+const GAP = 11; // beside an item
 const WIDEST_GAP = 60; // between what stands left of a column and what stands right
-const ROW = 30; // from one row of a layer to the next
+const ROW = 27; // from one row of a layer to the next
 const LAYER = 34; // from one layer to the next
 const NARROWEST = 500; // of a layer that is divided into rows
 const SWEEPS = 8;
@@ -56,10 +56,10 @@ export function layOut(items, links, widthOf) {
   const near = neighbours(items, links);
   const mates = matesOf(items, near);
   const places = new Map();
-  for (const item of items) {
+  for (const [rank, item] of items.entries()) {
     // Where nothing else says where to begin, the number does: so little moves when the
     // order changes a little.
-    const x = SPREAD * item.sensor;
+    const x = SPREAD * rank;
     places.set(item.sensor, { x, y: 0, width: widthOf(item), item });
   }
   const layers = rows(items, near, places);

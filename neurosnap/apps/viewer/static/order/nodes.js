@@ -13,15 +13,15 @@ import { HEIGHT } from "./layered_drawing.js";
 /** How wide the part of a pill is that stands for the complement. */
 export const CAP = 16;
 
-const ROUND = HEIGHT / 2;
+const [ROUND, NAME] = [HEIGHT / 2, 13]; // the style sheet says 13, too
 
 let measuring = null;
 
 /** How wide an item is drawn. */
 export function widthOf(item) {
   measuring ??= make("canvas").getContext("2d");
-  measuring.font = font(11);
-  return Math.round(measuring.measureText(shortened(item.name)).width + CAP + 18);
+  measuring.font = font(NAME);
+  return Math.round(measuring.measureText(shortened(item.name)).width + CAP + 12);
 }
 
 /** The shape of the left (-1) or the right (1) half of a pill, from where the halves meet. */
@@ -58,7 +58,7 @@ function pillOf(width, item, key) {
     shape("path", { class: "half own", d: half(-1, middle, width - CAP) }),
     shape("path", { class: "half cap", d: half(1, middle, CAP) }),
     pill(3.5, "ring"),
-    text("name own", left / 2 + middle / 2 + 3, shortened(item.name)),
+    text("name own", left / 2 + middle / 2 + 1, shortened(item.name)),
     text("sign cap", middle + CAP / 2 - 2, ""),
   );
   return node;

@@ -45,6 +45,7 @@ export class OrderView {
       graph.nodes.forEach((node, k) => (node.tested = nodes[k]));
       if (graph !== this.graph) return true;
       this.diagram.weigh(graph);
+      this._refocus();
       this._on.change();
       return true;
     });

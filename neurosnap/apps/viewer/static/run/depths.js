@@ -44,7 +44,7 @@ export class DepthView {
       const all = counts.reduce((sum, dot) => sum + (dot.kind === kind ? dot.count : 0), 0);
       write(find(`depths-${kind}`), counted(all, `${kind} wave`));
     }
-    write(find("depths-beyond"), `${beyond} hops more: sensors are equal`);
+    write(find("depths-beyond"), `up to ${beyond} hops more, if sensors are equal`);
     write(find("depths-more"), leftOut ? `${counted(leftOut, "wave")} not drawn` : "");
     this._ring();
     return done;

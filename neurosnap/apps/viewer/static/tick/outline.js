@@ -21,19 +21,11 @@ export class Outline {
     this._rows = names.map((name, sensor) => {
       const open = link(name, () => pick(sensor), "");
       open.title = name; // there may not be room for all of it
-      const cells = ["reads", "state", "belief", "layer", "implies"].map((what) =>
-        make("td", { className: what }),
-      );
+      const cells = ["reads", "state", "belief", "layer", "implies"].map((what) => make("td", { className: what }));
       return [open, ...cells];
     });
-    const titles = [
-      "Sensor",
-      term("read", "Reads"),
-      term("state", "State"),
-      term("belief", "Belief"),
-      term("layer", "Layer"),
-      term("implies", "Implies (→), excludes (⊣)"),
-    ];
+    const terms = { read: "Reads", state: "State", belief: "Belief", layer: "Layer", implies: "Implies (→), excludes (⊣)" };
+    const titles = ["Sensor", ...Object.entries(terms).map(([what, words]) => term(what, words))];
     const caption = "Every sensor, its state and its edges";
     home.replaceChildren(table(caption, titles, this._rows, { id: "outline" }));
     this._shown = 0;

@@ -151,11 +151,8 @@ export class CompareView {
       const believed = contradicted[side] ? "contradicted" : held;
       return read === believed ? read : `reads ${read}, believed ${believed}`;
     };
-    const rows = felt.map((each) => [
-      link(each.name, () => this._on.pick({ sensor: each.sensor })),
-      words(each, 0),
-      words(each, 1),
-    ]);
+    const open = ({ name, sensor }) => link(name, () => this._on.pick({ sensor }));
+    const rows = felt.map((each) => [open(each), words(each, 0), words(each, 1)]);
     return make("section", {}, title, table("Sensors that differ", ["Sensor", ...titles], rows));
   }
 }
