@@ -101,7 +101,8 @@ export class RasterView {
     const isSeen = !find("raster").hidden && this._frame !== null;
     if (!isSeen || this._range[1] < this._range[0]) return true;
     const [from, to] = this._range;
-    const columns = Math.min(2000, Math.max(1, this._map.clientWidth - NAMES));
+    this._askedFor = this._map.clientWidth;
+    const columns = Math.min(2000, Math.max(1, this._askedFor - NAMES));
     const sensor = Number(this._part.value || 0);
     this._known = await ask("raster", { from, to, columns, sensor, sensors: SENSORS });
     this._draw();
@@ -109,7 +110,7 @@ export class RasterView {
   }
 
   _resized() {
-    if (this._map.clientWidth !== this._width) this._load();
+    if (this._map.clientWidth !== this._askedFor) this._load();
   }
 
   _draw() {
