@@ -6,16 +6,21 @@ from pathlib import Path
 import pytest
 from playwright.async_api import Route, expect
 
-from neurosnap.apps.viewer.background_reading import RunHistory
 from neurosnap.apps.viewer.run_view import RunView
 from tests.support.browser_pages import IN_BROWSER, go_to, opened, page_at
 from tests.support.command_line import call
 from tests.support.home_runs import FLUSH
+from tests.support.page_requests import read
 from tests.support.recorded_runs import TICKS
 from tools.browser import wait_shown, wait_until
 
 pytestmark = IN_BROWSER
 
+SUSPECTS = """async () => {
+    const { page: { frame, order: { focus, graph } } } = await import("/main.js");
+    const nodes = Array.from({ length: 161 }, (_, k) => graph.nodes[k % graph.nodes.length]);
+    return [...focus.of({ ...graph, nodes }, frame, null, null).sensors];
+}"""
 FRAMED = """async ([sensor, tick]) => {
     const { page: { time: { raster } } } = await import("/main.js");
     const { palette } = await import("/base/dom.js");
@@ -26,13 +31,6 @@ FRAMED = """async ([sensor, tick]) => {
     const [...ink] = copy.getImageData(x, y, 1, 1).data;
     return `rgb(${ink.slice(0, 3).join(", ")})` === palette().bad;
 }"""
-
-
-def read(log: Path) -> RunHistory:
-    history = RunHistory(RunView(log))
-    while history.read_on():
-        pass
-    return history
 
 
 @pytest.mark.slow
@@ -74,10 +72,8 @@ async def test_the_culprit_and_the_broken_rule_are_marked(broken_log: Path) -> N
         await expect(rings).to_have_count(len(frame.anomaly.culprits))
         line = page.locator("#drawing .broken")
         await expect(line).to_have_text("broken here")
-        ends = {
-            int(end) >> 1
-            for end in str(await line.get_attribute("data-edge")).split("-")
-        }
+        named = str(await line.get_attribute("data-edge"))
+        ends = {int(end) >> 1 for end in named.split("-")}
         assert ends == {literal >> 1 for literal in frame.anomaly.rule}
         # Where the order of the tick has lost that edge it is drawn all the same.
         edges = {(arrow.source, arrow.target) for arrow in view.graph(one.tick).edges}
@@ -103,6 +99,8 @@ async def test_no_suspect_is_believed_plainly(broken_log: Path) -> None:
         await buttons.nth(sensor).click()
         doubted = "may be wrong" in await page.inner_text("#choice-body")
         assert doubted == (sensor in suspects)
+    rule = [literal >> 1 for literal in frame.anomaly.rule or ()]
+    assert set(await page.evaluate(SUSPECTS)) == {*suspects, *rule}
 
 
 @pytest.mark.slow
@@ -128,6 +126,7 @@ async def test_an_alarm_is_a_finding_and_is_gone_to(home_log: Path) -> None:
     alarm = listed[0]
     assert (alarm.sensors[0], alarm.what, alarm.last) == (FLUSH, "silent", None)
     assert alarm.first < alarm.tick
+    assert alarm.began[:21] in alarm.sentence  # it is told since when in one way
     assert sum(history.marks(1, 10**6, 10**6).alarms) == len(listed)
     page = await page_at(home_log, alarm.tick - 1)
     await expect(page.locator("#strip .alarms")).to_have_count(len(listed))
@@ -151,6 +150,10 @@ async def test_an_alarm_is_a_finding_and_is_gone_to(home_log: Path) -> None:
         await page.keyboard.press("g")
         await page.locator("#goto-list button").nth(number).click()
         await wait_shown(page, tick or 0)
+    await go_to(page, alarm.tick)
+    await page.keyboard.press("g")
+    await page.locator("#goto-list button").nth(3).click()
+    await expect(page.locator("#compare")).to_contain_text(f", not at tick {there.day}")
 
 
 @pytest.mark.slow

@@ -46,7 +46,7 @@ LONG = 300  # more ticks than a block of frames has
 FAR = 290
 FAILED = "Failed to load resource"
 CUT = re.compile("^This recording is not whole: ")
-MISSING = re.compile(CUT.pattern + "messages are missing; [^·]*$")
+MISSING = re.compile(CUT.pattern + r"messages are missing; [^·]*ends at tick \d+$")
 
 
 @pytest.fixture(scope="module")

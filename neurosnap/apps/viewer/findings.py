@@ -60,8 +60,7 @@ class Spells:
     def _tell(self, tick: int, told: AnomalyView) -> None:
         """Take in an anomaly: the last finding goes on, or another begins."""
         read = [] if told.rule is None else [told.rule[0], told.rule[1] ^ 1]
-        sensors = [*told.culprits, *told.others, *(literal >> 1 for literal in read)]
-        sensor = sensors[0] if sensors else 0
+        sensor = [*told.culprits, *told.others, *(one >> 1 for one in read), 0][0]
         read.sort(key=lambda literal: literal >> 1 != sensor)
         last = self.listed[-1] if self.listed else None
         if last and last.sensors[0] == sensor and tick - (last.last or 0) <= NEAR:
@@ -101,6 +100,7 @@ class RunFindings:
         """The ticks with an anomaly that is told, ascending."""
         self.times: dict[int, float] = {}
         """When each tick was observed, in seconds since 1970."""
+        self._since: dict[tuple[int, int], float] = {}  # of each alarm, its evidence
         self._follower: Follower | None = None
         if options.alarms != NEVER:
             self._follower = Follower(options.body.own, options.alarms, options.zone)
@@ -140,11 +140,11 @@ class RunFindings:
         """Return the finding of an alarm, which begins with the evidence for it."""
         with_it = alarm.companion
         others = [] if with_it is None else [self._options.body.own.index(with_it.name)]
-        began = bisect_left(list(self.times.values()), alarm.since * STEP)
+        since = self._since[sensor, tick] = alarm.since * STEP
         return Finding(
             sensors=[sensor, *others],
             tick=tick,
-            first=[*self.times, tick][began],
+            first=[*self.times, tick][bisect_left([*self.times.values()], since)],
             last=None,
             what=alarm.kind,
             sentence=alarm.line(),
@@ -165,12 +165,12 @@ class RunFindings:
 
     def _timed(self, finding: Finding) -> Finding:
         """Return a finding with its times, and the readings around its beginning."""
-        first, zone = finding.first, self._options.zone
-        times = self.times
-        began, ended = times.get(first), times.get((finding.last or 0) + 1)
+        first, zone, times = finding.first, self._options.zone, self.times
+        began = self._since.get((finding.sensors[0], finding.tick), times.get(first))
+        ended = times.get((finding.last or 0) + 1)
         count = (finding.last or 0) + 1 - first
         words = f"{count} tick{'' if count == 1 else 's'}"
-        if began is not None and ended is not None:
+        if began is not None and ended is not None and ended - began >= 1:
             words += f", {lasted(ended - began)}"
         start = max(1, first - _BEFORE)
         return replace(

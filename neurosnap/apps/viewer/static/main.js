@@ -211,8 +211,9 @@ class Page {
       ["Last finding", listed[0]?.tick, "none so far"],
       ["24 h before", day, why],
       ["A week before", week, why],
-    ].map(([text, tick, reason]) => {
-      const go = () => tick && [find("goto-list").hidePopover(), this.time.player.seek(tick)];
+      ["New since 24 h before", day, why, () => this.compare.withTick(day)],
+    ].map(([text, tick, reason, act = () => this.time.player.seek(tick)]) => {
+      const go = () => tick && [find("goto-list").hidePopover(), act()];
       const button = link(`${text}: ${tick ? `tick ${tick}` : reason}`, go, "");
       if (!tick) button.ariaDisabled = "true";
       return button;
@@ -303,7 +304,7 @@ class Page {
     write(find("badge"), live ? "live" : `ended at tick ${ticks}`);
     find("follow").hidden = !live;
     say("empty", live || ticks >= first ? "" : "no tick was recorded");
-    say("cut", cut === null ? "" : `This recording is not whole: ${cut}`);
+    say("cut", cut === null ? "" : `This recording is not whole: ${cut}; what is here ends at tick ${ticks}`);
     this.frameCache.last = ticks;
     this.time.setEnds(first, ticks);
     this.growth.load().catch(said);
@@ -370,13 +371,7 @@ class Page {
       this.showTrouble(trouble);
       this.showWaiting(this.run.live ? waiting : null);
     });
-    if (this.run.live) {
-      follow(
-        openEvents,
-        (event) => this.receive(event),
-        (here) => sayLink(here),
-      );
-    }
+    if (this.run.live) follow(openEvents, (event) => this.receive(event), sayLink);
   }
 
   /** A panel of the dock has come up. */
