@@ -54,6 +54,8 @@ async def _over_curves(page: Page) -> None:
 _READ = (
     _true("!document.querySelector('#plots[aria-busy=true]')"),
     _true("!/so far|^What happened$/.test(document.querySelector('#strip').ariaLabel)"),
+    _true("!/…/.test(document.querySelector('#tab-findings').textContent)"),
+    _seen("#focus-only button:nth-of-type(5):visible"),
 )
 """All of the recording has been read."""
 
@@ -87,10 +89,7 @@ STATES: dict[str, State] = {
         ("path", "path-lax"),
         110,
         "tab=compare",
-        (
-            _press("t"),
-            _seen("#compare .differences table"),
-        ),
+        (_press("t"), _seen("#compare .differences table")),
     ),
     "plan": State(
         ("lake",),

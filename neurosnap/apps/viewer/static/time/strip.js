@@ -60,7 +60,10 @@ export class Strip {
       const at = this._stretch(x);
       if (at !== null) on.seek(this._ticks(at)[0]);
     });
-    new ResizeObserver(() => this.load(...this._range).catch(() => {})).observe(this._home);
+    new ResizeObserver(() => {
+      if (this._marks) this._draw(); // at once, as what is asked for may take long
+      this.load(...this._range).catch(() => {});
+    }).observe(this._home);
     find("signs-list").append(...KEY.flatMap(([name, d, words]) => [
       make("dt", {}, sign(name, d)),
       make("dd", {}, words),
@@ -96,20 +99,19 @@ export class Strip {
 
   _draw() {
     const { resumed, alarms, anomalies } = this._marks;
+    // First, as these buttons take of the room of the strip.
+    const some = [...alarms, ...anomalies].some((count) => count > 0);
+    for (const id of ["anomaly-back", "anomaly-on"]) find(id).hidden = !some;
     const wide = this._room / Math.max(1, this._bins);
     const middle = (at) => THUMB + wide * (at + 0.5);
     const signs = Object.entries(SIGNS).flatMap(([kind, { d }]) =>
-      this._marks[kind].flatMap((count, at) =>
-        count ? [shape("path", { class: kind, d: d(middle(at)) })] : [],
-      ),
+      this._marks[kind].flatMap((count, at) => (count ? [shape("path", { class: kind, d: d(middle(at)) })] : [])),
     );
     const again = resumed.map((tick) => shape("path", { class: "resumed", d: RESUMED(this._across(tick + 1)) }));
     this._home.setAttribute("aria-label", `What happened: ${this._words()}`);
     this._home.replaceChildren(this._title, this._band, ...again, ...signs);
     this._place();
     this._tell(this._at);
-    const some = [...alarms, ...anomalies].some((count) => count > 0);
-    for (const id of ["anomaly-back", "anomaly-on"]) find(id).hidden = !some;
   }
 
   /** Put the band of the range that is chosen. */
