@@ -178,7 +178,6 @@ async def test_a_relation_is_as_wide_as_it_was_tested_and_dotted_if_it_was_not(
             count = tests[frozenset((source, target))]
             await expect(body).to_contain_text(f"tested on {count} occasion")
             await page.evaluate(CHOOSE, None)
-            # One chip leaves the lines of what rests on few.
             seldom = page.get_by_role("button", name="under 10 tests")
             await seldom.click()
             well = sum(count > 9 for count in told.edges)

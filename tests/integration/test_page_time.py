@@ -459,9 +459,7 @@ async def test_the_strip_shows_what_happened(
                 # A tick that is not there has no time.
                 title = re.compile(rf"tick {tick}(, .+)?: .*{words}")
                 await expect(page.locator("#strip title")).to_have_text(title)
-                if (
-                    number == 0
-                ):  # drawn anew under a pointer that rests, it says the same
+                if number == 0:  # drawn anew under a resting pointer, it says the same
                     await page.evaluate("""document.querySelector("#strip").append("old");
                         document.querySelector("#strip").style.height = "19px";""")
                     await expect(page.locator("#strip")).not_to_contain_text("old")
