@@ -14,7 +14,7 @@ begins with apostrophes and such a sign gets one more, so no name is changed on 
 """
 
 import csv
-import logging
+import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -25,12 +25,13 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError, within
 from neurosnap.sensorium import WORDS, Sensorium
-from neurosnap.sources.meaning import Reader, Wanted, is_number, refused
+from neurosnap.sources.cuts import with_cuts
+from neurosnap.sources.meaning import Reader, Wanted, refused
 
 _BITS = frozenset({"0", "1"})
 _ZERO, _ONE = ord("0"), ord("1")
+_TIMES = ("time", "timestamp", "datetime", "date", "")
 _HEADER = "must be a header of sensor names"
-_logger = logging.getLogger(__name__)
 _MARK = b"\xef\xbb\xbf"
 
 
@@ -153,6 +154,7 @@ class TableRows:
 
     Attributes:
         sensors: Their names.
+        wanted: What is wanted, with cuts.
         timed: Whether a column holds the time.
 
     Raises:
@@ -160,8 +162,8 @@ class TableRows:
     """
 
     def __init__(self, file: TableFile, wanted: Wanted) -> None:
-        self._file, self._wanted = file, wanted
         header, where = file.header, f"{file.path}:1"
+        self._file = file
         self._skipped = _skipped(header, wanted, where)
         self.timed = self._skipped is not None and header[self._skipped] != ""
         self._names = [
@@ -171,10 +173,7 @@ class TableRows:
         if not names:
             raise InvalidValueError(where, _HEADER, header)
         wanted.check(names, where)
-        if aside := self._numbers():
-            text = ", ".join(file.header[place] for place in aside)
-            _logger.warning("%s: left out, numbers without --when: %s", file.path, text)
-        self._names = [named for named in self._names if named[0] not in aside]
+        self.wanted = with_cuts(wanted, self._values(wanted))
         readers = [reader.name for _, reader in self._readers()]
         try:
             self.sensors = Sensorium(readers).names
@@ -188,7 +187,7 @@ class TableRows:
             InvalidValueError: While iterating: a row breaks a rule.
         """
         readers = self._readers()
-        words = all(reader.comparison is None for _, reader in readers)
+        words = all(reader.condition is None for _, reader in readers)
         all_of_them = words and len(readers) == len(self._names)
         for line, data in self._file.lines():
             row = None
@@ -196,26 +195,33 @@ class TableRows:
                 row = self._plain(data)
             yield row or self._row(line, self._file.cells(line, data), readers)
 
-    def _numbers(self) -> list[int]:
-        """Return the columns of numbers of which nothing was said, if of others was."""
-        if not self._wanted.comparisons or self._wanted.patterns:
-            return []
-        found, left = [], {p for p, name in self._names if self._wanted.takes(name)}
-        for line, data in self._file.lines():
-            if not left:
-                break
+    def _values(self, wanted: Wanted) -> Iterator[tuple[str, str, bool]]:
+        """Yield what the signals say that are taken as they are, for `with_cuts`."""
+        if self._file.delimiter and self._is_plain():
+            return  # for speed
+        taken = [(place, name) for place, name in self._names if wanted.takes(name)]
+        last = math.inf
+        if wanted.learned < 1:
+            last = wanted.learned * sum(1 for _ in self._file.lines())
+        for count, (line, data) in enumerate(self._file.lines()):
             cells = self._file.cells(line, data)
-            told = {p for p in left if WORDS.get(cells[p].casefold(), True) is not None}
-            found += [p for p in told if cells[p] not in WORDS and is_number(cells[p])]
-            left -= told
-        return sorted(found)
+            for place, name in taken:
+                yield name, cells[place], count < last
+
+    def _is_plain(self) -> bool:
+        """Return whether a file of CSV holds nothing but 0 and 1."""
+        sign = re.escape(self._file.delimiter)
+        head = f'[^"{sign}]*' if self._skipped == 0 else "[01]"
+        plain = re.compile(f"{head}(?:{sign}[01])*".encode())
+        lines = (data for _, data in self._file.lines())
+        return all(isinstance(data, bytes) and plain.fullmatch(data) for data in lines)
 
     def _readers(self) -> list[tuple[int, Reader]]:
         """Return what reads which column."""
         return [
             (place, reader)
             for place, name in self._names
-            for reader in self._wanted.readers(name)
+            for reader in self.wanted.readers(name)
         ]
 
     def _plain(self, data: bytes) -> TableRow | None:
@@ -242,7 +248,7 @@ class TableRows:
         values: list[bool | None] = []
         for place, reader in readers:
             cell = cells[place]
-            if reader.comparison is None and cell in WORDS:
+            if reader.condition is None and cell in WORDS:
                 values.append(WORDS[cell])
                 continue
             try:
@@ -264,11 +270,8 @@ def _skipped(header: list[str], wanted: Wanted, where: str) -> int | None:
             raise InvalidValueError(where, "must have this column", wanted.time)
         return header.index(wanted.time)
     # Pandas writes a first column without a name: numbers of rows.
-    return (
-        0
-        if (header[0] in ("time", "") and len(header) > 1) or header == ["time"]
-        else None
-    )
+    first = header[0].casefold()
+    return 0 if (first in _TIMES and len(header) > 1) or header == ["time"] else None
 
 
 # Also as wide letters, which some spreadsheets take for the same; and behind what they

@@ -9,12 +9,15 @@ which, in any order; Home Assistant's own history export calls them ``last_chang
 """
 
 from array import array
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from neurosnap.poc.learning.columns import GrowingColumns
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.csv_cells_and_formulas import TableFile
+from neurosnap.sources.cuts import with_cuts
 from neurosnap.sources.meaning import Reader, Wanted, refused
 from neurosnap.sources.readings import Readings, parse_time, utc
 
@@ -125,6 +128,15 @@ def read_event_log(
     events = Events()
     readers: dict[str, list[Reader]] = {}
     when, who, what = places
+
+    def values() -> Iterator[tuple[str, str, bool]]:
+        last = wanted.learned * sum(1 for _ in file.lines())
+        for count, (line, data) in enumerate(file.lines()):
+            cells = file.cells(line, data)
+            if wanted.takes(cells[who]):
+                yield cells[who], cells[what], count < last
+
+    wanted = with_cuts(wanted, values())
     for line, data in file.lines():
         cells = file.cells(line, data)
         name = cells[who]
@@ -137,4 +149,4 @@ def read_event_log(
         for reader in readers[name]:
             events.read(time, reader, cells[what], where, name)
     wanted.check(list(readers), file.path)
-    return events.readings()
+    return replace(events.readings(), wanted=wanted)

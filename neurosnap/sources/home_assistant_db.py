@@ -12,8 +12,9 @@ from pathlib import Path
 import msgspec
 
 from neurosnap.errors import InvalidValueError
+from neurosnap.sources.cuts import with_cuts
 from neurosnap.sources.event_log import Events
-from neurosnap.sources.meaning import Wanted, plain_unit
+from neurosnap.sources.meaning import Comparison, Wanted, plain_unit
 from neurosnap.sources.readings import Readings
 
 MAGIC = b"SQLite format 3\x00"
@@ -80,15 +81,23 @@ def _read(database: sqlite3.Connection, path: str, wanted: Wanted) -> Readings:
         database.execute("SELECT metadata_id, entity_id FROM states_meta")
     )
     wanted.check(list(entities.values()), path)
-    for comparison in wanted.comparisons:
-        if comparison.unit:
+    for comparison in wanted.conditions:
+        if isinstance(comparison, Comparison) and comparison.unit:
             units = _units(database, comparison.source)
             if units != {comparison.unit}:
                 rule = f"must be in {comparison.unit}, as --when says"
                 found = ", ".join(sorted(units)) or "no unit"
                 raise InvalidValueError(f"{path}: {comparison.source}", rule, found)
+    taken = {
+        n
+        for n, name in entities.items()
+        if wanted.takes(name, name.startswith(_BINARY))
+    }
+    states = database.execute(_STATES)
+    said = ((entities[n], state or "", True) for n, state, _ in states if n in taken)
+    wanted = with_cuts(wanted, said)
     readers = {
-        number: wanted.readers(name, by_itself=name.startswith(_BINARY))
+        number: wanted.readers(name, name.startswith(_BINARY))
         for number, name in entities.items()
     }
     if not any(readers.values()):
@@ -99,7 +108,7 @@ def _read(database: sqlite3.Connection, path: str, wanted: Wanted) -> Readings:
         for reader in readers.get(number, ()):
             # An entity that was removed has no state.
             events.read(time, reader, state or "", path, entities[number])
-    return replace(events.readings(), zone=_zone(path))
+    return replace(events.readings(), zone=_zone(path), wanted=wanted)
 
 
 def _zone(path: str) -> str:

@@ -4,9 +4,9 @@ import fnmatch
 import math
 import re
 import unicodedata
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import msgspec
 
@@ -21,10 +21,13 @@ _WHEN = re.compile(
     rf"(?:\s*,\s*off\s*(?P<back>[<>])\s*(?P<release>{_NUMBER})\s*(?P<same>{_UNIT}))?",
     re.ASCII,
 )
+_EQUALS = re.compile(r"(?P<name>[^<>=]*?)\s*=\s*(?P<word>[^<>=]*[^<>=\s])\s*")
+Bound: TypeAlias = tuple[float, int]
+"""A number where a stretch begins or ends, and 0 if that is in it; else 1 or -1."""
 
 
 class Comparison(NamedTuple):
-    """A comparison that says when a sensor with a number is on."""
+    """Says when a sensor with a number is on: above a limit, or below it."""
 
     source: str
     """What the sensor is called in the data."""
@@ -40,7 +43,31 @@ class Comparison(NamedTuple):
     @property
     def name(self) -> str:
         """What the binary sensor is called."""
-        return f"{self.source}{'>' if self.above else '<'}{self.limit:g}{self.unit}"
+        return f"{self.source}{self._sign}{_plain(self.limit)}{self.unit}"
+
+    @property
+    def text(self) -> str:
+        """What `parse_condition` makes it of again, given its source."""
+        unit, back = f" {self.unit}" if self.unit else "", ""
+        if self.release is not None:
+            back = f", off {'<' if self.above else '>'} {self.release!r}{unit}"
+        return f"{self._sign} {self.limit!r}{unit}{back}"
+
+    @property
+    def _sign(self) -> str:
+        return ">" if self.above else "<"
+
+    def span(self, *, on: bool) -> tuple[Bound, Bound]:
+        """Return from where to where the number may be while it is on, or off."""
+        sign = 1 if self.above else -1
+        low, high = (-math.inf, 0), (sign * self.limit, 0)
+        if on:
+            low, high = (sign * self.limit, 1), (math.inf, 0)
+            if self.release is not None:
+                low = sign * self.release, 0
+        if self.above:
+            return low, high
+        return (-high[0], -high[1]), (-low[0], -low[1])
 
     def is_on(self, value: float, before: bool | None) -> bool | None:
         """Return what a number says, or what was said before where it says nothing."""
@@ -52,6 +79,35 @@ class Comparison(NamedTuple):
         return before
 
 
+class Choice(NamedTuple):
+    """A word that a sensor is on at; it is off at any other."""
+
+    source: str
+    """What the sensor is called in the data."""
+    word: str
+    """In small letters."""
+
+    @property
+    def name(self) -> str:
+        """What the binary sensor is called."""
+        return f"{self.source}={self.word}"
+
+    @property
+    def text(self) -> str:
+        """What `parse_condition` makes it of again, given its source."""
+        return f"= {self.word}"
+
+
+Condition: TypeAlias = Comparison | Choice
+"""Says when a sensor is on, by a number or by a word."""
+
+
+def _plain(number: float) -> str:
+    """Return a number as it is written in a name."""
+    short = f"{number:g}"
+    return short if float(short) == number else repr(number)
+
+
 def plain_unit(unit: str) -> str:
     """Return a unit with letters that look alike made the same.
 
@@ -60,6 +116,22 @@ def plain_unit(unit: str) -> str:
         True
     """
     return unicodedata.normalize("NFC", unit).replace("\N{MICRO SIGN}", "\u03bc")
+
+
+def parse_condition(text: str, name: str = "") -> Condition:
+    """Parse a comparison, or a word such as ``mode = auto``.
+
+    Args:
+        text: It.
+        name: As for `parse_comparison`.
+
+    Raises:
+        InvalidValueError: It is neither.
+    """
+    match = _EQUALS.fullmatch(text.strip())
+    if match is None or bool(match["name"]) == bool(name):
+        return parse_comparison(text, name)
+    return Choice(name or match["name"], match["word"].casefold())
 
 
 def parse_comparison(text: str, name: str = "") -> Comparison:
@@ -78,7 +150,7 @@ def parse_comparison(text: str, name: str = "") -> Comparison:
     """
     match = _WHEN.fullmatch(text.strip())
     like = "" if name else "hall "
-    rule = f'must be like "{like}> 21" or "{like}> 21 °C, off < 20"'
+    rule = f'must be like "{like}> 21", "{like}> 21 °C, off < 20" or "{like}= warm"'
     if (
         match is None
         or match["back"] == match["sign"]
@@ -106,17 +178,24 @@ class Wanted:
     Args:
         patterns: Names, or patterns with ``*`` and ``?``; none: what a kind of data
             takes by itself.
-        comparisons: Of sensors with numbers; these are read, too.
+        conditions: Of signals with numbers or words; these are read, too.
         time: The name of the column with the time; None for a first ``time``.
+        bins: Parts that the range of another number is cut into; 0: none is.
+        learned: The share of the data, from its beginning, that cuts are chosen by.
+        cuts: Of other signals that are taken and are not on and off by themselves; see
+            `neurosnap.sources.cuts`. None: they are not chosen yet.
     """
 
     patterns: tuple[str, ...] = ()
-    comparisons: tuple[Comparison, ...] = ()
+    conditions: tuple[Condition, ...] = ()
     time: str | None = None
+    bins: int = 4
+    learned: float = 1.0
+    cuts: Mapping[str, tuple[Condition, ...]] | None = None
 
     def takes(self, name: str, by_itself: bool = True) -> bool:
         """Return whether a sensor with words is read."""
-        if any(name == comparison.source for comparison in self.comparisons):
+        if any(name == condition.source for condition in self.conditions):
             return False
         if not self.patterns:
             return by_itself
@@ -124,19 +203,25 @@ class Wanted:
 
     def readers(self, name: str, by_itself: bool = True) -> list["Reader"]:
         """Return what reads a sensor of the data: nothing, or one for each name."""
-        found = [Reader(name)] if self.takes(name, by_itself) else []
-        return found + [
-            Reader(comparison.name, comparison)
-            for comparison in self.comparisons
-            if comparison.source == name
-        ]
+        conditions = [each for each in self.conditions if each.source == name]
+        if self.takes(name, by_itself):
+            if self.cuts is None or name not in self.cuts:
+                return [Reader(name)]
+            conditions += self.cuts[name]
+        return [Reader(condition.name, condition) for condition in conditions]
+
+    def every_condition(self) -> Iterator[Condition]:
+        """Yield the conditions that were given, and those that were chosen."""
+        yield from self.conditions
+        for chosen in (self.cuts or {}).values():
+            yield from chosen
 
     def check(self, names: Sequence[str], where: str) -> None:
         """Raise InvalidValueError for a sensor that is asked for and not there."""
         missing = [
             pattern for pattern in self.patterns if not fnmatch.filter(names, pattern)
         ]
-        missing += {one.source for one in self.comparisons}.difference(names)
+        missing += {one.source for one in self.conditions}.difference(names)
         if missing:
             rule = f"must have this sensor{similar(missing[0], names)}"
             raise InvalidValueError(where, rule, missing[0])
@@ -147,18 +232,18 @@ class Reader:
 
     Args:
         name: Of the sensor.
-        comparison: None if values are words.
+        condition: None if values are words for on and off.
         words: What words mean, in small letters.
     """
 
     def __init__(
         self,
         name: str,
-        comparison: Comparison | None = None,
+        condition: Condition | None = None,
         words: Mapping[str, bool | None] = WORDS,
     ) -> None:
         self.name = name
-        self.comparison = comparison
+        self.condition = condition
         self._words = words
         self._before: bool | None = None
 
@@ -170,7 +255,7 @@ class Reader:
         """
         text = value if isinstance(value, str) else as_text(value)
         word = text.strip().casefold()
-        if self.comparison is None:
+        if self.condition is None:
             try:
                 return self._words[word]
             except KeyError:
@@ -178,17 +263,19 @@ class Reader:
         if WORDS.get(word, False) is None:
             self._before = None
             return None
-        unit = self.comparison.unit
+        if isinstance(self.condition, Choice):
+            return word == self.condition.word
+        unit = self.condition.unit
         if unit:
             word = plain_unit(text).strip().removesuffix(unit).rstrip()
         try:
             number = float(word)
         except ValueError:
             number = math.nan
-        if not math.isfinite(number):
+        if math.isnan(number):
             what = f"a number, or one in {unit}" if unit else "a number"
             raise ValueError(f"must be {what}, or nothing for unknown")
-        self._before = self.comparison.is_on(number, self._before)
+        self._before = self.condition.is_on(number, self._before)
         return self._before
 
     def _rule(self) -> str:

@@ -21,6 +21,7 @@ import msgspec
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import visible
+from neurosnap.sources.cuts import as_json, recorded_cuts
 from neurosnap.sources.live.journal import Journal
 from neurosnap.sources.live.latest_or_late import LatestReadings
 from neurosnap.sources.live.live_source import Feeder, LiveSource
@@ -28,7 +29,7 @@ from neurosnap.sources.live.statistics import Statistics
 from neurosnap.sources.live.stdin_source import StdinFeeder, first_line, names_in
 from neurosnap.sources.live.tick_schedule import Seconds, TickRule
 from neurosnap.sources.live.zenoh_source import Hub, ZenohFeeder
-from neurosnap.sources.meaning import Wanted, parse_comparison
+from neurosnap.sources.meaning import Wanted, parse_condition
 from neurosnap.sources.mqtt.options import MqttOptions
 from neurosnap.sources.protocol import Argument, Source
 from neurosnap.system.distribution import must_have
@@ -37,6 +38,8 @@ A = TypeVar("A", "FileArguments", "LiveArguments")
 STDIN = "-"
 ZENOH = "zenoh:"
 MQTT = "mqtt:"
+_LEARNED = 0.25
+"""The share of a file, from its beginning, that the cuts of a run are chosen by."""
 
 
 def open_source(
@@ -71,6 +74,7 @@ def open_source(
     elif is_file(name):
         from neurosnap.sources.open_readings import FileSource
 
+        arguments = {"cuts": "{}", **arguments}  # that were not chosen there are none
         opened = FileSource(name, _converted(arguments, FileArguments).wanted())
     else:
         # Here, not above: every part asks `is_live`, and Gymnasium is large.
@@ -160,6 +164,10 @@ class FileArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """When sensors with numbers are on, as ``hall > 21``, semicolons between them."""
     time: str | None = None
     """The name of the column with the time; None for a first ``time``."""
+    bins: int = 4
+    """Parts that the range of a number is cut into; 0: none is."""
+    cuts: str = ""
+    """The sensors that other signals are cut into, in JSON; empty: not chosen yet."""
 
     def wanted(self) -> Wanted:
         """Return what is read.
@@ -167,11 +175,14 @@ class FileArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         Raises:
             InvalidValueError: Something is no comparison.
         """
-        names, comparisons = self.sensors.split(","), self.when.split(";")
+        names, conditions = self.sensors.split(","), self.when.split(";")
         return Wanted(
             tuple(name.strip() for name in names if name.strip()),
-            tuple(parse_comparison(each) for each in comparisons if each.strip()),
+            tuple(parse_condition(each) for each in conditions if each.strip()),
             self.time,
+            self.bins,
+            _LEARNED,
+            recorded_cuts(self.cuts) if self.cuts else None,
         )
 
 
@@ -201,10 +212,11 @@ class LiveArguments(TickRule, frozen=True):
 
 
 def settle(name: str, arguments: Mapping[str, Argument]) -> dict[str, Argument]:
-    """Return the arguments with the sensors' names in them, once and for all.
+    """Return the arguments with the sensors in them, once and for all.
 
-    Standard input can be read once only, so the command that starts a run calls this
-    first, and every part opens the source with what it returns.
+    Standard input can be read once only, and numbers of a file are cut by its
+    beginning. So the command that starts a run calls this first, and every part opens
+    the source with what it returns.
 
     Args:
         name: As for `open_live`.
@@ -214,11 +226,27 @@ def settle(name: str, arguments: Mapping[str, Argument]) -> dict[str, Argument]:
     Raises:
         InvalidValueError: The first line names no sensors, or an argument is wrong.
     """
+    if is_file(name):
+        from neurosnap.sources.open_readings import open_readings
+
+        file = _converted(arguments, FileArguments)
+        cuts = open_readings(name, file.wanted()).wanted.cuts
+        return {**arguments, "cuts": as_json(cuts)} if cuts else dict(arguments)
     if name != STDIN or _converted(arguments, LiveArguments).sensors:
         return dict(arguments)
     line = first_line()
     names = msgspec.json.encode(names_in(line)).decode()
     return {**arguments, "sensors": names, "head": line.decode()}
+
+
+def recorded_wanted(arguments: Mapping[str, Argument]) -> Wanted:
+    """Return how the sensors of a recorded run were read, by its source's arguments.
+
+    Raises:
+        InvalidValueError: They are those of a file, and wrong.
+    """
+    kept = {key: arguments[key] for key in ("when", "cuts") if key in arguments}
+    return _converted(kept, FileArguments).wanted() if "cuts" in kept else Wanted()
 
 
 def mqtt_options(arguments: Mapping[str, Argument]) -> MqttOptions:

@@ -16,7 +16,7 @@ from neurosnap.sources.csv_cells_and_formulas import CsvFile, TableFile, TableRo
 from neurosnap.sources.event_log import read_event_log, roles
 from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.protocol import Observed
-from neurosnap.sources.readings import Readings, parse_time
+from neurosnap.sources.readings import Readings, is_time, parse_time
 from neurosnap.system.distribution import must_have
 from neurosnap.system.durable import opened_file
 
@@ -78,7 +78,8 @@ def _read_table(file: TableFile, wanted: Wanted) -> Readings:
     for row in rows.rows():
         growing.append(row.bits, row.known)
         times.append(row.time)
-    return Readings(growing.columns(), times if rows.timed else None)
+    timed = times if rows.timed else None
+    return Readings(growing.columns(), timed, wanted=rows.wanted)
 
 
 class FileSource:
@@ -112,6 +113,11 @@ class FileSource:
         self._next = 0
         # A clock that was put back, or says nothing, stands until it is ahead again.
         times = readings.times or ()
+        self.undated = next(filter(None, times), "")  # a time that cannot be read
+        if not self.undated or is_time(self.undated):
+            self.undated = ""
+        else:
+            times = ()
         moments = [parse_time(text, "time") if text else 0.0 for text in times]
         self._at = np.maximum.accumulate(moments).tolist()
         self.zone = readings.zone if any(self._at) else None  # None: nothing is dated

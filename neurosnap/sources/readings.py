@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.columns import Columns
+from neurosnap.sources.meaning import Wanted
+
+_ALL = Wanted()
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +24,8 @@ class Readings:
     """``(T,)``, as the data have them, or in UTC; None if there are none."""
     zone: str = "UTC"
     """The time zone of the home."""
+    wanted: Wanted = _ALL
+    """Which sensors they are of, and how each was read."""
 
     def moment(self, tick: int) -> str:
         """Return when a tick from 1 on was; nothing, if that is not known."""
@@ -75,6 +80,15 @@ def parse_time(text: str, name: str) -> float:
         rule = "must be seconds since 1970, or a date such as 2026-07-01 12:00:00"
         raise InvalidValueError(name, rule, text)
     return found
+
+
+def is_time(text: str) -> bool:
+    """Return whether a text can be read as a moment by `parse_time`."""
+    try:
+        parse_time(text, "time")
+    except InvalidValueError:
+        return False
+    return True
 
 
 def _parse_date(text: str) -> float:

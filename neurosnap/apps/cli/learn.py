@@ -53,9 +53,9 @@ When = Annotated[
     typer.Option(
         "--when",
         metavar='"NAME > NUMBER"',
-        help='When a sensor with numbers is on, such as "hall > 21" or, with'
-        ' unit and hysteresis, "hall > 21 °C, off < 20".',
-        show_default="none are read",
+        help='When a signal is on, such as "hall > 21", with unit and hysteresis'
+        ' "hall > 21 °C, off < 20", or "mode = auto". May be repeated.',
+        show_default="numbers at their quartiles, each of a few words",
     ),
 ]
 Time = Annotated[
@@ -68,6 +68,15 @@ Time = Annotated[
     ),
 ]
 
+Bins = Annotated[
+    int,
+    typer.Option(
+        metavar="PARTS",
+        min=0,
+        help="Parts that the range of a number is cut into, each with about as many"
+        " values. 0: no number is read by itself.",
+    ),
+]
 Threshold = Annotated[
     str | None,
     typer.Option(
@@ -95,7 +104,7 @@ Every = Annotated[
     ),
 ]
 _with_choice = with_parameters(
-    sensors=(Sensors, None), when=(When, None), time=(Time, None)
+    sensors=(Sensors, None), when=(When, None), time=(Time, None), bins=(Bins, 4)
 )
 
 
@@ -192,10 +201,11 @@ def health(
 def _opened(data: Path, context: typer.Context) -> "Recording | Readings":
     """Return the recording in a file, or else the readings that are asked for."""
     from neurosnap.apps.export.relations import open_data
-    from neurosnap.sources.meaning import Wanted, parse_comparison
+    from neurosnap.sources.meaning import Wanted, parse_condition
 
     given = context.params
-    comparisons = tuple(map(parse_comparison, given["when"] or ()))
-    wanted = Wanted(tuple(given["sensors"] or ()), comparisons, given["time"])
+    conditions = tuple(map(parse_condition, given["when"] or ()))
+    names, time, bins = tuple(given["sensors"] or ()), given["time"], given["bins"]
+    wanted = Wanted(names, conditions, time, bins)
     with progress("reading"):
         return open_data(data, wanted)

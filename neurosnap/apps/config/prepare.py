@@ -195,6 +195,8 @@ def _fit(config: Config, name: str, given: dict[str, Argument]) -> _Fitted:
     check_sensors(len(body.sensors))  # before anything is made of all their pairs
     zone = system_zone() if opened.live else None
     if isinstance(opened, FileSource):
+        if opened.undated:
+            _logger.warning("%s: left out, times such as %s", name, opened.undated)
         zone = opened.zone
     return _Fitted(body, arguments, target, length, opened.discrete, zone)
 

@@ -8,7 +8,7 @@ import csv
 import io
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from html import escape
 from itertools import pairwise
 from pathlib import Path
@@ -29,7 +29,9 @@ from neurosnap.recording.replay.learn_again import snapshot_at
 from neurosnap.runtime.preflight import free_memory
 from neurosnap.sensorium import Sensorium, visible
 from neurosnap.sources.csv_cells_and_formulas import as_text
+from neurosnap.sources.cuts import known_order
 from neurosnap.sources.meaning import Wanted
+from neurosnap.sources.open import recorded_wanted
 from neurosnap.sources.open_readings import first_bytes, open_readings
 from neurosnap.sources.readings import Readings
 
@@ -215,7 +217,9 @@ def learned_from(
     how = "by the table's own rule"
     if isinstance(found, Recording):
         tick, snapshot = snapshot_at(found, at)
+        wanted = recorded_wanted(found.options.arguments)
         readings = readings_of(found, snapshot.sensorium, tick)
+        readings = replace(readings, wanted=wanted)
         if threshold is None:
             births, how = births_of(found), f"learned by tick {tick}"
     elif at is not None:
@@ -232,7 +236,8 @@ def learned_from(
                 columns, threshold, on_progress=on_progress
             )
             how = f"threshold {threshold}"
-    rows = tabulate(columns, snapshot, every, on_progress)
+    known = known_order(columns.sensorium.names, readings.wanted)
+    rows = tabulate(columns, snapshot, every, on_progress, known)
     return Findings(source, readings, how, rows, births)
 
 

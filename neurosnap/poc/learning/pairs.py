@@ -25,7 +25,7 @@ the total, which all squares share: one joint weight a pair is all that is store
 of every pair are stored, the *wide* form, with four times the room.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,6 +37,8 @@ from neurosnap.poc.learning.graph_kernels import draw
 from neurosnap.poc.order.literal_sets import Words
 
 _EQUAL, _OPPOSITE = 3, 12
+_BITS = {(0, 0): 1, (1, 1): 2, (0, 1): 4, (1, 0): 8}
+"""The bit of an edge from the latter sensor, by which of its literals are stars."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,8 +194,17 @@ def leads(code: int, a: int, b: int) -> bool:
     """Return whether a pair's code says that `a` implies `b`, two of its literals."""
     if a >> 1 < b >> 1:
         a, b = b ^ 1, a ^ 1
-    bit = {(0, 0): 1, (1, 1): 2, (0, 1): 4, (1, 0): 8}[a & 1, b & 1]
-    return bool(code & bit)
+    return bool(code & _BITS[a & 1, b & 1])
+
+
+def codes_of(edges: Iterable[tuple[int, int]], pairs: int) -> NDArray[np.uint8]:
+    """Return the codes, ``(P,)``, of edges ``a -> b`` between literals of sensors."""
+    codes = np.zeros(pairs, np.uint8)
+    for a, b in edges:
+        if a >> 1 < b >> 1:
+            a, b = b ^ 1, a ^ 1
+        codes[pair_of(a, b)] |= _BITS[a & 1, b & 1]
+    return codes
 
 
 def rows_of(codes: NDArray[np.uint8], sensors: int) -> Words:

@@ -82,12 +82,13 @@ class _Rates(NamedTuple):
     """What the product of two sampled autocorrelations may be where both are 0."""
 
 
-def judge(columns: Columns, counts: PairCounts) -> Judged:
+def judge(columns: Columns, counts: PairCounts, known: Flags | None = None) -> Judged:
     """Apply the rule to all pairs.
 
     Args:
         columns: The readings.
         counts: Their counts.
+        known: ``(P,)``, the pairs whose relation is no question; they are not tested.
 
     Returns:
         O(N²) time and space.
@@ -95,7 +96,8 @@ def judge(columns: Columns, counts: PairCounts) -> Judged:
     rates = _rates(columns)
     pairs = counts.ticks.shape[1]
     judged = Judged(np.zeros(pairs, np.uint8), np.zeros(pairs, np.bool_))
-    needed = np.log(4 * max(pairs, 1) / CHANCE)
+    tested = pairs if known is None else pairs - int(known.sum())
+    needed = np.log(4 * max(tested, 1) / CHANCE)
     i, j = np.tril_indices(len(columns.sensorium), -1)
     for start in range(0, pairs, _STEP):
         some = slice(start, start + _STEP)

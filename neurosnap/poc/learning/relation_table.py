@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from neurosnap.poc.learning.columns import Columns
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.learning.pair_occasions import OnProgress, PairCounts, count_pairs
-from neurosnap.poc.learning.pairs import leads, pair_of, rows_of
+from neurosnap.poc.learning.pairs import codes_of, leads, pair_of, rows_of
 from neurosnap.poc.learning.relation_rule import judge
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.order.graph import PocGraph
@@ -103,6 +103,7 @@ def tabulate(
     snapshot: Snapshot | None = None,
     every: bool = False,
     on_progress: OnProgress | None = None,
+    known: Iterable[tuple[int, int]] = (),
 ) -> list[Relation]:
     """Return the relations of readings, the strongest first.
 
@@ -115,17 +116,20 @@ def tabulate(
             hold; if None, what the rule finds.
         every: Whether to show those that follow from others, too.
         on_progress: Told how many pairs are counted.
+        known: Pairs of literals, ``a -> b``, that hold whatever is read. They count for
+            what follows from them, and are rows only if `every` is asked for.
 
     Returns:
         O(N² T / 64) time.
     """
     counts = count_pairs(columns, on_progress)
-    judged = judge(columns, counts)
+    given = codes_of(known, counts.ticks.shape[1])
+    judged = judge(columns, counts, given > 0)
     if snapshot is None:
         codes = judged.codes
     else:
         codes = np.where(judged.near, judged.codes, snapshot.codes)
-    found = _Found(columns, counts, codes)
+    found = _Found(columns, counts, np.where(given, given, codes), given > 0)
     # A pair has one relation; a class that holds complements, too, tells it twice.
     rows = {(row.a, row.b): row for row in (found.every() if every else found.covers())}
     return sorted(
@@ -179,8 +183,10 @@ class _Found:
         columns: Columns,
         counts: PairCounts,
         codes: NDArray[np.uint8],
+        known: NDArray[np.bool_],
     ) -> None:
         self._columns, self._counts, self._codes = columns, counts, codes
+        self._known = known
         self._names = columns.sensorium.names
 
     def every(self) -> Iterator[Relation]:
@@ -202,10 +208,8 @@ class _Found:
                 yield from self._copies(group)
         for low, high in np.argwhere(graph.hasse()).tolist():
             if low <= high ^ 1 and head[low] != head[high]:
-                yield min(
-                    self._direct(members[int(head[low])], members[int(head[high])]),
-                    key=lambda row: (row.at_most, row.a, row.b),
-                )
+                rows = self._direct(members[int(head[low])], members[int(head[high])])
+                yield from sorted(rows, key=lambda row: (row.at_most, row.a, row.b))[:1]
 
     def _copies(self, group: list[int]) -> Iterator[Relation]:
         """Yield rows that make of a class of literals one: as few, from its first on.
@@ -223,17 +227,19 @@ class _Found:
                     if self._is_copy(literal, other):
                         left.discard(other)
                         waiting.append(other)
-                        yield self._row(literal, other)
+                        if not self._known[pair_of(literal, other)]:
+                            yield self._row(literal, other)
         for k, low in enumerate(group):
             for high in group[k + 1 :]:
-                if self._code(low, high) and not self._is_copy(low, high):
+                new = self._code(low, high) and not self._known[pair_of(low, high)]
+                if new and not self._is_copy(low, high):
                     yield self._row(low, high)
 
     def _direct(self, low: list[int], high: list[int]) -> Iterator[Relation]:
         """Yield the rows of all edges from one class to another."""
         for a in low:
             for b in high:
-                if leads(self._code(a, b), a, b):
+                if leads(self._code(a, b), a, b) and not self._known[pair_of(a, b)]:
                     yield self._row(a, b)
 
     def _code(self, a: int, b: int) -> int:

@@ -123,7 +123,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "world.toml": TOML,
         "readings.csv": readings(40),
         "bad.csv": "a,b\n1,0\n1,2\n",
-        "numbers.csv": "a,t\n1,21.5\n",
+        "numbers.csv": "a,t\n1,21.5\n0,warm\n",
         "empty.csv": "",
         "taken.csv": "precious",
     }.items():

@@ -68,7 +68,7 @@ SOURCES = {
         "swarm.toml:5: cells.kind: must be 'process' or 'worker' for a source of kind zenoh, got 'inline'"
     ),
     f"{CSV}path = 'none.csv'": "swarm.toml:3: source.path: must be a file that can be read (No such",
-    f"{CSV}path = 'bad.csv'": "swarm.toml:3: source.path: bad.csv:2: kind: must be 0 or 1, false or true",
+    f"{CSV}path = 'bad.csv'": "swarm.toml:3: source.path: bad.csv:3: kind: must be 0 or 1, false or true",
     PATH.replace("Path", "Pat"): "swarm.toml:3: source.id: must be a registered environment id or a CSV file (did",
     f'{PATH}arguments = {{"a b" = [1]}}': 'swarm.toml:4: source.arguments."a b": must be true or false, a whole',
     f"{PATH}arguments = {{colour = 1}}": "swarm.toml:4: source.arguments: must be ones that neurosnap/Path-v0",
@@ -123,7 +123,7 @@ REFUSED: dict[str | bytes, str] = {
 @pytest.mark.parametrize("text", REFUSED)
 def test_what_is_wrong_is_refused_with_its_line(file: Path, text: str | bytes) -> None:
     (file.parent / "a.csv").write_text("a,b\n0,1\n")
-    (file.parent / "bad.csv").write_text("kind,b\n2,0\n")
+    (file.parent / "bad.csv").write_text("kind,b\n0,0\nx,1\n")
     (line,) = said(file, text)
     assert line.startswith(REFUSED[text])
 

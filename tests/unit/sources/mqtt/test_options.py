@@ -71,7 +71,7 @@ def test_a_table_becomes_options_and_survives_the_recording() -> None:
         ('"house/door"', '"house/+/door"', "door: topic: must be a topic, without"),
         ('"house/light/set"', '"house/+/set"', "light: topic: must be a topic, with"),
         ("off < 21", "off < 22", "warm: when: must let the sensor be off below where"),
-        ("> 21.5, ", "t > 21.5, ", 'warm: when: must be like "> 21" or "> 21 °C, off'),
+        ("> 21.5, ", "t > 21.5, ", 'warm: when: must be like "> 21", "> 21 °C, off'),
         ("seen_within = 30", 'seen_within = 30\nfield = "a"', "phone: field: must not"),
         ("seen_within = 30", "seen_within = nan", "Expected `float` > 0"),
         ("seen_within = 30", "seen_within = 0", "Expected `float` > 0"),

@@ -71,7 +71,7 @@ def test_another_word_is_refused_with_those_that_there_are() -> None:
                 b'{"rooms": [{"warm": %s}]}' % value,
                 "rooms.0.warm must be a number, or nothing for unknown",
             )
-            for value in (b"true", b'"hot"', b'"inf"', b"[1]")
+            for value in (b"true", b'"hot"', b"[1]")
         ),
         (b"\xff\xfe", "must be UTF-8 text, got '\ufffd\ufffd'"),
         (b"[" * 2000, "must be JSON, got '" + "[" * 40 + "'"),

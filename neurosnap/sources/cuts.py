@@ -1,0 +1,217 @@
+"""Chooses the sensors that a signal of numbers or words is cut into.
+
+What reads 0 and 1, or words for them, is a sensor as it is. A number gives sensors that
+say whether it is above its quartiles, and a signal of few words one for each word. The
+choice is made of the values that are learned from, and goes with the run, so that a run
+stays a function of its observations.
+
+Sensors of one signal imply each other whatever happens: above 60 is above 40. That is
+known, and nothing that was learned.
+"""
+
+import logging
+import math
+from bisect import bisect_right
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations, product
+from typing import TypeAlias
+
+import msgspec
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.sensorium import WORDS
+from neurosnap.sources.meaning import (
+    Choice,
+    Comparison,
+    Condition,
+    Wanted,
+    parse_condition,
+)
+
+Cuts: TypeAlias = Mapping[str, tuple[Condition, ...]]
+"""When the sensors of a signal are on, by its name; none for one that is left out."""
+WORDS_AT_MOST = 8
+"""Different words of a signal that is cut into one sensor a word."""
+_logger = logging.getLogger(__name__)
+_NAMED = 8  # signals that are left out
+_KEPT = 4096  # values of a signal that are kept, evenly spread
+
+
+def with_cuts(wanted: Wanted, values: Iterable[tuple[str, str, bool]]) -> Wanted:
+    """Return what is wanted with the cuts of the signals that need some.
+
+    Args:
+        wanted: Returned as it is where its cuts are chosen already.
+        values: What each signal that is taken says, in any order: its name, a text, and
+            whether its numbers are learned from.
+    """
+    if wanted.cuts is not None or not wanted.bins:
+        return wanted
+    signals: dict[str, _Signal] = {}
+    for name, text, learned in values:
+        signal = signals.get(name)
+        if signal is None:
+            signal = signals[name] = _Signal()
+        if text not in signal.seen:
+            signal.add(text, learned=learned)
+    cuts = {
+        name: tuple(signal.cuts(name, wanted.bins))
+        for name, signal in signals.items()
+        if signal.is_cut
+    }
+    if (
+        wanted.conditions and not wanted.patterns
+    ):  # of some it was said how to read them
+        cuts = dict.fromkeys(cuts, ())
+    if left := [name for name, some in cuts.items() if not some]:
+        more = f" and {len(left) - _NAMED} more" if len(left) > _NAMED else ""
+        _logger.warning(
+            "left out, numbers that were not asked for, or always the same: %s%s",
+            ", ".join(left[:_NAMED]),
+            more,
+        )
+    return replace(wanted, cuts=cuts)
+
+
+class _Signal:
+    """What one signal has said: a few of its words, and an even sample of its numbers.
+
+    Attributes:
+        seen: Texts of which nothing more is to be learned, for speed.
+    """
+
+    def __init__(self) -> None:
+        self.seen: set[str] = set()
+        self._words: set[str] = set()
+        self._numbers: list[float] = []
+        self._step, self._count = 1, 0
+        self._has_numbers, self._is_bit = False, True
+
+    def add(self, text: str, *, learned: bool) -> None:
+        """Take in what it said, and as a number if it is learned from."""
+        word = text.strip().casefold()
+        said = WORDS.get(word, math.nan)
+        if said is None:
+            self.seen.add(text)
+            return
+        number = _number(word)
+        if number is None:
+            if len(self._words) <= WORDS_AT_MOST:
+                self._words.add(word)
+                self.seen.add(text)
+            return
+        self._has_numbers, self._is_bit = True, self._is_bit and number in (0, 1)
+        if not learned or math.isinf(number):
+            return
+        if self._count % self._step == 0:
+            self._numbers.append(number)
+            if len(self._numbers) == _KEPT:
+                del self._numbers[1::2]
+                self._step *= 2
+        self._count += 1
+
+    @property
+    def is_cut(self) -> bool:
+        """It says something else than on, off and unknown, and can be cut."""
+        if not self._words:
+            return not self._is_bit
+        # What says on and off, and once something else, is not cut but refused.
+        plain = self._has_numbers or not self._words.isdisjoint(WORDS)
+        return not plain and len(self._words) <= WORDS_AT_MOST
+
+    def cuts(self, name: str, parts: int) -> Iterator[Condition]:
+        """Yield its cuts, ascending; none if it has said one thing only."""
+        if len(self._words) > 1:
+            yield from (Choice(name, word) for word in sorted(self._words))
+        elif not self._words:
+            for limit in _limits(sorted(self._numbers), parts):
+                yield Comparison(name, True, limit)
+
+
+def _number(word: str) -> float | None:
+    """Return a number; None for anything else."""
+    try:
+        number = float(word)
+    except ValueError:
+        return None
+    return None if math.isnan(number) else number
+
+
+def _limits(values: Sequence[float], parts: int) -> Iterator[float]:
+    """Yield limits between values that cut them into parts of about the same size.
+
+    Each is the shortest number that parts the same values. Of few values all are parted
+    from each other.
+    """
+    distinct = sorted(set(values))
+    if len(distinct) <= parts:
+        places = list(range(len(distinct) - 1))
+    else:
+        ranks = (len(values) * part // parts for part in range(1, parts))
+        found = {bisect_right(distinct, values[rank]) - 1 for rank in ranks}
+        places = sorted(found - {len(distinct) - 1})
+    for place in places:
+        low, high = distinct[place], distinct[place + 1]
+        rounded = (
+            float(f"{near:.{digits}g}")
+            for digits in range(1, 18)
+            for near in (low, low + (high - low) / 2)
+        )
+        yield next(limit for limit in rounded if low <= limit < high)
+
+
+def known_order(sensors: Sequence[str], wanted: Wanted) -> Iterator[tuple[int, int]]:
+    """Yield which literals imply which, whatever the signals say.
+
+    Args:
+        sensors: Their names.
+        wanted: How they are read.
+
+    Returns:
+        Pairs ``(a, b)`` of literals, ``a -> b``, with each its contrapositive. O(n²) of
+        the sensors of one signal.
+    """
+    signals: dict[str, list[tuple[int, Condition]]] = {}
+    conditions = {each.name: each for each in wanted.every_condition()}
+    for sensor, name in enumerate(sensors):
+        if (condition := conditions.get(name)) is not None:
+            signals.setdefault(condition.source, []).append((sensor, condition))
+    for members in signals.values():
+        for (i, a), (j, b) in combinations(members, 2):
+            for p, q in product((0, 1), repeat=2):
+                if _excludes(a, p, b, 1 - q):
+                    yield 2 * i + p, 2 * j + q
+                    yield 2 * j + 1 - q, 2 * i + 1 - p
+
+
+def _excludes(a: Condition, p: int, b: Condition, q: int) -> bool:
+    """Return whether two literals of a signal exclude each other; 1 is a complement."""
+    if isinstance(a, Choice) or isinstance(b, Choice):
+        both = isinstance(a, Choice) and isinstance(b, Choice) and a.word != b.word
+        return both and p == q == 0
+    (low, high), (least, most) = a.span(on=not p), b.span(on=not q)
+    return low > most or least > high
+
+
+def as_json(cuts: Cuts) -> str:
+    """Return cuts as they are recorded with a run."""
+    texts = {name: [each.text for each in some] for name, some in cuts.items()}
+    return msgspec.json.encode(texts).decode()
+
+
+def recorded_cuts(text: str) -> Cuts:
+    """Return cuts as `as_json` wrote them.
+
+    Raises:
+        InvalidValueError: They are none.
+    """
+    try:
+        found = msgspec.json.decode(text, type=dict[str, list[str]])
+    except msgspec.MsgspecError as error:
+        rule = f"must be conditions by the names of signals ({error})"
+        raise InvalidValueError("cuts", rule, text) from error
+    return {
+        name: tuple(parse_condition(each, name) for each in texts)
+        for name, texts in found.items()
+    }
