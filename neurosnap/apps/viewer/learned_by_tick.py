@@ -21,7 +21,7 @@ from neurosnap.recording.replay.learn_again import Learning
 
 _STRIDE = 100
 """Ticks between two snapshots that are kept on the way."""
-_ROOM = 32 * 2**20
+_ROOM = 12 * 2**20
 """Bytes of snapshots that are kept, at most; the last few in any case."""
 _A_PAIR = 12
 """Bytes a pair of sensors takes in a snapshot, about."""
