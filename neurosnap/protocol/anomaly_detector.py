@@ -139,6 +139,10 @@ class AnomalyDetector:
             weakest = [min(held[pair] for pair in pairwise(chain)) for chain in chains]
             order = sorted(range(len(chains)), key=lambda k: -weakest[k])
             chains = tuple(chains[k] for k in order)
+        shown, first = chains[:MOST], found.culprits[0]
+        about = [each for each in chains if first in (each[0] >> 1, each[-1] >> 1)]
+        if about and about[0] not in shown:  # it is what the anomaly is told by
+            shown = (*shown[:-1], about[0])
         return wire.Anomaly(
             tick=self._tick,
             since=since,
@@ -148,7 +152,7 @@ class AnomalyDetector:
             implications=len(chains) + found.more,
             links=tuple(
                 _weighed(number, pair, snapshot, held.get(pair, -1))
-                for number, chain in enumerate(chains[:MOST])
+                for number, chain in enumerate(shown)
                 for pair in pairwise(chain)
             ),
         )

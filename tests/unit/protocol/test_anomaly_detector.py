@@ -12,6 +12,7 @@ from neurosnap.poc.learning.discounted import DiscountedSnapshot
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.anomaly_detector import MOST, AnomalyDetector
+from neurosnap.protocol.anomaly_report import broken_rule
 from neurosnap.sensorium import complete
 from tests.support.strategies import runs
 
@@ -35,6 +36,21 @@ def found_in(*readings: tuple[int, ...]) -> list[wire.Anomaly | None]:
 
 def links(found: wire.Anomaly) -> list[tuple[int, int]]:
     return [(one.source, one.target) for one in found.links]
+
+
+def test_a_rule_about_the_first_culprit_is_listed_among_many() -> None:
+    first, hub = MOST + 1, MOST + 3
+    rules = [(2 * each, 2 * hub) for each in range(first)]
+    graph = PocGraph.from_implications(hub + 1, [*rules, (2 * first, 2 * first + 2)])
+    bits = np.ones(hub + 1, np.bool_)
+    bits[[first + 1, hub]] = False
+    found = AnomalyDetector(hub + 1).watch(1, graph, bits)
+    assert found is not None
+    assert found.culprits == (first + 1, hub)
+    rule = broken_rule(found)
+    assert rule is not None
+    assert (rule.source, rule.target) == (2 * first, 2 * first + 2)
+    assert len({link.number for link in found.links}) == MOST
 
 
 def test_an_anomaly_lasts_since_the_first_in_a_row() -> None:
