@@ -35,6 +35,7 @@ WORDS_AT_MOST = 8
 """Different words of a signal that is cut into one sensor a word."""
 _logger = logging.getLogger(__name__)
 _NAMED = 8  # signals that are left out
+_COUNTER = 64  # numbers, ever larger, of which none is a signal
 _KEPT = 4096  # values of a signal that are kept, evenly spread
 
 
@@ -67,7 +68,7 @@ def with_cuts(wanted: Wanted, values: Iterable[tuple[str, str, bool]]) -> Wanted
     if left := [name for name, some in cuts.items() if not some]:
         more = f" and {len(left) - _NAMED} more" if len(left) > _NAMED else ""
         _logger.warning(
-            "left out, numbers that were not asked for, or always the same: %s%s",
+            "left out, numbers that only grow, always the same or not asked for: %s%s",
             ", ".join(left[:_NAMED]),
             more,
         )
@@ -87,6 +88,7 @@ class _Signal:
         self._numbers: list[float] = []
         self._step, self._count = 1, 0
         self._has_numbers, self._is_bit = False, True
+        self._last, self._falls = -math.inf, False
 
     def add(self, text: str, *, learned: bool) -> None:
         """Take in what it said, and as a number if it is learned from."""
@@ -102,6 +104,8 @@ class _Signal:
                 self.seen.add(text)
             return
         self._has_numbers, self._is_bit = True, self._is_bit and number in (0, 1)
+        self._falls |= number < self._last
+        self._last = number
         if not learned or math.isinf(number):
             return
         if self._count % self._step == 0:
@@ -120,11 +124,16 @@ class _Signal:
         plain = self._has_numbers or not self._words.isdisjoint(WORDS)
         return not plain and len(self._words) <= WORDS_AT_MOST
 
+    @property
+    def _is_counter(self) -> bool:
+        """It has only ever grown, as a clock does."""
+        return not self._falls and len(set(self._numbers)) > _COUNTER
+
     def cuts(self, name: str, parts: int) -> Iterator[Condition]:
         """Yield its cuts, ascending; none if it has said one thing only."""
         if len(self._words) > 1:
             yield from (Choice(name, word) for word in sorted(self._words))
-        elif not self._words:
+        elif not self._words and not self._is_counter:
             for limit in _limits(sorted(self._numbers), parts):
                 yield Comparison(name, True, limit)
 

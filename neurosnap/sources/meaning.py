@@ -181,6 +181,7 @@ class Wanted:
         conditions: Of signals with numbers or words; these are read, too.
         time: The name of the column with the time; None for a first ``time``.
         bins: Parts that the range of another number is cut into; 0: none is.
+        every: Seconds between the rows of messages; 0: as is usual for them.
         learned: The share of the data, from its beginning, that cuts are chosen by.
         cuts: Of other signals that are taken and are not on and off by themselves; see
             `neurosnap.sources.cuts`. None: they are not chosen yet.
@@ -190,21 +191,26 @@ class Wanted:
     conditions: tuple[Condition, ...] = ()
     time: str | None = None
     bins: int = 4
+    every: float = 0.0
     learned: float = 1.0
     cuts: Mapping[str, tuple[Condition, ...]] | None = None
 
-    def takes(self, name: str, by_itself: bool = True) -> bool:
-        """Return whether a sensor with words is read."""
+    def takes(self, name: str, by_itself: bool = True, topic: str = "") -> bool:
+        """Return whether a signal is read by itself, or as one of its topic."""
         if any(name == condition.source for condition in self.conditions):
             return False
         if not self.patterns:
             return by_itself
-        return any(fnmatch.fnmatchcase(name, pattern) for pattern in self.patterns)
+        return topic in self.patterns or any(
+            fnmatch.fnmatchcase(name, pattern) for pattern in self.patterns
+        )
 
-    def readers(self, name: str, by_itself: bool = True) -> list["Reader"]:
+    def readers(
+        self, name: str, by_itself: bool = True, topic: str = ""
+    ) -> list["Reader"]:
         """Return what reads a sensor of the data: nothing, or one for each name."""
         conditions = [each for each in self.conditions if each.source == name]
-        if self.takes(name, by_itself):
+        if self.takes(name, by_itself, topic):
             if self.cuts is None or name not in self.cuts:
                 return [Reader(name)]
             conditions += self.cuts[name]

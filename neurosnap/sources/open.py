@@ -15,7 +15,7 @@ names, once to be the world.
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TypeVar
+from typing import Annotated, TypeVar
 
 import msgspec
 
@@ -166,6 +166,8 @@ class FileArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The name of the column with the time; None for a first ``time``."""
     bins: int = 4
     """Parts that the range of a number is cut into; 0: none is."""
+    every: Annotated[float, msgspec.Meta(ge=0)] = 0.0
+    """Seconds between the rows of messages (MCAP); 0: as is usual for them."""
     cuts: str = ""
     """The sensors that other signals are cut into, in JSON; empty: not chosen yet."""
 
@@ -181,6 +183,7 @@ class FileArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             tuple(parse_condition(each) for each in conditions if each.strip()),
             self.time,
             self.bins,
+            self.every,
             _LEARNED,
             recorded_cuts(self.cuts) if self.cuts else None,
         )

@@ -14,6 +14,7 @@ from neurosnap.sensorium import Sensorium
 from neurosnap.sources import home_assistant_db
 from neurosnap.sources.csv_cells_and_formulas import CsvFile, TableFile, TableRows
 from neurosnap.sources.event_log import read_event_log, roles
+from neurosnap.sources.mcap_file import MAGIC, is_foreign, read_mcap
 from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.protocol import Observed
 from neurosnap.sources.readings import Readings, is_time, parse_time
@@ -28,7 +29,8 @@ def open_readings(path: str, wanted: Wanted | None = None) -> Readings:
     """Return the readings in a file.
 
     What a file is, is told by its first bytes: a database of Home Assistant, Parquet,
-    else CSV. A Parquet or CSV file is a log of events if its header has the columns of
+    a file of messages (MCAP), else
+    CSV. A Parquet or CSV file is a log of events if its header has the columns of
     one, or else a table.
 
     Args:
@@ -44,6 +46,11 @@ def open_readings(path: str, wanted: Wanted | None = None) -> Readings:
     beginning = first_bytes(path)
     if beginning.startswith(home_assistant_db.MAGIC):
         readings = home_assistant_db.read_home_assistant(path, wanted)
+    elif is_foreign(path):
+        readings = read_mcap(path, wanted)
+    elif beginning.startswith(MAGIC):
+        rule = "must not be a run's own recording: resume, replay and learn take it"
+        raise InvalidValueError("source", rule, path)
     elif beginning.startswith(_PARQUET):
         parquet = _ParquetFile(path)
         if wanted.time is None and parquet.time is not None:

@@ -35,7 +35,7 @@ Data = Annotated[
     typer.Argument(
         metavar="DATA",
         help="A table of readings or a log of events (.csv, .parquet), a database of"
-        " Home Assistant, or a recording.",
+        " Home Assistant, messages of another program (.mcap), or a recording.",
     ),
 ]
 Sensors = Annotated[
@@ -43,8 +43,8 @@ Sensors = Annotated[
     typer.Option(
         "--sensors",
         metavar="NAME",
-        help="Read these sensors only; * and ? stand for any letters. Of a database"
-        " of Home Assistant these instead of the binary sensors.",
+        help="Read these sensors only, or topics; * and ? stand for any letters. Of a"
+        " database of Home Assistant these instead of the binary sensors.",
         show_default="all",
     ),
 ]
@@ -77,6 +77,16 @@ Bins = Annotated[
         " values. 0: no number is read by itself.",
     ),
 ]
+Period = Annotated[
+    float,
+    typer.Option(
+        "--every",
+        metavar="SECONDS",
+        min=0,
+        help="Seconds between the rows of messages (.mcap).",
+        show_default="as is usual for its topics",
+    ),
+]
 Threshold = Annotated[
     str | None,
     typer.Option(
@@ -104,7 +114,11 @@ Every = Annotated[
     ),
 ]
 _with_choice = with_parameters(
-    sensors=(Sensors, None), when=(When, None), time=(Time, None), bins=(Bins, 4)
+    sensors=(Sensors, None),
+    when=(When, None),
+    time=(Time, None),
+    bins=(Bins, 4),
+    period=(Period, 0.0),
 )
 
 
@@ -206,6 +220,6 @@ def _opened(data: Path, context: typer.Context) -> "Recording | Readings":
     given = context.params
     conditions = tuple(map(parse_condition, given["when"] or ()))
     names, time, bins = tuple(given["sensors"] or ()), given["time"], given["bins"]
-    wanted = Wanted(names, conditions, time, bins)
+    wanted = Wanted(names, conditions, time, bins, given["period"])
     with progress("reading"):
         return open_data(data, wanted)

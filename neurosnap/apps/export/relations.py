@@ -30,6 +30,7 @@ from neurosnap.runtime.preflight import free_memory
 from neurosnap.sensorium import Sensorium, visible
 from neurosnap.sources.csv_cells_and_formulas import as_text
 from neurosnap.sources.cuts import known_order
+from neurosnap.sources.mcap_file import is_foreign
 from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.open import recorded_wanted
 from neurosnap.sources.open_readings import first_bytes, open_readings
@@ -57,7 +58,8 @@ def open_data(data: Path, wanted: Wanted = _ALL) -> Recording | Readings:
         RecordingError: It is a recording that cannot be read.
     """
     recorded = data.suffix.lower() == ".mcap"
-    if not recorded and not first_bytes(str(data)).startswith(MAGIC):
+    recorded = recorded or first_bytes(str(data)).startswith(MAGIC)
+    if not recorded or (data.exists() and is_foreign(str(data))):
         return open_readings(str(data), wanted)
     if wanted != _ALL:
         rule = "must not go with a recording, whose sensors are known"

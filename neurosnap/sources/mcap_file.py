@@ -1,0 +1,259 @@
+"""Reads the messages of an MCAP file that another program wrote, as a table.
+
+Each field of a message is a signal: ``/arm.joint[0].angle`` of the topic ``/arm``. A
+row is what every signal said last at a tick of the clock; what was said longer ago than
+three of its topic's usual periods is unknown. A message that cannot be decoded is an
+error of its channel, told once, and none of the file.
+
+The file is gone through twice, a chunk at a time: once to see what the signals say,
+once to read them.
+"""
+
+import logging
+import struct
+from collections import defaultdict, deque
+from collections.abc import Iterator
+from pathlib import Path
+from statistics import median
+from typing import BinaryIO
+
+import msgspec
+import numpy as np
+import zstandard
+from mcap.exceptions import McapError
+from mcap.records import Channel, Chunk, Header, McapRecord, Message
+from mcap.stream_reader import StreamReader, breakup_chunk
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.poc.learning.columns import GrowingColumns
+from neurosnap.sensorium import Sensorium
+from neurosnap.sources.cuts import with_cuts
+from neurosnap.sources.meaning import Reader, Wanted, as_text, refused
+from neurosnap.sources.readings import Readings, utc
+
+MAGIC = b"\x89MCAP0\r\n"
+_OURS = "neurosnap"
+_LIMIT = 256 * 2**20
+"""Bytes of a record or an unpacked chunk, at most: a file may claim any size."""
+_FLOOR, _RATIO = 64 * 2**20, 512
+"""Bytes that a file may unpack to in all, and more for each byte read."""
+_ITEMS = 64  # of a list that are signals
+_DEEP = 16  # levels of fields
+_STALE = 3  # usual periods
+_PERIODS = 1024  # of a topic that are looked at
+_MALFORMED = (
+    *(struct.error, ValueError, IndexError, EOFError, RuntimeError, OSError),
+    zstandard.ZstdError,
+)
+_logger = logging.getLogger(__name__)
+
+
+def is_foreign(path: str) -> bool:
+    """Return whether a file is MCAP, and no recording of ours."""
+    with Path(path).open("rb") as file:
+        if file.read(len(MAGIC)) != MAGIC:
+            return False
+        file.seek(0)
+        try:
+            first = next(iter(StreamReader(file, record_size_limit=_LIMIT).records))
+        except (McapError, *_MALFORMED):
+            return False
+    return isinstance(first, Header) and first.profile != _OURS
+
+
+def read_mcap(path: str, wanted: Wanted) -> Readings:
+    """Return the readings in a file, a row for each period of a clock.
+
+    Args:
+        path: Where it is.
+        wanted: Which signals, or topics with all of theirs, are read. Without `every`
+            the clock has the usual period of the topics, the median.
+
+    Raises:
+        InvalidValueError: It cannot be read to its end, lacks a signal that is wanted,
+            or a value cannot be read.
+    """
+    survey = _Survey(path, wanted)
+    values = survey.values()
+    wanted = with_cuts(wanted, values)
+    deque(values, 0)  # also where the cuts were chosen already
+    wanted.check([*survey.signals, *survey.times], path)
+    if not survey.signals:
+        raise InvalidValueError(path, "must hold messages that can be read", "none")
+    return _Clock(path, wanted, survey).readings()
+
+
+class _Survey:
+    """What a file holds.
+
+    Attributes:
+        signals: The topic of each signal, in the order in which they came first.
+        times: Of each topic, its first times.
+    """
+
+    def __init__(self, path: str, wanted: Wanted) -> None:
+        self._path, self._wanted = path, wanted
+        self.signals: dict[str, str] = {}
+        self.times: defaultdict[str, list[float]] = defaultdict(list)
+
+    def values(self) -> Iterator[tuple[str, str, bool]]:
+        """Yield what the signals say that are taken as they are, for `with_cuts`."""
+        last = self._wanted.learned * Path(self._path).stat().st_size
+        for at, topic, fields, offset in _messages(self._path, warn=True):
+            if len(self.times[topic]) <= _PERIODS:
+                self.times[topic].append(at)
+            for name, value in fields:
+                self.signals.setdefault(name, topic)
+                if self._wanted.takes(name, topic=topic):
+                    yield name, _text(value), offset <= last
+
+    def periods(self) -> dict[str, float]:
+        """Return the usual seconds between two messages of each topic."""
+        return {
+            topic: float(median(np.diff(sorted(times)))) if len(times) > 1 else 0.0
+            for topic, times in self.times.items()
+        }
+
+
+class _Clock:
+    """Makes a row of what was said last, for each period."""
+
+    def __init__(self, path: str, wanted: Wanted, survey: _Survey) -> None:
+        self._path = path
+        periods = survey.periods()
+        usual = [period for period in periods.values() if period > 0]
+        self._every = wanted.every or (median(usual) if usual else 1.0)
+        self._fresh = {
+            topic: _STALE * max(period, self._every)
+            for topic, period in periods.items()
+        }
+        self._readers: dict[str, list[tuple[int, Reader]]] = {}
+        names: list[str] = []
+        for name, topic in survey.signals.items():
+            self._readers[name] = found = []
+            for reader in wanted.readers(name, topic=topic):
+                found.append((len(names), reader))
+                names.append(reader.name)
+        self._wanted, self._columns = wanted, GrowingColumns(Sensorium(names))
+        self._bits = np.zeros(len(names), np.bool_)
+        self._known = np.zeros(len(names), np.bool_)
+        self._until = np.zeros(len(names))  # when each reading is too old
+        self._times: list[str] = []
+
+    def readings(self) -> Readings:
+        """Return the rows; O(N) a row, and O(1) a field that is read."""
+        now = due = None
+        for at, topic, fields, _ in _messages(self._path, warn=False):
+            now = at if now is None else max(now, at)  # a clock that is put back stands
+            due = now + self._every if due is None else due
+            while due <= now:
+                # What follows a long silence is not preceded by rows of nothing.
+                due = due + self._every if self._row(due) else now + self._every
+            for name, value in fields:
+                for column, reader in self._readers[name]:
+                    self._read(column, reader, name, value)
+                    self._until[column] = now + self._fresh[topic]
+        if due is not None:
+            self._row(due)
+        return Readings(self._columns.columns(), self._times, wanted=self._wanted)
+
+    def _read(self, column: int, reader: Reader, name: str, value: object) -> None:
+        try:
+            on = reader.read(value)
+        except ValueError as error:
+            raise refused(self._path, name, error, _text(value)) from None
+        self._bits[column], self._known[column] = on is True, on is not None
+
+    def _row(self, at: float) -> bool:
+        """Add the row of a moment, if anything is known then; tell whether it is."""
+        self._known &= self._until > at
+        if not self._known.any():
+            return False
+        self._columns.append(self._bits & self._known, self._known.copy())
+        self._times.append(utc(at))
+        return True
+
+
+def _text(value: object) -> str:
+    """Return what a field says; texts stand without quotes."""
+    return value if isinstance(value, str) else as_text(value)
+
+
+def _messages(
+    path: str, *, warn: bool
+) -> Iterator[tuple[float, str, list[tuple[str, object]], int]]:
+    """Yield time, topic, fields and place in the file of all messages.
+
+    Raises:
+        InvalidValueError: While iterating: the file is cut, damaged or too large.
+    """
+    channels: dict[int, Channel] = {}
+    told: set[int] = set()
+    with Path(path).open("rb") as file:
+        try:
+            for record in _records(file, path):
+                if isinstance(record, Channel):
+                    channels[record.id] = record
+                elif isinstance(record, Message):
+                    channel = channels[record.channel_id]
+                    try:
+                        fields = _fields(channel, record.data)
+                    except (ValueError, RecursionError) as error:
+                        if warn and channel.id not in told:
+                            told.add(channel.id)
+                            _logger.warning(
+                                "%s: %s: left out: %s", path, channel.topic, error
+                            )
+                        continue
+                    at = (record.publish_time or record.log_time) / 1e9
+                    yield at, channel.topic, fields, file.tell()
+        except InvalidValueError:
+            raise
+        except (McapError, KeyError, *_MALFORMED) as error:
+            rule = "must be whole MCAP, as far as it is read"
+            where = f"{type(error).__name__} before byte {file.tell()}"
+            raise InvalidValueError(path, rule, where) from error
+
+
+def _records(file: BinaryIO, path: str) -> Iterator[McapRecord]:
+    unpacked = 0
+    reader = StreamReader(file, emit_chunks=True, record_size_limit=_LIMIT)
+    for record in reader.records:
+        if not isinstance(record, Chunk):
+            yield record
+            continue
+        unpacked += record.uncompressed_size
+        most = _FLOOR + _RATIO * file.tell()
+        claimed = record.uncompressed_size
+        if record.compression == "zstd":  # it would get as much room as it says
+            claimed = max(claimed, zstandard.frame_content_size(record.data))
+        if claimed > _LIMIT or unpacked > most:
+            rule = f"must unpack to at most {most:,} bytes by byte {file.tell()}"
+            raise InvalidValueError(path, rule, unpacked)
+        yield from breakup_chunk(record, validate_crc=True)
+
+
+def _fields(channel: Channel, data: bytes) -> list[tuple[str, object]]:
+    """Return the fields of a message: names and booleans, numbers, texts or None.
+
+    Raises:
+        ValueError: It cannot be decoded.
+    """
+    if channel.message_encoding != "json":
+        raise ValueError(f"{channel.message_encoding or 'nothing'} is not understood")
+    found: list[tuple[str, object]] = []
+    _flatten(channel.topic, msgspec.json.decode(data), found, _DEEP)
+    return found
+
+
+def _flatten(
+    name: str, value: object, found: list[tuple[str, object]], deep: int
+) -> None:
+    if isinstance(value, dict) and deep:
+        for key, inner in value.items():
+            _flatten(f"{name}.{key}", inner, found, deep - 1)
+    elif isinstance(value, list) and deep:
+        for place, inner in enumerate(value[:_ITEMS]):
+            _flatten(f"{name}[{place}]", inner, found, deep - 1)
+    elif not isinstance(value, dict | list):
+        found.append((name, value))

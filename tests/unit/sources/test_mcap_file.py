@@ -1,0 +1,172 @@
+"""Messages of other programs become rows by the clock, and bad ones are said."""
+
+import json
+import struct
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zstandard
+from mcap.writer import CompressionType, Writer
+
+from neurosnap.apps.export.relations import open_data
+from neurosnap.errors import InvalidValueError
+from neurosnap.poc.order.literal_sets import from_words
+from neurosnap.sources import mcap_file
+from neurosnap.sources.meaning import Wanted, parse_condition
+from neurosnap.sources.open import open_source, settle
+from neurosnap.sources.open_readings import open_readings
+from neurosnap.sources.readings import Readings
+
+Said = tuple[float, str, Any]
+
+
+def write(path: Path, said: Iterable[Said], *, encoding: str = "json") -> Path:
+    """Write messages: time, topic, and what is encoded; bytes stay as they are."""
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=512, compression=CompressionType.ZSTD)
+        writer.start()
+        channels: dict[tuple[str, str], int] = {}
+        for at, topic, value in said:
+            kind = "cdr" if isinstance(value, bytes) and encoding == "cdr" else encoding
+            if (topic, kind) not in channels:
+                channels[topic, kind] = writer.register_channel(topic, kind, 0)
+            data = value if isinstance(value, bytes) else json.dumps(value).encode()
+            nanoseconds = round(at * 1e9)
+            writer.add_message(
+                channels[topic, kind], nanoseconds + 7, data, nanoseconds
+            )
+        writer.finish()
+    return path
+
+
+def shown(readings: Readings) -> dict[str, str]:
+    """Return what each sensor read: 1, 0 or ?."""
+    columns, names = readings.columns, readings.columns.sensorium.names
+    on, off = (
+        [from_words(row, columns.ticks) for row in rows]
+        for rows in (columns.on, columns.off)
+    )
+    return {
+        name: "".join(
+            "1" if a else "0" if b else "?"
+            for a, b in zip(on[k].tolist(), off[k].tolist(), strict=True)
+        )
+        for k, name in enumerate(names)
+    }
+
+
+def test_rows_are_what_was_said_last_and_what_is_too_old_is_unknown(
+    tmp_path: Path,
+) -> None:
+    said: list[Said] = [(at, "/a", {"on": at % 2 == 0}) for at in range(1, 13)]
+    said += [(1.5, "/b", {"x": [{"y": 5}, 0.5]}), (2.5, "/b", {"x": [{"y": 7}]})]
+    path = write(tmp_path / "a.mcap", sorted(said, key=lambda each: each[0]))
+    readings = open_readings(str(path))
+    # The clock's period is that of the topics, 1 s; /b is unknown after 3 s.
+    assert shown(readings) == {
+        "/a.on": "010101010101",
+        "/b.x[0].y>5": "0111?" + "?" * 7,
+    }
+    assert readings.times is not None
+    assert readings.times[0] == "1970-01-01 00:00:02Z"
+    slower = open_readings(str(path), Wanted(("/a",), every=3.0))
+    assert shown(slower) == {"/a.on": "0101"}
+
+
+def test_topics_signals_and_conditions_are_chosen(tmp_path: Path) -> None:
+    said = [
+        (at / 4, "/m", {"mode": "a" if at < 9 else "b", "v": at}) for at in range(20)
+    ]
+    path = str(write(tmp_path / "m.mcap", said))
+    when = (parse_condition("/m.v > 9, off < 5"), parse_condition("/m.mode = b"))
+    assert [*shown(open_readings(path, Wanted((), when)))] == ["/m.mode=b", "/m.v>9"]
+    assert [*shown(open_readings(path, Wanted(("/m.mode",))))] == [
+        "/m.mode=a",
+        "/m.mode=b",
+    ]
+    assert len(shown(open_readings(path, Wanted(("/m",))))) == 5
+    with pytest.raises(InvalidValueError, match=r"must have this sensor, got '/x'"):
+        open_readings(path, Wanted(("/x",)))
+    settled = settle(path, {"sensors": "/m"})
+    early, whole = open_source(path, 0, settled).sensors, shown(open_readings(path))
+    assert len(early) == len(whole) == 5
+    assert early[2:] != tuple(whole)[2:]  # the first quarter has smaller numbers
+
+
+def test_after_a_silence_rows_go_on_and_a_clock_put_back_stands(tmp_path: Path) -> None:
+    said = [(at, "/a", {"on": True}) for at in (1, 2, 3, 1e9, 1e9 + 1, 5, 6, 1e9 + 2)]
+    readings = open_readings(str(write(tmp_path / "a.mcap", said)), Wanted(every=1))
+    assert set(shown(readings)["/a.on"]) == {"1"}
+    assert readings.columns.ticks == 7
+
+
+def test_what_cannot_be_decoded_is_told_of_its_channel_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    deep: Any = 1
+    for _ in range(40):
+        deep = {"a": deep}
+    said = [
+        *(
+            (at, "/a", {"on": at > 2, "deep": deep, "many": [0] * 10**4})
+            for at in range(5)
+        ),
+        *((at, "/bad", b'{"on": tru') for at in range(5)),
+    ]
+    path = write(tmp_path / "a.mcap", said)
+    readings = open_readings(str(path), Wanted(every=1))
+    assert shown(readings)["/a.on"] == "0011?"[: readings.columns.ticks]
+    assert len(shown(readings)) == 1 + 64  # not ten thousand, and not what is deep
+    told = [message for message in caplog.messages if "/bad: left out" in message]
+    assert len(told) == 1
+    cdr = write(tmp_path / "cdr.mcap", [(1, "/a", b"\0\1")], encoding="cdr")
+    with pytest.raises(InvalidValueError, match="must hold messages that can be read"):
+        open_readings(str(cdr))
+    assert "cdr is not understood" in caplog.text
+
+
+def cut(data: bytes) -> bytes:
+    return data[: len(data) // 2]
+
+
+def lying(data: bytes) -> bytes:
+    """Let a chunk claim to unpack to more than it may."""
+    at = data.index(b"\x06") if data[0] == 6 else data.index(b"zstd")
+    head = at - 4 - 4 - 8
+    return data[:head] + struct.pack("<Q", 2**40) + data[head + 8 :]
+
+
+def bomb(data: bytes) -> bytes:
+    """Let a frame claim more than its chunk does."""
+    real = zstandard.compress(bytes(1 << 20))
+    at = data.index(b"zstd") + 4 + 8
+    return data[:at] + real[: len(data) - at] + data[at + len(real) :]
+
+
+@pytest.mark.parametrize(
+    ("damage", "rule"),
+    [(cut, "be whole"), (lying, "unpack to at most"), (bomb, "unpack to at most")],
+)
+def test_a_file_that_lies_is_refused_at_its_place(
+    tmp_path: Path,
+    damage: Callable[[bytes], bytes],
+    rule: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    path = write(tmp_path / "a.mcap", [(at, "/a", {"on": at}) for at in range(200)])
+    path.write_bytes(damage(path.read_bytes()))
+    monkeypatch.setattr(mcap_file, "_LIMIT", 1 << 19)
+    with pytest.raises(InvalidValueError, match=rf"a\.mcap: must {rule}.* byte \d+"):
+        open_readings(str(path))
+
+
+def test_a_recording_of_ours_is_none_of_another_program(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.mcap", [(1, "/a", {"on": True})])
+    assert isinstance(open_data(path), Readings)
+    assert not mcap_file.is_foreign(__file__)
+    ours = "tests/golden/runs/cells.mcap"
+    assert not mcap_file.is_foreign(ours)
+    with pytest.raises(InvalidValueError, match="must not be a run's own recording"):
+        open_readings(ours)
