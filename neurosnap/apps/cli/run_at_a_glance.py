@@ -28,7 +28,7 @@ _STEP = 0.25  # seconds between two of the states that are kept for that
 _AGAIN = 2.0  # seconds between two looks into the journal
 _SILENT = 2.0  # seconds without a tick that are told
 _SHOWN = 3  # findings, and names of parts that are gone
-_LAST = b"\0\n"  # the line behind which nothing is printed
+_LAST = b"\0\n"  # what nothing is printed behind
 _HEIGHTS = 8  # of them the depth is shown, the greatest
 
 
@@ -183,8 +183,12 @@ def _standard_error_above() -> Iterator[None]:
 
     def print_lines() -> None:
         with os.fdopen(reading, "rb") as lines:
-            for line in iter(lines.readline, _LAST):
-                warn(line.decode(errors="replace").rstrip("\n"))
+            for line in lines:
+                said = line.removesuffix(_LAST)  # a part may have died within a line
+                if said:
+                    warn(said.decode(errors="replace").rstrip("\n"))
+                if said != line:
+                    return
 
     printing = threading.Thread(target=print_lines, name="glance/stderr")
     with os.fdopen(terminal, "w") as file:
