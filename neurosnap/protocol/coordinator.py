@@ -121,6 +121,7 @@ class Coordinator:
             snapshot = options.new_snapshot(range(0) if shares else None)
         elif shares and len(snapshot.share):
             snapshot = snapshot.without_pairs()
+        snapshot.assume(options.known_order)
         memory = options.new_memory()
         policy = options.new_policy(memory) if policy is None else policy
         self._mind = Mind(snapshot, policy, memory)

@@ -20,6 +20,7 @@ from neurosnap.protocol.option_declaration import option
 from neurosnap.protocol.worker_learning import WorkerLearning
 from neurosnap.protocol.worker_shares import hosts, learning_shares, shares
 from neurosnap.sensorium import Sensorium
+from neurosnap.sources.cuts import known_order, recorded_wanted
 from neurosnap.wire import HISTORY, LARGEST_KEYFRAME
 
 SMALLEST = 1 << 16
@@ -387,6 +388,16 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
             return None
         snapshot = self.new_snapshot(shares[worker])
         return WorkerLearning(worker, snapshot, shares, self.band)
+
+    @property
+    def known_order(self) -> tuple[tuple[int, int], ...]:
+        """Which literals imply which by the cuts of their signals; see `sources.cuts`.
+
+        Raises:
+            InvalidValueError: The source's arguments hold cuts that are none.
+        """
+        wanted = recorded_wanted(self.arguments)
+        return tuple(known_order(self.body.own, wanted))
 
     def new_snapshot(self, share: range | None = None) -> Snapshot:
         """Return the snapshot the run starts with; a share is as of `Snapshot`.

@@ -224,3 +224,24 @@ def recorded_cuts(text: str) -> Cuts:
         name: tuple(parse_condition(each, name) for each in texts)
         for name, texts in found.items()
     }
+
+
+def conditions_in(text: str) -> tuple[Condition, ...]:
+    """Return the conditions in a text, semicolons between them.
+
+    Raises:
+        InvalidValueError: One is none.
+    """
+    return tuple(parse_condition(each) for each in text.split(";") if each.strip())
+
+
+def recorded_wanted(arguments: Mapping[str, object]) -> Wanted:
+    """Return how sensors were read, by the arguments that a run of a file has recorded.
+
+    Raises:
+        InvalidValueError: Its cuts or conditions are none.
+    """
+    cuts, when = arguments.get("cuts"), arguments.get("when", "")
+    if not isinstance(cuts, str) or not isinstance(when, str):
+        return Wanted()
+    return Wanted(conditions=conditions_in(when), cuts=recorded_cuts(cuts))

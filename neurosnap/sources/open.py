@@ -21,7 +21,7 @@ import msgspec
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import visible
-from neurosnap.sources.cuts import as_json, recorded_cuts
+from neurosnap.sources.cuts import as_json, conditions_in, recorded_cuts
 from neurosnap.sources.live.journal import Journal
 from neurosnap.sources.live.latest_or_late import LatestReadings
 from neurosnap.sources.live.live_source import Feeder, LiveSource
@@ -29,7 +29,7 @@ from neurosnap.sources.live.statistics import Statistics
 from neurosnap.sources.live.stdin_source import StdinFeeder, first_line, names_in
 from neurosnap.sources.live.tick_schedule import Seconds, TickRule
 from neurosnap.sources.live.zenoh_source import Hub, ZenohFeeder
-from neurosnap.sources.meaning import Wanted, parse_condition
+from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.mqtt.options import MqttOptions
 from neurosnap.sources.protocol import Argument, Source
 from neurosnap.system.distribution import must_have
@@ -177,10 +177,10 @@ class FileArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         Raises:
             InvalidValueError: Something is no comparison.
         """
-        names, conditions = self.sensors.split(","), self.when.split(";")
+        names = self.sensors.split(",")
         return Wanted(
             tuple(name.strip() for name in names if name.strip()),
-            tuple(parse_condition(each) for each in conditions if each.strip()),
+            conditions_in(self.when),
             self.time,
             self.bins,
             self.every,
@@ -233,23 +233,15 @@ def settle(name: str, arguments: Mapping[str, Argument]) -> dict[str, Argument]:
         from neurosnap.sources.open_readings import open_readings
 
         file = _converted(arguments, FileArguments)
-        cuts = open_readings(name, file.wanted()).wanted.cuts
-        return {**arguments, "cuts": as_json(cuts)} if cuts else dict(arguments)
+        wanted = open_readings(name, file.wanted()).wanted
+        if any(wanted.every_condition()) or wanted.cuts:
+            return {**arguments, "cuts": as_json(wanted.cuts or {})}
+        return dict(arguments)
     if name != STDIN or _converted(arguments, LiveArguments).sensors:
         return dict(arguments)
     line = first_line()
     names = msgspec.json.encode(names_in(line)).decode()
     return {**arguments, "sensors": names, "head": line.decode()}
-
-
-def recorded_wanted(arguments: Mapping[str, Argument]) -> Wanted:
-    """Return how the sensors of a recorded run were read, by its source's arguments.
-
-    Raises:
-        InvalidValueError: They are those of a file, and wrong.
-    """
-    kept = {key: arguments[key] for key in ("when", "cuts") if key in arguments}
-    return _converted(kept, FileArguments).wanted() if "cuts" in kept else Wanted()
 
 
 def mqtt_options(arguments: Mapping[str, Argument]) -> MqttOptions:

@@ -70,3 +70,20 @@ def test_a_recording_has_the_same_table(path_log: Path) -> None:
     assert "below_6 implies below_7" in shown
     assert "learned by tick 12" in call("learn", path_log, "--at", 12).stdout
     assert happy("learn", path_log, "--threshold", 0.01)["ticks"] == 40
+
+
+def test_the_order_of_numbers_is_known_to_a_run_and_is_not_told(
+    tmp_path: Path,
+) -> None:
+    draw = np.random.default_rng(4)
+    rows = "".join(f"{draw.integers(100)},{draw.integers(2)}\n" for _ in range(60))
+    data, log = written(tmp_path, f"level,door\n{rows}"), tmp_path / "run.mcap"
+    ran = happy("run", data, "--cells", "inline", "--ticks", 30, "--out", log)
+    assert not [pair for pair in ran["implications"] if "level" in pair[0] + pair[1]]
+    assert call("verify", log).exit_code == 0
+    more = tmp_path / "more.mcap"
+    happy("resume", log, data, "--ticks", 60, "--out", more)
+    assert call("verify", more).exit_code == 0
+    relations = happy("learn", more, "--all")["relations"]
+    assert sum(row["a"][:5] == row["b"][:5] == "level" for row in relations) == 3
+    assert not [row for row in happy("learn", more)["relations"] if row["a"][0] == "l"]

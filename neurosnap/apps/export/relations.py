@@ -29,10 +29,9 @@ from neurosnap.recording.replay.learn_again import snapshot_at
 from neurosnap.runtime.preflight import free_memory
 from neurosnap.sensorium import Sensorium, visible
 from neurosnap.sources.csv_cells_and_formulas import as_text
-from neurosnap.sources.cuts import known_order
+from neurosnap.sources.cuts import known_order, recorded_wanted
 from neurosnap.sources.mcap_file import is_foreign
 from neurosnap.sources.meaning import Wanted
-from neurosnap.sources.open import recorded_wanted
 from neurosnap.sources.open_readings import first_bytes, open_readings
 from neurosnap.sources.readings import Readings
 

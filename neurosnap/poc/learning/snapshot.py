@@ -5,7 +5,7 @@ last adopted. How observations are weighed is up to each kind.
 """
 
 import abc
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from typing import Any, NamedTuple, Self
@@ -120,6 +120,7 @@ class Snapshot(abc.ABC):
         self._born = np.zeros(count, np.uint32)
         self._state = np.zeros(2 * count, np.bool_)
         self._graph: PocGraph | None = None
+        self._assumed: Words | None = None
 
     @property
     def sensorium(self) -> Sensorium:
@@ -379,6 +380,19 @@ class Snapshot(abc.ABC):
         self._state[[literal, literal ^ 1]] = False
         self._graph = None
 
+    def assume(self, edges: Iterable[tuple[int, int]]) -> None:
+        """Add edges ``a -> b`` of literals that hold whatever is read, to the graph.
+
+        Each comes with its contrapositive. They take the place of those before, and are
+        no part of what is learned: of its codes, evidence and saved arrays. A share of
+        the pairs has no graph, and leaves them out.
+        """
+        rows = np.zeros_like(self._pairs.rows)
+        for a, b in edges if rows.size else ():
+            rows[a, b >> 6] |= np.uint64(1 << (b & 63))
+        self._assumed = rows if rows.any() else None
+        self._graph = None
+
     def adopt(self, state: NDArray[np.bool_]) -> None:
         """Set the state, ``(2N,)`` bool.
 
@@ -431,10 +445,11 @@ class Snapshot(abc.ABC):
         Returns:
             The new state: ``(2N,)`` bool, a copy.
         """
-        if known is None:
+        if known is None and self._assumed is None:
             kernels.project(self._bits, self._pairs.rows, self._state)
         else:
-            read = complete(self._bits.view(np.bool_)) & (self._known > 0).repeat(2)
+            told = (self._known > 0).repeat(2)
+            read = complete(self._bits.view(np.bool_)) & told
             self._state[:] = self.poc_graph().coherent_projection(read)
         return self._state.copy()
 
@@ -442,10 +457,13 @@ class Snapshot(abc.ABC):
         """Return the derived graph ([GK] defn:poc graph with equivalences).
 
         Returns:
-            The same object until the graph changes.
+            It, with what is assumed; the same object until it changes.
         """
         if self._graph is None:
-            self._graph = PocGraph.of_rows(self._pairs.rows.copy())
+            rows = self._pairs.rows.copy()
+            if self._assumed is not None:
+                rows |= self._assumed
+            self._graph = PocGraph.of_rows(rows)
         return self._graph
 
     @abc.abstractmethod

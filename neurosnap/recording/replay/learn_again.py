@@ -36,6 +36,7 @@ class Learning:
         """What is sensed after that tick."""
         self.snapshot = options.new_snapshot()
         """What was learned by then; to be changed by this class alone."""
+        self.snapshot.assume(options.known_order)
 
     def copy(self) -> Self:
         """Return another one at the same tick. O(N²) time and memory."""
@@ -57,6 +58,7 @@ class Learning:
             raise RecordingError(f"{place}: must hold an agent, {error}") from error
         try:
             self.snapshot = snapshot_of(frame, bands)
+            self.snapshot.assume(self._options.known_order)
         except ValueError as error:
             raise RecordingError(f"{place}: must hold a snapshot, {error}") from error
         if tuple(self.snapshot.sensorium) != self.body.sensors:

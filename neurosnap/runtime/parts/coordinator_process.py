@@ -83,7 +83,7 @@ class Result(msgspec.Struct):
     seconds: float
     """What the run took, once every part was up."""
     implications: list[tuple[str, str]]
-    """The learned order by name, covering pairs only."""
+    """The learned order by name, covering pairs only, without what is known anyway."""
 
 
 def coordinator_for(options: RunOptions, past: ResumePoint | None) -> Coordinator:
@@ -100,6 +100,12 @@ def answer_within(options: RunOptions) -> float | None:
     if options.cells == "inline" or is_live(options.source):
         return None
     return _TRIES * options.deadline
+
+
+def _named(options: RunOptions) -> set[tuple[str, str]]:
+    """Return the implications that are known without learning, by name."""
+    names = [name + star for name in options.body.own for star in ("", "*")]
+    return {(names[a], names[b]) for a, b in options.known_order}
 
 
 class _Reports:
@@ -177,7 +183,9 @@ class CoordinatorJob(msgspec.Struct, frozen=True):
                     on_said=reports.said,
                 ),
             )
-            named = core.graph.implications(core.snapshot.sensorium)
+            learned = core.graph.implications(core.snapshot.sensorium)
+            given = _named(options)
+            named = [pair for pair in learned if pair not in given]
             part.reporter.done(Result(core.totals, seconds, named))
 
 

@@ -9,15 +9,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from neurosnap import wire
+from neurosnap.agent.body import Body
 from neurosnap.apps.export.relations import learned_from
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.pair_occasions import count_pairs
 from neurosnap.poc.learning.relation_rule import judge
+from neurosnap.protocol.coordinator import Coordinator
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.replay.learn_again import Learning
 from neurosnap.sources.cuts import as_json, known_order, recorded_cuts, with_cuts
 from neurosnap.sources.meaning import Choice, Comparison, Reader, Wanted
 from neurosnap.sources.meaning import parse_condition as parsed
 from neurosnap.sources.open import open_source, settle
 from neurosnap.sources.open_readings import open_readings
+from tests.support.edges import edge_matrix
 
 NUMBERS = st.integers(0, 3).map(float)
 
@@ -190,3 +196,20 @@ def test_a_run_of_a_file_keeps_the_cuts_of_its_beginning(tmp_path: Path) -> None
         open_source(path, 0, {"bins": 0})
     with pytest.raises(InvalidValueError, match="cuts: must be conditions"):
         open_source(path, 0, {"cuts": "[1]"})
+
+
+def test_a_run_knows_the_order_of_its_cuts_before_it_has_learned(
+    tmp_path: Path,
+) -> None:
+    path = str(plant(tmp_path / "tank.csv"))
+    settled: dict[str, bool | int | float | str] = {"cuts": settle(path, {})["cuts"]}
+    body = Body(own=open_source(path, 0, settled).sensors)
+    options = RunOptions(source=path, body=body, arguments=settled)
+    order = edge_matrix(12, options.known_order)
+    assert order.sum() == 2 * 3 + 2
+    core, learning = Coordinator(options), Learning(tmp_path, options)
+    assert (core.graph.edges == order).all()
+    assert (learning.snapshot.poc_graph().edges == order).all()
+    agent = core.memory.to_bytes()
+    learning.restore(wire.KeyFrame(1, core.snapshot.to_bytes(), agent=agent))
+    assert (learning.snapshot.poc_graph().edges == order).all()

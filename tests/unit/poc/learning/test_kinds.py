@@ -14,7 +14,7 @@ from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.learning.pairs import Evidence
 from neurosnap.poc.learning.reading_history import Newborn
 from neurosnap.sensorium import Sensorium
-from tests.support.edges import learned_edges
+from tests.support.edges import edge_matrix, learned_edges
 from tools.paper.fig2_discounted import to_learn
 
 Kind: TypeAlias = type[EmpiricalSnapshot] | type[DiscountedSnapshot]
@@ -65,6 +65,28 @@ def test_the_graph_is_the_same_object_until_it_changes(kind: Kind) -> None:
     changed = [snapshot.learn(bits) for bits in ([0, 0], [1, 0])]
     assert any(changed)
     assert snapshot.poc_graph() is not graph
+
+
+@KINDS
+def test_what_is_assumed_is_in_the_graph_and_not_in_what_is_learned(kind: Kind) -> None:
+    plain, told = kind(70, 0.25), kind(70, 0.25)
+    given = edge_matrix(140, [(0, 138), (139, 1)])
+    told.assume([(0, 138), (139, 1)])
+    assert told.poc_graph().implications(told.sensorium) == [("s0", "s69")]
+    drawn = np.random.default_rng(3)
+    for _ in range(20):
+        bits = drawn.random(70) < 0.5
+        bits[69] |= bits[0]
+        assert plain.learn(bits) == told.learn(bits)
+        assert (told.poc_graph().edges == plain.poc_graph().edges | given).all()
+        plain.adopt(told.project())
+    assert plain.to_bytes() == told.to_bytes()
+    new = kind(70, 0.25)
+    new.assume([(0, 138), (139, 1)])
+    assert not new.observe([1, *[0] * 69])[[0, 139]].any()  # it cannot be read so
+    told.assume([])
+    again = kind.from_bytes(told.to_bytes())
+    assert (told.poc_graph().edges == again.poc_graph().edges).all()
 
 
 @KINDS
