@@ -40,6 +40,7 @@ _FLOOR, _RATIO = 64 * 2**20, 512
 _ITEMS = 64  # of a list that are signals
 _DEEP = 16  # levels of fields
 _STALE = 3  # usual periods
+_SHORTEST = 0.001  # seconds between two rows
 _PERIODS = 1024  # of a topic that are looked at
 _MALFORMED = (
     *(struct.error, ValueError, IndexError, EOFError, RuntimeError, OSError),
@@ -71,8 +72,10 @@ def read_mcap(path: str, wanted: Wanted) -> Readings:
 
     Raises:
         InvalidValueError: It cannot be read to its end, lacks a signal that is wanted,
-            or a value cannot be read.
+            or a value cannot be read; or rows are wanted too often.
     """
+    if wanted.every and not wanted.every >= _SHORTEST:  # nor is it no number
+        raise InvalidValueError("every", f"must be {_SHORTEST} s or more", wanted.every)
     survey = _Survey(path, wanted)
     values = survey.values()
     wanted = with_cuts(wanted, values)

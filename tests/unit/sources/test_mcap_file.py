@@ -89,6 +89,11 @@ def test_topics_signals_and_conditions_are_chosen(tmp_path: Path) -> None:
     assert len(shown(open_readings(path, Wanted(("/m",))))) == 5
     with pytest.raises(InvalidValueError, match=r"must have this sensor, got '/x'"):
         open_readings(path, Wanted(("/x",)))
+    for every in (1e-9, float("nan")):
+        with pytest.raises(
+            InvalidValueError, match=r"^every: must be 0\.001 s or more"
+        ):
+            open_readings(path, Wanted(every=every))
     settled = settle(path, {"sensors": "/m"})
     early, whole = open_source(path, 0, settled).sensors, shown(open_readings(path))
     assert len(early) == len(whole) == 5
