@@ -39,13 +39,17 @@ _COUNTER = 64  # numbers, ever larger, of which none is a signal
 _KEPT = 4096  # values of a signal that are kept, evenly spread
 
 
-def with_cuts(wanted: Wanted, values: Iterable[tuple[str, str, bool]]) -> Wanted:
+def with_cuts(
+    wanted: Wanted, values: Iterable[tuple[str, str, bool]], *, lenient: bool = False
+) -> Wanted:
     """Return what is wanted with the cuts of the signals that need some.
 
     Args:
         wanted: Returned as it is where its cuts are chosen already.
         values: What each signal that is taken says, in any order: its name, a text, and
             whether its numbers are learned from.
+        lenient: Leave out what is no sensor and cannot be cut, such as free text; else
+            it is left to be refused, where it stands.
     """
     if wanted.cuts is not None or not wanted.bins:
         return wanted
@@ -57,9 +61,9 @@ def with_cuts(wanted: Wanted, values: Iterable[tuple[str, str, bool]]) -> Wanted
         if text not in signal.seen:
             signal.add(text, learned=learned)
     cuts = {
-        name: tuple(signal.cuts(name, wanted.bins))
+        name: tuple(signal.cuts(name, wanted.bins)) if signal.is_cut else ()
         for name, signal in signals.items()
-        if signal.is_cut
+        if signal.is_cut or (lenient and not signal.is_plain)
     }
     if (
         wanted.conditions and not wanted.patterns
@@ -68,7 +72,7 @@ def with_cuts(wanted: Wanted, values: Iterable[tuple[str, str, bool]]) -> Wanted
     if left := [name for name, some in cuts.items() if not some]:
         more = f" and {len(left) - _NAMED} more" if len(left) > _NAMED else ""
         _logger.warning(
-            "left out, numbers that only grow, always the same or not asked for: %s%s",
+            "left out, numbers that only grow, free text, always the same or not asked for: %s%s",
             ", ".join(left[:_NAMED]),
             more,
         )
@@ -114,6 +118,11 @@ class _Signal:
                 del self._numbers[1::2]
                 self._step *= 2
         self._count += 1
+
+    @property
+    def is_plain(self) -> bool:
+        """It says nothing but on, off and unknown."""
+        return self._is_bit and all(word in WORDS for word in self._words)
 
     @property
     def is_cut(self) -> bool:

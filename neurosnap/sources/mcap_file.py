@@ -3,7 +3,7 @@
 Each field of a message is a signal: ``/arm.joint[0].angle`` of the topic ``/arm``. A
 row is what every signal said last at a tick of the clock; what was said longer ago than
 three of its topic's usual periods is unknown. A message that cannot be decoded is an
-error of its channel, told once, and none of the file.
+error of its channel, told once, and none of the file. JSON and CDR are decoded.
 
 The file is gone through twice, a chunk at a time: once to see what the signals say,
 once to read them.
@@ -21,7 +21,7 @@ import msgspec
 import numpy as np
 import zstandard
 from mcap.exceptions import McapError
-from mcap.records import Channel, Chunk, Header, McapRecord, Message
+from mcap.records import Channel, Chunk, Header, McapRecord, Message, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 
 from neurosnap.errors import InvalidValueError
@@ -30,6 +30,7 @@ from neurosnap.sensorium import Sensorium
 from neurosnap.sources.cuts import with_cuts
 from neurosnap.sources.meaning import Reader, Wanted, as_text, refused
 from neurosnap.sources.readings import Readings, utc
+from neurosnap.sources.ros2_types import Decoder, cdr_decoder
 
 MAGIC = b"\x89MCAP0\r\n"
 _OURS = "neurosnap"
@@ -78,7 +79,7 @@ def read_mcap(path: str, wanted: Wanted) -> Readings:
         raise InvalidValueError("every", f"must be {_SHORTEST} s or more", wanted.every)
     survey = _Survey(path, wanted)
     values = survey.values()
-    wanted = with_cuts(wanted, values)
+    wanted = with_cuts(wanted, values, lenient=True)
     deque(values, 0)  # also where the cuts were chosen already
     wanted.check([*survey.signals, *survey.times], path)
     if not survey.signals:
@@ -190,26 +191,15 @@ def _messages(
     Raises:
         InvalidValueError: While iterating: the file is cut, damaged or too large.
     """
-    channels: dict[int, Channel] = {}
-    told: set[int] = set()
+    decoders = _Decoders(path, warn=warn)
     with Path(path).open("rb") as file:
         try:
             for record in _records(file, path):
-                if isinstance(record, Channel):
-                    channels[record.id] = record
-                elif isinstance(record, Message):
-                    channel = channels[record.channel_id]
-                    try:
-                        fields = _fields(channel, record.data)
-                    except (ValueError, RecursionError) as error:
-                        if warn and channel.id not in told:
-                            told.add(channel.id)
-                            _logger.warning(
-                                "%s: %s: left out: %s", path, channel.topic, error
-                            )
-                        continue
+                if not isinstance(record, Message):
+                    decoders.take(record)
+                elif (told := decoders.fields(record)) is not None:
                     at = (record.publish_time or record.log_time) / 1e9
-                    yield at, channel.topic, fields, file.tell()
+                    yield at, *told, file.tell()
         except InvalidValueError:
             raise
         except (McapError, KeyError, *_MALFORMED) as error:
@@ -236,16 +226,64 @@ def _records(file: BinaryIO, path: str) -> Iterator[McapRecord]:
         yield from breakup_chunk(record, validate_crc=True)
 
 
-def _fields(channel: Channel, data: bytes) -> list[tuple[str, object]]:
-    """Return the fields of a message: names and booleans, numbers, texts or None.
+class _Decoders:
+    """Decode the messages of each channel; one that cannot be is told of once."""
+
+    def __init__(self, path: str, *, warn: bool) -> None:
+        self._path, self._warn = path, warn
+        self._schemas: dict[int, Schema] = {}
+        self._channels: dict[int, Channel] = {}
+        self._decoders: dict[int, Decoder | ValueError] = {}
+        self._told: set[int] = set()
+
+    def take(self, record: McapRecord) -> None:
+        """Take in what the messages behind it are."""
+        if isinstance(record, Schema):
+            self._schemas[record.id] = record
+        elif isinstance(record, Channel):
+            self._channels[record.id] = record
+
+    def fields(self, message: Message) -> tuple[str, list[tuple[str, object]]] | None:
+        """Return topic and fields of a message; None if it cannot be decoded."""
+        channel = self._channels[message.channel_id]
+        if channel.id not in self._decoders:
+            try:
+                made = _decoder(channel, self._schemas.get(channel.schema_id))
+            except ValueError as error:
+                self._decoders[channel.id] = error
+            else:
+                self._decoders[channel.id] = made
+        decode = self._decoders[channel.id]
+        try:
+            if isinstance(decode, ValueError):
+                raise decode
+            return channel.topic, _fields(channel.topic, decode(message.data))
+        except (ValueError, RecursionError) as error:
+            if self._warn and channel.id not in self._told:
+                self._told.add(channel.id)
+                _logger.warning(
+                    "%s: %s: left out: %s", self._path, channel.topic, error
+                )
+            return None
+
+
+def _decoder(channel: Channel, schema: Schema | None) -> Decoder:
+    """Return what decodes the messages of a channel.
 
     Raises:
-        ValueError: It cannot be decoded.
+        ValueError: Nothing does.
     """
-    if channel.message_encoding != "json":
-        raise ValueError(f"{channel.message_encoding or 'nothing'} is not understood")
+    if channel.message_encoding == "json":
+        return msgspec.json.decode
+    if channel.message_encoding == "cdr" and schema is not None:
+        return cdr_decoder(schema)
+    raise ValueError(f"{channel.message_encoding or 'nothing'} is not understood")
+
+
+def _fields(topic: str, message: object) -> list[tuple[str, object]]:
+    """Return the fields of a message: names, and booleans, numbers, texts or None."""
     found: list[tuple[str, object]] = []
-    _flatten(channel.topic, msgspec.json.decode(data), found, _DEEP)
+    _flatten(topic, message, found, _DEEP)
     return found
 
 

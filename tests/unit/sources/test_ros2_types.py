@@ -1,0 +1,114 @@
+"""Messages of ROS 2 are decoded by the types in the file, whatever else is in it."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.records import Schema
+from mcap.writer import Writer
+from rosbags.typesys import Stores, get_typestore
+
+from neurosnap.sources.meaning import Wanted
+from neurosnap.sources.open_readings import open_readings
+from neurosnap.sources.ros2_types import cdr_decoder
+
+STORE: Any = get_typestore(Stores.ROS2_JAZZY)
+STATUS, BOOL = "diagnostic_msgs/msg/DiagnosticArray", "std_msgs/msg/Bool"
+
+
+def schema(name: str, text: str = "", encoding: str = "ros2msg") -> Schema:
+    text = text or STORE.generate_msgdef(name, ros_version=2)[0]
+    return Schema(id=1, name=name, encoding=encoding, data=text.encode())
+
+
+def status(*levels: int, at: int = 1) -> bytes:
+    kinds = STORE.types
+    header = kinds["std_msgs/msg/Header"](
+        stamp=kinds["builtin_interfaces/msg/Time"](sec=at, nanosec=5), frame_id="ab"
+    )
+    value = kinds["diagnostic_msgs/msg/KeyValue"](key="k", value="v")
+    each = kinds["diagnostic_msgs/msg/DiagnosticStatus"]
+    said = [each(level, "door", "stuck", "h", [value]) for level in levels]
+    return bytes(STORE.serialize_cdr(kinds[STATUS](header, said), STATUS))
+
+
+def test_a_message_is_its_fields_without_times_and_constants() -> None:
+    status_of_door = {
+        "level": 1,
+        "name": "door",
+        "message": "stuck",
+        "hardware_id": "h",
+        "values": [{"key": "k", "value": "v"}],
+    }
+    decode = cdr_decoder(schema(STATUS))
+    said = {"header": {"frame_id": "ab"}, "status": [status_of_door]}
+    assert decode(status(1)) == said
+    data = bytearray(status(1))
+    data[19] = 0xE5  # the padding of real ROS 2 is garbage
+    assert decode(bytes(data)) == said
+    assert len(decode(status(*[0] * 999))["status"]) == 64  # type: ignore[index]
+
+
+def test_of_an_array_there_are_as_many_items() -> None:
+    decode = cdr_decoder(schema("test/msg/A", "float32[] x\nuint8[2] y\n"))
+    numbers = np.arange(1000, dtype="<f4")
+    data = (
+        b"\0\1\0\0"
+        + len(numbers).to_bytes(4, "little")
+        + numbers.tobytes()
+        + bytes([7, 9])
+    )
+    assert decode(data) == {"x": list(range(64)), "y": [7, 9]}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        (schema(BOOL, "bool[ data"), "types of std_msgs/msg/Bool: TypesysError"),
+        (schema(BOOL, encoding="protobuf"), "types in protobuf"),
+        (schema("a/msg/B", "a/B b"), r"must be a message of a/msg/B \("),
+        (schema("a/msg/B", "c/D d"), r"must be a message of a/msg/B \("),
+        (schema(BOOL), r"must be a message of std_msgs/msg/Bool \("),
+    ],
+)
+def test_types_and_messages_that_are_none_are_refused(wrong: Schema, says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        cdr_decoder(wrong)(b"\0\1\0")
+
+
+def test_without_the_package_it_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
+    with pytest.raises(ValueError, match=r"rosbags installed .*\[ros2\]"):
+        cdr_decoder(schema(BOOL))
+
+
+def test_a_bag_is_read_beside_channels_that_cannot_be(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "bag.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2")
+        topics = {}
+        for topic, one in [
+            ("/diagnostics", schema(STATUS)),
+            ("/service", schema("a/srv/B_Event", "int64 a\n---\nint64 b")),
+        ]:
+            kind = writer.register_schema(one.name, one.encoding, one.data)
+            topics[topic] = writer.register_channel(topic, "cdr", kind)
+        for tick in range(9):
+            at = tick * 10**9
+            for topic, data in (
+                ("/diagnostics", status(tick % 3 // 2)),
+                ("/service", b"x"),
+            ):
+                writer.add_message(topics[topic], at, data, at)
+        writer.finish()
+    readings = open_readings(str(path), Wanted(("/diagnostics",)))
+    assert readings.columns.sensorium.names == ("/diagnostics.status[0].level",)
+    assert readings.columns.ticks == 9
+    assert sum("/service: left out: types of" in said for said in caplog.messages) == 1
