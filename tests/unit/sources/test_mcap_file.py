@@ -101,7 +101,8 @@ def test_topics_signals_and_conditions_are_chosen(tmp_path: Path) -> None:
 
 
 def test_after_a_silence_rows_go_on_and_a_clock_put_back_stands(tmp_path: Path) -> None:
-    said = [(at, "/a", {"on": True}) for at in (1, 2, 3, 1e9, 1e9 + 1, 5, 6, 1e9 + 2)]
+    times = (1, 2, 3, 1e9, 1e9 + 1, 5, 6, 1e9 + 2, *range(7, 12))
+    said = [(at, "/a", {"on": True, "note": f"at {at}"}) for at in times]
     readings = open_readings(str(write(tmp_path / "a.mcap", said)), Wanted(every=1))
     assert set(shown(readings)["/a.on"]) == {"1"}
     assert readings.columns.ticks == 7
