@@ -53,33 +53,38 @@ def with_cuts(
     """
     if wanted.cuts is not None or not wanted.bins:
         return wanted
-    signals: dict[str, _Signal] = {}
-    for name, text, learned in values:
-        signal = signals.get(name)
-        if signal is None:
-            signal = signals[name] = _Signal()
-        if text not in signal.seen:
-            signal.add(text, learned=learned)
     cuts = {
-        name: tuple(signal.cuts(name, wanted.bins)) if signal.is_cut else ()
-        for name, signal in signals.items()
+        name: tuple(signal.cuts(name, wanted.bins))
+        for name, signal in signals_in(values).items()
         if signal.is_cut or (lenient and not signal.is_plain)
     }
-    if (
-        wanted.conditions and not wanted.patterns
-    ):  # of some it was said how to read them
+    # Of some it was said how to read them, and of the others nothing.
+    if wanted.conditions and not wanted.patterns:
         cuts = dict.fromkeys(cuts, ())
     if left := [name for name, some in cuts.items() if not some]:
         more = f" and {len(left) - _NAMED} more" if len(left) > _NAMED else ""
         _logger.warning(
-            "left out, numbers that only grow, free text, always the same or not asked for: %s%s",
+            "left out, as they only grow, are text, always the same or not asked for:"
+            " %s%s",
             ", ".join(left[:_NAMED]),
             more,
         )
     return replace(wanted, cuts=cuts)
 
 
-class _Signal:
+def signals_in(values: Iterable[tuple[str, str, bool]]) -> dict[str, "Signal"]:
+    """Return what each signal says, by its name; see `with_cuts`."""
+    signals: dict[str, Signal] = {}
+    for name, text, learned in values:
+        signal = signals.get(name)
+        if signal is None:
+            signal = signals[name] = Signal()
+        if text not in signal.seen:
+            signal.add(text, learned=learned)
+    return signals
+
+
+class Signal:
     """What one signal has said: a few of its words, and an even sample of its numbers.
 
     Attributes:
@@ -93,6 +98,7 @@ class _Signal:
         self._step, self._count = 1, 0
         self._has_numbers, self._is_bit = False, True
         self._last, self._falls = -math.inf, False
+        self._low, self._high = math.inf, -math.inf
 
     def add(self, text: str, *, learned: bool) -> None:
         """Take in what it said, and as a number if it is learned from."""
@@ -110,6 +116,7 @@ class _Signal:
         self._has_numbers, self._is_bit = True, self._is_bit and number in (0, 1)
         self._falls |= number < self._last
         self._last = number
+        self._low, self._high = min(self._low, number), max(self._high, number)
         if not learned or math.isinf(number):
             return
         if self._count % self._step == 0:
@@ -118,6 +125,16 @@ class _Signal:
                 del self._numbers[1::2]
                 self._step *= 2
         self._count += 1
+
+    def says(self) -> str:
+        """Return what it says in short: its words, its range, or that it is text."""
+        words = sorted(self._words)
+        if len(words) > WORDS_AT_MOST:
+            return "text"
+        if self._has_numbers:
+            same = self._low == self._high
+            words.append(f"{self._low:g}{'' if same else f' to {self._high:g}'}")
+        return ", ".join(words) or "nothing"
 
     @property
     def is_plain(self) -> bool:
@@ -139,7 +156,9 @@ class _Signal:
         return not self._falls and len(set(self._numbers)) > _COUNTER
 
     def cuts(self, name: str, parts: int) -> Iterator[Condition]:
-        """Yield its cuts, ascending; none if it has said one thing only."""
+        """Yield its cuts, ascending; none if it says one thing only, or free text."""
+        if not self.is_cut:
+            return
         if len(self._words) > 1:
             yield from (Choice(name, word) for word in sorted(self._words))
         elif not self._words and not self._is_counter:

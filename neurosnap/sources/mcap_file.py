@@ -11,11 +11,11 @@ once to read them.
 
 import logging
 import struct
-from collections import defaultdict, deque
+from collections import Counter, defaultdict, deque
 from collections.abc import Iterator
 from pathlib import Path
 from statistics import median
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 import msgspec
 import numpy as np
@@ -27,7 +27,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.columns import GrowingColumns
 from neurosnap.sensorium import Sensorium
-from neurosnap.sources.cuts import with_cuts
+from neurosnap.sources.cuts import signals_in, with_cuts
 from neurosnap.sources.meaning import Reader, Wanted, as_text, refused
 from neurosnap.sources.readings import Readings, utc
 from neurosnap.sources.ros2_types import Decoder, cdr_decoder
@@ -87,10 +87,53 @@ def read_mcap(path: str, wanted: Wanted) -> Readings:
     return _Clock(path, wanted, survey).readings()
 
 
+class Topic(NamedTuple):
+    """A topic of a file."""
+
+    topic: str
+    messages: int
+    """How many of them can be decoded."""
+    every: float
+    """Usual seconds between two of them; 0 of a single one."""
+
+
+class Field(NamedTuple):
+    """A field of the messages of a topic."""
+
+    field: str
+    says: str
+    """The words or numbers that it had."""
+    sensors: tuple[str, ...]
+    """What it gives by itself; none if it is left out."""
+
+
+def describe_mcap(path: str) -> tuple[list[Topic], list[Field]]:
+    """Return the topics and fields of a file, in the order in which they came first.
+
+    Raises:
+        InvalidValueError: It cannot be read to its end.
+    """
+    survey = _Survey(path, Wanted())
+    signals = signals_in(survey.values())
+    periods, counts = survey.periods(), survey.counts
+    topics = [Topic(topic, counts[topic], each) for topic, each in periods.items()]
+    return topics, [
+        Field(
+            name,
+            signal.says(),
+            (name,)
+            if signal.is_plain
+            else tuple(cut.name for cut in signal.cuts(name, Wanted.bins)),
+        )
+        for name, signal in signals.items()
+    ]
+
+
 class _Survey:
     """What a file holds.
 
     Attributes:
+        counts: Of each topic, how many messages can be decoded.
         signals: The topic of each signal, in the order in which they came first.
         times: Of each topic, its first times.
     """
@@ -99,11 +142,13 @@ class _Survey:
         self._path, self._wanted = path, wanted
         self.signals: dict[str, str] = {}
         self.times: defaultdict[str, list[float]] = defaultdict(list)
+        self.counts = Counter[str]()
 
     def values(self) -> Iterator[tuple[str, str, bool]]:
         """Yield what the signals say that are taken as they are, for `with_cuts`."""
         last = self._wanted.learned * Path(self._path).stat().st_size
         for at, topic, fields, offset in _messages(self._path, warn=True):
+            self.counts[topic] += 1
             if len(self.times[topic]) <= _PERIODS:
                 self.times[topic].append(at)
             for name, value in fields:

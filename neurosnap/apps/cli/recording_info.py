@@ -6,7 +6,7 @@ decisions are read. One that was cut short or is damaged is read through.
 """
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from datetime import timedelta
 from itertools import pairwise
@@ -23,6 +23,7 @@ from neurosnap.recording.format.records import Cut, damaged_in
 from neurosnap.recording.read.recording import Recording, begun, first_path, part_paths
 from neurosnap.recording.replay.grown_sensors import RecordedBirth, births_of
 from neurosnap.sources.live.statistics import Statistics, outage_line, received_line
+from neurosnap.sources.mcap_file import Field, Topic
 from neurosnap.sources.open import is_live, lost_by
 from neurosnap.system.local_time import local
 
@@ -216,6 +217,17 @@ def render(info: Info) -> Iterator[str]:
     if info.channels:
         yield "channels:"
         yield from fields(info.channels, "  ")
+
+
+def messages_of(topics: Sequence[Topic], found: Sequence[Field]) -> Iterator[str]:
+    """Yield the lines about the messages of another program."""
+    rows = [(one.topic, f"{one.messages:,}", f"{one.every:.3g} s") for one in topics]
+    yield from table([("topic", "messages", "every"), *rows], numbers=True)
+    yield ""
+    told = [
+        (one.field, one.says, ", ".join(one.sensors) or "left out") for one in found
+    ]
+    yield from table([("field", "says", "sensors"), *told])
 
 
 def _birth(birth: RecordedBirth) -> tuple[str, ...]:

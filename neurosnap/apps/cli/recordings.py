@@ -38,11 +38,22 @@ if TYPE_CHECKING:
 
 @app.command(rich_help_panel=RECORDINGS)
 def info(log: Log, form: Format = "text") -> None:
-    """Show what a recording holds, and what is missing from it."""
-    from neurosnap.apps.cli.recording_info import describe, render
+    """Show what a recording holds, and what is missing from it.
+
+    Of messages of another program (.mcap) it shows topics and fields, what these say,
+    and what sensors they give by themselves.
+    """
+    from neurosnap.apps.cli.recording_info import describe, messages_of, render
     from neurosnap.recording.read.recording import Recording
+    from neurosnap.sources.mcap_file import describe_mcap, is_foreign
 
     with errors():
+        if log.is_file() and is_foreign(str(log)):
+            topics, fields = describe_mcap(str(log))
+            say(form, *messages_of(topics, fields))
+            rows = [[each._asdict() for each in some] for some in (topics, fields)]
+            print_facts(form, {"topics": rows[0], "fields": rows[1]})
+            return
         recording = Recording.open_file(log)
         found = describe(recording)
         say(form, *render(found))

@@ -18,6 +18,7 @@ from neurosnap.sources.meaning import Wanted, parse_condition
 from neurosnap.sources.open import open_source, settle
 from neurosnap.sources.open_readings import open_readings
 from neurosnap.sources.readings import Readings
+from tests.support.command_line import call, happy
 
 Said = tuple[float, str, Any]
 
@@ -176,3 +177,27 @@ def test_a_recording_of_ours_is_none_of_another_program(tmp_path: Path) -> None:
     assert not mcap_file.is_foreign(ours)
     with pytest.raises(InvalidValueError, match="must not be a run's own recording"):
         open_readings(ours)
+
+
+def test_info_tells_topics_fields_and_the_sensors_they_give(tmp_path: Path) -> None:
+    said: list[Said] = [
+        (at / 2, "/m", {"on": at % 2 == 0, "v": -at % 9, "note": f"at {at}", "n": None})
+        for at in range(20)
+    ]
+    path = write(tmp_path / "m.mcap", [*said, (10, "/one", {"mode": "Auto"})])
+    facts = happy("info", path)
+    assert facts["topics"] == [
+        {"topic": "/m", "messages": 20, "every": 0.5},
+        {"topic": "/one", "messages": 1, "every": 0},
+    ]
+    fields = {
+        each["field"]: (each["says"], each["sensors"]) for each in facts["fields"]
+    }
+    assert fields == {
+        "/m.on": ("false, true", ["/m.on"]),
+        "/m.v": ("0 to 8", ["/m.v>2", "/m.v>4", "/m.v>7"]),
+        "/m.note": ("text", []),
+        "/m.n": ("nothing", ["/m.n"]),
+        "/one.mode": ("auto", []),
+    }
+    assert "/m.note    text         left out" in call("info", path).stdout
