@@ -10,9 +10,10 @@ once to read them.
 """
 
 import logging
+import re
 import struct
 from collections import Counter, defaultdict, deque
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from pathlib import Path
 from statistics import median
 from typing import BinaryIO, NamedTuple
@@ -47,12 +48,31 @@ _MALFORMED = (
     *(struct.error, ValueError, IndexError, EOFError, RuntimeError, OSError),
     zstandard.ZstdError,
 )
+_DIGITS = re.compile(r"(\d+)")
 _logger = logging.getLogger(__name__)
 
 
+def _files(path: str) -> list[Path]:
+    """Return a file, or those of a folder as a bag of ROS 2 numbers them."""
+    given = Path(path)
+    if not given.is_dir():
+        return [given]
+
+    def order(file: Path) -> list[tuple[int, str]]:
+        # Digits and other letters take turns, so like is compared with like.
+        return [
+            (int(s), "") if s.isdigit() else (0, s) for s in _DIGITS.split(file.name)
+        ]
+
+    return sorted(given.glob("*.mcap"), key=order)
+
+
 def is_foreign(path: str) -> bool:
-    """Return whether a file is MCAP, and no recording of ours."""
-    with Path(path).open("rb") as file:
+    """Return whether a file or folder holds MCAP, and no recording of ours."""
+    files = _files(path)
+    if not files or not files[0].is_file():
+        return False
+    with files[0].open("rb") as file:
         if file.read(len(MAGIC)) != MAGIC:
             return False
         file.seek(0)
@@ -67,7 +87,7 @@ def read_mcap(path: str, wanted: Wanted) -> Readings:
     """Return the readings in a file, a row for each period of a clock.
 
     Args:
-        path: Where it is.
+        path: Where it is, or the folder of a bag of several files.
         wanted: Which signals, or topics with all of theirs, are read. Without `every`
             the clock has the usual period of the topics, the median.
 
@@ -146,8 +166,9 @@ class _Survey:
 
     def values(self) -> Iterator[tuple[str, str, bool]]:
         """Yield what the signals say that are taken as they are, for `with_cuts`."""
-        last = self._wanted.learned * Path(self._path).stat().st_size
-        for at, topic, fields, offset in _messages(self._path, warn=True):
+        size = sum(file.stat().st_size for file in _files(self._path))
+        last = self._wanted.learned * size
+        for at, topic, fields, offset in _messages(self._path):
             self.counts[topic] += 1
             if len(self.times[topic]) <= _PERIODS:
                 self.times[topic].append(at)
@@ -178,9 +199,11 @@ class _Clock:
         }
         self._readers: dict[str, list[tuple[int, Reader]]] = {}
         names: list[str] = []
+        self._topics: set[str] = set()
         for name, topic in survey.signals.items():
             self._readers[name] = found = []
             for reader in wanted.readers(name, topic=topic):
+                self._topics.add(topic)
                 found.append((len(names), reader))
                 names.append(reader.name)
         self._wanted, self._columns = wanted, GrowingColumns(Sensorium(names))
@@ -192,7 +215,7 @@ class _Clock:
     def readings(self) -> Readings:
         """Return the rows; O(N) a row, and O(1) a field that is read."""
         now = due = None
-        for at, topic, fields, _ in _messages(self._path, warn=False):
+        for at, topic, fields, _ in _messages(self._path, self._topics):
             now = at if now is None else max(now, at)  # a clock that is put back stands
             due = now + self._every if due is None else due
             while due <= now:
@@ -229,31 +252,48 @@ def _text(value: object) -> str:
 
 
 def _messages(
-    path: str, *, warn: bool
+    path: str, topics: Container[str] | None = None
 ) -> Iterator[tuple[float, str, list[tuple[str, object]], int]]:
-    """Yield time, topic, fields and place in the file of all messages.
+    """Yield time, topic, fields and place in the data of messages.
+
+    Args:
+        path: Where they are.
+        topics: Of which they are; None: of all, and topics in which some cannot be
+            decoded are told of.
 
     Raises:
-        InvalidValueError: While iterating: the file is cut, damaged or too large.
+        InvalidValueError: While iterating: a file is cut, damaged or too large.
     """
-    decoders = _Decoders(path, warn=warn)
-    with Path(path).open("rb") as file:
+    told: set[str] = set()
+    before = 0
+    for file in _files(path):
+        for at, topic, fields, place in _messages_in(file, topics, told):
+            yield at, topic, fields, before + place
+        before += file.stat().st_size
+
+
+def _messages_in(
+    path: Path, topics: Container[str] | None, told: set[str]
+) -> Iterator[tuple[float, str, list[tuple[str, object]], int]]:
+    """Yield the messages of one file; add the topics whose errors are told."""
+    decoders = _Decoders(path, topics, told)
+    with path.open("rb") as file:
         try:
             for record in _records(file, path):
                 if not isinstance(record, Message):
                     decoders.take(record)
-                elif (told := decoders.fields(record)) is not None:
+                elif (said := decoders.fields(record)) is not None:
                     at = (record.publish_time or record.log_time) / 1e9
-                    yield at, *told, file.tell()
+                    yield at, *said, file.tell()
         except InvalidValueError:
             raise
         except (McapError, KeyError, *_MALFORMED) as error:
             rule = "must be whole MCAP, as far as it is read"
             where = f"{type(error).__name__} before byte {file.tell()}"
-            raise InvalidValueError(path, rule, where) from error
+            raise InvalidValueError(str(path), rule, where) from error
 
 
-def _records(file: BinaryIO, path: str) -> Iterator[McapRecord]:
+def _records(file: BinaryIO, path: Path) -> Iterator[McapRecord]:
     unpacked = 0
     reader = StreamReader(file, emit_chunks=True, record_size_limit=_LIMIT)
     for record in reader.records:
@@ -267,19 +307,26 @@ def _records(file: BinaryIO, path: str) -> Iterator[McapRecord]:
             claimed = max(claimed, zstandard.frame_content_size(record.data))
         if claimed > _LIMIT or unpacked > most:
             rule = f"must unpack to at most {most:,} bytes by byte {file.tell()}"
-            raise InvalidValueError(path, rule, unpacked)
+            raise InvalidValueError(str(path), rule, unpacked)
         yield from breakup_chunk(record, validate_crc=True)
 
 
 class _Decoders:
-    """Decode the messages of each channel; one that cannot be is told of once."""
+    """Decode the messages of each channel; one that cannot be is told of once.
 
-    def __init__(self, path: str, *, warn: bool) -> None:
-        self._path, self._warn = path, warn
+    Args:
+        path: The file.
+        topics: As for `_messages`.
+        told: The topics that were told of.
+    """
+
+    def __init__(
+        self, path: Path, topics: Container[str] | None, told: set[str]
+    ) -> None:
+        self._path, self._topics, self._told = path, topics, told
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
         self._decoders: dict[int, Decoder | ValueError] = {}
-        self._told: set[int] = set()
 
     def take(self, record: McapRecord) -> None:
         """Take in what the messages behind it are."""
@@ -289,8 +336,10 @@ class _Decoders:
             self._channels[record.id] = record
 
     def fields(self, message: Message) -> tuple[str, list[tuple[str, object]]] | None:
-        """Return topic and fields of a message; None if it cannot be decoded."""
+        """Return topic and fields of a message; None if it is left out."""
         channel = self._channels[message.channel_id]
+        if self._topics is not None and channel.topic not in self._topics:
+            return None
         if channel.id not in self._decoders:
             try:
                 made = _decoder(channel, self._schemas.get(channel.schema_id))
@@ -304,8 +353,8 @@ class _Decoders:
                 raise decode
             return channel.topic, _fields(channel.topic, decode(message.data))
         except (ValueError, RecursionError) as error:
-            if self._warn and channel.id not in self._told:
-                self._told.add(channel.id)
+            if self._topics is None and channel.topic not in self._told:
+                self._told.add(channel.topic)
                 _logger.warning(
                     "%s: %s: left out: %s", self._path, channel.topic, error
                 )

@@ -91,9 +91,15 @@ def open_source(
 
 
 def is_file(name: str) -> bool:
-    """Tell whether `name` is that of a source that is read from a file."""
+    """Tell whether `name` is that of a source read from a file, or a bag's folder."""
     try:
-        return name.lower().endswith(".csv") or Path(name).is_file()
+        if name.lower().endswith(".csv") or Path(name).is_file():
+            return True
+        if not Path(name).is_dir():
+            return False
+        from neurosnap.sources.mcap_file import is_foreign
+
+        return is_foreign(name)
     except OSError:  # too long for a path, for one
         return False
 

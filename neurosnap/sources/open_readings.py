@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -43,7 +44,8 @@ def open_readings(path: str, wanted: Wanted | None = None) -> Readings:
             where.
     """
     wanted = wanted or Wanted()
-    beginning = first_bytes(path)
+    in_folder = Path(path).is_dir() and is_foreign(path)
+    beginning = MAGIC if in_folder else first_bytes(path)
     if beginning.startswith(home_assistant_db.MAGIC):
         readings = home_assistant_db.read_home_assistant(path, wanted)
     elif is_foreign(path):

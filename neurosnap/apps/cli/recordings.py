@@ -48,7 +48,7 @@ def info(log: Log, form: Format = "text") -> None:
     from neurosnap.sources.mcap_file import describe_mcap, is_foreign
 
     with errors():
-        if log.is_file() and is_foreign(str(log)):
+        if log.exists() and is_foreign(str(log)):
             topics, fields = describe_mcap(str(log))
             say(form, *messages_of(topics, fields))
             rows = [[each._asdict() for each in some] for some in (topics, fields)]

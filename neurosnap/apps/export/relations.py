@@ -57,8 +57,9 @@ def open_data(data: Path, wanted: Wanted = _ALL) -> Recording | Readings:
         RecordingError: It is a recording that cannot be read.
     """
     recorded = data.suffix.lower() == ".mcap"
-    recorded = recorded or first_bytes(str(data)).startswith(MAGIC)
-    if not recorded or (data.exists() and is_foreign(str(data))):
+    if data.exists() and is_foreign(str(data)):
+        return open_readings(str(data), wanted)
+    if not recorded and not first_bytes(str(data)).startswith(MAGIC):
         return open_readings(str(data), wanted)
     if wanted != _ALL:
         rule = "must not go with a recording, whose sensors are known"

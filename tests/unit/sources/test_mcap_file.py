@@ -201,3 +201,24 @@ def test_info_tells_topics_fields_and_the_sensors_they_give(tmp_path: Path) -> N
         "/one.mode": ("auto", []),
     }
     assert "/m.note    text         left out" in call("info", path).stdout
+
+
+def test_a_folder_of_files_is_read_in_the_order_of_their_numbers(
+    tmp_path: Path,
+) -> None:
+    bag = tmp_path / "bag"
+    bag.mkdir()
+    said = [[(at, "/a", {"on": at % 2 == 0}), (at, "/b", b"no")] for at in range(1, 13)]
+    for at in range(12):
+        write(bag / f"bag_{at}.mcap", said[at])
+    whole = shown(open_readings(str(bag), Wanted(every=1)))
+    assert whole == {"/a.on": "010101010101"}
+    source = open_source(str(bag), 0, settle(str(bag), {"every": 1.0}))
+    assert source.sensors == ("/a.on",)
+    assert happy("info", bag)["topics"] == [{"topic": "/a", "messages": 12, "every": 1}]
+    assert happy("learn", bag)["sensors"] == 1
+    (bag / "bag_11.mcap").write_bytes(b"")
+    with pytest.raises(InvalidValueError, match=r"bag_11\.mcap: must be whole MCAP"):
+        open_readings(str(bag))
+    with pytest.raises(InvalidValueError, match="folder"):
+        open_source(str(tmp_path), 0, {})
