@@ -128,10 +128,13 @@ def parse_condition(text: str, name: str = "") -> Condition:
     Raises:
         InvalidValueError: It is neither.
     """
+    word = text.strip().removeprefix("=").strip()
+    if name and word and text.lstrip().startswith("="):
+        return Choice(name, word.casefold())
     match = _EQUALS.fullmatch(text.strip())
-    if match is None or bool(match["name"]) == bool(name):
+    if match is None or name or not match["name"]:
         return parse_comparison(text, name)
-    return Choice(name or match["name"], match["word"].casefold())
+    return Choice(match["name"], match["word"].casefold())
 
 
 def parse_comparison(text: str, name: str = "") -> Comparison:

@@ -140,7 +140,7 @@ def test_words_exclude_each_other_and_other_signals_have_nothing_to_say() -> Non
 
 
 def test_cuts_are_recorded_as_they_are() -> None:
-    texts = "> 20", "< 0.1", "> 1e-07 µm, off < 9e-08 µm", "= half open"
+    texts = "> 20", "< 0.1", "> 1e-07 µm, off < 9e-08 µm", "= half open", "= a=b > 3"
     cuts = {"x y": tuple(parsed(text, "x y") for text in texts), "z": ()}
     assert recorded_cuts(as_json(cuts)) == cuts
 
