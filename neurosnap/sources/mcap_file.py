@@ -248,7 +248,9 @@ class _Clock:
 
 def _text(value: object) -> str:
     """Return what a field says; texts stand without quotes."""
-    return value if isinstance(value, str) else as_text(value)
+    if isinstance(value, str):
+        return value
+    return repr(value) if type(value) is float else as_text(value)
 
 
 def _messages(
@@ -326,7 +328,7 @@ class _Decoders:
         self._path, self._topics, self._told = path, topics, told
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
-        self._decoders: dict[int, Decoder | ValueError] = {}
+        self._decoders: dict[tuple[str, int], Decoder | ValueError] = {}
 
     def take(self, record: McapRecord) -> None:
         """Take in what the messages behind it are."""
@@ -340,14 +342,13 @@ class _Decoders:
         channel = self._channels[message.channel_id]
         if self._topics is not None and channel.topic not in self._topics:
             return None
-        if channel.id not in self._decoders:
+        kind = channel.message_encoding, channel.schema_id
+        if kind not in self._decoders:
             try:
-                made = _decoder(channel, self._schemas.get(channel.schema_id))
+                self._decoders[kind] = _decoder(channel, self._schemas.get(kind[1]))
             except ValueError as error:
-                self._decoders[channel.id] = error
-            else:
-                self._decoders[channel.id] = made
-        decode = self._decoders[channel.id]
+                self._decoders[kind] = error
+        decode = self._decoders[kind]
         try:
             if isinstance(decode, ValueError):
                 raise decode

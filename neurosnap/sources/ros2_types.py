@@ -5,7 +5,6 @@ stand in it are letters, digits and underscores, and nothing of a type is evalua
 """
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -48,29 +47,33 @@ def cdr_decoder(schema: Schema) -> Decoder:
             raise ValueError(f"types in {schema.encoding or 'nothing'}")
     except (TypesysError, RecursionError) as error:
         raise ValueError(f"types of {schema.name}: {type(error).__name__}") from error
-    return partial(_decoded, store, schema.name)
+    return _Decoder(store, schema.name)
 
 
-def _decoded(store: Any, name: str, data: bytes) -> object:  # noqa: ANN401 - untyped
-    try:
-        return _plain(store, store.deserialize_cdr(data, name))
-    except Exception as error:  # code that was made of a stranger's types
-        rule = f"must be a message of {name} ({type(error).__name__})"
-        raise ValueError(rule) from error
+class _Decoder:
+    """Decodes the messages of one type."""
 
+    def __init__(self, store: Any, name: str) -> None:  # noqa: ANN401 - untyped
+        self._store, self._name = store, name
+        self._names: dict[str, list[str]] = {}  # the fields of each type that are read
 
-def _plain(store: Any, value: Any) -> object:  # noqa: ANN401 - any field
-    """Return a field as JSON would have it."""
-    if isinstance(value, (str, int, float, bool)) or value is None:
-        return value
-    if isinstance(value, np.ndarray):
-        return value[:_ITEMS].tolist()
-    if (kind := getattr(value, "__msgtype__", None)) is None:
-        return [_plain(store, item) for item in value[:_ITEMS]]
-    _, members = store.fielddefs[kind]
-    fields = ((name, getattr(value, name)) for name, _ in members)
-    return {
-        name: _plain(store, field)
-        for name, field in fields
-        if getattr(field, "__msgtype__", "") not in _MOMENTS
-    }
+    def __call__(self, data: bytes) -> object:
+        try:
+            return self._plain(self._store.deserialize_cdr(data, self._name))
+        except Exception as error:  # code that was made of a stranger's types
+            rule = f"must be a message of {self._name} ({type(error).__name__})"
+            raise ValueError(rule) from error
+
+    def _plain(self, value: Any) -> object:  # noqa: ANN401 - any field
+        """Return a field as JSON would have it."""
+        if isinstance(value, (float, int, str)) or value is None:
+            return value
+        if isinstance(value, np.ndarray):
+            return value[:_ITEMS].tolist()
+        if (kind := getattr(value, "__msgtype__", None)) is None:
+            return [self._plain(item) for item in value[:_ITEMS]]
+        if (names := self._names.get(kind)) is None:
+            _, members = self._store.fielddefs[kind]
+            names = [name for name, (_, what) in members if what not in _MOMENTS]
+            self._names[kind] = names
+        return {name: self._plain(getattr(value, name)) for name in names}

@@ -33,6 +33,7 @@ ROWS = {
     "kinds": ("run", "ticks a second of the same run with each kind of cells"),
     "scale": ("scale", "processor time of each part, and a model of other sizes"),
     "verify": ("run", "verify of a recording, against the run that made it"),
+    "messages": ("messages", "messages of other programs (MCAP), read and cut"),
     "page": ("page", "ticks a second that the page shows"),
     "seek": ("page", "a far tick on the page"),
 }

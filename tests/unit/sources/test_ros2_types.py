@@ -1,5 +1,6 @@
 """Messages of ROS 2 are decoded by the types in the file, whatever else is in it."""
 
+import struct
 import sys
 from pathlib import Path
 from typing import Any
@@ -112,3 +113,23 @@ def test_a_bag_is_read_beside_channels_that_cannot_be(
     assert readings.columns.sensorium.names == ("/diagnostics.status[0].level",)
     assert readings.columns.ticks == 9
     assert sum("/service: left out: types of" in said for said in caplog.messages) == 1
+
+
+def test_what_is_no_number_is_unknown_and_what_has_no_end_is_compared(
+    tmp_path: Path,
+) -> None:
+    numbers = [4, 2, 3, 1, 7, float("nan"), float("inf"), float("-inf"), 5]
+    path = tmp_path / "bag.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2")
+        kind = writer.register_schema("a/msg/F", "ros2msg", b"float64 x")
+        channel = writer.register_channel("/f", "cdr", kind)
+        for at, number in enumerate(numbers, 1):
+            data = b"\0\1\0\0" + struct.pack("<d", number)
+            writer.add_message(channel, at * 10**9, data, at * 10**9)
+        writer.finish()
+    columns = open_readings(str(path), Wanted(bins=2)).columns
+    assert columns.sensorium.names == ("/f.x>4",)
+    seen = zip(columns.reading(0).tolist(), columns.known(0).tolist(), strict=True)
+    assert "".join("10"[not on] if known else "?" for on, known in seen) == "00001101"
