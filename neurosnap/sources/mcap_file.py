@@ -14,6 +14,7 @@ import re
 import struct
 from collections import Counter, defaultdict, deque
 from collections.abc import Container, Iterator
+from dataclasses import replace
 from pathlib import Path
 from statistics import median
 from typing import BinaryIO, NamedTuple
@@ -21,6 +22,7 @@ from typing import BinaryIO, NamedTuple
 import msgspec
 import numpy as np
 import zstandard
+from lz4.frame import LZ4FrameDecompressor
 from mcap.exceptions import McapError
 from mcap.records import Channel, Chunk, Header, McapRecord, Message, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
@@ -31,7 +33,7 @@ from neurosnap.sensorium import Sensorium
 from neurosnap.sources.cuts import signals_in, with_cuts
 from neurosnap.sources.meaning import Reader, Wanted, as_text, refused
 from neurosnap.sources.readings import Readings, utc
-from neurosnap.sources.ros2_types import Decoder, cdr_decoder
+from neurosnap.sources.ros2_types import ITEMS, Decoder, cdr_decoder
 
 MAGIC = b"\x89MCAP0\r\n"
 _OURS = "neurosnap"
@@ -39,7 +41,6 @@ _LIMIT = 256 * 2**20
 """Bytes of a record or an unpacked chunk, at most: a file may claim any size."""
 _FLOOR, _RATIO = 64 * 2**20, 512
 """Bytes that a file may unpack to in all, and more for each byte read."""
-_ITEMS = 64  # of a list that are signals
 _DEEP = 16  # levels of fields
 _STALE = 3  # usual periods
 _SHORTEST = 0.001  # seconds between two rows
@@ -72,14 +73,11 @@ def is_foreign(path: str) -> bool:
     files = _files(path)
     if not files or not files[0].is_file():
         return False
-    with files[0].open("rb") as file:
-        if file.read(len(MAGIC)) != MAGIC:
-            return False
-        file.seek(0)
-        try:
+    try:
+        with files[0].open("rb") as file:
             first = next(iter(StreamReader(file, record_size_limit=_LIMIT).records))
-        except (McapError, *_MALFORMED):
-            return False
+    except (McapError, *_MALFORMED):  # what it is then, others say
+        return False
     return isinstance(first, Header) and first.profile != _OURS
 
 
@@ -310,6 +308,13 @@ def _records(file: BinaryIO, path: Path) -> Iterator[McapRecord]:
         if claimed > _LIMIT or unpacked > most:
             rule = f"must unpack to at most {most:,} bytes by byte {file.tell()}"
             raise InvalidValueError(str(path), rule, unpacked)
+        if record.compression == "lz4":  # `mcap` unpacks it to whatever it comes to
+            lz4 = LZ4FrameDecompressor()
+            data = lz4.decompress(record.data, max_length=claimed)
+            if not lz4.eof:
+                rule = f"must unpack to what it says by byte {file.tell()}"
+                raise InvalidValueError(str(path), rule, claimed)
+            record = replace(record, compression="", data=data)
         yield from breakup_chunk(record, validate_crc=True)
 
 
@@ -349,17 +354,19 @@ class _Decoders:
             except ValueError as error:
                 self._decoders[kind] = error
         decode = self._decoders[kind]
+        if isinstance(decode, ValueError):
+            self._tell(channel.topic, decode)  # not raised: each raise lengthens it
+            return None
         try:
-            if isinstance(decode, ValueError):
-                raise decode
             return channel.topic, _fields(channel.topic, decode(message.data))
         except (ValueError, RecursionError) as error:
-            if self._topics is None and channel.topic not in self._told:
-                self._told.add(channel.topic)
-                _logger.warning(
-                    "%s: %s: left out: %s", self._path, channel.topic, error
-                )
+            self._tell(channel.topic, error)
             return None
+
+    def _tell(self, topic: str, error: Exception) -> None:
+        if self._topics is None and topic not in self._told:
+            self._told.add(topic)
+            _logger.warning("%s: %s: left out: %s", self._path, topic, error)
 
 
 def _decoder(channel: Channel, schema: Schema | None) -> Decoder:
@@ -389,7 +396,7 @@ def _flatten(
         for key, inner in value.items():
             _flatten(f"{name}.{key}", inner, found, deep - 1)
     elif isinstance(value, list) and deep:
-        for place, inner in enumerate(value[:_ITEMS]):
+        for place, inner in enumerate(value[:ITEMS]):
             _flatten(f"{name}[{place}]", inner, found, deep - 1)
     elif not isinstance(value, dict | list):
         found.append((name, value))

@@ -12,7 +12,8 @@ from mcap.records import Schema
 
 from neurosnap.system.distribution import must_have
 
-_ITEMS = 64
+ITEMS = 64
+"""Of a list or an array that are read, at most."""
 _MOMENTS = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
 Decoder = Callable[[bytes], object]
 
@@ -44,9 +45,12 @@ def cdr_decoder(schema: Schema) -> Decoder:
         elif schema.encoding == "ros2idl":
             store.register(get_types_from_idl(text))
         else:
-            raise ValueError(f"types in {schema.encoding or 'nothing'}")
+            raise ValueError(
+                f"types in {schema.encoding or 'nothing'} are not understood"
+            )
     except (TypesysError, RecursionError) as error:
-        raise ValueError(f"types of {schema.name}: {type(error).__name__}") from error
+        why = type(error).__name__
+        raise ValueError(f"types of {schema.name} cannot be read ({why})") from error
     return _Decoder(store, schema.name)
 
 
@@ -69,9 +73,9 @@ class _Decoder:
         if isinstance(value, (float, int, str)) or value is None:
             return value
         if isinstance(value, np.ndarray):
-            return value[:_ITEMS].tolist()
+            return value[:ITEMS].tolist()
         if (kind := getattr(value, "__msgtype__", None)) is None:
-            return [self._plain(item) for item in value[:_ITEMS]]
+            return [self._plain(item) for item in value[:ITEMS]]
         if (names := self._names.get(kind)) is None:
             _, members = self._store.fielddefs[kind]
             names = [name for name, (_, what) in members if what not in _MOMENTS]

@@ -169,6 +169,26 @@ def test_a_file_that_lies_is_refused_at_its_place(
         open_readings(str(path))
 
 
+def test_an_lz4_chunk_is_unpacked_to_what_it_says_and_no_further(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.LZ4)
+        writer.start()
+        channel = writer.register_channel("/a", "json", 0)
+        for at in range(1, 9):
+            data = json.dumps({"on": at % 2 == 0, "note": "x" * 999}).encode()
+            writer.add_message(channel, at * 10**9, data, at * 10**9)
+        writer.finish()
+    assert shown(open_readings(str(path), Wanted(("/a.on",)))) == {"/a.on": "01010101"}
+    data = path.read_bytes()
+    size = data.index(b"lz4") - 16  # its length, the checksum, and the size before
+    path.write_bytes(data[:size] + struct.pack("<Q", 99) + data[size + 8 :])
+    with pytest.raises(InvalidValueError, match="must unpack to what it says by byte"):
+        open_readings(str(path))
+
+
 def test_a_recording_of_ours_is_none_of_another_program(tmp_path: Path) -> None:
     path = write(tmp_path / "a.mcap", [(1, "/a", {"on": True})])
     assert isinstance(open_data(path), Readings)

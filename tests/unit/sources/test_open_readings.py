@@ -77,7 +77,7 @@ def test_beside_a_comparison_other_numbers_are_left_out_and_told_of(
     text = "door,hall,attic,odd\n0,19.5,unknown,1\n1,20.5,7,0\n"
     found = read(tmp_path, text, Wanted((), (parse_comparison("hall > 20"),)))
     assert shown(found) == {"door": "01", "hall>20": "01", "odd": "10"}
-    assert caplog.messages[0].endswith("not asked for: attic")
+    assert caplog.messages[0].endswith("not asked for (--when reads them): attic")
 
 
 def test_a_time_column_is_told_by_name(tmp_path: Path) -> None:

@@ -67,8 +67,11 @@ def test_of_an_array_there_are_as_many_items() -> None:
 @pytest.mark.parametrize(
     ("wrong", "says"),
     [
-        (schema(BOOL, "bool[ data"), "types of std_msgs/msg/Bool: TypesysError"),
-        (schema(BOOL, encoding="protobuf"), "types in protobuf"),
+        (
+            schema(BOOL, "bool[ data"),
+            r"types of std_msgs/msg/Bool cannot be read \(TypesysError\)",
+        ),
+        (schema(BOOL, encoding="protobuf"), "types in protobuf are not understood"),
         (schema("a/msg/B", "a/B b"), r"must be a message of a/msg/B \("),
         (schema("a/msg/B", "c/D d"), r"must be a message of a/msg/B \("),
         (schema(BOOL), r"must be a message of std_msgs/msg/Bool \("),
