@@ -64,8 +64,8 @@ def with_cuts(
     if left := [name for name, some in cuts.items() if not some]:
         more = f" and {len(left) - _NAMED} more" if len(left) > _NAMED else ""
         _logger.warning(
-            "left out, as they only grow, are text, always the same or not asked for:"
-            " %s%s",
+            "left out, as they only grow, are text, always the same or not asked for"
+            " (--when reads them): %s%s",
             ", ".join(left[:_NAMED]),
             more,
         )

@@ -8,12 +8,15 @@ which, in any order; Home Assistant's own history export calls them ``last_chang
 ``entity_id`` and ``state``.
 """
 
+import math
 from array import array
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
+from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.columns import GrowingColumns
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.csv_cells_and_formulas import TableFile
@@ -117,6 +120,24 @@ def roles(header: list[str], time: str | None = None) -> tuple[int, int, int] | 
     return when, who, what
 
 
+def log_settled(
+    file: TableFile, places: tuple[int, int, int], wanted: Wanted
+) -> Wanted:
+    """Return what is wanted of a log with its cuts; see `read_event_log`."""
+    _, who, what = places
+
+    def values() -> Iterator[tuple[str, str, bool]]:
+        last = math.inf
+        if wanted.learned < 1:
+            last = wanted.learned * sum(1 for _ in file.lines())
+        for count, (line, data) in enumerate(file.lines()):
+            cells = file.cells(line, data)
+            if wanted.takes(cells[who]):
+                yield cells[who], cells[what], count < last
+
+    return with_cuts(wanted, values())
+
+
 def read_event_log(
     file: TableFile, places: tuple[int, int, int], wanted: Wanted
 ) -> Readings:
@@ -125,18 +146,17 @@ def read_event_log(
     Raises:
         InvalidValueError: A line breaks a rule.
     """
+    if wanted.cuts is None:
+        # For speed: most logs say on and off alone, and then there is nothing to cut.
+        with suppress(InvalidValueError):
+            return _read(file, places, replace(wanted, cuts={}))
+    return _read(file, places, log_settled(file, places, wanted))
+
+
+def _read(file: TableFile, places: tuple[int, int, int], wanted: Wanted) -> Readings:
     events = Events()
     readers: dict[str, list[Reader]] = {}
     when, who, what = places
-
-    def values() -> Iterator[tuple[str, str, bool]]:
-        last = wanted.learned * sum(1 for _ in file.lines())
-        for count, (line, data) in enumerate(file.lines()):
-            cells = file.cells(line, data)
-            if wanted.takes(cells[who]):
-                yield cells[who], cells[what], count < last
-
-    wanted = with_cuts(wanted, values())
     for line, data in file.lines():
         cells = file.cells(line, data)
         name = cells[who]

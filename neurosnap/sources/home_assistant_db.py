@@ -88,14 +88,11 @@ def _read(database: sqlite3.Connection, path: str, wanted: Wanted) -> Readings:
                 rule = f"must be in {comparison.unit}, as --when says"
                 found = ", ".join(sorted(units)) or "no unit"
                 raise InvalidValueError(f"{path}: {comparison.source}", rule, found)
-    taken = {
-        n
-        for n, name in entities.items()
-        if wanted.takes(name, name.startswith(_BINARY))
-    }
-    states = database.execute(_STATES)
-    said = ((entities[n], state or "", True) for n, state, _ in states if n in taken)
-    wanted = with_cuts(wanted, said)
+    if wanted.patterns:  # by themselves only those are read that say on and off
+        taken = {n for n, name in entities.items() if wanted.takes(name)}
+        states = database.execute(_STATES)
+        said = ((entities[n], s or "", True) for n, s, _ in states if n in taken)
+        wanted = with_cuts(wanted, said)
     readers = {
         number: wanted.readers(name, name.startswith(_BINARY))
         for number, name in entities.items()

@@ -181,7 +181,7 @@ class FileArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """Return what is read.
 
         Raises:
-            InvalidValueError: Something is no comparison.
+            InvalidValueError: Something is no condition.
         """
         names = self.sensors.split(",")
         return Wanted(
@@ -236,10 +236,9 @@ def settle(name: str, arguments: Mapping[str, Argument]) -> dict[str, Argument]:
         InvalidValueError: The first line names no sensors, or an argument is wrong.
     """
     if is_file(name):
-        from neurosnap.sources.open_readings import open_readings
+        from neurosnap.sources.open_readings import settled
 
-        file = _converted(arguments, FileArguments)
-        wanted = open_readings(name, file.wanted()).wanted
+        wanted = settled(name, _converted(arguments, FileArguments).wanted())
         if any(wanted.every_condition()) or wanted.cuts:
             return {**arguments, "cuts": as_json(wanted.cuts or {})}
         return dict(arguments)

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from neurosnap.poc.order.literal_sets import from_words
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources import home_assistant_db
 from neurosnap.sources.csv_cells_and_formulas import CsvFile, TableFile, TableRows
-from neurosnap.sources.event_log import read_event_log, roles
+from neurosnap.sources.event_log import log_settled, read_event_log, roles
 from neurosnap.sources.mcap_file import MAGIC, is_foreign, read_mcap
 from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.protocol import Observed
@@ -29,10 +28,9 @@ _ROWS = 4096  # of a Parquet file that are read at a time
 def open_readings(path: str, wanted: Wanted | None = None) -> Readings:
     """Return the readings in a file.
 
-    What a file is, is told by its first bytes: a database of Home Assistant, Parquet,
-    a file of messages (MCAP), else
-    CSV. A Parquet or CSV file is a log of events if its header has the columns of
-    one, or else a table.
+    What a file is, is told by its first bytes: a database of Home Assistant, messages
+    (MCAP), Parquet, else CSV. A Parquet or CSV file is a log of events if its header
+    has the columns of one, or else a table.
 
     Args:
         path: Where it is.
@@ -44,25 +42,29 @@ def open_readings(path: str, wanted: Wanted | None = None) -> Readings:
             where.
     """
     wanted = wanted or Wanted()
-    in_folder = Path(path).is_dir() and is_foreign(path)
-    beginning = MAGIC if in_folder else first_bytes(path)
-    if beginning.startswith(home_assistant_db.MAGIC):
-        readings = home_assistant_db.read_home_assistant(path, wanted)
-    elif is_foreign(path):
+    if is_foreign(path):
         readings = read_mcap(path, wanted)
-    elif beginning.startswith(MAGIC):
-        rule = "must not be a run's own recording: resume, replay and learn take it"
-        raise InvalidValueError("source", rule, path)
-    elif beginning.startswith(_PARQUET):
-        parquet = _ParquetFile(path)
-        if wanted.time is None and parquet.time is not None:
-            wanted = replace(wanted, time=parquet.time)
-        readings = _read_table(parquet, wanted)
+    elif first_bytes(path).startswith(home_assistant_db.MAGIC):
+        readings = home_assistant_db.read_home_assistant(path, wanted)
     else:
-        readings = _read_table(CsvFile(path), wanted)
+        readings = _read_table(*_table(path, wanted))
     if not readings.columns.ticks:
         raise InvalidValueError(path, "must hold readings", "none")
     return readings
+
+
+def settled(path: str, wanted: Wanted) -> Wanted:
+    """Return what is wanted with its cuts; of a table or log no readings are made.
+
+    Raises:
+        NeurosnapError: As `open_readings`.
+    """
+    if not (is_foreign(path) or first_bytes(path).startswith(home_assistant_db.MAGIC)):
+        file, wanted = _table(path, wanted)
+        if places := roles(file.header, wanted.time):
+            return log_settled(file, places, wanted)
+        return TableRows(file, wanted).wanted
+    return open_readings(path, wanted).wanted
 
 
 def first_bytes(path: str) -> bytes:
@@ -77,6 +79,20 @@ def first_bytes(path: str) -> bytes:
     except OSError as error:
         rule = f"must be a file that can be read ({error.strerror})"
         raise InvalidValueError("source", rule, path) from error
+
+
+def _table(path: str, wanted: Wanted) -> tuple[TableFile, Wanted]:
+    """Return a file of Parquet or CSV, and what is wanted of it."""
+    beginning = first_bytes(path)
+    if beginning.startswith(MAGIC):
+        rule = "must not be a run's own recording: resume, replay and learn take it"
+        raise InvalidValueError("source", rule, path)
+    if not beginning.startswith(_PARQUET):
+        return CsvFile(path), wanted
+    parquet = _ParquetFile(path)
+    if wanted.time is None and parquet.time is not None:
+        wanted = replace(wanted, time=parquet.time)
+    return parquet, wanted
 
 
 def _read_table(file: TableFile, wanted: Wanted) -> Readings:
@@ -122,11 +138,9 @@ class FileSource:
         self._next = 0
         # A clock that was put back, or says nothing, stands until it is ahead again.
         times = readings.times or ()
-        self.undated = next(filter(None, times), "")  # a time that cannot be read
-        if not self.undated or is_time(self.undated):
-            self.undated = ""
-        else:
-            times = ()
+        first = next(filter(None, times), "")
+        self.undated = "" if not first or is_time(first) else first  # it is no time
+        times = () if self.undated else times
         moments = [parse_time(text, "time") if text else 0.0 for text in times]
         self._at = np.maximum.accumulate(moments).tolist()
         self.zone = readings.zone if any(self._at) else None  # None: nothing is dated

@@ -119,8 +119,9 @@ class Glance:
 
     def rows(self) -> list[tuple[str, str]]:
         """Return what there is to say now: a name and a text for each row."""
+        lost = [*self._lost()]  # reads a file: who feeds it is not to wait for that
         with self._lock:
-            return [*self._progress(), *self._alive(), *self._lost(), *self._found()]
+            return [*self._progress(), *self._alive(), *lost, *self._found()]
 
     def _progress(self) -> Iterator[tuple[str, str]]:
         waves, now = self._waves, self._clock()
