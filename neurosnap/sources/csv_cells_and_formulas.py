@@ -172,6 +172,7 @@ class TableRows:
         names = [name for _, name in self._names]
         if not names:
             raise InvalidValueError(where, _HEADER, header)
+        wanted = wanted.parsed(names)
         wanted.check(names, where)
         self.wanted = with_cuts(wanted, self._values(wanted))
         readers = [reader.name for _, reader in self._readers()]

@@ -25,6 +25,8 @@ from neurosnap.sources.meaning import (
     Choice,
     Comparison,
     Condition,
+    Event,
+    Heard,
     Wanted,
     parse_condition,
 )
@@ -222,11 +224,26 @@ def known_order(sensors: Sequence[str], wanted: Wanted) -> Iterator[tuple[int, i
                     yield 2 * j + 1 - q, 2 * i + 1 - p
 
 
+_NEVER = (
+    {("rises", 0), ("falls", 0)},
+    *({(kind, 0), ("changes", 1)} for kind in ("rises", "falls")),
+)
+"""What never is at once; 1: it does not."""
+
+
 def _excludes(a: Condition, p: int, b: Condition, q: int) -> bool:
     """Return whether two literals of a signal exclude each other; 1 is a complement."""
-    if isinstance(a, Choice) or isinstance(b, Choice):
-        both = isinstance(a, Choice) and isinstance(b, Choice) and a.word != b.word
-        return both and p == q == 0
+    match a, b:
+        case Choice(), Choice():
+            return a.word != b.word and p == q == 0
+        case Event(), Event():
+            return {(a.kind, p), (b.kind, q)} in _NEVER
+        case Heard(), Heard():
+            return p != q and (a.within <= b.within) == (q == 1)
+        case Comparison(), Comparison():
+            pass
+        case _:
+            return False
     (low, high), (least, most) = a.span(on=not p), b.span(on=not q)
     return low > most or least > high
 

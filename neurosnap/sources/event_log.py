@@ -125,6 +125,7 @@ def log_settled(
 ) -> Wanted:
     """Return what is wanted of a log with its cuts; see `read_event_log`."""
     _, who, what = places
+    wanted = wanted.parsed()
 
     def values() -> Iterator[tuple[str, str, bool]]:
         last = math.inf
@@ -146,6 +147,7 @@ def read_event_log(
     Raises:
         InvalidValueError: A line breaks a rule.
     """
+    wanted = wanted.parsed()
     if wanted.cuts is None:
         # For speed: most logs say on and off alone, and then there is nothing to cut.
         with suppress(InvalidValueError):

@@ -80,6 +80,7 @@ def _read(database: sqlite3.Connection, path: str, wanted: Wanted) -> Readings:
     entities: dict[int, str] = dict(
         database.execute("SELECT metadata_id, entity_id FROM states_meta")
     )
+    wanted = wanted.parsed()
     wanted.check(list(entities.values()), path)
     for comparison in wanted.conditions:
         if isinstance(comparison, Comparison) and comparison.unit:

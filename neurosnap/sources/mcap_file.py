@@ -13,7 +13,7 @@ import logging
 import re
 import struct
 from collections import Counter, defaultdict, deque
-from collections.abc import Container, Iterator
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from statistics import median
@@ -27,13 +27,14 @@ from mcap.exceptions import McapError
 from mcap.records import Channel, Chunk, Header, McapRecord, Message, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 
-from neurosnap.errors import InvalidValueError
+from neurosnap.errors import InvalidValueError, within
 from neurosnap.poc.learning.columns import GrowingColumns
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.cuts import signals_in, with_cuts
-from neurosnap.sources.meaning import Reader, Wanted, as_text, refused
+from neurosnap.sources.meaning import Heard, Reader, Wanted, as_text, refused
+from neurosnap.sources.message_fields import Term, fields
 from neurosnap.sources.readings import Readings, utc
-from neurosnap.sources.ros2_types import ITEMS, Decoder, cdr_decoder
+from neurosnap.sources.ros2_types import Decoder, cdr_decoder
 
 MAGIC = b"\x89MCAP0\r\n"
 _OURS = "neurosnap"
@@ -41,7 +42,6 @@ _LIMIT = 256 * 2**20
 """Bytes of a record or an unpacked chunk, at most: a file may claim any size."""
 _FLOOR, _RATIO = 64 * 2**20, 512
 """Bytes that a file may unpack to in all, and more for each byte read."""
-_DEEP = 16  # levels of fields
 _STALE = 3  # usual periods
 _SHORTEST = 0.001  # seconds between two rows
 _PERIODS = 1024  # of a topic that are looked at
@@ -95,11 +95,12 @@ def read_mcap(path: str, wanted: Wanted) -> Readings:
     """
     if wanted.every and not wanted.every >= _SHORTEST:  # nor is it no number
         raise InvalidValueError("every", f"must be {_SHORTEST} s or more", wanted.every)
+    wanted = wanted.parsed()
     survey = _Survey(path, wanted)
     values = survey.values()
     wanted = with_cuts(wanted, values, lenient=True)
     deque(values, 0)  # also where the cuts were chosen already
-    wanted.check([*survey.signals, *survey.times], path)
+    wanted.check([*survey.signals, *survey.times], path, messages=True)
     if not survey.signals:
         raise InvalidValueError(path, "must hold messages that can be read", "none")
     return _Clock(path, wanted, survey).readings()
@@ -166,11 +167,11 @@ class _Survey:
         """Yield what the signals say that are taken as they are, for `with_cuts`."""
         size = sum(file.stat().st_size for file in _files(self._path))
         last = self._wanted.learned * size
-        for at, topic, fields, offset in _messages(self._path):
+        for at, topic, said, offset in _messages(self._path, self._wanted.terms()):
             self.counts[topic] += 1
             if len(self.times[topic]) <= _PERIODS:
                 self.times[topic].append(at)
-            for name, value in fields:
+            for name, value in said:
                 self.signals.setdefault(name, topic)
                 if self._wanted.takes(name, topic=topic):
                     yield name, _text(value), offset <= last
@@ -204,25 +205,41 @@ class _Clock:
                 self._topics.add(topic)
                 found.append((len(names), reader))
                 names.append(reader.name)
+        heard = [each for each in wanted.conditions if isinstance(each, Heard)]
+        self._heard: dict[str, list[tuple[int, float]]] = {}  # by topic
+        for each in heard:
+            topic = survey.signals.get(each.source, each.source)
+            self._topics.add(topic)
+            self._heard.setdefault(topic, []).append((len(names), each.within))
+            names.append(each.name)
+        self._presence = np.arange(len(names)) >= len(names) - len(heard)
+        # While nothing at all comes for so long, nothing was recorded.
+        self._silence = max((each.within for each in heard), default=0.0)
+        self._silence += max(self._fresh.values(), default=0.0)
         self._wanted, self._columns = wanted, GrowingColumns(Sensorium(names))
         self._bits = np.zeros(len(names), np.bool_)
         self._known = np.zeros(len(names), np.bool_)
         self._until = np.zeros(len(names))  # when each reading is too old
+        self._last = 0.0  # when any message came
         self._times: list[str] = []
 
     def readings(self) -> Readings:
         """Return the rows; O(N) a row, and O(1) a field that is read."""
         now = due = None
-        for at, topic, fields, _ in _messages(self._path, self._topics):
+        terms = self._wanted.terms()
+        for at, topic, said, _ in _messages(self._path, terms, self._topics):
             now = at if now is None else max(now, at)  # a clock that is put back stands
             due = now + self._every if due is None else due
             while due <= now:
                 # What follows a long silence is not preceded by rows of nothing.
                 due = due + self._every if self._row(due) else now + self._every
-            for name, value in fields:
+            for name, value in said:
                 for column, reader in self._readers[name]:
                     self._read(column, reader, name, value)
                     self._until[column] = now + self._fresh[topic]
+            for column, span in self._heard.get(topic, ()):
+                self._until[column] = now + span
+            self._last = now
         if due is not None:
             self._row(due)
         return Readings(self._columns.columns(), self._times, wanted=self._wanted)
@@ -236,7 +253,13 @@ class _Clock:
 
     def _row(self, at: float) -> bool:
         """Add the row of a moment, if anything is known then; tell whether it is."""
-        self._known &= self._until > at
+        fresh = self._until > at
+        self._known &= fresh
+        # Silence is silence only once it was listened to for that long.
+        self._bits[self._presence] = fresh[self._presence]
+        self._known |= self._presence & (fresh | (self._until > 0))
+        if at > self._last + self._silence:
+            self._known[:] = False
         if not self._known.any():
             return False
         self._columns.append(self._bits & self._known, self._known.copy())
@@ -252,12 +275,13 @@ def _text(value: object) -> str:
 
 
 def _messages(
-    path: str, topics: Container[str] | None = None
+    path: str, terms: Sequence[Term], topics: Container[str] | None = None
 ) -> Iterator[tuple[float, str, list[tuple[str, object]], int]]:
     """Yield time, topic, fields and place in the data of messages.
 
     Args:
         path: Where they are.
+        terms: Signals of their lists.
         topics: Of which they are; None: of all, and topics in which some cannot be
             decoded are told of.
 
@@ -267,16 +291,16 @@ def _messages(
     told: set[str] = set()
     before = 0
     for file in _files(path):
-        for at, topic, fields, place in _messages_in(file, topics, told):
-            yield at, topic, fields, before + place
+        decoders = _Decoders(file, topics, told, terms)
+        for at, topic, said, place in _messages_in(file, decoders):
+            yield at, topic, said, before + place
         before += file.stat().st_size
 
 
 def _messages_in(
-    path: Path, topics: Container[str] | None, told: set[str]
+    path: Path, decoders: "_Decoders"
 ) -> Iterator[tuple[float, str, list[tuple[str, object]], int]]:
-    """Yield the messages of one file; add the topics whose errors are told."""
-    decoders = _Decoders(path, topics, told)
+    """Yield the messages of one file."""
     with path.open("rb") as file:
         try:
             for record in _records(file, path):
@@ -325,12 +349,19 @@ class _Decoders:
         path: The file.
         topics: As for `_messages`.
         told: The topics that were told of.
+        terms: As for `_messages`.
     """
 
     def __init__(
-        self, path: Path, topics: Container[str] | None, told: set[str]
+        self,
+        path: Path,
+        topics: Container[str] | None,
+        told: set[str],
+        terms: Sequence[Term],
     ) -> None:
         self._path, self._topics, self._told = path, topics, told
+        self._all_terms = terms
+        self._terms: dict[str, list[Term]] = {}  # by topic
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
         self._decoders: dict[tuple[str, int], Decoder | ValueError] = {}
@@ -358,10 +389,20 @@ class _Decoders:
             self._tell(channel.topic, decode)  # not raised: each raise lengthens it
             return None
         try:
-            return channel.topic, _fields(channel.topic, decode(message.data))
+            said = decode(message.data)
         except (ValueError, RecursionError) as error:
             self._tell(channel.topic, error)
             return None
+        try:
+            return channel.topic, fields(channel.topic, said, self._of(channel.topic))
+        except InvalidValueError as error:
+            raise within(str(self._path), error) from None
+
+    def _of(self, topic: str) -> list[Term]:
+        """Return the terms of a topic."""
+        if topic not in self._terms:
+            self._terms[topic] = [each for each in self._all_terms if each.is_of(topic)]
+        return self._terms[topic]
 
     def _tell(self, topic: str, error: Exception) -> None:
         if self._topics is None and topic not in self._told:
@@ -380,23 +421,3 @@ def _decoder(channel: Channel, schema: Schema | None) -> Decoder:
     if channel.message_encoding == "cdr" and schema is not None:
         return cdr_decoder(schema)
     raise ValueError(f"{channel.message_encoding or 'nothing'} is not understood")
-
-
-def _fields(topic: str, message: object) -> list[tuple[str, object]]:
-    """Return the fields of a message: names, and booleans, numbers, texts or None."""
-    found: list[tuple[str, object]] = []
-    _flatten(topic, message, found, _DEEP)
-    return found
-
-
-def _flatten(
-    name: str, value: object, found: list[tuple[str, object]], deep: int
-) -> None:
-    if isinstance(value, dict) and deep:
-        for key, inner in value.items():
-            _flatten(f"{name}.{key}", inner, found, deep - 1)
-    elif isinstance(value, list) and deep:
-        for place, inner in enumerate(value[:ITEMS]):
-            _flatten(f"{name}[{place}]", inner, found, deep - 1)
-    elif not isinstance(value, dict | list):
-        found.append((name, value))

@@ -4,14 +4,15 @@ import fnmatch
 import math
 import re
 import unicodedata
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from collections.abc import Container, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, TypeAlias
 
 import msgspec
 
 from neurosnap.errors import InvalidValueError, similar
 from neurosnap.sensorium import WORDS
+from neurosnap.sources.message_fields import Term, parse_term
 
 RULE = "must be 0 or 1, false or true, off or on, or nothing for unknown"
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -22,6 +23,12 @@ _WHEN = re.compile(
     rf"(?:\s*,\s*off\s*(?P<back>[<>])\s*(?P<release>{_NUMBER})\s*(?P<same>{_UNIT}))?",
     re.ASCII,
 )
+_EVENT = re.compile(r"(?:(?P<name>.*\S)\s+)?(?P<kind>changes|rises|falls)")
+_HEARD = re.compile(
+    rf"(?:(?P<name>.*\S)\s+)?heard\s+within\s+(?P<span>{_NUMBER})\s*"
+    r"(?P<unit>ms|s|min|h|d)"
+)
+_SECONDS = {"ms": 0.001, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86_400.0}
 _EQUALS = re.compile(r"(?P<name>[^<>=]*?)\s*=\s*(?P<word>[^<>=]*[^<>=\s])\s*")
 Bound: TypeAlias = tuple[float, int]
 """A number where a stretch begins or ends, and 0 if that is in it; else 1 or -1."""
@@ -99,8 +106,52 @@ class Choice(NamedTuple):
         return f"= {self.word}"
 
 
-Condition: TypeAlias = Comparison | Choice
-"""Says when a sensor is on, by a number or by a word."""
+class Event(NamedTuple):
+    """A sensor that is on where a signal says another value than before."""
+
+    source: str
+    """What the signal is called in the data."""
+    kind: str
+    """``changes``; or of a number ``rises`` or ``falls``."""
+
+    @property
+    def name(self) -> str:
+        """What the binary sensor is called."""
+        return f"{self.source} {self.kind}"
+
+    @property
+    def text(self) -> str:
+        """What `parse_condition` makes it of again, given its source."""
+        return self.kind
+
+    def is_on(self, value: Any, before: Any) -> bool:  # noqa: ANN401
+        """Return whether it is on at a number, behind another; or at a word."""
+        if self.kind == "changes":
+            return bool(value != before)
+        return bool(value > before if self.kind == "rises" else value < before)
+
+
+class Heard(NamedTuple):
+    """A sensor that is on while messages come, whatever these say."""
+
+    source: str
+    """What the topic, or the signal, is called in the data."""
+    within: float
+    """Seconds after one in which the sensor is on."""
+
+    @property
+    def name(self) -> str:
+        """What the binary sensor is called."""
+        return f"{self.source} {self.text}"
+
+    @property
+    def text(self) -> str:
+        """What `parse_condition` makes it of again, given its source."""
+        return f"heard within {_plain(self.within)} s"
+
+
+Condition: TypeAlias = Comparison | Choice | Event | Heard
+"""Says when a sensor is on: by a number, a word, a change, or by any message."""
 
 
 def _plain(number: float) -> str:
@@ -120,47 +171,68 @@ def plain_unit(unit: str) -> str:
 
 
 def parse_condition(text: str, name: str = "") -> Condition:
-    """Parse a comparison, or a word such as ``mode = auto``.
+    """Parse a condition, as a user writes it.
 
     Args:
-        text: It.
-        name: As for `parse_comparison`.
-
-    Raises:
-        InvalidValueError: It is neither.
-    """
-    word = text.strip().removeprefix("=").strip()
-    if name and word and text.lstrip().startswith("="):
-        return Choice(name, word.casefold())
-    match = _EQUALS.fullmatch(text.strip())
-    if match is None or name or not match["name"]:
-        return parse_comparison(text, name)
-    return Choice(match["name"], match["word"].casefold())
-
-
-def parse_comparison(text: str, name: str = "") -> Comparison:
-    """Parse a comparison such as ``hall > 21 °C, off < 20``.
-
-    Args:
-        text: The comparison.
-        name: What the sensor is called in the data; if empty, the text says it.
+        text: ``hall > 21 °C, off < 20``, ``mode = auto``, ``level rises`` (or
+            ``falls``, ``changes``), or ``/scan heard within 0.5 s``.
+        name: What the signal is called in the data; if empty, the text says it.
 
     Raises:
         InvalidValueError: It says nothing of the kind.
 
     Examples:
-        >>> parse_comparison("hall > 21 °C, off < 20").name
+        >>> parse_condition("hall > 21 °C, off < 20").name
         'hall>21°C'
+        >>> parse_condition("heard within 500 ms", "/scan").name
+        '/scan heard within 0.5 s'
     """
-    match = _WHEN.fullmatch(text.strip())
+    said = text.strip()
+    if name and said.startswith("=") and said != "=":  # any word
+        return Choice(name, said[1:].strip().casefold())
+    if match := _EVENT.fullmatch(said):
+        source = _one(name, match["name"], text)
+        return Event(source, match["kind"])
+    if match := _HEARD.fullmatch(said):
+        within = float(match["span"]) * _SECONDS[match["unit"]]
+        if not 0 < within < math.inf:
+            raise InvalidValueError("when", "must be within more than no time", text)
+        return Heard(_one(name, match["name"], text), within)
+    if match := _EQUALS.fullmatch(said):
+        return Choice(_one(name, match["name"], text), match["word"].casefold())
+    return _parsed_comparison(text, name)
+
+
+def is_condition(text: str) -> bool:
+    """Return whether a text is a condition with the name of its signal."""
+    try:
+        parse_condition(text)
+    except InvalidValueError:
+        return False
+    return True
+
+
+def _one(name: str, said: str | None, text: str) -> str:
+    """Return the name of a signal, which is given once."""
+    if bool(name) == bool(said):
+        raise InvalidValueError("when", _rule(name), text)
+    return name or said or ""
+
+
+def _rule(name: str) -> str:
+    """Return what a condition must be."""
     like = "" if name else "hall "
-    rule = f'must be like "{like}> 21", "{like}> 21 °C, off < 20" or "{like}= warm"'
-    if (
-        match is None
-        or match["back"] == match["sign"]
-        or bool(match["name"]) == bool(name)
-    ):
-        raise InvalidValueError("when", rule, text)
+    return (
+        f'must be like "{like}> 21", "{like}> 21 °C, off < 20", "{like}= warm",'
+        f' "{like}rises" (falls, changes) or "{like}heard within 5 s"'
+    )
+
+
+def _parsed_comparison(text: str, name: str) -> Comparison:
+    match = _WHEN.fullmatch(text.strip())
+    if match is None or match["back"] == match["sign"]:
+        raise InvalidValueError("when", _rule(name), text)
+    source = _one(name, match["name"].strip(), text)
     above, limit = match["sign"] == ">", float(match["limit"])
     release = None if match["release"] is None else float(match["release"])
     if release == limit:
@@ -172,7 +244,12 @@ def parse_comparison(text: str, name: str = "") -> Comparison:
     unit = plain_unit(match["unit"])
     if match["same"] and plain_unit(match["same"]) != unit:
         raise InvalidValueError("when", "must have one unit", text)
-    return Comparison(name or match["name"].strip(), above, limit, release, unit)
+    return Comparison(source, above, limit, release, unit)
+
+
+def _is_of_value(condition: Condition) -> bool:
+    """Return whether it matters to a condition what a signal says."""
+    return not isinstance(condition, Heard)
 
 
 @dataclass(frozen=True)
@@ -201,7 +278,9 @@ class Wanted:
 
     def takes(self, name: str, by_itself: bool = True, topic: str = "") -> bool:
         """Return whether a signal is read by itself, or as one of its topic."""
-        if any(name == condition.source for condition in self.conditions):
+        if name in self.patterns:
+            return True
+        if any(name == one.source for one in self.conditions if _is_of_value(one)):
             return False
         if not self.patterns:
             return by_itself
@@ -209,11 +288,40 @@ class Wanted:
             fnmatch.fnmatchcase(name, pattern) for pattern in self.patterns
         )
 
+    def parsed(self, names: Container[str] = ()) -> "Wanted":
+        """Return the same with conditions among the patterns as what they are.
+
+        Args:
+            names: Of signals, which may look like conditions.
+        """
+        found = [
+            each for each in self.patterns if each not in names and is_condition(each)
+        ]
+        return replace(
+            self,
+            patterns=tuple(each for each in self.patterns if each not in found),
+            conditions=(*self.conditions, *map(parse_condition, found)),
+        )
+
+    def terms(self) -> list[Term]:
+        """Return the terms that are signals here.
+
+        Raises:
+            InvalidValueError: One takes no items.
+        """
+        names = [*self.patterns, *(each.source for each in self.conditions)]
+        names += self.cuts or ()
+        return [term for name in dict.fromkeys(names) if (term := parse_term(name))]
+
     def readers(
         self, name: str, by_itself: bool = True, topic: str = ""
     ) -> list["Reader"]:
         """Return what reads a sensor of the data: nothing, or one for each name."""
-        conditions = [each for each in self.conditions if each.source == name]
+        conditions = [
+            each
+            for each in self.conditions
+            if each.source == name and _is_of_value(each)
+        ]
         if self.takes(name, by_itself, topic):
             if self.cuts is None or name not in self.cuts:
                 return [Reader(name)]
@@ -226,10 +334,18 @@ class Wanted:
         for chosen in (self.cuts or {}).values():
             yield from chosen
 
-    def check(self, names: Sequence[str], where: str) -> None:
-        """Raise InvalidValueError for a sensor that is asked for and not there."""
+    def check(
+        self, names: Sequence[str], where: str, *, messages: bool = False
+    ) -> None:
+        """Raise InvalidValueError for what is asked for and not there."""
+        for condition in self.conditions:
+            if isinstance(condition, Heard) and not messages:
+                rule = "must be of messages (.mcap, or a live source)"
+                raise InvalidValueError("heard within", rule, condition.name)
         missing = [
-            pattern for pattern in self.patterns if not fnmatch.filter(names, pattern)
+            pattern
+            for pattern in self.patterns
+            if pattern not in names and not fnmatch.filter(names, pattern)
         ]
         missing += {one.source for one in self.conditions}.difference(names)
         if missing:
@@ -254,9 +370,9 @@ class Reader:
     ) -> None:
         self.name = name
         self.condition = condition
-        self._compares = isinstance(condition, Comparison)
         self._words = words
         self._before: bool | None = None
+        self._said: str | float | None = None
 
     def read(self, value: object) -> bool | None:
         """Return what a text, or another JSON value, says; None if it is unknown.
@@ -264,34 +380,36 @@ class Reader:
         Raises:
             ValueError: It says nothing; the text is the rule.
         """
+        condition = self.condition
         # For speed; what is no number is null as a text.
-        if type(value) in _NUMBERS and self._compares and value == value:
-            return self._compare(value)  # type: ignore[arg-type]
+        if type(value) in _NUMBERS and value == value:
+            if type(condition) is Comparison:
+                self._before = condition.is_on(value, self._before)  # type: ignore[arg-type]
+                return self._before
+        elif type(value) is bool and condition is None and self._words is WORDS:
+            return value
         text = value if isinstance(value, str) else as_text(value)
         word = text.strip().casefold()
-        if self.condition is None:
+        if condition is None:
             try:
                 return self._words[word]
             except KeyError:
                 raise ValueError(self._rule()) from None
+        if isinstance(condition, Heard):
+            return True
         if WORDS.get(word, False) is None:
-            self._before = None
+            self._before = self._said = None
             return None
-        if isinstance(self.condition, Choice):
-            return word == self.condition.word
-        unit = self.condition.unit
-        if unit:
-            word = plain_unit(text).strip().removesuffix(unit).rstrip()
-        try:
-            return self._compare(float(word))
-        except ValueError:
-            what = f"a number, or one in {unit}" if unit else "a number"
-            raise ValueError(f"must be {what}, or nothing for unknown") from None
-
-    def _compare(self, number: float) -> bool | None:
-        if math.isnan(number) or not isinstance(self.condition, Comparison):
-            raise ValueError("must be a number")
-        self._before = self.condition.is_on(number, self._before)
+        match condition:
+            case Choice():
+                return word == condition.word
+            case Event():
+                said = word if condition.kind == "changes" else _number(word)
+                before, self._said = self._said, said
+                return None if before is None else condition.is_on(said, before)
+        if condition.unit:
+            word = plain_unit(text).strip().removesuffix(condition.unit).rstrip()
+        self._before = condition.is_on(_number(word, condition.unit), self._before)
         return self._before
 
     def _rule(self) -> str:
@@ -300,6 +418,22 @@ class Reader:
             return RULE
         known = [word for word, on in self._words.items() if on is not None]
         return f"must be one of {', '.join(known)}"
+
+
+def _number(word: str, unit: str = "") -> float:
+    """Return a number.
+
+    Raises:
+        ValueError: It is none.
+    """
+    try:
+        number = float(word)
+    except ValueError:
+        number = math.nan
+    if math.isnan(number):
+        what = f"a number, or one in {unit}" if unit else "a number"
+        raise ValueError(f"must be {what}, or nothing for unknown")
+    return number
 
 
 def refused(where: str, name: str, error: ValueError, text: str) -> InvalidValueError:

@@ -165,7 +165,8 @@ class FileArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What a file is opened with: which sensors are read, and how."""
 
     sensors: str = ""
-    """Names, or patterns with ``*`` and ``?``, commas between them; none: all."""
+    """Names, patterns with ``*`` and ``?``, or conditions, commas between them, or as a
+    JSON list; none: all."""
     when: str = ""
     """When sensors with numbers are on, as ``hall > 21``, semicolons between them."""
     time: str | None = None
@@ -183,9 +184,8 @@ class FileArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         Raises:
             InvalidValueError: Something is no condition.
         """
-        names = self.sensors.split(",")
         return Wanted(
-            tuple(name.strip() for name in names if name.strip()),
+            tuple(filter(None, _listed(self.sensors))),
             conditions_in(self.when),
             self.time,
             self.bins,
@@ -211,13 +211,22 @@ class LiveArguments(TickRule, frozen=True):
         Raises:
             InvalidValueError: It is no list of texts.
         """
-        if not self.sensors.startswith("["):
-            return tuple(name.strip() for name in self.sensors.split(","))
-        try:
-            return msgspec.json.decode(self.sensors, type=tuple[str, ...])
-        except msgspec.MsgspecError as error:
-            rule = f"must be names with commas between them, or a JSON list ({error})"
-            raise InvalidValueError("sensors", rule, self.sensors) from error
+        return _listed(self.sensors)
+
+
+def _listed(sensors: str) -> tuple[str, ...]:
+    """Return names, commas between them or as a JSON list.
+
+    Raises:
+        InvalidValueError: It is no list of texts.
+    """
+    if not sensors.startswith("["):
+        return tuple(name.strip() for name in sensors.split(","))
+    try:
+        return msgspec.json.decode(sensors, type=tuple[str, ...])
+    except msgspec.MsgspecError as error:
+        rule = f"must be names with commas between them, or a JSON list ({error})"
+        raise InvalidValueError("sensors", rule, sensors) from error
 
 
 def settle(name: str, arguments: Mapping[str, Argument]) -> dict[str, Argument]:

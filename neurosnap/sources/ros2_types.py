@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 from mcap.records import Schema
 
+from neurosnap.sources.message_fields import ITEMS
 from neurosnap.system.distribution import must_have
 
-ITEMS = 64
-"""Of a list or an array that are read, at most."""
 _MOMENTS = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
 Decoder = Callable[[bytes], object]
 
@@ -21,7 +20,7 @@ Decoder = Callable[[bytes], object]
 def cdr_decoder(schema: Schema) -> Decoder:
     """Return what decodes the messages of a type.
 
-    A message is a dict of its fields, and a list of its first 64 items; times are left
+    A message is a dict of its fields, an array of numbers stays one; times are left
     out, which tell when it was and not what.
 
     Raises:
@@ -70,10 +69,8 @@ class _Decoder:
 
     def _plain(self, value: Any) -> object:  # noqa: ANN401 - any field
         """Return a field as JSON would have it."""
-        if isinstance(value, (float, int, str)) or value is None:
+        if isinstance(value, (float, int, str, np.ndarray)) or value is None:
             return value
-        if isinstance(value, np.ndarray):
-            return value[:ITEMS].tolist()
         if (kind := getattr(value, "__msgtype__", None)) is None:
             return [self._plain(item) for item in value[:ITEMS]]
         if (names := self._names.get(kind)) is None:

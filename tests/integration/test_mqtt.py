@@ -92,7 +92,7 @@ async def test_what_the_broker_kept_is_the_first_reading(broker: Mosquitto) -> N
     sensors = (
         MqttSensor(name="door", topic="house/hall/door"),
         MqttSensor(name="warm", topic="house/climate", field="t", when="> 20"),
-        MqttSensor(name="phone", topic="house/hall/door", seen_within=60),
+        MqttSensor(name="phone", topic="house/hall/door", when="heard within 60 s"),
     )
     async with peer(broker) as other:
         await other.publish("house/hall/door", "OPEN", qos=1, retain=True)

@@ -43,8 +43,9 @@ Sensors = Annotated[
     typer.Option(
         "--sensors",
         metavar="NAME",
-        help="Read these sensors only, or topics; * and ? stand for any letters. Of a"
-        " database of Home Assistant these instead of the binary sensors.",
+        help="Read these sensors only, or topics, or conditions as --when has them; *"
+        " and ? stand for any letters. Of a database of Home Assistant these instead of"
+        " the binary sensors.",
         show_default="all",
     ),
 ]
@@ -54,7 +55,9 @@ When = Annotated[
         "--when",
         metavar='"NAME > NUMBER"',
         help='When a signal is on, such as "hall > 21", with unit and hysteresis'
-        ' "hall > 21 °C, off < 20", or "mode = auto". May be repeated.',
+        ' "hall > 21 °C, off < 20", or "mode = auto", "level rises" (falls, changes);'
+        ' of messages, too, "min(/scan.ranges[0:80]) < 0.5" (max, mean, any, all, count)'
+        ' and "/scan heard within 0.5 s". May be repeated.',
         show_default="numbers at their quartiles, each of a few words",
     ),
 ]

@@ -14,7 +14,7 @@ What is known at a time `now`:
   clock that is ahead, and is taken as of its arrival. To refuse it would silence a
   sensor for the error of a clock; to believe its stamp would make every honest reading
   after it late.
-- A sensor with `seen_within` does not say what it reads, only that it is there: it is
+- A sensor with `heard_within` does not say what it reads, only that it is there: it is
   on until that many seconds after any message, and off otherwise. Silence means that it
   is off only once it was listened to for that long; until then it is unknown.
 """
@@ -41,7 +41,7 @@ class LatestReadings:
     Args:
         sensors: Their names, as `Sensorium` takes them.
         stale_after: Seconds after which a reading is believed no more, above 0.
-        seen_within: For sensors that are on while messages come: for how many seconds
+        heard_within: For sensors that are on while messages come: for how many seconds
             after one, above 0. Staleness means nothing for these.
 
     Raises:
@@ -54,14 +54,14 @@ class LatestReadings:
         sensors: Sequence[str],
         *,
         stale_after: Spans = None,
-        seen_within: Spans = None,
+        heard_within: Spans = None,
     ) -> None:
         self.sensors: tuple[str, ...] = Sensorium(sensors).names
         if not self.sensors:
             raise InvalidValueError("sensors", "must be one at least", self.sensors)
         count = len(self.sensors)
         stale = _spans("stale_after", stale_after, count)
-        seen = _spans("seen_within", seen_within, count)
+        seen = _spans("heard_within", heard_within, count)
         self._seen: Bits = np.isfinite(seen)
         self._span = np.where(self._seen, seen, stale)
         self._at = np.full(count, -np.inf)
@@ -84,7 +84,7 @@ class LatestReadings:
         Args:
             sensor: Whose, in [0, N).
             on: What it read; None if it says that it does not know. A sensor with
-                `seen_within` is there whatever it says.
+                `heard_within` is there whatever it says.
             at: When it was read.
             now: When it came, never before any time given earlier.
 

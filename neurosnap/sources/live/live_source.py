@@ -410,8 +410,8 @@ class LiveSource:
     def listens(self, on: bool) -> None:
         """Note whether the feeder listens from now on; from any thread.
 
-        While it does not listen, silence says nothing of a sensor with `seen_within`. A
-        feeder listens from its start, unless it says otherwise.
+        While it does not listen, silence says nothing of a sensor with `heard_within`.
+        A feeder listens from its start, unless it says otherwise.
         """
         with self._condition:
             if on:

@@ -8,7 +8,7 @@ With a journal a message is acknowledged once it is in there, and the broker kee
 comes while this process is away, for the next one with that journal: see `MqttLink`.
 
 When the broker is away, nothing comes and the source goes on: readings go stale by the
-same rule as ever, and a sensor with `seen_within` is unknown until it can be heard
+same rule as ever, and a sensor with `heard_within` is unknown until it can be heard
 again, since silence says nothing then.
 """
 
@@ -54,7 +54,7 @@ def mqtt_source(
                 else sensor.stale_after
                 for sensor in options.sensors
             ],
-            seen_within=[sensor.seen_within for sensor in options.sensors],
+            heard_within=[sensor.heard_within for sensor in options.sensors],
         ),
         options.tick.schedule(),
         feeder=feeder,
@@ -160,7 +160,7 @@ class MqttFeeder:
         readings: dict[str, bool | None] = {}
         wrong: list[str] = []
         for sensor, reader in self._readers[topic]:
-            if retained and sensor.seen_within is not None:
+            if retained and sensor.heard_within is not None:
                 continue  # it may have been kept for days
             try:
                 readings[sensor.name] = reader.read(payload)

@@ -14,7 +14,7 @@ import msgspec
 from neurosnap.errors import InvalidValueError, within
 from neurosnap.sensorium import OFF, ON, Sensorium
 from neurosnap.sources.live.tick_schedule import Seconds, TickRule
-from neurosnap.sources.meaning import Comparison, parse_comparison
+from neurosnap.sources.meaning import Condition, Heard, parse_condition
 
 Text = Annotated[str, msgspec.Meta(min_length=1, max_length=1024)]
 _TOPIC = "must be a topic, without + and #"
@@ -114,26 +114,23 @@ class MqttSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     off: tuple[Text, ...] = OFF
     """Words that mean off."""
     when: Text | None = None
-    """When a number means on: ``> 22``, or ``> 22 °C, off < 21``: off only below 21,
-    and between the two, both included, as it was before. If None, it reads words."""
-    seen_within: Seconds | None = None
-    """On where some message came in the last so many seconds, whatever it says, and off
-    otherwise. What the broker kept does not count: it may be old."""
+    """When it is on: ``> 22``, or ``> 22 °C, off < 21``: off only below 21, and between
+    the two, both included, as it was before; ``= warm``; ``changes``, ``rises`` or
+    ``falls``; or ``heard within 60 s`` of any message, but for one that the broker
+    kept, which may be old. If None, it reads words."""
     stale_after: Seconds | None = None
     """Seconds after which a reading no longer counts; if None, the source's own."""
 
     def __post_init__(self) -> None:
         if not is_topic(self.topic):
             raise InvalidValueError(f"{self.name}: topic", _TOPIC, self.topic)
-        for name in ("field", "when"):
-            given = getattr(self, name)
-            if self.seen_within is not None and given is not None:
-                rule = "must not go with seen_within, which does not look inside"
-                raise InvalidValueError(f"{self.name}: {name}", rule, given)
         try:
-            self.comparison  # noqa: B018 - it is read once, to be checked
+            heard = self.heard_within is not None
         except InvalidValueError as error:
             raise within(self.name, error) from None
+        if heard and self.field is not None:
+            rule = "must not go with heard within, which does not look inside"
+            raise InvalidValueError(f"{self.name}: field", rule, self.field)
         both = {word.casefold() for word in self.on} & {
             word.casefold() for word in self.off
         }
@@ -142,9 +139,15 @@ class MqttSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
             raise InvalidValueError(f"{self.name}: off", rule, sorted(both))
 
     @property
-    def comparison(self) -> Comparison | None:
-        """How it compares numbers; None if it does not."""
-        return None if self.when is None else parse_comparison(self.when, self.name)
+    def condition(self) -> Condition | None:
+        """When it is on; None if it reads words."""
+        return None if self.when is None else parse_condition(self.when, self.name)
+
+    @property
+    def heard_within(self) -> float | None:
+        """Seconds after a message in which it is on; None: it reads what that says."""
+        condition = self.condition
+        return condition.within if isinstance(condition, Heard) else None
 
 
 class MqttAction(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

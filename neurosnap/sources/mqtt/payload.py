@@ -85,7 +85,7 @@ class PayloadReader:
         words: dict[str, bool | None] = dict.fromkeys(UNKNOWN)
         words |= {word.casefold(): True for word in sensor.on}
         words |= {word.casefold(): False for word in sensor.off}
-        self._reader = Reader(sensor.name, sensor.comparison, words)
+        self._reader = Reader(sensor.name, sensor.condition, words)
 
     def read(self, payload: Payload) -> bool | None:
         """Return whether `payload` says on or off; None if it says unknown.
@@ -95,7 +95,7 @@ class PayloadReader:
                 characters.
         """
         sensor = self._sensor
-        if sensor.seen_within is not None:
+        if sensor.heard_within is not None:
             return True
         value = payload.text if sensor.field is None else payload.field(sensor.field)
         try:

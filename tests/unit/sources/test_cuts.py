@@ -120,6 +120,35 @@ def test_what_is_known_of_cuts_is_never_broken(
         assert {(b ^ 1, a ^ 1) for a, b in order} == {*order}
 
 
+@given(st.lists(st.sampled_from((1, 2, 3, None)), min_size=3, max_size=8))
+def test_what_is_known_of_changes_is_never_broken(values: list[int | None]) -> None:
+    events = [*map(parsed, ("x rises", "x falls", "x changes"))]
+    order = [
+        *known_order([each.name for each in events], Wanted(conditions=(*events,)))
+    ]
+    assert {(0, 4), (2, 4), (0, 3)} < {*order}
+    readers = [Reader(each.name, each) for each in events]
+    before: int | None = None
+    for value in values:
+        read = [reader.read(value) for reader in readers]
+        if value is None or before is None:
+            assert read == [None] * 3
+        else:
+            assert read == [value > before, value < before, value != before]
+            literals = [on == (not star) for on in read for star in (0, 1)]
+            assert all(literals[b] or not literals[a] for a, b in order)
+        before = value
+
+
+def test_what_was_heard_lately_was_heard() -> None:
+    heard = tuple(parsed(f"/a heard within {span}") for span in ("2 s", "500 ms"))
+    assert [each.name for each in heard] == [
+        *("/a heard within 2 s", "/a heard within 0.5 s")
+    ]
+    order = known_order([each.name for each in heard], Wanted(conditions=heard))
+    assert {*order} == {(2, 0), (1, 3)}
+
+
 @given(st.lists(NUMBERS, min_size=2, max_size=4, unique=True))
 def test_all_that_holds_of_plain_cuts_is_known(limits: list[float]) -> None:
     cuts = tuple(Comparison("x", True, limit) for limit in limits)

@@ -101,6 +101,43 @@ def test_topics_signals_and_conditions_are_chosen(tmp_path: Path) -> None:
     assert early[2:] != tuple(whole)[2:]  # the first quarter has smaller numbers
 
 
+def test_a_stretch_of_a_list_a_change_and_presence_are_sensors(tmp_path: Path) -> None:
+    ranges = [[9.0] * 80 + [at / 4] * 80 for at in range(8)]
+    said: list[Said] = [
+        (at, "/scan", {"ranges": each}) for at, each in enumerate(ranges, start=1)
+    ]
+    said += [(at + 1.5, "/mode", {"now": "ab"[at > 2]}) for at in range(4)]
+    path = str(write(tmp_path / "a.mcap", sorted(said, key=lambda each: each[0])))
+    wanted = (
+        "min(/scan.ranges[80:160]) < 1",
+        "min(/scan.ranges[:80]) < 1",
+        *(
+            "/mode.now changes",
+            "/mode heard within 1500 ms",
+            "/mode heard within .4 s",
+        ),
+        *("max(/scan.ranges) falls", "mean(/scan.ranges[80:]) rises"),
+    )
+    found = open_readings(path, Wanted(wanted, every=1))
+    assert shown(found) == {
+        "/mode.now changes": "?00111??",
+        "min(/scan.ranges[80:160])<1": "11110000",
+        "min(/scan.ranges[:80])<1": "00000000",
+        "max(/scan.ranges) falls": "?0000000",
+        "mean(/scan.ranges[80:]) rises": "?1111111",
+        "/mode heard within 1.5 s": "11110000",
+        "/mode heard within 0.4 s": "00000000",
+    }
+    settled = settle(path, {"sensors": json.dumps(wanted), "every": 1.0})
+    assert open_source(path, 0, settled).sensors == tuple(shown(found))
+    with pytest.raises(
+        InvalidValueError, match=r"rages\): must have the field .rages \("
+    ):
+        open_readings(path, Wanted(("min(/scan.rages)",)))
+    with pytest.raises(InvalidValueError, match=r"must have this sensor.*'min\(/scam"):
+        open_readings(path, Wanted(("min(/scam.ranges) > 1",)))
+
+
 def test_after_a_silence_rows_go_on_and_a_clock_put_back_stands(tmp_path: Path) -> None:
     times = (1, 2, 3, 1e9, 1e9 + 1, 5, 6, 1e9 + 2, *range(7, 12))
     said = [(at, "/a", {"on": True, "note": f"at {at}"}) for at in times]

@@ -12,7 +12,7 @@ import pytest
 
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.columns import Columns
-from neurosnap.sources.meaning import RULE, Wanted, parse_comparison
+from neurosnap.sources.meaning import RULE, Wanted, parse_condition
 from neurosnap.sources.open import open_source
 from neurosnap.sources.open_readings import FileSource, open_readings
 from neurosnap.sources.readings import Readings, seconds_of
@@ -75,7 +75,7 @@ def test_beside_a_comparison_other_numbers_are_left_out_and_told_of(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     text = "door,hall,attic,odd\n0,19.5,unknown,1\n1,20.5,7,0\n"
-    found = read(tmp_path, text, Wanted((), (parse_comparison("hall > 20"),)))
+    found = read(tmp_path, text, Wanted((), (parse_condition("hall > 20"),)))
     assert shown(found) == {"door": "01", "hall>20": "01", "odd": "10"}
     assert caplog.messages[0].endswith("not asked for (--when reads them): attic")
 
@@ -94,8 +94,8 @@ def test_a_time_column_is_told_by_name(tmp_path: Path) -> None:
 
 def test_sensors_are_chosen_and_numbers_compared(tmp_path: Path) -> None:
     text = "door,hall,attic,note\n0,19.5,1,x\n1,20.5,0,y\n1,21.5,,z\n0,20.5,1,\n"
-    warm = parse_comparison("hall > 21, off < 20")
-    wanted = Wanted(("door", "at*"), (warm, parse_comparison("hall<20")))
+    warm = parse_condition("hall > 21, off < 20")
+    wanted = Wanted(("door", "at*"), (warm, parse_condition("hall<20")))
     assert shown(read(tmp_path, text, wanted)) == {
         "door": "0110",
         "hall>21": "0011",
@@ -106,10 +106,10 @@ def test_sensors_are_chosen_and_numbers_compared(tmp_path: Path) -> None:
         tmp_path, text, Wanted(("cellar",))
     )
     assert "must have this sensor (did you mean attic?), got 'atic'" in refused(
-        tmp_path, text, Wanted((), (parse_comparison("atic > 1"),))
+        tmp_path, text, Wanted((), (parse_condition("atic > 1"),))
     )
     assert "{}:2: note: must be a number" in refused(
-        tmp_path, text, Wanted(("door",), (parse_comparison("note > 1"),))
+        tmp_path, text, Wanted(("door",), (parse_condition("note > 1"),))
     )
 
 
@@ -122,16 +122,16 @@ def test_sensors_are_chosen_and_numbers_compared(tmp_path: Path) -> None:
 )
 def test_comparisons_that_say_nothing_are_refused(text: str) -> None:
     with pytest.raises(InvalidValueError, match=r"^when: must "):
-        parse_comparison(text)
+        parse_condition(text)
 
 
 def test_a_number_may_have_the_unit_that_was_told(tmp_path: Path) -> None:
     text = "hall\n20.5 °C\n22\n21.5°C\n20.9 °C\n"
-    readings = read(tmp_path, text, Wanted((), (parse_comparison("hall > 21 °C"),)))
+    readings = read(tmp_path, text, Wanted((), (parse_condition("hall > 21 °C"),)))
     assert shown(readings) == {"hall>21°C": "0110"}
-    warm = parse_comparison("hall > 21 °C, off < 20.9 °C")
+    warm = parse_condition("hall > 21 °C, off < 20.9 °C")
     assert shown(read(tmp_path, text, Wanted((), (warm,)))) == {"hall>21°C": "0111"}
-    hot = parse_comparison("hall > 21 °F")
+    hot = parse_condition("hall > 21 °F")
     assert "must be a number, or one in °F" in refused(
         tmp_path, text, Wanted((), (hot,))
     )
@@ -142,7 +142,7 @@ def test_a_database_must_have_the_unit_that_was_told(tmp_path: Path) -> None:
     shutil.copy(HOME, copy)
 
     def read_with(when: str) -> Readings:
-        wanted = Wanted((), (parse_comparison(f"{entity} {when}"),))
+        wanted = Wanted((), (parse_condition(f"{entity} {when}"),))
         return open_readings(str(copy), wanted)
 
     with pytest.raises(InvalidValueError, match=r"must be in °C, as --wh.* 'no unit'"):
@@ -230,7 +230,7 @@ def test_the_zone_of_a_home_is_in_the_settings_beside_its_database(
 
 
 def test_other_entities_of_a_home_are_read_if_asked_for() -> None:
-    warm = parse_comparison("sensor.hall_temperature > 21, off < 20")
+    warm = parse_condition("sensor.hall_temperature > 21, off < 20")
     readings = open_readings(str(HOME), Wanted(("switch.*",), (warm,)))
     told = shown(readings)
     assert set(told) == {"switch.heater", "sensor.hall_temperature>21"}
@@ -271,7 +271,7 @@ def test_parquet_with_gaps_and_dates(tmp_path: Path) -> None:
         "fan": pa.array([0, 1]),
     }
     pq.write_table(pa.table(table), path)
-    wanted = Wanted(("door", "lamp", "fan"), (parse_comparison("hall > 21"),))
+    wanted = Wanted(("door", "lamp", "fan"), (parse_condition("hall > 21"),))
     readings = open_readings(str(path), wanted)
     assert shown(readings) == {"door": "1?", "hall>21": "01", "lamp": "10", "fan": "01"}
     assert readings.moment(2) == "2026-07-01 12:01:00+00:00"
@@ -422,3 +422,22 @@ def test_what_is_no_file_is_named(tmp_path: Path) -> None:
     ):
         with pytest.raises(InvalidValueError, match=rule):
             open_source(str(path), seed=0)
+
+
+def test_changes_go_from_row_to_row_and_presence_is_of_messages(tmp_path: Path) -> None:
+    wanted = Wanted(("level rises", "mode changes"))
+    text = "level,mode\n1,a\n2,a\n2,b\n,b\n3,b\n"
+    readings = read(tmp_path, text, wanted)
+    assert readings.columns.sensorium.names == ("level rises", "mode changes")
+    rows = [[*map(list, readings.columns.row(tick))] for tick in range(5)]
+    assert rows == [
+        [[False, False], [False, False]],
+        [[True, False], [True, True]],
+        [[False, True], [True, True]],
+        [[False, False], [False, True]],
+        [[False, False], [False, True]],
+    ]
+    with pytest.raises(InvalidValueError, match=r"^heard within: must be of mess"):
+        read(tmp_path, text, Wanted(("mode heard within 5 s",)))
+    named = read(tmp_path, "hall > 5,b\n1,0\n0,1\n", Wanted(("hall > 5",)))
+    assert named.columns.sensorium.names == ("hall > 5",)

@@ -12,6 +12,7 @@ from mcap.writer import Writer
 from rosbags.typesys import Stores, get_typestore
 
 from neurosnap.sources.meaning import Wanted
+from neurosnap.sources.message_fields import fields
 from neurosnap.sources.open_readings import open_readings
 from neurosnap.sources.ros2_types import cdr_decoder
 
@@ -61,7 +62,12 @@ def test_of_an_array_there_are_as_many_items() -> None:
         + numbers.tobytes()
         + bytes([7, 9])
     )
-    assert decode(data) == {"x": list(range(64)), "y": [7, 9]}
+    said = decode(data)
+    assert isinstance(said, dict)
+    assert [said["x"].tolist(), said["y"].tolist()] == [[*range(1000)], [7, 9]]
+    assert [name for name, _ in fields("/a", said)][62:] == [
+        *("/a.x[62]", "/a.x[63]", "/a.y[0]", "/a.y[1]")
+    ]
 
 
 @pytest.mark.parametrize(

@@ -75,7 +75,7 @@ def test_a_board_shows_what_the_list_of_all_readings_says(
     began: float,
     wait: float,
 ) -> None:
-    latest = LatestReadings(NAMES, stale_after=stale, seen_within=seen)
+    latest = LatestReadings(NAMES, stale_after=stale, heard_within=seen)
     latest.start_listening(began)
     came: list[Came] = []
     now = began
@@ -111,8 +111,8 @@ def test_all_at_once_is_as_one_after_the_other(
     stale: list[float | None],
     seen: list[float | None],
 ) -> None:
-    once = LatestReadings(NAMES, stale_after=stale, seen_within=seen)
-    singly = LatestReadings(NAMES, stale_after=stale, seen_within=seen)
+    once = LatestReadings(NAMES, stale_after=stale, heard_within=seen)
+    singly = LatestReadings(NAMES, stale_after=stale, heard_within=seen)
     now = 0.0
     for (readings, offset, step), (sensor, on, other, _) in zip(
         wholes, comings, strict=False
@@ -130,7 +130,7 @@ def test_all_at_once_is_as_one_after_the_other(
 
 
 def test_before_anybody_listens_silence_says_nothing() -> None:
-    latest = LatestReadings(["phone", "door"], seen_within=[30, None])
+    latest = LatestReadings(["phone", "door"], heard_within=[30, None])
     assert latest.observation(1e9)[1].tolist() == [False, False]
     assert latest.next_change(0.0) is None
 
@@ -140,7 +140,7 @@ def test_before_anybody_listens_silence_says_nothing() -> None:
     [
         (NAMES, {"stale_after": 0}, "stale_after: must be above 0, got 0"),
         (NAMES, {"stale_after": float("nan")}, "stale_after: must be above 0, got nan"),
-        (NAMES, {"seen_within": [1, 0, 2]}, "seen_within: must be above 0, got 0"),
+        (NAMES, {"heard_within": [1, 0, 2]}, "heard_within: must be above 0, got 0"),
         (NAMES, {"stale_after": [1, 2]}, "stale_after: must be 3, one a sensor, got 2"),
         ([], {}, "sensors: must be one at least, got"),
     ],
@@ -153,7 +153,7 @@ def test_what_does_not_fit_the_sensors_is_refused(
 
 
 def test_what_was_heard_before_the_connection_was_lost_says_nothing_any_more() -> None:
-    latest = LatestReadings(["phone"], seen_within=3)
+    latest = LatestReadings(["phone"], heard_within=3)
     latest.start_listening(0.0)
     latest.update(0, True, 1.0, 1.0)
     latest.stop_listening()

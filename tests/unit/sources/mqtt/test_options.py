@@ -38,7 +38,7 @@ when = "> 21.5, off < 21"
 [[sensors]]
 name = "phone"
 topic = "wifi/phone"
-seen_within = 30
+when = "heard within 30 s"
 
 [[actions]]
 name = "light"
@@ -50,6 +50,9 @@ interval = 5
 [publish]
 prefix = "neurosnap/house"
 """
+
+
+HEARD = 'when = "heard within 30 s"'
 
 
 def parsed(text: str) -> MqttOptions:
@@ -72,15 +75,10 @@ def test_a_table_becomes_options_and_survives_the_recording() -> None:
         ('"house/light/set"', '"house/+/set"', "light: topic: must be a topic, with"),
         ("off < 21", "off < 22", "warm: when: must let the sensor be off below where"),
         ("> 21.5, ", "t > 21.5, ", 'warm: when: must be like "> 21", "> 21 °C, off'),
-        ("seen_within = 30", 'seen_within = 30\nfield = "a"', "phone: field: must not"),
-        ("seen_within = 30", "seen_within = nan", "Expected `float` > 0"),
-        ("seen_within = 30", "seen_within = 0", "Expected `float` > 0"),
-        (
-            "seen_within = 30",
-            'seen_within = 3\nwhen = "> 1"',
-            "phone: when: must not go",
-        ),
-        ("seen_within = 30", 'on = ["Yes"]\noff = ["yes"]', "phone: off: must differ"),
+        (HEARD, f'{HEARD}\nfield = "a"', "phone: field: must not go with heard"),
+        (HEARD, 'when = "heard within 1e999 s"', "phone: when: must be within"),
+        (HEARD, 'when = "heard within 0 s"', "phone: when: must be within more"),
+        (HEARD, 'on = ["Yes"]\noff = ["yes"]', "phone: off: must differ"),
         ('name = "light"', 'name = "none"', "names: must be unique"),
         ('name = "warm"', 'name = "door"', "names: must be unique"),
         ("tls = true", 'ca_file = "ca.pem"', "ca_file: must go with tls"),

@@ -18,7 +18,7 @@ def read(sensor: MqttSensor, data: bytes) -> bool | None:
 
 
 WORDS = MqttSensor(name="door", topic="house/door")
-SEEN = MqttSensor(name="phone", topic="wifi/phone", seen_within=30)
+SEEN = MqttSensor(name="phone", topic="wifi/phone", when="heard within 30 s")
 CLIMATE = MqttSensor(name="warm", topic="house", field="rooms.0.warm", when="> 20")
 OTHERS = MqttSensor(name="x", topic="x", on=("Full",), off=("Empty",))
 INSIDE = MqttSensor(name="x", topic="x", field="a.b")
