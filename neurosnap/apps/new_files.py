@@ -1,17 +1,19 @@
 """Names new recordings, and refuses to replace existing files."""
 
+import os
 import re
+import shutil
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.system.durable import replacing
+from neurosnap.system.durable import replacing, sync_file, sync_folder
 
 _UNFIT = re.compile(r"[^\w.-]+")
 _LONGEST = 60  # letters of a source in a name, each up to 4 of the 255 bytes there are
-_EVERYBODY = 0o666
+_EVERYBODY, _READ = 0o666, 0o444
 LOGS = Path("logs")
 """Where recordings go by default."""
 
@@ -65,11 +67,49 @@ def placed(path: Path, *, force: bool, reads: Collection[Path]) -> Iterator[Path
         OSError: It cannot be written.
     """
     free_path(path, force=force, reads=reads)
+    with replacing(path, _allowed(reads)) as draft:
+        yield draft
+
+
+@contextmanager
+def placed_folder(path: Path, *, reads: Collection[Path]) -> Iterator[Path]:
+    """Give a temporary folder for files, which becomes `path` if nothing goes wrong.
+
+    Only those may read it who may read all that is exported.
+
+    Args:
+        path: Where to; it must not exist.
+        reads: What is exported.
+
+    Raises:
+        InvalidValueError: Something is there already, or there is no folder for it.
+        OSError: It cannot be written.
+    """
+    if path.exists():
+        raise InvalidValueError("out", "must not exist yet", str(path))
+    draft = free_path(path).with_name(f".{path.name}.{os.getpid()}.part")
+    shutil.rmtree(draft, ignore_errors=True)  # left by a dead process of our number
+    try:
+        draft.mkdir(0o700)
+        yield draft
+        mode = _allowed(reads)
+        for file in draft.iterdir():
+            mode &= file.stat().st_mode  # less the user's mask
+            file.chmod(mode)
+            sync_file(file)
+        draft.chmod(0o700 | mode | (mode & _READ) >> 2)
+        draft.rename(path)
+        sync_folder(path.absolute().parent)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+
+
+def _allowed(reads: Collection[Path]) -> int:
+    """Return the permissions that all of some files give."""
     allowed = _EVERYBODY
     for source in reads:
         allowed &= source.stat().st_mode
-    with replacing(path, allowed) as draft:
-        yield draft
+    return allowed
 
 
 def new_path(source: str, folder: Path = LOGS) -> Path:

@@ -1,6 +1,7 @@
 """Describes anomalies in words, leaving out rules with too little evidence."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import msgspec
 
@@ -176,6 +177,11 @@ def anomaly_line(told: NamedAnomaly) -> str:
     others = [name for name in told.candidates if name not in told.culprits]
     perhaps = f" or {few(others)}" if others else ""
     return visible(f"{line}; {likely}{perhaps}{exact} may be wrong")
+
+
+def anomaly_record(told: NamedAnomaly) -> dict[str, Any]:
+    """Return an anomaly as JSON can hold it, with its line as `text`."""
+    return {**msgspec.to_builtins(told), "text": anomaly_line(told)}
 
 
 def few(names: Sequence[str]) -> str:

@@ -180,7 +180,8 @@ def test_a_table_goes_beside_the_recording_or_where_it_is_named(
     path_log: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(path_log.parent)
-    for form, out in (("csv", ()), ("parquet", ("-o", "path.parquet"))):
+    given = {form: ("-o", f"path.{form}") for form in ("parquet", "rosbag2")}
+    for form, out in {"csv": (), **given}.items():
         facts = happy("export", path_log.name, *out)
         assert facts == {
             "path": f"path.{form}",
@@ -188,7 +189,7 @@ def test_a_table_goes_beside_the_recording_or_where_it_is_named(
             "incomplete": 0,
             "whole": True,
         }
-        assert Path(facts["path"]).is_file()
+        assert Path(facts["path"]).exists()
 
 
 def ended(number: signal.Signals, log: Path, out: Path) -> Result:

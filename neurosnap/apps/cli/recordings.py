@@ -186,14 +186,14 @@ def export(
             help="Where to write; must not exist yet. Its ending says what: .csv or"
             " .parquet: a table with a row for each tick. .html: the page of `neurosnap"
             " view`, which opens anywhere. .mcap: all that is intact of a damaged"
-            " recording.",
+            " recording. .rosbag2: a folder, which `ros2 bag` plays.",
             show_default="a .csv beside the recording",
         ),
     ] = None,
     force: Force = False,
     form: Format = "text",
 ) -> None:
-    """Convert a recording to a table or a page, or save what is intact of it."""
+    """Convert a recording to a table, a page or a bag, or save what is intact of it."""
     from neurosnap.apps.export.table import export as write
     from neurosnap.apps.viewer.page_file import write_page
     from neurosnap.recording.read.recording import Recording
@@ -201,14 +201,15 @@ def export(
 
     with errors():
         path = log.with_suffix(".csv") if out is None else out
-        if path.suffix.lower() == ".mcap":
-            if force:
-                raise InvalidValueError("out", "must come without --force", str(path))
+        ending = path.suffix.lower()
+        if force and ending in (".mcap", ".rosbag2"):
+            raise InvalidValueError("out", "must come without --force", str(path))
+        if ending == ".mcap":
             with unwinding():
                 _report_salvaged(salvage(log, path), form)
             return
         recording = Recording.open(log)
-        if path.suffix.lower() == ".html":
+        if ending == ".html":
             with unwinding():
                 write_page(log, path, force=force)
             size = path.stat().st_size
@@ -217,7 +218,12 @@ def export(
             end_by(recording)
             return
         with unwinding():
-            found = write(recording, path, force=force)
+            if ending == ".rosbag2":
+                from neurosnap.apps.export.rosbag2 import write_bag
+
+                found = write_bag(recording, path)
+            else:
+                found = write(recording, path, force=force)
         say(form, f"wrote {path}")
         if found.incomplete:
             say(form, f"{found.incomplete} ticks lack something")

@@ -209,7 +209,7 @@ def export(
     """
     ending = out.suffix.lower()
     if ending not in (".csv", ".parquet"):
-        rule = "must end with one of .csv, .parquet, .html, .mcap"
+        rule = "must end with one of .csv, .parquet, .html, .mcap, .rosbag2"
         raise InvalidValueError("out", rule, str(out))
     write = write_csv if ending == ".csv" else write_parquet
     table = Table(births_of(recording).body)

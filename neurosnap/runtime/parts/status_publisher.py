@@ -19,7 +19,11 @@ from neurosnap.errors import InvalidValueError, MessageError, ShapeError
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.health.alarm import Standing
 from neurosnap.health.alarm_budget import NEVER
-from neurosnap.protocol.anomaly_report import anomaly_line, named_anomaly, with_support
+from neurosnap.protocol.anomaly_report import (
+    anomaly_record,
+    named_anomaly,
+    with_support,
+)
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.parts.job import PartContext
@@ -77,8 +81,7 @@ class StatusListener:
                 if rest is not None:
                     self._wrong, self._calm = tick, False
                     record = named_anomaly(rest, self._body.sensors)
-                    line = {"text": anomaly_line(record)}
-                    self._publisher.anomaly(msgspec.to_builtins(record) | line)
+                    self._publisher.anomaly(anomaly_record(record))
             case wire.Decision():
                 self._publisher.decision(message)
                 self._body = body_after(self._body, message)

@@ -84,6 +84,7 @@ ROWS = {
     "health readings.csv --alarms often": "alarms: must be a number a hour, day, week",
     "export log.mcap -o a.xls": "out: must end with one of .csv, ",
     "export log.mcap -o a.mcap --force": "out: must come without --force",
+    "export log.mcap -o a.rosbag2 --force": "out: must come without --force",
     "export log.mcap -o taken.csv": "out: must not exist yet, or come with --force",
     "export log.mcap -o none/a.csv": "out: must be in a folder that exists",
     "resume log.mcap --ticks -4": "got -4",

@@ -1,0 +1,1 @@
+"""ROS 2: what is said to its programs."""
