@@ -34,7 +34,7 @@ from neurosnap.sources.cuts import signals_in, with_cuts
 from neurosnap.sources.meaning import Heard, Reader, Wanted, as_text, refused
 from neurosnap.sources.message_fields import Term, fields
 from neurosnap.sources.readings import Readings, utc
-from neurosnap.sources.ros2_types import Decoder, cdr_decoder
+from neurosnap.sources.ros2.message_types import Decoder, cdr_decoder
 
 MAGIC = b"\x89MCAP0\r\n"
 _OURS = "neurosnap"

@@ -1,1 +1,1 @@
-"""ROS 2: what is said to its programs."""
+"""ROS 2 without ROS: its wire over Zenoh, its messages, what its programs are told."""

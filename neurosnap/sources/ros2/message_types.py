@@ -4,6 +4,7 @@ The types are read by `rosbags`, which makes the code that decodes them: names t
 stand in it are letters, digits and underscores, and nothing of a type is evaluated.
 """
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -15,6 +16,20 @@ from neurosnap.system.distribution import must_have
 
 _MOMENTS = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
 Decoder = Callable[[bytes], object]
+
+
+@functools.cache
+def stock_types() -> Any:  # noqa: ANN401 - untyped
+    """Return the types that come with ROS 2 (Kilted), as a store of `rosbags`.
+
+    Raises:
+        ValueError: `rosbags` is not installed.
+    """
+    try:
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise ValueError(must_have("rosbags", "ros2")) from error
+    return get_typestore(Stores.ROS2_KILTED)
 
 
 def cdr_decoder(schema: Schema) -> Decoder:

@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.message_fields import fields
 from neurosnap.sources.open_readings import open_readings
-from neurosnap.sources.ros2_types import cdr_decoder
+from neurosnap.sources.ros2.message_types import cdr_decoder
 
 STORE: Any = get_typestore(Stores.ROS2_JAZZY)
 STATUS, BOOL = "diagnostic_msgs/msg/DiagnosticArray", "std_msgs/msg/Bool"
