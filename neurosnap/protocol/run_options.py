@@ -20,7 +20,9 @@ from neurosnap.protocol.option_declaration import option
 from neurosnap.protocol.worker_learning import WorkerLearning
 from neurosnap.protocol.worker_shares import hosts, learning_shares, shares
 from neurosnap.sensorium import Sensorium
-from neurosnap.sources.cuts import known_order, recorded_wanted
+from neurosnap.sources.cuts import known_order, recorded_conditions
+from neurosnap.sources.meaning import Condition
+from neurosnap.sources.mqtt.options import MqttOptions, conditions_of
 from neurosnap.wire import HISTORY, LARGEST_KEYFRAME
 
 SMALLEST = 1 << 16
@@ -396,8 +398,15 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
         Raises:
             InvalidValueError: The source's arguments hold cuts that are none.
         """
-        wanted = recorded_wanted(self.arguments)
-        return tuple(known_order(self.body.own, wanted))
+        return tuple(known_order(self.body.own, self.conditions))
+
+    @property
+    def conditions(self) -> dict[str, Condition]:
+        """When the sensors of signals are on, by name; raises as `known_order`."""
+        if self.source == "mqtt:":
+            text = str(self.arguments.get("options"))
+            return conditions_of(msgspec.json.decode(text, type=MqttOptions))
+        return recorded_conditions(self.arguments)
 
     def new_snapshot(self, share: range | None = None) -> Snapshot:
         """Return the snapshot the run starts with; a share is as of `Snapshot`.

@@ -33,12 +33,16 @@ _OURS = re.compile(r"neurosnap/\w+-v\d+")
 
 
 def recordable(options: RunOptions) -> RunOptions:
-    """Return options as others may see them: without the places of secrets."""
+    """Return options as others may see them: without the places of secrets.
+
+    Nor with the first lines of standard input, which have their ticks.
+    """
     if options.source != MQTT:
-        return options
-    given = mqtt_options(options.arguments)
-    broker = replace(given.broker, password_file=None, password_env=None)
-    said = msgspec.json.encode(replace(given, broker=broker)).decode()
+        given = {k: v for k, v in options.arguments.items() if k != "head"}
+        return replace(options, arguments=given)
+    mqtt = mqtt_options(options.arguments)
+    broker = replace(mqtt.broker, password_file=None, password_env=None)
+    said = msgspec.json.encode(replace(mqtt, broker=broker)).decode()
     return replace(options, arguments={"options": said})
 
 

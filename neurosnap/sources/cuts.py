@@ -14,7 +14,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import combinations, product
+from itertools import chain, combinations, product
 from typing import TypeAlias
 
 import msgspec
@@ -33,6 +33,8 @@ from neurosnap.sources.meaning import (
 
 Cuts: TypeAlias = Mapping[str, tuple[Condition, ...]]
 """When the sensors of a signal are on, by its name; none for one that is left out."""
+Signals: TypeAlias = Mapping[str, tuple[Condition | None, ...]]
+"""When the sensors of each signal are on; None: as it says by itself."""
 WORDS_AT_MOST = 8
 """Different words of a signal that is cut into one sensor a word."""
 _logger = logging.getLogger(__name__)
@@ -55,9 +57,14 @@ def with_cuts(
     """
     if wanted.cuts is not None or not wanted.bins:
         return wanted
+    return cut_by(wanted, signals_in(values), lenient=lenient)
+
+
+def cut_by(wanted: Wanted, signals: Mapping[str, "Signal"], *, lenient: bool) -> Wanted:
+    """Return what is wanted with cuts, by what each signal says; see `with_cuts`."""
     cuts = {
-        name: tuple(signal.cuts(name, wanted.bins))
-        for name, signal in signals_in(values).items()
+        name: tuple(signal.cuts(name, wanted.bins)) if wanted.bins else ()
+        for name, signal in signals.items()
         if signal.is_cut or (lenient and not signal.is_plain)
     }
     # Of some it was said how to read them, and of the others nothing.
@@ -200,19 +207,20 @@ def _limits(values: Sequence[float], parts: int) -> Iterator[float]:
         yield next(limit for limit in rounded if low <= limit < high)
 
 
-def known_order(sensors: Sequence[str], wanted: Wanted) -> Iterator[tuple[int, int]]:
+def known_order(
+    sensors: Sequence[str], conditions: Mapping[str, Condition]
+) -> Iterator[tuple[int, int]]:
     """Yield which literals imply which, whatever the signals say.
 
     Args:
         sensors: Their names.
-        wanted: How they are read.
+        conditions: When they are on, by name.
 
     Returns:
         Pairs ``(a, b)`` of literals, ``a -> b``, with each its contrapositive. O(n²) of
         the sensors of one signal.
     """
     signals: dict[str, list[tuple[int, Condition]]] = {}
-    conditions = {each.name: each for each in wanted.every_condition()}
     for sensor, name in enumerate(sensors):
         if (condition := conditions.get(name)) is not None:
             signals.setdefault(condition.source, []).append((sensor, condition))
@@ -248,27 +256,33 @@ def _excludes(a: Condition, p: int, b: Condition, q: int) -> bool:
     return low > most or least > high
 
 
-def as_json(cuts: Cuts) -> str:
-    """Return cuts as they are recorded with a run."""
-    texts = {name: [each.text for each in some] for name, some in cuts.items()}
+def as_json(signals: Signals) -> str:
+    """Return how signals are read, as it is recorded with a run."""
+    texts = {n: [c and c.text for c in some] for n, some in signals.items()}
     return msgspec.json.encode(texts).decode()
 
 
-def recorded_cuts(text: str) -> Cuts:
-    """Return cuts as `as_json` wrote them.
+def recorded_signals(text: str) -> Signals:
+    """Return how signals are read, as `as_json` wrote it.
 
     Raises:
-        InvalidValueError: They are none.
+        InvalidValueError: It does not say so.
     """
     try:
-        found = msgspec.json.decode(text, type=dict[str, list[str]])
+        found = msgspec.json.decode(text, type=dict[str, list[str | None]])
     except msgspec.MsgspecError as error:
         rule = f"must be conditions by the names of signals ({error})"
         raise InvalidValueError("cuts", rule, text) from error
     return {
-        name: tuple(parse_condition(each, name) for each in texts)
-        for name, texts in found.items()
+        name: tuple(parse_condition(each, name) if each else None for each in some)
+        for name, some in found.items()
     }
+
+
+def recorded_cuts(text: str) -> Cuts:
+    """Return cuts as `as_json` wrote them; raises as `recorded_signals`."""
+    found = recorded_signals(text)
+    return {name: tuple(filter(None, some)) for name, some in found.items()}
 
 
 def conditions_in(text: str) -> tuple[Condition, ...]:
@@ -280,13 +294,16 @@ def conditions_in(text: str) -> tuple[Condition, ...]:
     return tuple(parse_condition(each) for each in text.split(";") if each.strip())
 
 
-def recorded_wanted(arguments: Mapping[str, object]) -> Wanted:
-    """Return how sensors were read, by the arguments that a run of a file has recorded.
+def recorded_conditions(arguments: Mapping[str, object]) -> dict[str, Condition]:
+    """Return when sensors are on, by the arguments that a run has recorded.
 
     Raises:
         InvalidValueError: Its cuts or conditions are none.
     """
-    cuts, when = arguments.get("cuts"), arguments.get("when", "")
-    if not isinstance(cuts, str) or not isinstance(when, str):
-        return Wanted()
-    return Wanted(conditions=conditions_in(when), cuts=recorded_cuts(cuts))
+    found: list[Condition | None] = []
+    for name in ("cuts", "signals"):
+        if isinstance(text := arguments.get(name), str) and text:
+            found += chain.from_iterable(recorded_signals(text).values())
+    if isinstance(when := arguments.get("when"), str):
+        found += conditions_in(when)
+    return {each.name: each for each in found if each}

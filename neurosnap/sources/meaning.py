@@ -4,8 +4,9 @@ import fnmatch
 import math
 import re
 import unicodedata
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any, NamedTuple, TypeAlias
 
 import msgspec
@@ -328,11 +329,10 @@ class Wanted:
             conditions += self.cuts[name]
         return [Reader(condition.name, condition) for condition in conditions]
 
-    def every_condition(self) -> Iterator[Condition]:
-        """Yield the conditions that were given, and those that were chosen."""
-        yield from self.conditions
-        for chosen in (self.cuts or {}).values():
-            yield from chosen
+    def every_condition(self) -> dict[str, Condition]:
+        """Return when sensors are on, as it was given or chosen, by their names."""
+        chosen = chain(self.conditions, *(self.cuts or {}).values())
+        return {each.name: each for each in chosen}
 
     def check(
         self, names: Sequence[str], where: str, *, messages: bool = False

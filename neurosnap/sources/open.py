@@ -21,12 +21,19 @@ import msgspec
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import visible
-from neurosnap.sources.cuts import as_json, conditions_in, recorded_cuts
+from neurosnap.sources.cuts import (
+    Signals,
+    as_json,
+    conditions_in,
+    recorded_cuts,
+    recorded_signals,
+)
 from neurosnap.sources.live.journal import Journal
 from neurosnap.sources.live.latest_or_late import LatestReadings
 from neurosnap.sources.live.live_source import Feeder, LiveSource
+from neurosnap.sources.live.signal_readers import SignalReaders, signals_of
 from neurosnap.sources.live.statistics import Statistics
-from neurosnap.sources.live.stdin_source import StdinFeeder, first_line, names_in
+from neurosnap.sources.live.stdin_source import StdinFeeder, first_lines
 from neurosnap.sources.live.tick_schedule import Seconds, TickRule
 from neurosnap.sources.live.zenoh_source import Hub, ZenohFeeder
 from neurosnap.sources.meaning import Wanted
@@ -148,17 +155,28 @@ def open_live(
             raise InvalidValueError("source", rule, "no such package") from error
         return mqtt_source(mqtt_options(arguments), journal=journal, most=most)
     given = _converted(arguments, LiveArguments)
-    if not given.sensors:
+    if not (given.sensors or given.signals):
         rule = "must be named for such a source (--set sensors=a,b,c)"
         raise InvalidValueError("sensors", rule, given.sensors)
-    latest = LatestReadings(given.names(), stale_after=given.stale_after)
+    readers = SignalReaders(given.read())
+    latest = LatestReadings(
+        readers.sensors,
+        stale_after=given.stale_after,
+        heard_within=readers.heard_within,
+    )
     feeder: Feeder
     if name == STDIN:
         feeder = StdinFeeder(given.head.encode() if given.head else None)
     else:
         feeder = ZenohFeeder(hub)
-    ticks = given.schedule()
-    return LiveSource(latest, ticks, feeder=feeder, journal=journal, most=most)
+    return LiveSource(
+        latest,
+        given.schedule(),
+        feeder=feeder,
+        journal=journal,
+        most=most,
+        readers=readers,
+    )
 
 
 class FileArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -199,19 +217,27 @@ class LiveArguments(TickRule, frozen=True):
     """What standard input or a swarm's own keys are opened with."""
 
     sensors: str = ""
-    """The names, in order, commas between them, or as a JSON list."""
+    """Names and conditions, in order, commas between them, or as a JSON list."""
+    bins: int = 4
+    """Parts that the range of a number is cut into; 0: none is."""
+    stretch: Seconds = 600.0
+    """Seconds, at most, in which the ranges of numbers are learned first."""
+    signals: str = ""
+    """How signals are read, in JSON; empty: by `sensors`."""
     stale_after: Seconds | None = None
     """Seconds after which a reading is believed no more; None if it always is."""
     head: str = ""
-    """The first line of standard input, where it was read to learn the names."""
+    """The first lines of standard input, where they were read to learn the sensors."""
 
-    def names(self) -> tuple[str, ...]:
-        """Return the sensors' names.
+    def read(self) -> Signals:
+        """Return how signals are read.
 
         Raises:
-            InvalidValueError: It is no list of texts.
+            InvalidValueError: It is said wrongly.
         """
-        return _listed(self.sensors)
+        if self.signals:
+            return recorded_signals(self.signals)
+        return signals_of(_listed(self.sensors))
 
 
 def _listed(sensors: str) -> tuple[str, ...]:
@@ -229,33 +255,53 @@ def _listed(sensors: str) -> tuple[str, ...]:
         raise InvalidValueError("sensors", rule, sensors) from error
 
 
+def needs_listening(name: str, arguments: Mapping[str, Argument]) -> bool:
+    """Return whether only what a source says tells its sensors: `settle` waits for it.
+
+    Raises:
+        InvalidValueError: An argument is wrong.
+    """
+    if name == MQTT:
+        return any(sensor.bins for sensor in mqtt_options(arguments).sensors)
+    if name != STDIN:
+        return False
+    given = _converted(arguments, LiveArguments)
+    return not (given.sensors or given.signals)
+
+
 def settle(name: str, arguments: Mapping[str, Argument]) -> dict[str, Argument]:
     """Return the arguments with the sensors in them, once and for all.
 
     Standard input can be read once only, and numbers of a file are cut by its
-    beginning. So the command that starts a run calls this first, and every part opens
-    the source with what it returns.
+    beginning, those of a live source by what it says in a first stretch. So the command
+    that starts a run calls this first, and every part opens the source with what it
+    returns.
 
     Args:
         name: As for `open_live`.
-        arguments: As for `open_live`. Without `sensors` the first line of standard
-            input says them; this waits for it.
+        arguments: As for `open_live`.
 
     Raises:
-        InvalidValueError: The first line names no sensors, or an argument is wrong.
+        InvalidValueError: The first line names no sensors, a number says nothing, or an
+            argument is wrong.
+        NeurosnapError: What is to be listened to cannot be reached.
     """
     if is_file(name):
         from neurosnap.sources.open_readings import settled
 
         wanted = settled(name, _converted(arguments, FileArguments).wanted())
-        if any(wanted.every_condition()) or wanted.cuts:
+        if wanted.every_condition() or wanted.cuts:
             return {**arguments, "cuts": as_json(wanted.cuts or {})}
+    if not needs_listening(name, arguments):
         return dict(arguments)
-    if name != STDIN or _converted(arguments, LiveArguments).sensors:
-        return dict(arguments)
-    line = first_line()
-    names = msgspec.json.encode(names_in(line)).decode()
-    return {**arguments, "sensors": names, "head": line.decode()}
+    if name == MQTT:
+        from neurosnap.sources.mqtt.mqtt_source import cut
+
+        options = cut(mqtt_options(arguments))
+        return {"options": msgspec.json.encode(options).decode()}
+    given = _converted(arguments, LiveArguments)
+    head, signals = first_lines(given.stretch, given.bins)
+    return {**arguments, "signals": as_json(signals), "head": head.decode()}
 
 
 def mqtt_options(arguments: Mapping[str, Argument]) -> MqttOptions:

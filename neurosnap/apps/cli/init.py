@@ -271,7 +271,7 @@ def check(
 
     with errors():
         try:
-            prepare(load(file))
+            prepare(load(file), listens=False)
         except ConfigError as error:
             faults = {"faults": error.faults, "more": error.more}
             print_facts(form, {"file": str(file), **faults})

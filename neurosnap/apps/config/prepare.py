@@ -41,7 +41,7 @@ from neurosnap.runtime.preflight import check_cells, check_sensors
 from neurosnap.runtime.remote_parts import among, parse_ranges
 from neurosnap.runtime.request import RunRequest, Site, check_swarm
 from neurosnap.sources.camera import try_camera
-from neurosnap.sources.open import ZENOH, is_live, open_source, settle
+from neurosnap.sources.open import ZENOH, is_live, needs_listening, open_source, settle
 from neurosnap.sources.open_readings import FileSource
 from neurosnap.sources.protocol import Argument
 from neurosnap.system.local_time import system_zone
@@ -59,7 +59,9 @@ _CALLED = {"source": ("id", "path", "kind"), "out": ("path",), "network": ("tls"
 first that there is."""
 
 
-def prepare(loaded: Loaded, swarm: str = "", *, here: bool = True) -> RunRequest:
+def prepare(
+    loaded: Loaded, swarm: str = "", *, here: bool = True, listens: bool = True
+) -> RunRequest:
     """Return the request of a run.
 
     Args:
@@ -67,6 +69,8 @@ def prepare(loaded: Loaded, swarm: str = "", *, here: bool = True) -> RunRequest
         swarm: Its id; empty for a random one.
         here: Whether its cells run on this machine, but for those that the description
             says are elsewhere.
+        listens: Whether the source may be listened to, where only that tells its
+            sensors; if not, what depends on them is not looked for.
 
     Raises:
         InvalidValueError: There can be no such id.
@@ -88,7 +92,8 @@ def prepare(loaded: Loaded, swarm: str = "", *, here: bool = True) -> RunRequest
     away: frozenset[str] = frozenset()
     if "source" not in loaded.wrong:
         with judge.of("source", "agent"):
-            fitted = _fit(config, name, given)
+            if listens or not needs_listening(name, given):
+                fitted = _fit(config, name, given)
             _warn_of_secrets(config, folder)
     with judge.of("recording"):
         options = _options(config, name, fitted or _NOTHING)

@@ -53,19 +53,28 @@ class CsvTable(_Table, frozen=True, kw_only=True, tag="csv"):
 class _LiveTable(TickRule, frozen=True):
     """What sources that are fed from outside have in common."""
 
-    sensors: Annotated[tuple[Text, ...], msgspec.Meta(min_length=1)]
-    """The sensors' names, in order."""
+    sensors: tuple[Text, ...] = ()
+    """The sensors, in order: names, or conditions such as `level > 20`."""
     stale_after: Seconds | None = None
     """Seconds after which a reading is believed no more; left out: it always is."""
 
     def _arguments(self) -> dict[str, Argument]:
-        given = msgspec.structs.asdict(self)
-        names = msgspec.json.encode(given.pop("sensors")).decode()
-        return {"sensors": names} | {k: said for k, said in given.items() if said}
+        fields = msgspec.structs.fields(self)
+        given = {field.name: getattr(self, field.name) for field in fields}
+        if names := given.pop("sensors"):
+            names = msgspec.json.encode(names).decode()
+        usual = {field.name: field.default for field in fields}
+        said = {name: each for name, each in given.items() if each != usual[name]}
+        return ({"sensors": names} if names else {}) | said
 
 
 class StdinTable(_LiveTable, frozen=True, tag_field="kind", tag="stdin"):
-    """Standard input, a JSON object a line."""
+    """Standard input, a JSON object a line; the first names the signals, if need be."""
+
+    bins: Annotated[int, msgspec.Meta(ge=0)] = 4
+    """Parts that the range of a number is cut into; 0: none is."""
+    stretch: Seconds = 600.0
+    """Seconds, at most, in which the ranges of numbers are learned first."""
 
     def opening(self, folder: Path) -> Opening:
         """Return how it is opened; it is the same from any folder."""

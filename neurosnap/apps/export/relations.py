@@ -8,7 +8,7 @@ import csv
 import io
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from html import escape
 from itertools import pairwise
 from pathlib import Path
@@ -29,7 +29,7 @@ from neurosnap.recording.replay.learn_again import snapshot_at
 from neurosnap.runtime.preflight import free_memory
 from neurosnap.sensorium import Sensorium, visible
 from neurosnap.sources.csv_cells_and_formulas import as_text
-from neurosnap.sources.cuts import known_order, recorded_wanted
+from neurosnap.sources.cuts import known_order
 from neurosnap.sources.mcap_file import is_foreign
 from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.open_readings import first_bytes, open_readings
@@ -219,15 +219,15 @@ def learned_from(
     how = "by the table's own rule"
     if isinstance(found, Recording):
         tick, snapshot = snapshot_at(found, at)
-        wanted = recorded_wanted(found.options.arguments)
         readings = readings_of(found, snapshot.sensorium, tick)
-        readings = replace(readings, wanted=wanted)
+        conditions = found.options.conditions
         if threshold is None:
             births, how = births_of(found), f"learned by tick {tick}"
     elif at is not None:
         raise InvalidValueError("at", "must go with a recording", at)
     else:
         readings = found
+        conditions = readings.wanted.every_condition()
     columns = readings.columns
     if births is None:
         _check_room(len(columns.sensorium))
@@ -238,7 +238,7 @@ def learned_from(
                 columns, threshold, on_progress=on_progress
             )
             how = f"threshold {threshold}"
-    known = known_order(columns.sensorium.names, readings.wanted)
+    known = known_order(columns.sensorium.names, conditions)
     rows = tabulate(columns, snapshot, every, on_progress, known)
     return Findings(source, readings, how, rows, births)
 

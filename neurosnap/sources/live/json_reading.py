@@ -10,26 +10,27 @@ A whole reading, which gets a tick of its own; what it does not name is unknown:
     {"bits": [1, 0]}
 
 A value is true, false, 1, 0, or a word of `neurosnap.sources.meaning`; null where the
-sensor does not know. On a key of one sensor's own it stands alone, or as
-``{"on": true, "at": 1690000000.0}``. ``at`` is in seconds since the epoch, and may be
-missing: then it is the time of arrival. Another field is refused: it might be a
-misspelt one. What is no reading, or longer than `LIMIT`, is an `InvalidValueError`.
+sensor does not know; a number or a word where a condition reads it, and an object or a
+list where one reads a field of it, ``arm.angle > 3``. On a key of one sensor's own it
+stands alone, or as ``{"on": true, "at": 1690000000.0}``. ``at`` is in seconds since the
+epoch, and may be missing: then it is the time of arrival. Another field is refused: it
+might be a misspelt one. What is no reading, or longer than `LIMIT`, is an
+`InvalidValueError`.
 """
 
-from collections.abc import Sequence
-from typing import TypeAlias, TypeVar
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeAlias, TypeVar
 
 import msgspec
 
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.sources.live.live_source import LiveSource, unknown
-from neurosnap.sources.meaning import Reader
+from neurosnap.sources.live.signal_readers import flattened
 
 LIMIT = 1 << 20
 """Bytes of one object, at most."""
-_Value: TypeAlias = bool | int | float | str | None
+_Value: TypeAlias = Any
 _T = TypeVar("_T")
-_reader = Reader("reading")
 
 
 class Reading(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -40,19 +41,20 @@ class Reading(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     bits: list[_Value] | dict[str, _Value] | None = None
     at: float | None = None
 
-    def in_order(self, sensors: Sequence[str]) -> tuple[bool | None, ...]:
-        """Return what is read of each sensor; None if that is unknown.
+    def values(self, signals: Sequence[str]) -> dict[str, object]:
+        """Return what signals say.
 
         Raises:
-            ShapeError: They come without names, and not one a sensor.
-            InvalidValueError: A value is none.
+            ShapeError: They come without names, and not one a signal.
         """
+        if self.sensor is not None:
+            return {self.sensor: self.on}
         if isinstance(self.bits, dict):
-            return tuple(value(self.bits.get(name)) for name in sensors)
+            return dict(self.bits)
         bits = self.bits or []
-        if len(bits) != len(sensors):
-            raise ShapeError("bits", f"must be {len(sensors)}, one a sensor", len(bits))
-        return tuple(map(value, bits))
+        if len(bits) != len(signals):
+            raise ShapeError("bits", f"must be {len(signals)}, one a sensor", len(bits))
+        return dict(zip(signals, bits, strict=True))
 
 
 class _On(msgspec.Struct, forbid_unknown_fields=True):
@@ -78,26 +80,17 @@ def read(payload: bytes) -> Reading:
     return said
 
 
-def read_on(payload: bytes) -> tuple[bool | None, float | None]:
-    """Return the reading of one sensor, sent on its own key, and its time, if any."""
+def read_on(payload: bytes) -> tuple[object, float | None]:
+    """Return what one signal says, sent on its own key, and its time, if any."""
     if payload.lstrip().startswith(b"{"):
         said = _decoded(_ons, payload, "{'on': value, 'at': seconds}")
-        return value(said.on), said.at
-    word = payload.decode(errors="replace").strip().strip('"')
-    return value(word[:40]), None
+        return said.on, said.at
+    return payload.decode(errors="replace").strip().strip('"')[:40], None
 
 
 def too_long() -> InvalidValueError:
     """Return the error of a reading longer than `LIMIT`."""
     return InvalidValueError("reading", f"must be up to {LIMIT} bytes", "more")
-
-
-def value(said: object) -> bool | None:
-    """Return what a sensor read; None if it does not know."""
-    try:
-        return _reader.read(said)
-    except ValueError as error:
-        raise InvalidValueError("reading", str(error), said) from None
 
 
 def _decoded(decoder: msgspec.json.Decoder[_T], payload: bytes, what: str) -> _T:
@@ -118,10 +111,25 @@ def hand_in(source: LiveSource, payload: bytes, *, spare: bool) -> None:
             `LiveSource.receive_whole`.
     """
     said = read(payload)
+    values = said.values(source.readers.signals)
+    readings = readings_in(source, values)
+    strange = [unknown(name) for name in values if not source.readers.wants(name)]
     if said.sensor is not None:
-        source.receive({said.sensor: value(said.on)}, said.at)
+        source.receive(readings, said.at, strange)
         return
-    readings = said.in_order(source.sensors)
-    named = said.bits if isinstance(said.bits, dict) else {}
-    wrong = [unknown(name) for name in named if name not in source.sensors]
-    source.receive_whole(readings, said.at, spare=spare, wrong=wrong)
+    bits = [readings.get(name) for name in source.sensors]
+    source.receive_whole(bits, said.at, spare=spare, wrong=strange)
+
+
+def readings_in(
+    source: LiveSource, values: Mapping[str, object]
+) -> dict[str, bool | None]:
+    """Return what sensors read, by what signals say.
+
+    Raises:
+        InvalidValueError: A signal says what is no reading.
+    """
+    readings, wrong = source.readers.read(flattened(values, source.readers))
+    if wrong:
+        raise wrong[0]
+    return readings

@@ -36,6 +36,7 @@ from neurosnap import wire
 from neurosnap.errors import NeurosnapError, ShapeError
 from neurosnap.sources.live.journal import Journal, JournalRow, Readings, Taken
 from neurosnap.sources.live.latest_or_late import Bits, ClockMapping, LatestReadings
+from neurosnap.sources.live.signal_readers import Readers, SignalReaders
 from neurosnap.sources.live.statistics import Fate, Refusals, Statistics
 from neurosnap.sources.live.tick_schedule import TickSchedule
 from neurosnap.sources.protocol import Observed
@@ -86,6 +87,10 @@ class LiveSource:
             actions; on the world's thread, so it should not take long.
         journal: Where rows are written before they are given; None for nowhere.
         most: Rows that there are to be at most; None for no bound.
+        readers: Make readings of what signals say; None: a sensor is a signal.
+
+    Attributes:
+        readers: For feeders that hear of signals.
     """
 
     live: bool = True
@@ -102,7 +107,11 @@ class LiveSource:
         actuate: Callable[[int], None] | None = None,
         journal: Journal | None = None,
         most: int | None = None,
+        readers: Readers | None = None,
     ) -> None:
+        self.readers: Readers = readers or SignalReaders(
+            dict.fromkeys(latest.sensors, (None,))
+        )
         self.sensors: tuple[str, ...] = latest.sensors
         self.orders: tuple[int, ...] = (0,) * len(latest.sensors)
         self.actions: tuple[str, ...] = tuple(actions)

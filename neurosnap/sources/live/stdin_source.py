@@ -7,18 +7,29 @@ that is no reading is logged with its number, and the run goes on; the end of th
 ends it in order.
 """
 
+import logging
+import math
 import os
 import select
 import threading
+import time
 from collections.abc import Iterator
+from contextlib import suppress
 
 from neurosnap.errors import FabricError, InvalidValueError, within
 from neurosnap.sensorium import Sensorium
+from neurosnap.sources.cuts import Signals
+from neurosnap.sources.live.first_stretch import Ranges
 from neurosnap.sources.live.json_reading import LIMIT, hand_in, read, too_long
 from neurosnap.sources.live.live_source import LiveSource
+from neurosnap.sources.live.signal_readers import flattened
+from neurosnap.sources.meaning import Wanted
 
 STANDARD_INPUT = 0
 _PIECE = 1 << 16
+_LINES = 1000
+"""Lines by which ranges are learned, at most; they wait for their ticks meanwhile."""
+_logger = logging.getLogger(__name__)
 _NAME = "standard input"
 
 
@@ -26,7 +37,7 @@ class StdinFeeder:
     """Reads lines on a thread of its own.
 
     Args:
-        head: The first line, with the blank ones before it, where it was read
+        head: The first lines, where they were read
             already. A source that goes on with a run had what it says.
     """
 
@@ -95,34 +106,80 @@ class StdinFeeder:
             source.refuse(str(within(f"{_NAME}:{number}", error)))
 
 
-def first_line() -> bytes:
-    """Return the first line that is not blank, with those before it, and read no more.
+def first_lines(seconds: float, bins: int) -> tuple[bytes, Signals]:
+    """Return the first lines, and how the signals in them are read; read no more.
 
-    Waits for it. It comes without its line feed, and is read byte by byte, so that
-    the feeder misses nothing.
+    Waits for the first, which names all signals, and reads what waits already, since a
+    number may be 0 at first. Where there are numbers, or words of their own, more are
+    waited for: for so many seconds, `_LINES` of them at most.
+
+    Args:
+        seconds: How long.
+        bins: Parts that the range of a number is cut into.
 
     Raises:
-        InvalidValueError: It is too long, or there is none.
+        InvalidValueError: The first line is too long, or there is none; or it is no
+            reading, or names none or not all of them.
+    """
+    head = _first_line()
+    names, ranges = names_in(head), Ranges(Wanted(bins=bins))
+    end, count, told = time.monotonic() + seconds, 1, ""
+    line: bytes | None = head.strip()
+    while line is not None:
+        with suppress(InvalidValueError):  # a line that is no reading is told of later
+            ranges.read(flattened(read(line).values(names), ranges))
+        if count >= _LINES or len(head) >= LIMIT:
+            break
+        if not ranges.are_plain and not told:
+            told = f"from {_LINES:,} lines, or {seconds:g} seconds"
+            _logger.warning("learning the range: %s", told)
+        if (line := _line(-math.inf if ranges.are_plain else end)) is not None:
+            head += b"\n" + line
+            count += 1
+    return head, ranges.chosen(names)
+
+
+def _first_line() -> bytes:
+    """Return the first line that is not blank, with those before it."""
+    head = b""
+    while (line := _line(math.inf)) is not None:
+        head += line
+        if len(head) > LIMIT:
+            raise within(_place(head), too_long())
+        if line.strip():
+            return head
+        head += b"\n"
+    rule = "must begin with a line that names the sensors (or name them: sensors)"
+    raise InvalidValueError(_NAME, rule, "no line")
+
+
+def _line(end: float) -> bytes | None:
+    """Return the next line; None if none begins until then, or any more.
+
+    It comes without its line feed, and is read byte by byte, so that the feeder misses
+    nothing.
     """
     line = bytearray()
     try:
+        poll = select.poll()
+        poll.register(STANDARD_INPUT, select.POLLIN)
+        left = end - time.monotonic()
+        if not poll.poll(None if left == math.inf else max(0, 1000 * left)):
+            return None
         while byte := os.read(STANDARD_INPUT, 1):
-            if byte == b"\n" and line.strip():
-                break
+            if byte == b"\n":
+                return bytes(line)
             line += byte
             if len(line) > LIMIT:
-                raise within(_place(line), too_long())
+                break
     except OSError as error:
         rule = f"must be readable ({error.strerror})"
         raise InvalidValueError(_NAME, rule, STANDARD_INPUT) from error
-    if not line.strip():
-        rule = "must begin with a line that names the sensors (or name them: sensors)"
-        raise InvalidValueError(_NAME, rule, "no line")
-    return bytes(line)
+    return bytes(line) or None
 
 
 def names_in(line: bytes) -> tuple[str, ...]:
-    """Return the sensors that a first line names, as `first_line` returns it.
+    """Return the signals that a first line names; blank ones may be before it.
 
     Raises:
         InvalidValueError: It is no reading, or names none or not all of them.

@@ -35,8 +35,14 @@ from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.roles import READING
 from neurosnap.fabric.zenoh.connect_session import connecting, reason_of
 from neurosnap.fabric.zenoh.discovery import id_of
-from neurosnap.sources.live.json_reading import LIMIT, hand_in, read_on, too_long
-from neurosnap.sources.live.live_source import LiveSource
+from neurosnap.sources.live.json_reading import (
+    LIMIT,
+    hand_in,
+    read_on,
+    readings_in,
+    too_long,
+)
+from neurosnap.sources.live.live_source import LiveSource, unknown
 
 _PATIENCE = 10.0  # seconds the hub may take to answer
 
@@ -128,7 +134,8 @@ def hand_over(source: LiveSource, key: str, payload: zenoh.ZBytes) -> None:
         if not named:
             hand_in(source, text, spare=False)
         else:
-            on, at = read_on(text)
-            source.receive({sensor: on}, at)
+            said, at = read_on(text)
+            strange = () if source.readers.wants(sensor) else (unknown(sensor),)
+            source.receive(readings_in(source, {sensor: said}), at, strange)
     except InvalidValueError as error:
         source.refuse(str(within(key, error)))

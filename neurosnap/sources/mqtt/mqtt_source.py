@@ -16,10 +16,15 @@ import asyncio
 import threading
 from contextlib import suppress
 
+from msgspec.structs import replace
+
 from neurosnap.errors import InvalidValueError, NeurosnapError
+from neurosnap.sources.cuts import Signal
+from neurosnap.sources.live.first_stretch import Ranges, listen
 from neurosnap.sources.live.journal import Journal
 from neurosnap.sources.live.latest_or_late import LatestReadings
 from neurosnap.sources.live.live_source import LiveSource
+from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.mqtt.connection import MqttLink
 from neurosnap.sources.mqtt.options import MqttOptions, MqttSensor
 from neurosnap.sources.mqtt.outbox import Outgoing
@@ -63,6 +68,36 @@ def mqtt_source(
         journal=journal,
         most=most,
     )
+
+
+def cut(options: MqttOptions) -> MqttOptions:
+    """Return options with a sensor for each cut of the numbers that ask for some.
+
+    Where any does, the broker is listened to first, for as long as `stretch` says.
+
+    Raises:
+        NeurosnapError: The broker cannot be reached, or a number said nothing.
+    """
+    asks = tuple(sensor for sensor in options.sensors if sensor.bins is not None)
+    if not asks:
+        return options
+    ranges = Ranges(Wanted())
+    looks = replace(options, sensors=asks, actions=(), publish=None)
+    listen(MqttFeeder(looks), ranges, options.stretch)
+    found: list[MqttSensor] = []
+    for sensor in options.sensors:
+        if sensor.bins is None:
+            found.append(sensor)
+            continue
+        signal = ranges.heard.get(sensor.name, Signal())
+        cuts = list(signal.cuts(sensor.name, sensor.bins))
+        if not cuts:
+            rule = f"must say numbers, not always the same, in {options.stretch:g} s"
+            raise InvalidValueError(f"{sensor.name}: bins", rule, signal.says())
+        found += (
+            replace(sensor, name=each.name, when=each.text, bins=None) for each in cuts
+        )
+    return replace(options, sensors=tuple(found))
 
 
 class MqttFeeder:
@@ -163,7 +198,10 @@ class MqttFeeder:
             if retained and sensor.heard_within is not None:
                 continue  # it may have been kept for days
             try:
-                readings[sensor.name] = reader.read(payload)
+                if sensor.bins is None:
+                    readings[sensor.name] = reader.read(payload)
+                else:  # of which only the range is learned
+                    self._source.readers.read({sensor.name: reader.value(payload)})
             except InvalidValueError as error:
                 wrong.append(f"{sensor.name}: {error}")
         if not self._source.receive(readings, wrong=wrong):

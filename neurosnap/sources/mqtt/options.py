@@ -118,6 +118,9 @@ class MqttSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     the two, both included, as it was before; ``= warm``; ``changes``, ``rises`` or
     ``falls``; or ``heard within 60 s`` of any message, but for one that the broker
     kept, which may be old. If None, it reads words."""
+    bins: Annotated[int, msgspec.Meta(ge=2)] | None = None
+    """Parts that the range of its number is cut into: it becomes as many sensors less
+    one, by what it says before the run begins. If None, it is one sensor."""
     stale_after: Seconds | None = None
     """Seconds after which a reading no longer counts; if None, the source's own."""
 
@@ -128,6 +131,9 @@ class MqttSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
             heard = self.heard_within is not None
         except InvalidValueError as error:
             raise within(self.name, error) from None
+        if self.bins is not None and self.when is not None:
+            rule = "must not go with when, which says where it is cut"
+            raise InvalidValueError(f"{self.name}: bins", rule, self.bins)
         if heard and self.field is not None:
             rule = "must not go with heard within, which does not look inside"
             raise InvalidValueError(f"{self.name}: field", rule, self.field)
@@ -217,6 +223,8 @@ class MqttOptions(
     stale_after: Seconds | None = None
     """Seconds after which a reading no longer counts and the sensor is unknown; None:
     a reading counts until the next one."""
+    stretch: Seconds = 600.0
+    """Seconds in which the ranges of numbers are learned first, where `bins` asks."""
     tick: MqttTick = MqttTick()
     """When a tick happens."""
     publish: MqttPublish | None = None
@@ -233,6 +241,15 @@ class MqttOptions(
         if not self.actions:
             return ()
         return ("none", *(action.name for action in self.actions))
+
+
+def conditions_of(options: MqttOptions) -> dict[str, Condition]:
+    """Return when sensors are on, by name; those of one signal have one source."""
+    return {
+        sensor.name: condition._replace(source=f"{sensor.topic} {sensor.field or ''}")
+        for sensor in options.sensors
+        if (condition := sensor.condition)
+    }
 
 
 def is_topic(topic: str) -> bool:

@@ -87,6 +87,11 @@ class PayloadReader:
         words |= {word.casefold(): False for word in sensor.off}
         self._reader = Reader(sensor.name, sensor.condition, words)
 
+    def value(self, payload: Payload) -> object:
+        """Return what `payload` says of the sensor; raises as `read`."""
+        field = self._sensor.field
+        return payload.text if field is None else payload.field(field)
+
     def read(self, payload: Payload) -> bool | None:
         """Return whether `payload` says on or off; None if it says unknown.
 
@@ -97,9 +102,8 @@ class PayloadReader:
         sensor = self._sensor
         if sensor.heard_within is not None:
             return True
-        value = payload.text if sensor.field is None else payload.field(sensor.field)
         try:
-            return self._reader.read(value)
+            return self._reader.read(self.value(payload))
         except ValueError as error:
             place = sensor.field or "payload"
             raise payload.wrong(f"{place} {error}") from None

@@ -1,6 +1,7 @@
 """Signals are cut where they say something, and what is known of cuts always holds."""
 
 import random
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.replay.learn_again import Learning
 from neurosnap.sources.cuts import as_json, known_order, recorded_cuts, with_cuts
-from neurosnap.sources.meaning import Choice, Comparison, Reader, Wanted
+from neurosnap.sources.meaning import Choice, Comparison, Condition, Reader, Wanted
 from neurosnap.sources.meaning import parse_condition as parsed
 from neurosnap.sources.open import open_source, settle
 from neurosnap.sources.open_readings import open_readings
@@ -35,6 +36,12 @@ def cut(*texts: str, learned: int | None = None, bins: int = 4) -> list[str] | N
     chosen = with_cuts(Wanted(bins=bins), said).cuts
     assert chosen is not None
     return [each.name for each in chosen["x"]] if "x" in chosen else None
+
+
+def known(conditions: Iterable[Condition]) -> Iterator[tuple[int, int]]:
+    """Return what is known of the sensors with these conditions, in their order."""
+    named = {each.name: each for each in conditions}
+    return known_order([*named], named)
 
 
 @pytest.mark.parametrize(
@@ -109,7 +116,7 @@ def test_what_is_known_of_cuts_is_never_broken(
 ) -> None:
     readers = [Reader(f"s{n}", each) for n, each in enumerate(cuts)]
     wanted = Wanted(conditions=tuple({each.name: each for each in cuts}.values()))
-    order = [*known_order([each.name for each in wanted.conditions], wanted)]
+    order = [*known(wanted.conditions)]
     readers = [Reader(each.name, each) for each in wanted.conditions]
     for value in values:
         read = [reader.read(value) for reader in readers]
@@ -123,9 +130,7 @@ def test_what_is_known_of_cuts_is_never_broken(
 @given(st.lists(st.sampled_from((1, 2, 3, None)), min_size=3, max_size=8))
 def test_what_is_known_of_changes_is_never_broken(values: list[int | None]) -> None:
     events = [*map(parsed, ("x rises", "x falls", "x changes"))]
-    order = [
-        *known_order([each.name for each in events], Wanted(conditions=(*events,)))
-    ]
+    order = [*known(events)]
     assert {(0, 4), (2, 4), (0, 3)} < {*order}
     readers = [Reader(each.name, each) for each in events]
     before: int | None = None
@@ -145,14 +150,14 @@ def test_what_was_heard_lately_was_heard() -> None:
     assert [each.name for each in heard] == [
         *("/a heard within 2 s", "/a heard within 0.5 s")
     ]
-    order = known_order([each.name for each in heard], Wanted(conditions=heard))
+    order = known(heard)
     assert {*order} == {(2, 0), (1, 3)}
 
 
 @given(st.lists(NUMBERS, min_size=2, max_size=4, unique=True))
 def test_all_that_holds_of_plain_cuts_is_known(limits: list[float]) -> None:
     cuts = tuple(Comparison("x", True, limit) for limit in limits)
-    order = {*known_order([each.name for each in cuts], Wanted(conditions=cuts))}
+    order = {*known(cuts)}
     wanted = {
         (2 * i, 2 * j)
         for i, one in enumerate(limits)
@@ -164,7 +169,8 @@ def test_all_that_holds_of_plain_cuts_is_known(limits: list[float]) -> None:
 
 def test_words_exclude_each_other_and_other_signals_have_nothing_to_say() -> None:
     cuts = (Choice("m", "a"), Choice("m", "b"), Choice("n", "a"))
-    order = known_order(["m=a", "door", "m=b", "n=a"], Wanted(conditions=cuts))
+    sensors = ["m=a", "door", "m=b", "n=a"]
+    order = known_order(sensors, Wanted(conditions=cuts).every_condition())
     assert {*order} == {(0, 5), (4, 1)}
 
 

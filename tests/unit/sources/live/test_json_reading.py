@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.sources.live.json_reading import LIMIT, Reading, read, value
+from neurosnap.sources.live.json_reading import LIMIT, Reading, read
+from neurosnap.sources.live.signal_readers import SignalReaders
 
 ON = [True, 1, "on", "ON", "True", "1", " on "]
 OFF = [False, 0, 0.0, "off", "Off", "FALSE", "closed"]
@@ -16,14 +17,14 @@ UNKNOWN = [None, "", "null", "unavailable"]
 
 
 def test_a_value_is_on_or_off() -> None:
-    assert [value(said) for said in ON] == [True] * len(ON)
-    assert [value(said) for said in OFF] == [False] * len(OFF)
-    assert [value(said) for said in UNKNOWN] == [None] * len(UNKNOWN)
-    rule = r"^reading: must be 0 or 1, false or true, off or on, or nothing for unknown"
-    wrong: list[object] = [2, -1, 0.5, "ajar", [], {}]
-    for said in wrong:
-        with pytest.raises(InvalidValueError, match=rule):
-            value(said)
+    read_on = SignalReaders({"reading": (None,)}).read
+    for said in (*ON, *OFF, *UNKNOWN):
+        expected = None if said in UNKNOWN else said in ON
+        assert read_on({"reading": said}) == ({"reading": expected}, [])
+    rule = "reading: must be 0 or 1, false or true, off or on, or nothing for unknown"
+    for said in (2, -1, 0.5, "ajar"):
+        _, (error,) = read_on({"reading": said})
+        assert str(error).startswith(rule)
 
 
 @given(
@@ -38,25 +39,13 @@ def test_a_single_reading_says_what_was_written(
     assert said == Reading(sensor, on, at=at)
 
 
-@given(
-    st.dictionaries(st.sampled_from("abcde"), st.sampled_from([*ON, *OFF, None])),
-    st.lists(st.sampled_from("abcde"), unique=True),
-)
-def test_a_whole_reading_by_name_knows_what_it_names(
-    bits: dict[str, bool | int | str | None], sensors: list[str]
-) -> None:
-    said = read(msgspec.json.encode({"bits": bits}))
-    assert said.in_order(sensors) == tuple(
-        value(bits[name]) if name in bits else None for name in sensors
-    )
-
-
-def test_a_whole_reading_in_order() -> None:
+def test_a_whole_reading_is_by_name_or_in_order() -> None:
     said = read(b'{"bits": [1, "off", null], "at": 7}')
     assert said.at == 7.0
-    assert said.in_order(["a", "b", "c"]) == (True, False, None)
+    assert said.values(["a", "b", "c"]) == {"a": 1, "b": "off", "c": None}
+    assert read(b'{"bits": {"b": 1}}').values(["a", "b"]) == {"b": 1}
     with pytest.raises(ShapeError, match=r"^bits: must be 2, one a sensor, got 3$"):
-        said.in_order(["a", "b"])
+        said.values(["a", "b"])
 
 
 @pytest.mark.parametrize(

@@ -13,8 +13,14 @@ from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.sources.live import stdin_source
 from neurosnap.sources.live.latest_or_late import LatestReadings
 from neurosnap.sources.live.live_source import ROOM, LiveSource
-from neurosnap.sources.live.stdin_source import Lines, StdinFeeder, first_line, names_in
+from neurosnap.sources.live.stdin_source import (
+    Lines,
+    StdinFeeder,
+    first_lines,
+    names_in,
+)
 from neurosnap.sources.live.tick_schedule import OnChange
+from neurosnap.sources.open import open_live, settle
 from tests.support.fake_time import Told
 from tests.support.sources import readings
 
@@ -122,7 +128,7 @@ def test_the_head_is_the_first_reading_of_a_run_that_begins_and_counts_as_a_line
     pipe: Pipe, caplog: pytest.LogCaptureFixture, blank: int, begun: bool
 ) -> None:
     pipe.write(b"\n" * blank + b'{"bits": {"door": 1, "motion": 1}}\n')
-    source = source_on(first_line())
+    source = source_on(first_lines(60, 4)[0])
     pipe.write(b'{"bits": [0, 0]}\nnonsense\n')
     pipe.end()
     ticks = rest_of(source, begun=begun)
@@ -162,18 +168,64 @@ def test_what_cannot_be_read_is_an_error(
 # The first line -----------------------------------------------------------------------
 
 
-def test_the_first_line_is_read_to_its_end_and_no_further(pipe: Pipe) -> None:
+def test_the_first_line_names_the_signals(pipe: Pipe) -> None:
     pipe.write(b'\n  \n{"bits": {"door": 1}}\n{"bits": [1]}\n')
-    line = first_line()
-    assert line == b'\n  \n{"bits": {"door": 1}}'
-    assert names_in(line) == ("door",)
+    line, signals = first_lines(60, 4)
+    assert signals == {"door": (None,)}
+    assert line == b'\n  \n{"bits": {"door": 1}}\n{"bits": [1]}'
     assert names_in(b'{"bits": {"motion": 0, "door": 1}}') == ("motion", "door")
-    assert os.read(pipe.reads, 100) == b'{"bits": [1]}\n'
     pipe.write(b"\n \n")
     pipe.end()
     rule = r"^standard input: must begin with a line that names the sensors"
     with pytest.raises(InvalidValueError, match=rule):
-        first_line()
+        first_lines(60, 4)
+
+
+def test_numbers_are_cut_by_the_first_lines_which_get_their_ticks(
+    pipe: Pipe, caplog: pytest.LogCaptureFixture
+) -> None:
+    lines = [
+        b'{"bits": {"same": 9, "v": %d, "ranges": [%d, 9], "door": 1}}' % (n, n)
+        for n in range(4)
+    ]
+    lines[2:2] = [b"nonsense", b'{"bits": {"v": 1, "door": 0}}']
+    pipe.write(b"\n".join(lines) + b'\n{"bits": {"v"')
+    pipe.end()
+    settled = settle("-", {"bins": 2})
+    said, left = caplog.messages
+    assert said == "learning the range: from 1,000 lines, or 600 seconds"
+    assert left.endswith("(--when reads them): same, ranges[1]")
+    source = open_live("-", settled)
+    assert source.sensors == ("v>1", "door", "ranges[0]>2")
+    again = settle("-", settled)
+    assert again == settled
+    assert rest_of(source) == [
+        *([False, True, False], [False, True, False], [False, False, None]),
+        *([True, True, False], [True, True, True]),
+    ]
+    source.close()
+    assert source.statistics().received.refused == 2  # no reading, and half of one
+
+
+def test_conditions_read_what_is_named_and_the_rest_is_told_of(
+    pipe: Pipe, caplog: pytest.LogCaptureFixture
+) -> None:
+    sensors = '["min(ranges[0:2]) < 5, off > 7", "arm.angle rises", "door"]'
+    source = open_live("-", {"sensors": sensors})
+    assert source.sensors == ("min(ranges[0:2])<5", "arm.angle rises", "door")
+    pipe.write(b"""\
+{"bits": {"ranges": [4, 8, 1], "arm": {"angle": 3, "x": 1}}}
+{"bits": {"ranges": [6, 8, 1], "arm": {"angle": 4}, "lamp": 1}}
+{"bits": {"ranges": [8, 9, 1], "arm": {"angle": "up"}}}
+{"bits": {"ranges": [8, 9, 1], "arm": {"angle": 4}, "door": 1}}
+""")
+    pipe.end()
+    assert rest_of(source) == [
+        *([True, None, None], [True, True, None], [False, False, True])
+    ]
+    assert caplog.messages[0].startswith("sensor: must be one the run began with, got")
+    assert source.statistics().received.refused == 1  # "up"
+    source.close()
 
 
 @pytest.mark.parametrize(

@@ -67,7 +67,7 @@ def test_objects_under_the_key_of_all() -> None:
 @pytest.mark.parametrize(
     ("key", "payload", "text"),
     [
-        ("reading/door", b"x" * 1000, "reading/door: reading: must be 0 or 1, false"),
+        ("reading/door", b"x" * 1000, "reading/door: door: must be 0 or 1, false"),
         ("reading/door", b'{"att": 2}', "reading/door: reading: must be {'on': value"),
         ("reading", b"on", "reading: reading: must be a reading in JSON"),
         ("reading", b'{"bits": [1]}', "reading: bits: must be 2, one a sensor, got 1"),
