@@ -10,75 +10,32 @@ once to read them.
 """
 
 import logging
-import re
-import struct
 from collections import Counter, defaultdict, deque
 from collections.abc import Container, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from statistics import median
-from typing import BinaryIO, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
-import zstandard
-from lz4.frame import LZ4FrameDecompressor
 from mcap.exceptions import McapError
-from mcap.records import Channel, Chunk, Header, McapRecord, Message, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.records import Channel, McapRecord, Message, Schema
 
 from neurosnap.errors import InvalidValueError, within
 from neurosnap.poc.learning.columns import GrowingColumns
 from neurosnap.sensorium import Sensorium
+from neurosnap.sources.bag_records import bag_files, records_in
 from neurosnap.sources.cuts import signals_in, with_cuts
 from neurosnap.sources.meaning import Heard, Reader, Wanted, as_text, refused
 from neurosnap.sources.message_fields import Term, fields
 from neurosnap.sources.readings import Readings, utc
 from neurosnap.sources.ros2.message_types import Decoder, cdr_decoder
+from neurosnap.system.distribution import must_have
 
-MAGIC = b"\x89MCAP0\r\n"
-_OURS = "neurosnap"
-_LIMIT = 256 * 2**20
-"""Bytes of a record or an unpacked chunk, at most: a file may claim any size."""
-_FLOOR, _RATIO = 64 * 2**20, 512
-"""Bytes that a file may unpack to in all, and more for each byte read."""
 _STALE = 3  # usual periods
 _SHORTEST = 0.001  # seconds between two rows
 _PERIODS = 1024  # of a topic that are looked at
-_MALFORMED = (
-    *(struct.error, ValueError, IndexError, EOFError, RuntimeError, OSError),
-    zstandard.ZstdError,
-)
-_DIGITS = re.compile(r"(\d+)")
 _logger = logging.getLogger(__name__)
-
-
-def _files(path: str) -> list[Path]:
-    """Return a file, or those of a folder as a bag of ROS 2 numbers them."""
-    given = Path(path)
-    if not given.is_dir():
-        return [given]
-
-    def order(file: Path) -> list[tuple[int, str]]:
-        # Digits and other letters take turns, so like is compared with like.
-        return [
-            (int(s), "") if s.isdigit() else (0, s) for s in _DIGITS.split(file.name)
-        ]
-
-    return sorted(given.glob("*.mcap"), key=order)
-
-
-def is_foreign(path: str) -> bool:
-    """Return whether a file or folder holds MCAP, and no recording of ours."""
-    files = _files(path)
-    if not files or not files[0].is_file():
-        return False
-    try:
-        with files[0].open("rb") as file:
-            first = next(iter(StreamReader(file, record_size_limit=_LIMIT).records))
-    except (McapError, *_MALFORMED):  # what it is then, others say
-        return False
-    return isinstance(first, Header) and first.profile != _OURS
 
 
 def read_mcap(path: str, wanted: Wanted) -> Readings:
@@ -165,7 +122,7 @@ class _Survey:
 
     def values(self) -> Iterator[tuple[str, str, bool]]:
         """Yield what the signals say that are taken as they are, for `with_cuts`."""
-        size = sum(file.stat().st_size for file in _files(self._path))
+        size = sum(file.stat().st_size for file in bag_files(self._path))
         last = self._wanted.learned * size
         for at, topic, said, offset in _messages(self._path, self._wanted.terms()):
             self.counts[topic] += 1
@@ -290,7 +247,7 @@ def _messages(
     """
     told: set[str] = set()
     before = 0
-    for file in _files(path):
+    for file in bag_files(path):
         decoders = _Decoders(file, topics, told, terms)
         for at, topic, said, place in _messages_in(file, decoders):
             yield at, topic, said, before + place
@@ -301,45 +258,11 @@ def _messages_in(
     path: Path, decoders: "_Decoders"
 ) -> Iterator[tuple[float, str, list[tuple[str, object]], int]]:
     """Yield the messages of one file."""
-    with path.open("rb") as file:
-        try:
-            for record in _records(file, path):
-                if not isinstance(record, Message):
-                    decoders.take(record)
-                elif (said := decoders.fields(record)) is not None:
-                    at = (record.publish_time or record.log_time) / 1e9
-                    yield at, *said, file.tell()
-        except InvalidValueError:
-            raise
-        except (McapError, KeyError, *_MALFORMED) as error:
-            rule = "must be whole MCAP, as far as it is read"
-            where = f"{type(error).__name__} before byte {file.tell()}"
-            raise InvalidValueError(str(path), rule, where) from error
-
-
-def _records(file: BinaryIO, path: Path) -> Iterator[McapRecord]:
-    unpacked = 0
-    reader = StreamReader(file, emit_chunks=True, record_size_limit=_LIMIT)
-    for record in reader.records:
-        if not isinstance(record, Chunk):
-            yield record
-            continue
-        unpacked += record.uncompressed_size
-        most = _FLOOR + _RATIO * file.tell()
-        claimed = record.uncompressed_size
-        if record.compression == "zstd":  # it would get as much room as it says
-            claimed = max(claimed, zstandard.frame_content_size(record.data))
-        if claimed > _LIMIT or unpacked > most:
-            rule = f"must unpack to at most {most:,} bytes by byte {file.tell()}"
-            raise InvalidValueError(str(path), rule, unpacked)
-        if record.compression == "lz4":  # `mcap` unpacks it to whatever it comes to
-            lz4 = LZ4FrameDecompressor()
-            data = lz4.decompress(record.data, max_length=claimed)
-            if not lz4.eof:
-                rule = f"must unpack to what it says by byte {file.tell()}"
-                raise InvalidValueError(str(path), rule, claimed)
-            record = replace(record, compression="", data=data)
-        yield from breakup_chunk(record, validate_crc=True)
+    for record, place in records_in(path):
+        if not isinstance(record, Message):
+            decoders.take(record)
+        elif (said := decoders.fields(record)) is not None:
+            yield (record.publish_time or record.log_time) / 1e9, *said, place
 
 
 class _Decoders:
@@ -375,7 +298,10 @@ class _Decoders:
 
     def fields(self, message: Message) -> tuple[str, list[tuple[str, object]]] | None:
         """Return topic and fields of a message; None if it is left out."""
-        channel = self._channels[message.channel_id]
+        channel = self._channels.get(message.channel_id)
+        if channel is None:
+            rule = "must say of what channel a message is, before it"
+            raise InvalidValueError(str(self._path), rule, message.channel_id)
         if self._topics is not None and channel.topic not in self._topics:
             return None
         kind = channel.message_encoding, channel.schema_id
@@ -418,6 +344,43 @@ def _decoder(channel: Channel, schema: Schema | None) -> Decoder:
     """
     if channel.message_encoding == "json":
         return msgspec.json.decode
+    if channel.message_encoding == "protobuf" and schema is not None:
+        return _protobuf_decoder(schema)
     if channel.message_encoding == "cdr" and schema is not None:
         return cdr_decoder(schema)
     raise ValueError(f"{channel.message_encoding or 'nothing'} is not understood")
+
+
+def _protobuf_decoder(schema: Schema) -> Decoder:
+    """Return what decodes the messages of a type of Protocol Buffers.
+
+    Raises:
+        ValueError: It cannot be read, or `mcap-protobuf-support` is not installed.
+            While decoding: the message is none of that type.
+    """
+    try:
+        from google.protobuf.json_format import MessageToDict
+        from google.protobuf.message import DecodeError
+        from mcap_protobuf.decoder import DecoderFactory
+    except ImportError as error:
+        raise ValueError(must_have("mcap-protobuf-support", "protobuf")) from error
+    try:
+        decode = DecoderFactory().decoder_for("protobuf", schema)
+    except (McapError, DecodeError, TypeError, RecursionError) as error:
+        why = type(error).__name__
+        raise ValueError(f"types of {schema.name} cannot be read ({why})") from error
+    if decode is None:
+        raise ValueError(f"types in {schema.encoding or 'nothing'} are not understood")
+
+    def decoded(data: bytes) -> object:
+        try:
+            return MessageToDict(
+                decode(data),
+                preserving_proto_field_name=True,
+                always_print_fields_with_no_presence=True,
+            )
+        except (DecodeError, TypeError, RecursionError) as error:
+            rule = f"must be a message of {schema.name} ({type(error).__name__})"
+            raise ValueError(rule) from error
+
+    return decoded

@@ -25,10 +25,8 @@ _WHEN = re.compile(
     re.ASCII,
 )
 _EVENT = re.compile(r"(?:(?P<name>.*\S)\s+)?(?P<kind>changes|rises|falls)")
-_HEARD = re.compile(
-    rf"(?:(?P<name>.*\S)\s+)?heard\s+within\s+(?P<span>{_NUMBER})\s*"
-    r"(?P<unit>ms|s|min|h|d)"
-)
+_HEARD = re.compile(r"(?:(?P<name>.*\S)\s+)?heard\s+within\s+(?P<span>.+)")
+_SPAN = re.compile(rf"(?P<span>{_NUMBER})\s*(?P<unit>ms|s|min|h|d)?")
 _SECONDS = {"ms": 0.001, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86_400.0}
 _EQUALS = re.compile(r"(?P<name>[^<>=]*?)\s*=\s*(?P<word>[^<>=]*[^<>=\s])\s*")
 Bound: TypeAlias = tuple[float, int]
@@ -195,13 +193,27 @@ def parse_condition(text: str, name: str = "") -> Condition:
         source = _one(name, match["name"], text)
         return Event(source, match["kind"])
     if match := _HEARD.fullmatch(said):
-        within = float(match["span"]) * _SECONDS[match["unit"]]
-        if not 0 < within < math.inf:
+        within = parse_span(match["span"], "when")
+        if not within:
             raise InvalidValueError("when", "must be within more than no time", text)
         return Heard(_one(name, match["name"], text), within)
     if match := _EQUALS.fullmatch(said):
         return Choice(_one(name, match["name"], text), match["word"].casefold())
     return _parsed_comparison(text, name)
+
+
+def parse_span(text: str, name: str) -> float:
+    """Return a time in seconds, as a user writes it: ``0.1``, ``100 ms``, ``2h``.
+
+    Raises:
+        InvalidValueError: It is none; `name` says which.
+    """
+    match = _SPAN.fullmatch(text.strip())
+    seconds = float(match["span"]) * _SECONDS[match["unit"] or "s"] if match else -1
+    if not 0 <= seconds < math.inf:
+        rule = "must be a time such as 0.5, 500ms, 2 s, 10min, 1h or 1d"
+        raise InvalidValueError(name, rule, text)
+    return seconds
 
 
 def is_condition(text: str) -> bool:

@@ -15,7 +15,7 @@ names, once to be the world.
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import TypeVar
 
 import msgspec
 
@@ -36,7 +36,7 @@ from neurosnap.sources.live.statistics import Statistics
 from neurosnap.sources.live.stdin_source import StdinFeeder, first_lines
 from neurosnap.sources.live.tick_schedule import Seconds, TickRule
 from neurosnap.sources.live.zenoh_source import Hub, ZenohFeeder
-from neurosnap.sources.meaning import Wanted
+from neurosnap.sources.meaning import Wanted, parse_span
 from neurosnap.sources.mqtt.options import MqttOptions
 from neurosnap.sources.protocol import Argument, Source
 from neurosnap.system.distribution import must_have
@@ -104,9 +104,9 @@ def is_file(name: str) -> bool:
             return True
         if not Path(name).is_dir():
             return False
-        from neurosnap.sources.mcap_file import is_foreign
+        from neurosnap.sources.bag_records import is_bag
 
-        return is_foreign(name)
+        return is_bag(name)
     except OSError:  # too long for a path, for one
         return False
 
@@ -191,8 +191,8 @@ class FileArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The name of the column with the time; None for a first ``time``."""
     bins: int = 4
     """Parts that the range of a number is cut into; 0: none is."""
-    every: Annotated[float, msgspec.Meta(ge=0)] = 0.0
-    """Seconds between the rows of messages (MCAP); 0: as is usual for them."""
+    every: float | str = 0.0
+    """Seconds between the rows of messages, or a time (``100ms``); 0: as is usual."""
     cuts: str = ""
     """The sensors that other signals are cut into, in JSON; empty: not chosen yet."""
 
@@ -207,7 +207,7 @@ class FileArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             conditions_in(self.when),
             self.time,
             self.bins,
-            self.every,
+            parse_span(str(self.every), "every"),
             _LEARNED,
             recorded_cuts(self.cuts) if self.cuts else None,
         )

@@ -12,9 +12,10 @@ from neurosnap.poc.learning.columns import GrowingColumns
 from neurosnap.poc.order.literal_sets import from_words
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources import home_assistant_db
+from neurosnap.sources.bag_records import MAGIC, is_bag
 from neurosnap.sources.csv_cells_and_formulas import CsvFile, TableFile, TableRows
 from neurosnap.sources.event_log import log_settled, read_event_log, roles
-from neurosnap.sources.mcap_file import MAGIC, is_foreign, read_mcap
+from neurosnap.sources.mcap_file import read_mcap
 from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.protocol import Observed
 from neurosnap.sources.readings import Readings, is_time, parse_time
@@ -42,7 +43,7 @@ def open_readings(path: str, wanted: Wanted | None = None) -> Readings:
             where.
     """
     wanted = wanted or Wanted()
-    if is_foreign(path):
+    if is_bag(path):
         readings = read_mcap(path, wanted)
     elif first_bytes(path).startswith(home_assistant_db.MAGIC):
         readings = home_assistant_db.read_home_assistant(path, wanted)
@@ -59,7 +60,7 @@ def settled(path: str, wanted: Wanted) -> Wanted:
     Raises:
         NeurosnapError: As `open_readings`.
     """
-    if not (is_foreign(path) or first_bytes(path).startswith(home_assistant_db.MAGIC)):
+    if not (is_bag(path) or first_bytes(path).startswith(home_assistant_db.MAGIC)):
         file, wanted = _table(path, wanted)
         if places := roles(file.header, wanted.time):
             return log_settled(file, places, wanted)

@@ -17,7 +17,7 @@ from msgspec import inspect
 
 from neurosnap.apps.config.load import load
 from neurosnap.apps.config.problems import Keys, LineNumbers, dotted
-from neurosnap.apps.config.sources import CsvTable, WorldTable
+from neurosnap.apps.config.sources import FileTable, WorldTable
 from neurosnap.apps.config.tables import Config, HealthTable
 from neurosnap.apps.config.validate import problems
 from tools.json_schema import schema
@@ -151,7 +151,7 @@ KIND = inspect.type_info(Config)
 assert isinstance(KIND, inspect.StructType)
 tables = {field.name: values_of(field.type) for field in KIND.fields}
 tables["source"] = st.one_of(
-    *(values_of(inspect.type_info(each)) for each in (WorldTable, CsvTable))
+    *(values_of(inspect.type_info(each)) for each in (WorldTable, FileTable))
 )
 configs = st.fixed_dictionaries(tables).map(
     lambda table: msgspec.convert(table, Config)

@@ -2,7 +2,7 @@
 """Fuzzes everything that reads external input; exit code 1 on a failure.
 
     tools/fuzz [--inputs 1000000] [--seed 1] [--minutes 15]
-                  [--only decode,cell,worker,coordinator,recording,disk]
+                  [--only decode,cell,worker,coordinator,recording,disk,bag]
 
 Valid input (from the messages' own types, and from a small recorded run) is damaged in
 ways that respect its structure, and for each target it must hold that
@@ -40,6 +40,7 @@ from tools.fuzz.targets import (
     Count,
     FuzzError,
     Target,
+    bag,
     cell,
     coordinator,
     decode,
@@ -60,6 +61,7 @@ TARGETS: dict[str, tuple[float, Callable[[Path], Target]]] = {
         ),
     ),
     "recording": (0.03, lambda folder: partial(recording, honest_run(folder), folder)),
+    "bag": (0.01, lambda folder: partial(bag, folder)),
     "worker": (0.2, lambda folder: partial(worker, honest_run(folder, WORKERS))),
     "disk": (0.002, lambda folder: disk_target(honest_run(folder, ticks=60), folder)),
 }

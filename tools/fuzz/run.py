@@ -4,10 +4,17 @@ A small swarm in memory, a function of nothing: each run says the same in the sa
 order, and its recording has the same bytes.
 """
 
+import functools
+import io
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
+from google.protobuf.descriptor_pb2 import FieldDescriptorProto
+from mcap.writer import Writer as Mcap
+from mcap_protobuf.schema import register_schema
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
@@ -15,10 +22,12 @@ from neurosnap.fabric.in_memory import matches
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.write.writer import Writer
+from neurosnap.sources.ros2.message_types import stock_types
 from tests.support.inline_runs import recorded_run
 
 SENSORS = 4
 """Sensors of the run, and so its cells."""
+_FLOAT = "std_msgs/msg/Float32"
 WORKERS = 2
 """Workers of a run in which they share its cells and the learning."""
 
@@ -79,3 +88,28 @@ def honest_run(folder: Path, workers: int = 0, ticks: int = 12) -> Honest:
             writer.add(delivery._replace(sent=time_), time_)
         writer.finish({"ticks": str(ticks)}, {})
     return Honest(options, log, again.read_bytes(), deliveries)
+
+
+@functools.cache
+def honest_bag() -> bytes:
+    """Return a bag of another program: JSON, CDR of ROS 2 and Protocol Buffers."""
+    file, types = io.BytesIO(), stock_types()
+    writer = Mcap(file)
+    writer.start()
+    text, _ = types.generate_msgdef(_FLOAT)
+    schema = writer.register_schema(_FLOAT, "ros2msg", text.encode())
+    cdr = writer.register_channel("/cdr", "cdr", schema)
+    schema = register_schema(writer, FieldDescriptorProto)
+    proto = writer.register_channel("/proto", "protobuf", schema)
+    plain = writer.register_channel("/json", "json", 0)
+    number = types.types[_FLOAT]
+    for at in range(10**9, 40 * 10**9, 10**9):
+        said = {"v": at % 7, "mode": "ab"[at % 2], "list": [at, None, {"deep": True}]}
+        for channel, data in (
+            (plain, msgspec.json.encode(said)),
+            (cdr, bytes(types.serialize_cdr(number(at % 5), _FLOAT))),
+            (proto, FieldDescriptorProto(number=at % 11).SerializeToString()),
+        ):
+            writer.add_message(channel, at, data, at)
+    writer.finish()
+    return file.getvalue()

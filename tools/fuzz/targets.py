@@ -19,7 +19,7 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.apps.cli.recording_info import describe, render
-from neurosnap.errors import RecordingError
+from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.protocol.cell import Cell
 from neurosnap.protocol.coordinator import Coordinator
@@ -30,10 +30,11 @@ from neurosnap.recording.format.cuts_and_damage import scan_index
 from neurosnap.recording.format.records import opened
 from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime.parts.job import decoded
+from neurosnap.sources.open_readings import open_readings
 from tests.support.memory_hubs import run_out
 from tools.fuzz.altered_bytes import damage, damage_json, damage_recording
 from tools.fuzz.messages import altered, message
-from tools.fuzz.run import SENSORS, WORKERS, Honest
+from tools.fuzz.run import SENSORS, WORKERS, Honest, honest_bag
 
 _SLOWEST = 2.0  # seconds of computing an input may cost
 _LONGEST = 1000  # characters of a fault
@@ -268,3 +269,18 @@ def _read(path: Path) -> None:
     for topic in wire.TOPICS:  # what lacks it is skipped, by the indexes
         list(found.messages((topic,)))
     _ = found.files[0].share, found.closing
+
+
+def bag(folder: Path, chance: random.Random, count: Count) -> None:
+    """Read damaged bags of other programs: each to its end, or it is refused."""
+    path, whole = folder / "hostile.mcap", honest_bag()
+    for _ in range(25):
+        if chance.random() < 0.3:
+            file = damage(whole, whole, chance)
+        else:
+            file = damage_recording(whole, chance)
+        path.write_bytes(file)
+        try:
+            count.timed(file, partial(open_readings, str(path)))
+        except InvalidValueError:
+            count.rejected += 1

@@ -35,7 +35,8 @@ Data = Annotated[
     typer.Argument(
         metavar="DATA",
         help="A table of readings or a log of events (.csv, .parquet), a database of"
-        " Home Assistant, messages of another program (.mcap), or a recording.",
+        " Home Assistant, messages of another program (.mcap, or a bag's folder), or a"
+        " recording.",
     ),
 ]
 Sensors = Annotated[
@@ -81,12 +82,11 @@ Bins = Annotated[
     ),
 ]
 Period = Annotated[
-    float,
+    str,
     typer.Option(
         "--every",
-        metavar="SECONDS",
-        min=0,
-        help="Seconds between the rows of messages (.mcap).",
+        metavar="TIME",
+        help="From row to row of messages: seconds, or 100ms, 2min, 1h.",
         show_default="as is usual for its topics",
     ),
 ]
@@ -121,7 +121,7 @@ _with_choice = with_parameters(
     when=(When, None),
     time=(Time, None),
     bins=(Bins, 4),
-    period=(Period, 0.0),
+    period=(Period, "0"),
 )
 
 
@@ -218,11 +218,12 @@ def health(
 def _opened(data: Path, context: typer.Context) -> "Recording | Readings":
     """Return the recording in a file, or else the readings that are asked for."""
     from neurosnap.apps.export.relations import open_data
-    from neurosnap.sources.meaning import Wanted, parse_condition
+    from neurosnap.sources.meaning import Wanted, parse_condition, parse_span
 
     given = context.params
     conditions = tuple(map(parse_condition, given["when"] or ()))
     names, time, bins = tuple(given["sensors"] or ()), given["time"], given["bins"]
-    wanted = Wanted(names, conditions, time, bins, given["period"])
+    every = parse_span(given["period"], "every")
+    wanted = Wanted(names, conditions, time, bins, every)
     with progress("reading"):
         return open_data(data, wanted)

@@ -45,10 +45,11 @@ def info(log: Log, form: Format = "text") -> None:
     """
     from neurosnap.apps.cli.recording_info import describe, messages_of, render
     from neurosnap.recording.read.recording import Recording
-    from neurosnap.sources.mcap_file import describe_mcap, is_foreign
+    from neurosnap.sources.bag_records import is_bag
+    from neurosnap.sources.mcap_file import describe_mcap
 
     with errors():
-        if log.exists() and is_foreign(str(log)):
+        if log.exists() and is_bag(str(log)):
             topics, fields = describe_mcap(str(log))
             say(form, *messages_of(topics, fields))
             rows = [[each._asdict() for each in some] for some in (topics, fields)]

@@ -165,8 +165,8 @@ def load(
         ConfigError: The file cannot be read, or is no TOML.
 
     Examples:
-        >>> load(None, {"source": {"kind": "csv", "path": "a.csv"}}).config.source
-        CsvTable(path='a.csv', arguments={})
+        >>> load(None, {"source": {"kind": "file", "path": "a.csv"}}).config.source
+        FileTable(path='a.csv', arguments={})
     """
     text = "" if path is None else _text(path)
     table = {} if path is None else _parsed(path, text)

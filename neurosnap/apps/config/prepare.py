@@ -20,7 +20,7 @@ from neurosnap.agent.body import Body
 from neurosnap.agent.policy import default_threshold
 from neurosnap.apps.config.load import Loaded
 from neurosnap.apps.config.problems import Keys, dotted
-from neurosnap.apps.config.sources import MqttTable
+from neurosnap.apps.config.sources import FileTable, MqttTable
 from neurosnap.apps.config.tables import (
     Config,
     RecordingTable,
@@ -41,7 +41,14 @@ from neurosnap.runtime.preflight import check_cells, check_sensors
 from neurosnap.runtime.remote_parts import among, parse_ranges
 from neurosnap.runtime.request import RunRequest, Site, check_swarm
 from neurosnap.sources.camera import try_camera
-from neurosnap.sources.open import ZENOH, is_live, needs_listening, open_source, settle
+from neurosnap.sources.open import (
+    ZENOH,
+    is_file,
+    is_live,
+    needs_listening,
+    open_source,
+    settle,
+)
 from neurosnap.sources.open_readings import FileSource
 from neurosnap.sources.protocol import Argument
 from neurosnap.system.local_time import system_zone
@@ -185,6 +192,9 @@ _NOTHING = _Fitted(Body(own=()), {}, (), None, False, None)
 
 def _fit(config: Config, name: str, given: dict[str, Argument]) -> _Fitted:
     """Open the source, for the names of its sensors, and fit the agent to it."""
+    if isinstance(config.source, FileTable) and not is_file(name):
+        rule = "must be a file of readings, or the folder of a bag"
+        raise InvalidValueError("path", rule, name)
     arguments = settle(name, given)
     agent, seed = config.agent, config.run.seed
     target = _names(agent.target)

@@ -36,14 +36,13 @@ class WorldTable(_Table, frozen=True, kw_only=True, tag="world"):
         return self.id, dict(self.arguments)
 
 
-class CsvTable(_Table, frozen=True, kw_only=True, tag="csv"):
-    """A CSV file of readings."""
+class FileTable(_Table, frozen=True, kw_only=True, tag="file"):
+    """A file of readings, or the folder of a bag."""
 
-    # Whatever has this ending is opened as a file, whether it is there or not.
-    path: Annotated[str, msgspec.Meta(pattern=r"\.[cC][sS][vV]$")]
-    """Where it is; its name ends with `.csv`."""
+    path: Text
+    """Where it is."""
     arguments: dict[str, Argument] = {}
-    """Which sensors are read, and how: `sensors`, `when`, `time`."""
+    """Which sensors are read, and how: `sensors`, `when`, `time`, `bins`, `every`."""
 
     def opening(self, folder: Path) -> Opening:
         """Return how it is opened, by its path from `folder`."""
@@ -104,5 +103,5 @@ class MqttTable(MqttOptions, frozen=True, tag_field="kind", tag="mqtt"):
         return MQTT, {"options": msgspec.json.encode(options).decode()}
 
 
-SourceTable: TypeAlias = WorldTable | CsvTable | StdinTable | ZenohTable | MqttTable
+SourceTable: TypeAlias = WorldTable | FileTable | StdinTable | ZenohTable | MqttTable
 """What may stand under `[source]`."""

@@ -28,9 +28,9 @@ from neurosnap.recording.replay.grown_sensors import Births, births_of
 from neurosnap.recording.replay.learn_again import snapshot_at
 from neurosnap.runtime.preflight import free_memory
 from neurosnap.sensorium import Sensorium, visible
+from neurosnap.sources.bag_records import is_bag
 from neurosnap.sources.csv_cells_and_formulas import as_text
 from neurosnap.sources.cuts import known_order
-from neurosnap.sources.mcap_file import is_foreign
 from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.open_readings import first_bytes, open_readings
 from neurosnap.sources.readings import Readings
@@ -57,7 +57,7 @@ def open_data(data: Path, wanted: Wanted = _ALL) -> Recording | Readings:
         RecordingError: It is a recording that cannot be read.
     """
     recorded = data.suffix.lower() == ".mcap"
-    if data.exists() and is_foreign(str(data)):
+    if data.exists() and is_bag(str(data)):
         return open_readings(str(data), wanted)
     if not recorded and not first_bytes(str(data)).startswith(MAGIC):
         return open_readings(str(data), wanted)

@@ -54,7 +54,9 @@ def cdr_decoder(schema: Schema) -> Decoder:
         raise ValueError(must_have("rosbags", "ros2")) from error
     store, text = get_typestore(Stores.EMPTY), schema.data.decode()
     try:
-        if schema.encoding == "ros2msg":
+        if not text:  # as older bags have it
+            store = stock_types()
+        elif schema.encoding == "ros2msg":
             store.register(get_types_from_msg(text, schema.name))
         elif schema.encoding == "ros2idl":
             store.register(get_types_from_idl(text))
@@ -65,6 +67,8 @@ def cdr_decoder(schema: Schema) -> Decoder:
     except (TypesysError, RecursionError) as error:
         why = type(error).__name__
         raise ValueError(f"types of {schema.name} cannot be read ({why})") from error
+    if schema.name not in store.fielddefs:
+        raise ValueError(f"types of {schema.name} are not there, and not in ROS 2")
     return _Decoder(store, schema.name)
 
 

@@ -1,23 +1,31 @@
 """Messages of other programs become rows by the clock, and bad ones are said."""
 
 import json
+import sqlite3
 import struct
 from collections.abc import Callable, Iterable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import pytest
 import zstandard
+from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorSet
 from mcap.writer import CompressionType, Writer
+from mcap_protobuf.writer import Writer as ProtobufWriter
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as RosWriter
 
 from neurosnap.apps.export.relations import open_data
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.order.literal_sets import from_words
-from neurosnap.sources import mcap_file
+from neurosnap.sources import bag_records
+from neurosnap.sources.bag_records import is_bag
 from neurosnap.sources.meaning import Wanted, parse_condition
 from neurosnap.sources.open import open_source, settle
 from neurosnap.sources.open_readings import open_readings
 from neurosnap.sources.readings import Readings
+from neurosnap.sources.ros2.message_types import stock_types
 from tests.support.command_line import call, happy
 
 Said = tuple[float, str, Any]
@@ -201,7 +209,7 @@ def test_a_file_that_lies_is_refused_at_its_place(
 ) -> None:
     path = write(tmp_path / "a.mcap", [(at, "/a", {"on": at}) for at in range(200)])
     path.write_bytes(damage(path.read_bytes()))
-    monkeypatch.setattr(mcap_file, "_LIMIT", 1 << 19)
+    monkeypatch.setattr(bag_records, "_LIMIT", 1 << 19)
     with pytest.raises(InvalidValueError, match=rf"a\.mcap: must {rule}.* byte \d+"):
         open_readings(str(path))
 
@@ -229,9 +237,9 @@ def test_an_lz4_chunk_is_unpacked_to_what_it_says_and_no_further(
 def test_a_recording_of_ours_is_none_of_another_program(tmp_path: Path) -> None:
     path = write(tmp_path / "a.mcap", [(1, "/a", {"on": True})])
     assert isinstance(open_data(path), Readings)
-    assert not mcap_file.is_foreign(__file__)
+    assert not is_bag(__file__)
     ours = "tests/golden/runs/cells.mcap"
-    assert not mcap_file.is_foreign(ours)
+    assert not is_bag(ours)
     with pytest.raises(InvalidValueError, match="must not be a run's own recording"):
         open_readings(ours)
 
@@ -279,3 +287,74 @@ def test_a_folder_of_files_is_read_in_the_order_of_their_numbers(
         open_readings(str(bag))
     with pytest.raises(InvalidValueError, match="folder"):
         open_source(str(tmp_path), 0, {})
+
+
+# Bags of other kinds ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("described", [True, False])
+def test_a_bag_in_sqlite_is_read_like_one_in_mcap(
+    tmp_path: Path, described: bool
+) -> None:
+    types = stock_types()
+    truth = types.types["std_msgs/msg/Bool"]
+    folder = tmp_path / "bag"
+    with RosWriter(folder, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        channel = writer.add_connection("/door", "std_msgs/msg/Bool", typestore=types)
+        for at in range(1, 9):
+            data = types.serialize_cdr(truth(at > 4), "std_msgs/msg/Bool")
+            writer.write(channel, at * 10**9, data)
+    (file,) = folder.glob("*.db3")
+    if not described:
+        with closing(sqlite3.connect(file)) as database, database:
+            database.execute("DELETE FROM message_definitions")
+    for path in (folder, file):
+        assert is_bag(str(path))
+        found = open_readings(str(path), Wanted(every=1))
+        assert shown(found) == {"/door.data": "00001111"}
+        assert found.times is not None
+        assert found.times[0] == "1970-01-01 00:00:02Z"
+    file.write_bytes(file.read_bytes()[:5000])
+    with pytest.raises(InvalidValueError, match=r"db3: must be a whole bag of ROS 2"):
+        open_readings(str(folder))
+
+
+def test_messages_of_protocol_buffers_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file, ProtobufWriter(file) as writer:
+        for at in range(1, 9):
+            writer.write_message(
+                "/value",
+                FieldDescriptorProto(name="ab"[at > 4], number=at),
+                at * 10**9,
+                at * 10**9,
+            )
+    found = shown(open_readings(str(path), Wanted(("/value.number > 6",), every=1)))
+    assert found == {"/value.number>6": "00000011"}
+    names = shown(open_readings(str(path), Wanted(("/value.name",), every=1)))
+    assert names == {"/value.name=a": "11110000", "/value.name=b": "00001111"}
+
+
+def test_of_protocol_buffers_only_what_is_right_is_read(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        for topic, schema, data in (
+            ("/torn", FileDescriptorSet().SerializeToString(), b"\x0a"),
+            ("/lies", b"\xff" * 9, b""),
+        ):
+            kind = writer.register_schema("a.B", "protobuf", schema)
+            channel = writer.register_channel(topic, "protobuf", kind)
+            writer.add_message(channel, 1, data, 1)
+        truth = writer.register_channel("/a", "json", 0)
+        writer.add_message(truth, 1, b'{"on": true}', 1)
+        writer.finish()
+    assert shown(open_readings(str(path))) == {"/a.on": "1"}
+    told = [message.partition("a.mcap: ")[2] for message in caplog.messages]
+    assert told == [
+        "/torn: left out: types of a.B cannot be read (McapError)",
+        "/lies: left out: types of a.B cannot be read (DecodeError)",
+    ]

@@ -19,7 +19,7 @@ from tools.fuzz.messages import altered
 from tools.fuzz.run import honest_run
 from tools.fuzz.targets import Count, FuzzError, Twins
 
-DISK = {"disk", "recording"}
+DISK = {"bag", "disk", "recording"}
 """Targets that write files."""
 
 # The fuzzer ---------------------------------------------------------------------------
@@ -30,7 +30,7 @@ DISK = {"disk", "recording"}
     "target", rows(sorted(fuzz.TARGETS.keys() - DISK), sorted(DISK))
 )
 def test_no_input_does_harm(target: str) -> None:
-    inputs = {"recording": 150, "disk": 12}.get(target, 1500)
+    inputs = {"recording": 150, "disk": 12, "bag": 150}.get(target, 1500)
     (count,) = fuzz.fuzz([target], inputs, 7, 1.0, None).values()
     assert count.inputs >= inputs
     assert count.rejected < count.inputs

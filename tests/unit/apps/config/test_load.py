@@ -54,15 +54,15 @@ VALUES = {
 LIVE = "[source]\nkind = 'stdin'\nsensors = ['a']"
 MQTT = "[source]\nkind = 'mqtt'\nsensors = [{ name = 'a', topic = 'a' }]\n"
 PATH = "[source]\nkind = 'world'\nid = 'neurosnap/Path-v0'\n"
-CSV = "[source]\nkind = 'csv'\n"
+CSV = "[source]\nkind = 'file'\n"
 SOURCES = {
     "": "swarm.toml: source: must be given",
     "source = 1": "swarm.toml:1: source: must be a table, got 1",
-    "[source]": "swarm.toml:1: source.kind: must be 'world', 'csv', 'stdin', 'zenoh' or 'mqtt'",
-    "[source]\nkind = 'tea'": "swarm.toml:2: source.kind: must be 'world', 'csv', 'stdin', 'zenoh' or 'mqtt', got",
+    "[source]": "swarm.toml:1: source.kind: must be 'world', 'file', 'stdin', 'zenoh' or 'mqtt'",
+    "[source]\nkind = 'tea'": "swarm.toml:2: source.kind: must be 'world', 'file', 'stdin', 'zenoh' or 'mqtt', got",
     "[source]\nkind = 'world'": "swarm.toml:1: source.id: must be given",
     f"{CSV}id = 'x'\npath = 'a.csv'": "swarm.toml:3: source.id: must be a known key: path",
-    f"{CSV}path = 'a.txt'": r"swarm.toml:3: source.path: must be text that matches \.[cC][sS][vV]$, got",
+    f"{CSV}path = 'a.txt'": "swarm.toml:3: source.path: must be a file of readings, or the folder of a bag",
     f"{CSV}path = 'a.csv'\n[recording]\npath = 'a.csv'": "swarm.toml:5: recording.path: must not exist yet",
     "[source]\nkind = 'zenoh'\nsensors = ['a']\n[cells]\nkind = 'inline'": (
         "swarm.toml:5: cells.kind: must be 'process' or 'worker' for a source of kind zenoh, got 'inline'"
@@ -146,7 +146,7 @@ def test_a_missing_file_is_refused(file: Path) -> None:
     assert str(caught.value) == text
 
 
-MISSING = "[source]\nkind = 'csv'\npath = 'none.csv'\n"
+MISSING = "[source]\nkind = 'file'\npath = 'none.csv'\n"
 SEVERAL = {
     "in the order of their lines": (
         f"{WORLD}[run]\nticks = 0\nseeds = 1\n[agent]\nexplore = 2\n[cell]\n",

@@ -111,7 +111,7 @@ def test_what_is_given_is_taken(file: Path) -> None:
 def test_paths_are_relative_to_the_file(file: Path) -> None:
     (file.parent / "readings.csv").write_text("a,b\n0,1\n1,1\n")
     text = (
-        "[source]\nkind = 'csv'\npath = 'readings.csv'\n[recording]\nfolder = 'new'\n"
+        "[source]\nkind = 'file'\npath = 'readings.csv'\n[recording]\nfolder = 'new'\n"
     )
     made = prepared(file, text)
     assert made.options.source == str(file.parent / "readings.csv")
@@ -135,13 +135,13 @@ def test_a_file_of_readings_ends(
     file: Path, asked: Mapping[str, object], taken: int
 ) -> None:
     (file.parent / "readings.csv").write_text("a,b\n0,1\n1,1\n0,0\n")
-    text = "source = {kind = 'csv', path = 'readings.csv'}"
+    text = "source = {kind = 'file', path = 'readings.csv'}"
     assert prepared(file, text, **asked).options.ticks == taken
 
 
 def test_what_has_times_is_judged_by_the_clock_of_its_home(file: Path) -> None:
     """A table has UTC's, a database its home's; one without times is not judged."""
-    source, asked = file.parent / "readings.csv", "source = {kind = 'csv', path = "
+    source, asked = file.parent / "readings.csv", "source = {kind = 'file', path = "
     text = f"{asked}'readings.csv'}}"
     source.write_text("a,b\n0,1\n1,1\n")
     found = [prepared(file, text).options]

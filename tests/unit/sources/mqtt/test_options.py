@@ -76,7 +76,7 @@ def test_a_table_becomes_options_and_survives_the_recording() -> None:
         ("off < 21", "off < 22", "warm: when: must let the sensor be off below where"),
         ("> 21.5, ", "t > 21.5, ", 'warm: when: must be like "> 21", "> 21 °C, off'),
         (HEARD, f'{HEARD}\nfield = "a"', "phone: field: must not go with heard"),
-        (HEARD, 'when = "heard within 1e999 s"', "phone: when: must be within"),
+        (HEARD, 'when = "heard within 1e999 s"', "phone: when: must be a time"),
         (HEARD, 'when = "heard within 0 s"', "phone: when: must be within more"),
         (HEARD, 'on = ["Yes"]\noff = ["yes"]', "phone: off: must differ"),
         ('name = "light"', 'name = "none"', "names: must be unique"),
