@@ -23,7 +23,7 @@ import msgspec
 
 from neurosnap.errors import MessageError
 
-SCHEMA = 9
+SCHEMA = 10
 ROOT = "neurosnap"
 LARGEST_KEYFRAME = 1 << 26
 """Bytes of a key-frame, at most, which no other message may pass either."""
@@ -126,6 +126,9 @@ class Observation(_Message, frozen=True, omit_defaults=True):
     """When it could not listen since the observation before."""
     at: Moment = 0
     """When it was, as the source's data say; 0: when it was sent."""
+    said: bytes = b""
+    """The last number of each signal that sensors compare, in the order of its first
+    sensor: float32, little endian, NaN where it is unknown."""
 
 
 class Wiring(_Message, frozen=True):
@@ -374,6 +377,13 @@ class WeighedLink(msgspec.Struct, frozen=True, gc=False, omit_defaults=True):
     held; -1: they were not counted."""
 
 
+class NumberRead(msgspec.Struct, frozen=True):
+    """The number that a sensor compared."""
+
+    sensor: Natural
+    number: float
+
+
 class Anomaly(_Message, frozen=True, omit_defaults=True):
     """An observation contradicts what had been learned before that observation.
 
@@ -398,6 +408,8 @@ class Anomaly(_Message, frozen=True, omit_defaults=True):
     them are listed."""
     links: tuple[WeighedLink, ...]
     """The links of those that are listed."""
+    numbers: tuple[NumberRead, ...] = ()
+    """What was read of their sensors that compare a number, where it is known."""
 
 
 class Decision(_Message, frozen=True, omit_defaults=True):

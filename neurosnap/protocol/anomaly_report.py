@@ -145,7 +145,11 @@ def _sentence(anomaly: wire.Anomaly, sensors: Sequence[str]) -> str:
     read = [rule.source, rule.target ^ 1]
     if read[1] >> 1 in anomaly.culprits[:1]:
         read.reverse()
-    both = [f"{sensors[one >> 1]} is {'off' if one & 1 else 'on'}" for one in read]
+    numbers = {each.sensor: f" ({each.number:g})" for each in anomaly.numbers}
+    both = [
+        f"{sensors[one >> 1]} is {'off' if one & 1 else 'on'}{numbers.get(one >> 1, '')}"
+        for one in read
+    ]
     what = " while ".join(dict.fromkeys(both))  # a rule may say that one is never on
     often = f"only {_counted(round(rule.against), 'time')} before"
     if rule.against < 1:  # of a count, 0; else a share of all there was

@@ -41,6 +41,7 @@ from neurosnap.protocol.learn_control import LearnControl
 from neurosnap.protocol.recall_control import RecallControl
 from neurosnap.protocol.wiring_and_waves import WaveControl
 from neurosnap.sensorium import complement, pack, selection, unpack_readings
+from neurosnap.sources.meaning import compared, numbers_in
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -146,6 +147,7 @@ class Coordinator:
         self._observation: wire.Observation
         self._sensed: Sensed  # the same, decoded
         self._signal: tuple[int, ...] = ()  # what was observed
+        self._compared = compared(map(options.conditions.get, options.body.own))
         self._anomaly: wire.Anomaly | None = None  # to be told once that is learned
         self._asked: dict[int, int] = {}  # planning wave -> which question it is
         self._answers: list[NDArray[np.bool_]] = []
@@ -336,8 +338,20 @@ class Coordinator:
         self._signal = tuple(np.flatnonzero(selection(bits, known)).tolist())
         self._sensed = Sensed(bits, known, observation.begins, observation.cut)
         self._anomaly = self._judged()
+        if self._anomaly is not None and observation.said:
+            self._anomaly = self._with_numbers(self._anomaly, observation.said)
         self._steps = tick(self._mind, self._sensed)
         return self._proceed(self._steps)
+
+    def _with_numbers(self, anomaly: wire.Anomaly, said: bytes) -> wire.Anomaly:
+        """Return an anomaly with the numbers that its sensors compared."""
+        links = (one for link in anomaly.links for one in (link.source, link.target))
+        sensors = {*anomaly.culprits, *anomaly.candidates, *(one >> 1 for one in links)}
+        read = numbers_in(said, self._compared)
+        numbers = (
+            wire.NumberRead(each, read[each]) for each in sorted(sensors & {*read})
+        )
+        return msgspec.structs.replace(anomaly, numbers=tuple(numbers))
 
     def _judged(self) -> wire.Anomaly | None:
         """Return the anomaly in the observation, if any; it is not learned yet."""

@@ -143,6 +143,7 @@ class World:
             received=seen.received,
             outages=seen.outages,
             at=seen.at,
+            said=seen.said,
         )
 
 

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from neurosnap.errors import InvalidValueError, ShapeError, within
 from neurosnap.sensorium import WORDS, Sensorium
 from neurosnap.sources.cuts import with_cuts
-from neurosnap.sources.meaning import Reader, Wanted, refused
+from neurosnap.sources.meaning import Comparison, Numbers, Reader, Wanted, refused
 
 _BITS = frozenset({"0", "1"})
 _ZERO, _ONE = ord("0"), ord("1")
@@ -145,6 +145,8 @@ class TableRow(NamedTuple):
     """``(N,)``."""
     known: NDArray[np.bool_] | None
     """``(N,)``; None if all are."""
+    said: bytes = b""
+    """The numbers behind it; see `wire.Observation`."""
 
 
 class TableRows:
@@ -189,12 +191,15 @@ class TableRows:
         """
         readers = self._readers()
         words = all(reader.condition is None for _, reader in readers)
+        numbers = Numbers([reader for _, reader in readers])
+        compares = any(isinstance(each.condition, Comparison) for _, each in readers)
         all_of_them = words and len(readers) == len(self._names)
         for line, data in self._file.lines():
             row = None
             if all_of_them and isinstance(data, bytes):
                 row = self._plain(data)
-            yield row or self._row(line, self._file.cells(line, data), readers)
+            row = row or self._row(line, self._file.cells(line, data), readers)
+            yield row._replace(said=numbers.packed(row.known)) if compares else row
 
     def _values(self, wanted: Wanted) -> Iterator[tuple[str, str, bool]]:
         """Yield what the signals say that are taken as they are, for `with_cuts`."""

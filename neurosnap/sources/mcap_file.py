@@ -26,7 +26,7 @@ from neurosnap.poc.learning.columns import GrowingColumns
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.bag_records import bag_files, records_in
 from neurosnap.sources.cuts import signals_in, with_cuts
-from neurosnap.sources.meaning import Heard, Reader, Wanted, as_text, refused
+from neurosnap.sources.meaning import Heard, Numbers, Reader, Wanted, as_text, refused
 from neurosnap.sources.message_fields import Term, fields
 from neurosnap.sources.readings import Readings, utc
 from neurosnap.sources.ros2.message_types import Decoder, cdr_decoder
@@ -155,6 +155,7 @@ class _Clock:
         }
         self._readers: dict[str, list[tuple[int, Reader]]] = {}
         names: list[str] = []
+        readers: list[Reader] = []
         self._topics: set[str] = set()
         for name, topic in survey.signals.items():
             self._readers[name] = found = []
@@ -162,6 +163,8 @@ class _Clock:
                 self._topics.add(topic)
                 found.append((len(names), reader))
                 names.append(reader.name)
+                readers.append(reader)
+        self._numbers, self._said = Numbers(readers), list[bytes]()
         heard = [each for each in wanted.conditions if isinstance(each, Heard)]
         self._heard: dict[str, list[tuple[int, float]]] = {}  # by topic
         for each in heard:
@@ -199,7 +202,9 @@ class _Clock:
             self._last = now
         if due is not None:
             self._row(due)
-        return Readings(self._columns.columns(), self._times, wanted=self._wanted)
+        return Readings(
+            self._columns.columns(), self._times, said=self._said, wanted=self._wanted
+        )
 
     def _read(self, column: int, reader: Reader, name: str, value: object) -> None:
         try:
@@ -221,6 +226,8 @@ class _Clock:
             return False
         self._columns.append(self._bits & self._known, self._known.copy())
         self._times.append(utc(at))
+        if said := self._numbers.packed(self._known):
+            self._said.append(said)
         return True
 
 

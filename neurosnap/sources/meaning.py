@@ -3,13 +3,16 @@
 import fnmatch
 import math
 import re
+import struct
 import unicodedata
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any, NamedTuple, TypeAlias
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, similar
 from neurosnap.sensorium import WORDS
@@ -372,6 +375,9 @@ class Reader:
         name: Of the sensor.
         condition: None if values are words for on and off.
         words: What words mean, in small letters.
+
+    Attributes:
+        number: That it compared last; NaN if that is unknown.
     """
 
     def __init__(
@@ -383,6 +389,7 @@ class Reader:
         self.name = name
         self.condition = condition
         self._words = words
+        self.number = math.nan
         self._before: bool | None = None
         self._said: str | float | None = None
 
@@ -396,8 +403,7 @@ class Reader:
         # For speed; what is no number is null as a text.
         if type(value) in _NUMBERS and value == value:
             if type(condition) is Comparison:
-                self._before = condition.is_on(value, self._before)  # type: ignore[arg-type]
-                return self._before
+                return self._compare(condition, value)  # type: ignore[arg-type]
         elif type(value) is bool and condition is None and self._words is WORDS:
             return value
         text = value if isinstance(value, str) else as_text(value)
@@ -411,6 +417,7 @@ class Reader:
             return True
         if WORDS.get(word, False) is None:
             self._before = self._said = None
+            self.number = math.nan
             return None
         match condition:
             case Choice():
@@ -421,7 +428,10 @@ class Reader:
                 return None if before is None else condition.is_on(said, before)
         if condition.unit:
             word = plain_unit(text).strip().removesuffix(condition.unit).rstrip()
-        self._before = condition.is_on(_number(word, condition.unit), self._before)
+        return self._compare(condition, _number(word, condition.unit))
+
+    def _compare(self, condition: Comparison, number: float) -> bool | None:
+        self.number, self._before = number, condition.is_on(number, self._before)
         return self._before
 
     def _rule(self) -> str:
@@ -446,6 +456,59 @@ def _number(word: str, unit: str = "") -> float:
         what = f"a number, or one in {unit}" if unit else "a number"
         raise ValueError(f"must be {what}, or nothing for unknown")
     return number
+
+
+def compared(conditions: Iterable[Condition | None]) -> dict[int, int]:
+    """Return of the sensors that compare a number which of the numbers that is.
+
+    Args:
+        conditions: When each sensor is on, in order.
+    """
+    places: dict[str, int] = {}
+    return {
+        sensor: places.setdefault(condition.source, len(places))
+        for sensor, condition in enumerate(conditions)
+        if isinstance(condition, Comparison)
+    }
+
+
+class Numbers:
+    """The numbers that signals said last, packed as in `wire.Observation`.
+
+    Args:
+        readers: Of all sensors, in order.
+    """
+
+    def __init__(self, readers: Sequence[Reader] = ()) -> None:
+        places = compared(reader.condition for reader in readers)
+        first = {place: sensor for sensor, place in reversed(places.items())}
+        self._each = [(first[place], readers[first[place]]) for place in sorted(first)]
+
+    def packed(self, known: NDArray[np.bool_] | None) -> bytes:
+        """Return them; ``(N,)`` tells which sensors are known, None that all are."""
+        if not self._each:
+            return b""
+        said = [
+            reader.number if known is None or known[sensor] else math.nan
+            for sensor, reader in self._each
+        ]
+        with np.errstate(over="ignore"):  # what is too large is infinite, and not told
+            return np.array(said, "<f4").tobytes()
+
+
+def numbers_in(said: bytes, places: Mapping[int, int]) -> dict[int, float]:
+    """Return the known numbers of an observation, by the sensors that compare them.
+
+    Args:
+        said: As `Numbers` packs them; others of a stranger's recording are left out.
+        places: As `compared` returns them.
+    """
+    numbers = [number for (number,) in struct.iter_unpack("<f", said[: len(said) & ~3])]
+    return {
+        sensor: float(f"{numbers[place]:.6g}")  # float32 has no more
+        for sensor, place in places.items()
+        if place < len(numbers) and math.isfinite(numbers[place])
+    }
 
 
 def refused(where: str, name: str, error: ValueError, text: str) -> InvalidValueError:

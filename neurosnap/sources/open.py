@@ -169,14 +169,10 @@ def open_live(
         feeder = StdinFeeder(given.head.encode() if given.head else None)
     else:
         feeder = ZenohFeeder(hub)
-    return LiveSource(
-        latest,
-        given.schedule(),
-        feeder=feeder,
-        journal=journal,
-        most=most,
-        readers=readers,
-    )
+    ticks = given.schedule()
+    source = LiveSource(latest, ticks, feeder=feeder, journal=journal, most=most)
+    source.readers, source.numbers = readers, readers.numbers
+    return source
 
 
 class FileArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -101,11 +101,14 @@ def _read_table(file: TableFile, wanted: Wanted) -> Readings:
         return read_event_log(file, places, wanted)
     rows = TableRows(file, wanted)
     growing, times = GrowingColumns(Sensorium(rows.sensors)), list[str]()
+    said: list[bytes] = []
     for row in rows.rows():
         growing.append(row.bits, row.known)
         times.append(row.time)
+        if row.said:
+            said.append(row.said)
     timed = times if rows.timed else None
-    return Readings(growing.columns(), timed, wanted=rows.wanted)
+    return Readings(growing.columns(), timed, said=said, wanted=rows.wanted)
 
 
 class FileSource:
@@ -127,7 +130,7 @@ class FileSource:
 
     def __init__(self, path: str, wanted: Wanted | None = None) -> None:
         readings = open_readings(path, wanted)
-        self._columns = readings.columns
+        self._columns, self._said = readings.columns, readings.said
         self.sensors: tuple[str, ...] = self._columns.sensorium.names
         self.orders: tuple[int, ...] = (0,) * len(self.sensors)
         self.actions: tuple[str, ...] = ()
@@ -159,7 +162,9 @@ class FileSource:
         bits, known = self._columns.row(row)
         self._next += 1
         at = self._at[row] if self._at else 0
-        return Observed(bits, None if known.all() else known, self._next == 1, at=at)
+        sure = None if known.all() else known
+        said = self._said[row] if self._said else b""
+        return Observed(bits, sure, self._next == 1, at=at, said=said)
 
     def close(self) -> None:
         """Do nothing: the file is closed already."""

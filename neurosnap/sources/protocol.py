@@ -35,6 +35,8 @@ class Observed(msgspec.Struct, frozen=True, eq=False):
     """When it could not listen since the last tick."""
     at: float = 0
     """When it was, as the data say, in seconds since 1970; 0: now."""
+    said: bytes = b""
+    """The numbers behind it; see `wire.Observation`."""
 
 
 class Source(Protocol):

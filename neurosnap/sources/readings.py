@@ -24,6 +24,9 @@ class Readings:
     """``(T,)``, as the data have them, or in UTC; None if there are none."""
     zone: str = "UTC"
     """The time zone of the home."""
+    said: Sequence[bytes] = ()
+    """The numbers behind each reading, as in `wire.Observation`; empty if there are
+    none, or they are not known."""
     wanted: Wanted = _ALL
     """Which sensors they are of, and how each was read."""
 

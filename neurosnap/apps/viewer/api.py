@@ -187,6 +187,8 @@ class Frame(msgspec.Struct, frozen=True, kw_only=True):
     """When it was observed, by the clock of the run; nothing, if that is not known."""
     bits: list[Bit]
     """What each sensor read."""
+    numbers: dict[int, float]
+    """Of sensors that compare one, the number that was read."""
     state: list[Bit]
     """The recorded state: which sensors it has on, off, or neither."""
     contradicted: list[int]

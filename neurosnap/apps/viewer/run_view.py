@@ -30,6 +30,7 @@ from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.learn_again import Learning
 from neurosnap.sensorium import unpack
 from neurosnap.sources.live.statistics import outage_line, received_line
+from neurosnap.sources.meaning import compared, numbers_in
 from neurosnap.sources.open import STDIN
 from neurosnap.system.local_time import dated
 
@@ -67,6 +68,9 @@ class RunView:
         self.grown = 0
         """How often there was more."""
         self._names = self.options.body.actions
+        conditions = self.options.conditions
+        own = [conditions.get(name) for name in self.options.body.own]
+        self._compared = compared(own)
         self._imagined = Imagined(self.options.body)
 
     def grow(self) -> bool:
@@ -297,6 +301,7 @@ class RunView:
             tick=tick,
             at="" if moment is None else dated(moment, self.options.zone),
             bits=_bits(observed),
+            numbers=self._numbers(observation),
             state=_bits(literals),
             contradicted=np.flatnonzero(ticks.contradicted(state, literals)).tolist(),
             action=self._names[choice] if 0 <= choice < len(self._names) else None,
@@ -328,6 +333,12 @@ class RunView:
         except MessageError as error:
             place = f"{self.path}: tick {tick}"
             raise RecordingError(f"{place}: /anomaly: {error}") from error
+
+    def _numbers(self, observation: wire.Observation | None) -> dict[int, float]:
+        """Return the number that each sensor compared, of those that are known."""
+        if observation is None:
+            return {}
+        return numbers_in(observation.said, self._compared)
 
     def _unpacked(self, state: wire.State) -> NDArray[np.bool_]:
         try:

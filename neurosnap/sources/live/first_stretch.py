@@ -96,7 +96,8 @@ def listen(feeder: Feeder, ranges: Ranges, seconds: float) -> None:
     """
     # No reading of its sensor comes, so that it has no tick.
     latest = LatestReadings(["-"])
-    source = LiveSource(latest, OnChange(), feeder=feeder, readers=ranges)
+    source = LiveSource(latest, OnChange(), feeder=feeder)
+    source.readers = ranges
     source.over = True  # nothing need be kept for a process that goes on with it
     end = time.monotonic() + seconds
     with ThreadPoolExecutor(1) as pool, closing(source):

@@ -101,13 +101,20 @@ class JournalRow(msgspec.Struct, frozen=True, array_like=True, tag="row"):
     """What has been received up to it."""
     outages: tuple[wire.Outage, ...] = ()
     """When nothing was listened to since the row before."""
+    said: bytes = b""
+    """The numbers behind it; see `wire.Observation`."""
 
     @classmethod
     def of(cls, seen: Observed, number: int = 0) -> Self:
         """Return the row of an observation."""
-        known = pack_known(seen.known)
         return cls(
-            number, pack(seen.bits), known, seen.begins, seen.received, seen.outages
+            number,
+            pack(seen.bits),
+            pack_known(seen.known),
+            seen.begins,
+            seen.received,
+            seen.outages,
+            seen.said,
         )
 
     def observed(self, sensors: int) -> Observed:
@@ -115,7 +122,13 @@ class JournalRow(msgspec.Struct, frozen=True, array_like=True, tag="row"):
         known = unpack(self.known, sensors) if self.known else None
         bits = unpack(self.bits, sensors)
         return Observed(
-            bits, known, self.begins, self.begins, self.received, self.outages
+            bits,
+            known,
+            self.begins,
+            self.begins,
+            self.received,
+            self.outages,
+            said=self.said,
         )
 
 

@@ -39,6 +39,7 @@ from neurosnap.sources.live.latest_or_late import Bits, ClockMapping, LatestRead
 from neurosnap.sources.live.signal_readers import Readers, SignalReaders
 from neurosnap.sources.live.statistics import Fate, Refusals, Statistics
 from neurosnap.sources.live.tick_schedule import TickSchedule
+from neurosnap.sources.meaning import Numbers
 from neurosnap.sources.protocol import Observed
 
 WAITING = 1 << 16
@@ -87,10 +88,10 @@ class LiveSource:
             actions; on the world's thread, so it should not take long.
         journal: Where rows are written before they are given; None for nowhere.
         most: Rows that there are to be at most; None for no bound.
-        readers: Make readings of what signals say; None: a sensor is a signal.
 
     Attributes:
-        readers: For feeders that hear of signals.
+        readers: For feeders that hear of signals; each sensor is one unless it is set.
+        numbers: Those that it compares; none unless it is set.
     """
 
     live: bool = True
@@ -107,11 +108,9 @@ class LiveSource:
         actuate: Callable[[int], None] | None = None,
         journal: Journal | None = None,
         most: int | None = None,
-        readers: Readers | None = None,
     ) -> None:
-        self.readers: Readers = readers or SignalReaders(
-            dict.fromkeys(latest.sensors, (None,))
-        )
+        self.readers: Readers = SignalReaders(dict.fromkeys(latest.sensors, (None,)))
+        self.numbers = Numbers()
         self.sensors: tuple[str, ...] = latest.sensors
         self.orders: tuple[int, ...] = (0,) * len(latest.sensors)
         self.actions: tuple[str, ...] = tuple(actions)
@@ -502,7 +501,15 @@ class LiveSource:
         self._end_outage()  # a feeder may bring a row before it is known to have begun
         sure, begins = None if known.all() else known, self._fresh
         # What is live has no ends: what begins cut off what was before.
-        row = Observed(bits, sure, begins, begins, self._received, self._outages)
+        row = Observed(
+            bits,
+            sure,
+            begins,
+            begins,
+            self._received,
+            self._outages,
+            said=self.numbers.packed(sure),
+        )
         if self.journal is not None:
             self.journal.write(JournalRow.of(row))
         self._shown, self._fresh = row, False

@@ -13,6 +13,7 @@ from neurosnap.sources.meaning import (
     RULE,
     Condition,
     Heard,
+    Numbers,
     Reader,
     as_text,
     is_condition,
@@ -55,6 +56,7 @@ class SignalReaders:
         sensors: The names of the sensors.
         heard_within: As for `LatestReadings`, one a sensor.
         signals: The names of the signals, in order.
+        numbers: Those that are compared.
     """
 
     def __init__(self, signals: Signals) -> None:
@@ -64,6 +66,7 @@ class SignalReaders:
             for name, some in signals.items()
         }
         each = [reader for some in self._readers.values() for reader in some]
+        self.numbers = Numbers(each)
         self.sensors = tuple(reader.name for reader in each)
         self.heard_within = [
             said.within if isinstance(said := reader.condition, Heard) else None

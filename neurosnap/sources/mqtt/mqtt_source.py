@@ -24,7 +24,7 @@ from neurosnap.sources.live.first_stretch import Ranges, listen
 from neurosnap.sources.live.journal import Journal
 from neurosnap.sources.live.latest_or_late import LatestReadings
 from neurosnap.sources.live.live_source import LiveSource
-from neurosnap.sources.meaning import Wanted
+from neurosnap.sources.meaning import Numbers, Wanted
 from neurosnap.sources.mqtt.connection import MqttLink
 from neurosnap.sources.mqtt.options import MqttOptions, MqttSensor
 from neurosnap.sources.mqtt.outbox import Outgoing
@@ -50,7 +50,7 @@ def mqtt_source(
         InvalidValueError: The certificates to trust cannot be read, or the password.
     """
     feeder = MqttFeeder(options, journal)
-    return LiveSource(
+    source = LiveSource(
         LatestReadings(
             [sensor.name for sensor in options.sensors],
             stale_after=[
@@ -68,6 +68,8 @@ def mqtt_source(
         journal=journal,
         most=most,
     )
+    source.numbers = feeder.numbers
+    return source
 
 
 def cut(options: MqttOptions) -> MqttOptions:
@@ -115,9 +117,10 @@ class MqttFeeder:
     def __init__(self, options: MqttOptions, journal: Journal | None = None) -> None:
         self._options = options
         self._readers: dict[str, list[tuple[MqttSensor, PayloadReader]]] = {}
-        for sensor in options.sensors:
-            here = self._readers.setdefault(sensor.topic, [])
-            here.append((sensor, PayloadReader(sensor)))
+        readers = [(sensor, PayloadReader(sensor)) for sensor in options.sensors]
+        for sensor, reader in readers:
+            self._readers.setdefault(sensor.topic, []).append((sensor, reader))
+        self.numbers = Numbers([reader.reader for _, reader in readers])
         self._source: LiveSource | None = None
         publish = options.publish
         self._link = MqttLink(

@@ -147,7 +147,8 @@ class MqttSensor(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     @property
     def condition(self) -> Condition | None:
         """When it is on; None if it reads words."""
-        return None if self.when is None else parse_condition(self.when, self.name)
+        signal = f"{self.topic} {self.field or ''}"
+        return None if self.when is None else parse_condition(self.when, signal)
 
     @property
     def heard_within(self) -> float | None:
@@ -246,7 +247,7 @@ class MqttOptions(
 def conditions_of(options: MqttOptions) -> dict[str, Condition]:
     """Return when sensors are on, by name; those of one signal have one source."""
     return {
-        sensor.name: condition._replace(source=f"{sensor.topic} {sensor.field or ''}")
+        sensor.name: condition
         for sensor in options.sensors
         if (condition := sensor.condition)
     }

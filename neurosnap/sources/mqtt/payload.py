@@ -85,7 +85,7 @@ class PayloadReader:
         words: dict[str, bool | None] = dict.fromkeys(UNKNOWN)
         words |= {word.casefold(): True for word in sensor.on}
         words |= {word.casefold(): False for word in sensor.off}
-        self._reader = Reader(sensor.name, sensor.condition, words)
+        self.reader = Reader(sensor.name, sensor.condition, words)
 
     def value(self, payload: Payload) -> object:
         """Return what `payload` says of the sensor; raises as `read`."""
@@ -103,7 +103,7 @@ class PayloadReader:
         if sensor.heard_within is not None:
             return True
         try:
-            return self._reader.read(self.value(payload))
+            return self.reader.read(self.value(payload))
         except ValueError as error:
             place = sensor.field or "payload"
             raise payload.wrong(f"{place} {error}") from None

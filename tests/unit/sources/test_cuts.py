@@ -12,7 +12,9 @@ from hypothesis import strategies as st
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
+from neurosnap.apps import library
 from neurosnap.apps.export.relations import learned_from
+from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.pair_occasions import count_pairs
 from neurosnap.poc.learning.relation_rule import judge
@@ -20,10 +22,24 @@ from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.replay.learn_again import Learning
 from neurosnap.sources.cuts import as_json, known_order, recorded_cuts, with_cuts
-from neurosnap.sources.meaning import Choice, Comparison, Condition, Reader, Wanted
+from neurosnap.sources.live.journal import JournalRow
+from neurosnap.sources.live.latest_or_late import LatestReadings
+from neurosnap.sources.live.live_source import LiveSource
+from neurosnap.sources.live.signal_readers import SignalReaders
+from neurosnap.sources.live.tick_schedule import Clocked
+from neurosnap.sources.meaning import (
+    Choice,
+    Comparison,
+    Condition,
+    Reader,
+    Wanted,
+    compared,
+    numbers_in,
+)
 from neurosnap.sources.meaning import parse_condition as parsed
 from neurosnap.sources.open import open_source, settle
 from neurosnap.sources.open_readings import open_readings
+from tests.support.command_line import call
 from tests.support.edges import edge_matrix
 
 NUMBERS = st.integers(0, 3).map(float)
@@ -248,3 +264,46 @@ def test_a_run_knows_the_order_of_its_cuts_before_it_has_learned(
     agent = core.memory.to_bytes()
     learning.restore(wire.KeyFrame(1, core.snapshot.to_bytes(), agent=agent))
     assert (learning.snapshot.poc_graph().edges == order).all()
+
+
+@pytest.mark.slow
+def test_the_number_behind_a_sensor_is_recorded_and_told(tmp_path: Path) -> None:
+    numbers = [37.25 * n % 100 for n in range(90)]
+    rows = [f"{number},{int(number > 50)}\n" for number in numbers]
+    data, log = tmp_path / "tank.csv", tmp_path / "tank.mcap"
+    data.write_text("level,pump\n" + "".join(rows) + ",0\n1e39,1\n97.51,0\n")
+    limits = {"when": "level > 50; level > 60", "sensors": "pump"}
+    library.run(data, out=log, arguments=limits, cells="inline")
+    said = call("watch", log).stdout
+    assert "tick 93: pump is off while level>50 is on (97.51): never before" in said
+    view = RunView(log)
+    assert [frame.numbers for frame in view.frames(90, 93)] == [
+        {0: numbers[-1], 1: numbers[-1]},
+        {},  # unknown
+        {},  # too large for what is recorded
+        {0: 97.51, 1: 97.51},
+    ]
+
+
+def test_live_numbers_are_told_while_they_are_known() -> None:
+    readers = SignalReaders(
+        {"level": (parsed("level > 5"), parsed("level > 7")), "door": (None,)}
+    )
+    source = LiveSource(
+        LatestReadings(readers.sensors, stale_after=5), Clocked(4), feeder=None
+    )
+    source.readers, source.numbers = readers, readers.numbers
+    now = source._clock()
+    source._clock = lambda: now
+    found = []
+    for seconds in (0, 4, 8):
+        if not seconds:
+            source.receive(readers.read({"level": "6.5"})[0])
+        now += seconds and 4
+        source.receive({"door": True})
+        seen = source.first() if not seconds else source.step(-1)
+        assert seen is not None
+        found.append(numbers_in(seen.said, compared(map(parsed, ("x > 5", "x > 7")))))
+        again = JournalRow.of(seen).observed(3)
+        assert again.said == seen.said
+    assert found == [{0: 6.5, 1: 6.5}, {0: 6.5, 1: 6.5}, {}]

@@ -43,6 +43,11 @@ export function shortened(name) {
 /** The word for a reading, or for what the state has of a sensor. */
 export const bitWord = (bit) => (bit === null ? "unknown" : bit ? "on" : "off");
 
+/** What a sensor reads, and the number that it compares: "on (63.2)". */
+export function readWord({ bits, numbers }, sensor) {
+  return bitWord(bits[sensor]) + (sensor in numbers ? ` (${numbers[sensor]})` : "");
+}
+
 /** What the state has of each sensor of a frame: on, off, unknown or contradicted. */
 export function conditions(frame) {
   const words = frame.state.map(bitWord);

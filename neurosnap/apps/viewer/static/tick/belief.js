@@ -2,7 +2,7 @@
 // The state follows from the readings and the learned order: it may hold what was not read, and
 // holds nothing where readings and order contradict each other.
 
-import { bitWord, conditions, few, isComplement, literalName, reachOf, sensorOf } from "../base/literals.js";
+import { bitWord, conditions, few, isComplement, literalName, reachOf, readWord, sensorOf } from "../base/literals.js";
 import { unread } from "../run/growth.js";
 
 const NAMED = 2;
@@ -60,7 +60,7 @@ export class Reasons {
 
   _belief(sensor) {
     const { condition, reads, predicted } = this._found[sensor];
-    const read = reads === null ? "not read" : `reads ${bitWord(reads)}`;
+    const read = reads === null ? "not read" : `reads ${readWord(this._frame, sensor)}`;
     if (condition === "contradicted") return [read, ...this._against(sensor, reads)].join("; ");
     if (predicted) {
       const by = this._who(2 * sensor + (condition === "off" ? 1 : 0));

@@ -1,7 +1,7 @@
 // The card of what is selected: a sensor with its edges, or an edge with its weights.
 
 import { find, link, make, write } from "../base/dom.js";
-import { bitWord, conditions, drawn, few, isComplement, literalName, sensorOf, testedWords } from "../base/literals.js";
+import { conditions, drawn, few, isComplement, literalName, readWord, sensorOf, testedWords } from "../base/literals.js";
 import { term } from "../base/terms.js";
 import { unread } from "../run/growth.js";
 import { consequences } from "./belief.js";
@@ -62,7 +62,7 @@ export class ChoiceView {
       write(find("choice-title"), this._names[sensor]);
     }
     const gone = unread(frame, sensor);
-    write(this._reads, gone || bitWord(frame.bits[sensor]));
+    write(this._reads, gone || readWord(frame, sensor));
     write(this._has, gone || conditions(frame)[sensor]);
     write(this._why, reasons.of(sensor));
     write(this._equal, testedWords(this._node(sensor, graph)?.tested));

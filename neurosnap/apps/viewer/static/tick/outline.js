@@ -1,7 +1,7 @@
 // The diagram in words: a table with a line for each sensor.
 
 import { find, link, make, table, write } from "../base/dom.js";
-import { bitWord, conditions, drawn, few, isComplement, literalName, sensorOf } from "../base/literals.js";
+import { conditions, drawn, few, isComplement, literalName, readWord, sensorOf } from "../base/literals.js";
 import { term } from "../base/terms.js";
 import { unread } from "../run/growth.js";
 
@@ -43,7 +43,7 @@ export class Outline {
       row.hidden = sensor >= frame.sensors;
       if (row.hidden) return;
       const gone = unread(frame, sensor);
-      write(reads, gone || bitWord(frame.bits[sensor]));
+      write(reads, gone || readWord(frame, sensor));
       write(state, gone || words[sensor]);
       const kind = reasons.kind(sensor);
       const isPlain = kind === "read" || kind === "unknown" || gone;
