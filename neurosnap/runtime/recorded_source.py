@@ -19,11 +19,13 @@ from neurosnap.runtime.fit_agent import body_of
 from neurosnap.sources.camera import try_camera
 from neurosnap.sources.open import (
     MQTT,
+    ROS2,
     STDIN,
     is_file,
     is_live,
     mqtt_options,
     open_source,
+    ros2_options,
 )
 from neurosnap.sources.protocol import Argument
 
@@ -94,6 +96,10 @@ def _effect(options: RunOptions) -> str:
         broker = mqtt_options(arguments).broker
         more = f"username {broker.username!r}, ca_file {broker.ca_file!r}"
         return f"connect to the broker {broker.address!r} ({more})"
+    if name == ROS2:
+        given = ros2_options(arguments)
+        read = f" and read {', '.join(given.msg_files)}" if given.msg_files else ""
+        return f"connect to the router {given.router!r}{read}"
     if is_live(name):
         return "take readings from Zenoh"
     what = "read the file" if is_file(name) else "import and run the world"

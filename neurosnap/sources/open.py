@@ -2,7 +2,7 @@
 
 A name is the path of a file of readings, the id of a Gymnasium environment, or that of
 a live source: ``-`` is standard input, ``zenoh:`` the keys of the swarm itself,
-``mqtt:`` a broker's topics.
+``mqtt:`` a broker's topics, ``ros2:`` those of robots.
 
 After k steps a source returns a function of its name, the seed and the actions only;
 live sources cannot: they cannot be brought back to where they were. `open_source`
@@ -39,12 +39,15 @@ from neurosnap.sources.live.zenoh_source import Hub, ZenohFeeder
 from neurosnap.sources.meaning import Wanted, parse_span
 from neurosnap.sources.mqtt.options import MqttOptions
 from neurosnap.sources.protocol import Argument, Source
+from neurosnap.sources.ros2.options import Ros2Options
 from neurosnap.system.distribution import must_have
 
 A = TypeVar("A", "FileArguments", "LiveArguments")
+K = TypeVar("K", MqttOptions, Ros2Options)
 STDIN = "-"
 ZENOH = "zenoh:"
 MQTT = "mqtt:"
+ROS2 = "ros2:"
 _LEARNED = 0.25
 """The share of a file, from its beginning, that the cuts of a run are chosen by."""
 
@@ -113,7 +116,7 @@ def is_file(name: str) -> bool:
 
 def is_live(name: str) -> bool:
     """Tell whether `name` is that of a source that `open_live` opens."""
-    return name in (STDIN, ZENOH, MQTT)
+    return name in (STDIN, ZENOH, MQTT, ROS2)
 
 
 def open_live(
@@ -127,10 +130,10 @@ def open_live(
     """Return the live source called `name`; nothing is started before its first tick.
 
     Args:
-        name: ``-``, ``zenoh:`` or ``mqtt:``.
+        name: ``-``, ``zenoh:``, ``mqtt:`` or ``ros2:``.
         arguments: As `LiveArguments` has them; `sensors` must be among them. For
-            ``mqtt:`` one alone, `options`: `MqttOptions` as JSON, as a file of ours
-            has it in its table `[source]`.
+            the last two one alone, `options`: `MqttOptions` or `Ros2Options` as JSON,
+            as a file of ours has it in its table `[source]`.
         hub: The swarm's; None for a look only: ``zenoh:`` cannot be started.
         journal: As for `LiveSource`.
         most: As for `LiveSource`.
@@ -145,7 +148,9 @@ def open_live(
         >>> source.close()
     """
     if not is_live(name):
-        raise InvalidValueError("source", f"must be {STDIN}, {ZENOH} or {MQTT}", name)
+        raise InvalidValueError(
+            "source", f"must be {STDIN}, {ZENOH}, {MQTT} or {ROS2}", name
+        )
     arguments = {} if arguments is None else arguments
     if name == MQTT:
         try:
@@ -154,6 +159,13 @@ def open_live(
             rule = must_have(error.name or "aiomqtt", "mqtt")
             raise InvalidValueError("source", rule, "no such package") from error
         return mqtt_source(mqtt_options(arguments), journal=journal, most=most)
+    if name == ROS2:
+        try:
+            from neurosnap.sources.ros2.ros2_source import ros2_source
+        except ImportError as error:  # an extra
+            rule = must_have(error.name or "rosbags", "ros2")
+            raise InvalidValueError("source", rule, "no such package") from error
+        return ros2_source(ros2_options(arguments), journal=journal, most=most)
     given = _converted(arguments, LiveArguments)
     if not (given.sensors or given.signals):
         rule = "must be named for such a source (--set sensors=a,b,c)"
@@ -306,10 +318,23 @@ def mqtt_options(arguments: Mapping[str, Argument]) -> MqttOptions:
     Raises:
         InvalidValueError: They hold none, or wrong ones.
     """
+    return _options(arguments, MqttOptions, "an MQTT source")
+
+
+def ros2_options(arguments: Mapping[str, Argument]) -> Ros2Options:
+    """Return the options that the arguments of a ``ros2:`` source hold.
+
+    Raises:
+        InvalidValueError: They hold none, or wrong ones.
+    """
+    return _options(arguments, Ros2Options, "a source of ROS 2")
+
+
+def _options(arguments: Mapping[str, Argument], kind: type[K], what: str) -> K:
     try:
-        return msgspec.json.decode(str(arguments["options"]), type=MqttOptions)
+        return msgspec.json.decode(str(arguments["options"]), type=kind)
     except (KeyError, msgspec.MsgspecError) as error:
-        rule = "must hold the options of an MQTT source: name a file that describes one"
+        rule = f"must hold the options of {what}: name a file that describes one"
         raise InvalidValueError("arguments", rule, str(error)) from error
 
 

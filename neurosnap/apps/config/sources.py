@@ -11,8 +11,9 @@ import msgspec
 
 from neurosnap.sources.live.tick_schedule import Seconds, TickRule
 from neurosnap.sources.mqtt.options import MqttOptions
-from neurosnap.sources.open import MQTT, STDIN, ZENOH
+from neurosnap.sources.open import MQTT, ROS2, STDIN, ZENOH
 from neurosnap.sources.protocol import Argument
+from neurosnap.sources.ros2.options import Ros2Options
 
 Text: TypeAlias = Annotated[str, msgspec.Meta(min_length=1)]
 Opening: TypeAlias = tuple[str, dict[str, Argument]]
@@ -103,5 +104,17 @@ class MqttTable(MqttOptions, frozen=True, tag_field="kind", tag="mqtt"):
         return MQTT, {"options": msgspec.json.encode(options).decode()}
 
 
-SourceTable: TypeAlias = WorldTable | FileTable | StdinTable | ZenohTable | MqttTable
+class Ros2Table(Ros2Options, frozen=True, tag_field="kind", tag="ros2"):
+    """Topics of a graph of ROS 2 whose nodes use `rmw_zenoh_cpp`."""
+
+    def opening(self, folder: Path) -> Opening:
+        """Return how it is opened; its files are looked for from `folder`."""
+        files = tuple(str(folder / file) for file in self.msg_files)
+        options = msgspec.structs.replace(self, msg_files=files)
+        return ROS2, {"options": msgspec.json.encode(options).decode()}
+
+
+SourceTable: TypeAlias = (
+    WorldTable | FileTable | StdinTable | ZenohTable | MqttTable | Ros2Table
+)
 """What may stand under `[source]`."""

@@ -28,6 +28,8 @@ _BOUNDED = {"transport/link/rx/max_message_size": LARGEST}
 _UNHURRIED = {
     "transport/link/tx/queue/congestion_control/block/wait_before_close": 60_000_000
 }
+RETRY = {"period_init_ms": 50, "period_max_ms": 200, "period_increase_factor": 1.5}
+"""How soon a session connects again that lost its hub."""
 _log = logging.getLogger(__name__)
 _SAID_AFTER = 2.0  # seconds
 _SOURCE = re.compile(r"\s+at /\S+\.rs:\d+")
@@ -67,11 +69,7 @@ def connecting(hub: HubAddress, patience: float) -> zenoh.Config:
         "client",
         connect__endpoints=[hub.endpoint],
         connect__timeout_ms=int(patience * 1000),
-        connect__retry={
-            "period_init_ms": 50,
-            "period_max_ms": 200,
-            "period_increase_factor": 1.5,
-        },
+        connect__retry=RETRY,
         **guard,
     )
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 import zenoh
 
 from neurosnap.errors import FabricError
-from neurosnap.fabric.zenoh.connect_session import configuration, reason_of
+from neurosnap.fabric.zenoh.connect_session import RETRY, configuration, reason_of
 from neurosnap.sources.ros2.keys_and_tokens import (
     NO_HASH,
     PUBLISHER,
@@ -146,6 +146,7 @@ def open_session(router: str, patience: float = _PATIENCE) -> zenoh.Session:
                 "client",
                 connect__endpoints=[router],
                 connect__timeout_ms=int(patience * 1000),
+                connect__retry=RETRY,
                 timestamping__enabled=True,  # what is latched is kept by time
             )
         )

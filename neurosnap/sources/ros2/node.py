@@ -102,11 +102,14 @@ class RosNode:
             missed = zenoh.ext.MissDetectionConfig(
                 heartbeat=None, sporadic_heartbeat=_HEARTBEAT
             )
+            # A large message must not be dropped half way to one that comes later.
+            block = zenoh.CongestionControl.BLOCK
+            replies = zenoh.ext.RepliesConfig(congestion_control=block)
             made = zenoh.ext.declare_advanced_publisher(
                 self._session,
                 endpoint.key,
                 congestion_control=control,
-                cache=zenoh.ext.CacheConfig(qos.depth),
+                cache=zenoh.ext.CacheConfig(qos.depth, replies_config=replies),
                 publisher_detection=True,
                 sample_miss_detection=missed if qos.reliable else None,
             )

@@ -33,7 +33,11 @@ def test_names_come_with_commas_or_as_a_list(
     [
         ("-", {}, "sensors: must be named for such a source"),
         ("zenoh:", {}, "sensors: must be named for such a source"),
-        ("http:", {"sensors": "a"}, "source: must be -, zenoh: or mqtt:, got 'http:'"),
+        (
+            "http:",
+            {"sensors": "a"},
+            "source: must be -, zenoh:, mqtt: or ros2:, got 'http:'",
+        ),
         ("-", {"sensors": "a,a"}, "names: must be unique, got 'a'"),
         ("-", {"sensors": "[1]"}, "sensors: must be names with commas between them"),
         ("-", {"sensors": "a", "stale": 3}, "arguments: must be ones such a source"),

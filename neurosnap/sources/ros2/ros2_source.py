@@ -1,0 +1,414 @@
+"""Fields of messages of ROS 2 as sensors, live.
+
+Only the topics of sensors are subscribed to. A message is decoded by the type that its
+key names; a type that nothing tells of is an error of its topic, told once. Readings
+have the times that their publishers say. A topic that nothing publishes any more is
+unknown, and so is everything while the router is away.
+
+Messages are decoded where Zenoh hands them over, one after the other: a node that
+publishes more than can be read is held back, and drops its own.
+"""
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from typing import Any, NamedTuple
+
+import numpy as np
+import zenoh
+import zenoh.ext
+
+from neurosnap.errors import FabricError, InvalidValueError
+from neurosnap.sources.live.journal import Journal
+from neurosnap.sources.live.latest_or_late import LatestReadings
+from neurosnap.sources.live.live_source import LiveSource
+from neurosnap.sources.meaning import (
+    Heard,
+    Reader,
+    as_text,
+    is_condition,
+    parse_condition,
+)
+from neurosnap.sources.message_fields import Term, field, parse_term
+from neurosnap.sources.ros2.diagnostics import ARRAY
+from neurosnap.sources.ros2.graph import GraphWatch, open_session
+from neurosnap.sources.ros2.keys_and_tokens import (
+    CLIENT,
+    Attachment,
+    Endpoint,
+    check_encoding,
+    gid_of,
+    parse_attachment,
+    ros_type,
+)
+from neurosnap.sources.ros2.message_types import (
+    LARGEST,
+    Decoder,
+    TypesByHash,
+    question,
+)
+from neurosnap.sources.ros2.options import Ros2Options, signal_of, topic_of
+
+_TRY = 2.0  # seconds a router, or a node that is asked, may take to answer
+_DESCRIBES = "get_type_description"
+_logger = logging.getLogger(__name__)
+
+
+def ros2_source(
+    options: Ros2Options, *, journal: Journal | None = None, most: int | None = None
+) -> LiveSource:
+    """Return the source that `options` describe; it connects with its first tick.
+
+    Args:
+        options: What is read.
+        journal: As for `LiveSource`.
+        most: As for `LiveSource`.
+
+    Raises:
+        InvalidValueError: A file of a type cannot be read.
+    """
+    readers = _Readers(options.sensors)
+    latest = LatestReadings(
+        readers.sensors,
+        stale_after=options.stale_after,
+        heard_within=readers.heard_within,
+    )
+    return LiveSource(
+        latest,
+        options.tick.schedule(),
+        feeder=Ros2Feeder(options, readers),
+        journal=journal,
+        most=most,
+    )
+
+
+class _Readers:
+    """Makes readings of what signals say.
+
+    Args:
+        sensors: Names of signals, and conditions.
+    """
+
+    def __init__(self, sensors: Sequence[str]) -> None:
+        self._readers: dict[str, list[Reader]] = {}
+        self.sensors: list[str] = []
+        self.heard_within: list[float | None] = []
+        for text in sensors:
+            said = parse_condition(text) if is_condition(text) else None
+            reader = Reader(said.name if said else text, said)
+            self._readers.setdefault(signal_of(text), []).append(reader)
+            self.sensors.append(reader.name)
+            self.heard_within.append(said.within if isinstance(said, Heard) else None)
+        self.signals = tuple(self._readers)
+
+    def read(
+        self, values: Mapping[str, object]
+    ) -> tuple[dict[str, bool | None], list[InvalidValueError]]:
+        """Return what sensors read, and what is no reading."""
+        readings: dict[str, bool | None] = {}
+        wrong: list[InvalidValueError] = []
+        for name, value in values.items():
+            for reader in self._readers[name]:
+                try:
+                    readings[reader.name] = reader.read(value)
+                except ValueError as error:
+                    said = as_text(value)[:40]
+                    wrong.append(InvalidValueError(name, str(error), said))
+        return readings, wrong
+
+
+class _Wanted(NamedTuple):
+    """A signal that is wanted, and where it is in a message of its topic."""
+
+    name: str
+    path: str
+    term: Term | None
+
+
+class _Listener(NamedTuple):
+    """A subscription to a topic."""
+
+    close: Callable[[], None]
+    latched: bool
+    """It was given what was published before."""
+    kinds: frozenset[tuple[str, str]]
+    """The types, with their hashes, that were known then."""
+
+
+class Ros2Feeder:
+    """Turns messages of ROS 2 into readings.
+
+    Args:
+        options: What is read.
+        readers: Make readings of what signals say.
+
+    Raises:
+        InvalidValueError: As `ros2_source`.
+    """
+
+    def __init__(self, options: Ros2Options, readers: _Readers) -> None:
+        self._options, self._readers = options, readers
+        self._signals: dict[str, list[_Wanted]] = {}
+        for name in readers.signals:
+            topic, term = topic_of(name), parse_term(name)
+            path = (term.path if term else name).removeprefix(topic)
+            self._signals.setdefault(topic, []).append(_Wanted(name, path, term))
+        self._types = TypesByHash(options.msg_files)
+        self._decoders: dict[tuple[str, str], Decoder | None] = {}
+        self._lock = threading.Lock()  # one message after the other
+        self._at: dict[str, float] = {}  # of each topic's last message
+        self._listeners: dict[str, _Listener] = {}
+        self._told: set[str] = set()  # errors that are not told again
+        self._asked: set[str] = set()  # publishers whose node was asked
+        self._woken, self._over = threading.Event(), False
+        self._away = False
+        self._source: LiveSource | None = None
+        self._thread: threading.Thread | None = None
+        self._count = 0
+
+    def start(self, source: LiveSource) -> None:
+        """Begin to connect; what fails of it, the source is told."""
+        self._source = source
+        source.listens(False)
+        self._thread = threading.Thread(
+            target=self._run, args=(source,), name="ros2", daemon=True
+        )
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Disconnect; may wait two seconds for a router that does not answer."""
+        self._over = True
+        self._woken.set()
+        if self._thread is not None:
+            self._thread.join()
+
+    def _run(self, source: LiveSource) -> None:
+        try:
+            with ExitStack() as open_:
+                session = self._connected(source)
+                if session is None:
+                    return
+                open_.callback(session.close)
+                linked = zenoh.handlers.Callback(self._linked, indirect=False)
+                links: Any = session.info.declare_transport_events_listener(linked)
+                open_.callback(links.undeclare)
+                watch = GraphWatch(session, self._options.domain, self._woken.set)
+                open_.callback(watch.close)
+                open_.callback(self._unsubscribe)
+                self._follow(session, watch)  # before it counts as listening
+                source.listens(True)
+                while not self._over:
+                    self._woken.wait()
+                    self._woken.clear()
+                    self._follow(session, watch)
+        except BaseException as error:  # noqa: BLE001 - goes on to `step`, whole
+            source.fail(error)
+
+    def _connected(self, source: LiveSource) -> zenoh.Session | None:
+        """Return a session once the router answers; None if it was stopped before.
+
+        Raises:
+            FabricError: It takes longer than a new run waits.
+        """
+        until = time.monotonic() + self._options.patience
+        while not self._over:
+            try:
+                return open_session(self._options.router, _TRY)
+            except FabricError as error:
+                if not source.resumed and time.monotonic() > until:
+                    raise
+                if not self._told:
+                    self._told.add("")
+                    _logger.warning("%s; it goes on trying", error)
+        return None
+
+    def _linked(self, event: zenoh.TransportEvent) -> None:
+        """Note that the router is there, or away."""
+        if self._source is not None and event.transport.whatami == (
+            zenoh.WhatAmI.ROUTER
+        ):
+            self._away = event.kind != zenoh.SampleKind.PUT
+            self._source.listens(not self._away)
+            self._woken.set()
+
+    def _follow(self, session: zenoh.Session, watch: GraphWatch) -> None:
+        """Subscribe as the graph has it now, and forget what is published no more."""
+        with watch.lock:
+            publishers = {} if self._away else watch.graph.publishers()
+        for topic in self._signals:
+            here = publishers.get(topic, [])
+            for each in here:
+                self._learn(session, watch, each)
+            kinds = frozenset((each.type, each.hash) for each in here)
+            latched = any(each.qos.latched for each in here)
+            before = self._listeners.get(topic)
+            if before is not None:
+                if before.kinds and not here:
+                    self._forget(topic)
+                news = latched and not kinds <= before.kinds
+                if before.latched == latched and not news:
+                    self._listeners[topic] = before._replace(kinds=kinds)
+                    continue
+                before.close()
+            depth = max((each.qos.depth for each in here), default=1)
+            close = self._subscribe(session, topic, depth if latched else 0)
+            self._listeners[topic] = _Listener(close, latched, kinds)
+
+    def _subscribe(
+        self, session: zenoh.Session, topic: str, depth: int
+    ) -> Callable[[], None]:
+        """Subscribe to a topic, with so many earlier messages; return what ends it."""
+        key = f"{self._options.domain}{topic}/*/*"
+        hear = zenoh.handlers.Callback(self._hear, indirect=False)
+        listener: Any
+        if depth:
+            history = zenoh.ext.HistoryConfig(
+                detect_late_publishers=True, max_samples=depth
+            )
+            listener = zenoh.ext.declare_advanced_subscriber(
+                session, key, hear, history=history
+            )
+        else:
+            listener = session.declare_subscriber(key, hear)
+        return listener.undeclare  # type: ignore[no-any-return]
+
+    def _unsubscribe(self) -> None:
+        for each in self._listeners.values():
+            each.close()
+        self._listeners.clear()
+
+    def _forget(self, topic: str) -> None:
+        """Let a topic be unknown: nothing publishes it any more."""
+        with self._lock:
+            at = self._at.get(topic)  # a publisher that comes back is not late
+            gone = {each.name: None for each in self._signals[topic] if each.path}
+            readings, _ = self._readers.read(gone)
+        if self._source is not None and readings:
+            self._source.receive(readings, at)
+
+    def _learn(
+        self, session: zenoh.Session, watch: GraphWatch, publisher: Endpoint
+    ) -> None:
+        """Find out what decodes a publisher's messages; if nothing does, tell so."""
+        kind, token = (publisher.type, publisher.hash), publisher.token
+        if self._decoders.get(kind) is not None or token in self._asked:
+            return
+        decoder = self._types.find(*kind)
+        why = "its node describes no types, and no file of msg_files is of it"
+        if decoder is None:
+            self._asked.add(token)
+            with watch.lock:
+                service = watch.graph.service(publisher.node, _DESCRIBES)
+            try:
+                if service is not None:
+                    answer = self._ask(session, service, question(*kind))
+                    decoder = self._types.described(*kind, answer)
+            except ValueError as error:
+                why = str(error)
+        self._decoders[kind] = decoder
+        if decoder is None and publisher.key not in self._told:
+            self._told.add(publisher.key)
+            rule = f"must be of a type that is known ({why})"
+            said = f"{publisher.type}, {publisher.hash}"
+            _logger.warning("%s: %s, got %s: left out", publisher.name, rule, said)
+
+    def _ask(self, session: zenoh.Session, service: Endpoint, asked: bytes) -> bytes:
+        """Return what a service answers.
+
+        Raises:
+            ValueError: It does not.
+        """
+        self._count += 1
+        ours = service._replace(id=str(self._count), kind=CLIENT)
+        ours = ours._replace(node=ours.node._replace(session=str(session.zid())))
+        attachment = Attachment(self._count, time.time_ns(), gid_of(ours.token)).data
+        replies = session.get(
+            service.key,
+            payload=asked,
+            attachment=attachment,
+            target=zenoh.QueryTarget.ALL_COMPLETE,
+            timeout=_TRY,
+        )
+        for reply in replies:
+            if reply.ok is not None:
+                return reply.ok.payload.to_bytes()
+        raise ValueError(f"{service.name} must answer within {_TRY:g} s")
+
+    def _hear(self, sample: zenoh.Sample) -> None:
+        """Hand in what a message says; on a thread of Zenoh's."""
+        if self._source is None or sample.kind != zenoh.SampleKind.PUT:
+            return
+        _, *names, dds, hashed = str(sample.key_expr).split("/")
+        topic, kind = f"/{'/'.join(names)}", (ros_type(dds), hashed)
+        try:
+            about = sample.attachment
+            at = parse_attachment(about.to_bytes() if about else b"").at / 1e9
+            with self._lock:
+                if kind not in self._decoders:
+                    self._decoders[kind] = self._types.find(*kind)
+                    self._woken.set()
+                if (decoder := self._decoders[kind]) is None:
+                    return  # it was told, or is about to be
+                self._at[topic] = at
+                message = self._decoded(topic, decoder, sample.payload)
+                values = self.values(topic, message, several=kind[0] == ARRAY)
+                readings, wrong = self._readers.read(values)
+                self._source.receive(readings, at, list(map(str, wrong)))
+        except ValueError as error:
+            self._source.refuse(f"{topic}: {error}")
+
+    def _decoded(self, topic: str, decoder: Decoder, payload: zenoh.ZBytes) -> object:
+        """Return a message; None if it does not matter what it says.
+
+        Raises:
+            ValueError: It is too large, or none of its type.
+        """
+        if not any(each.path for each in self._signals[topic]):
+            return None
+        if len(payload) > LARGEST:
+            raise ValueError(f"must be up to {LARGEST} bytes, got {len(payload)}")
+        data = payload.to_bytes()
+        check_encoding(data)
+        return decoder(data)
+
+    def values(
+        self, topic: str, message: object, *, several: bool = False
+    ) -> dict[str, object]:
+        """Return what the signals of a topic say in a message.
+
+        Args:
+            topic: Its name.
+            message: As it was decoded.
+            several: What it lacks may be in the next, of another publisher.
+        """
+        found: dict[str, object] = {}
+        for name, path, term in self._signals[topic]:
+            try:
+                value = term.of(topic, message) if term else _one(message, path)
+            except ValueError as error:
+                if several:
+                    continue
+                value = None
+                if name not in self._told:
+                    self._told.add(name)
+                    _logger.warning("%s: %s: it is unknown", name, error)
+            found[name] = value
+        return found
+
+
+def _one(message: object, path: str) -> object:
+    """Return what a message says at a path; True if it is enough that it came.
+
+    Raises:
+        ValueError: Nothing is there, or more than one value.
+    """
+    if not path:
+        return True
+    value = field(message, path)
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, dict | list | np.ndarray):
+        raise ValueError(f"must be one value (a field of it, or min({path}[0:9]))")  # noqa: TRY004
+    return value
