@@ -15,6 +15,7 @@ names, once to be the world.
 
 from collections.abc import Mapping
 from pathlib import Path
+from types import ModuleType
 from typing import TypeVar
 
 import msgspec
@@ -160,12 +161,9 @@ def open_live(
             raise InvalidValueError("source", rule, "no such package") from error
         return mqtt_source(mqtt_options(arguments), journal=journal, most=most)
     if name == ROS2:
-        try:
-            from neurosnap.sources.ros2.ros2_source import ros2_source
-        except ImportError as error:  # an extra
-            rule = must_have(error.name or "rosbags", "ros2")
-            raise InvalidValueError("source", rule, "no such package") from error
-        return ros2_source(ros2_options(arguments), journal=journal, most=most)
+        options = ros2_options(arguments)
+        ros2: LiveSource = _ros2().ros2_source(options, journal=journal, most=most)
+        return ros2
     given = _converted(arguments, LiveArguments)
     if not (given.sensors or given.signals):
         rule = "must be named for such a source (--set sensors=a,b,c)"
@@ -185,6 +183,16 @@ def open_live(
     source = LiveSource(latest, ticks, feeder=feeder, journal=journal, most=most)
     source.readers, source.numbers = readers, readers.numbers
     return source
+
+
+def _ros2() -> ModuleType:
+    """Return the module of a source that needs an extra."""
+    try:
+        from neurosnap.sources.ros2 import ros2_source
+    except ImportError as error:
+        rule = must_have(error.name or "rosbags", "ros2")
+        raise InvalidValueError("source", rule, "no such package") from error
+    return ros2_source
 
 
 class FileArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -271,6 +279,9 @@ def needs_listening(name: str, arguments: Mapping[str, Argument]) -> bool:
     """
     if name == MQTT:
         return any(sensor.bins for sensor in mqtt_options(arguments).sensors)
+    if name == ROS2:
+        said = ros2_options(arguments)
+        return bool(said.bins and said.plain)
     if name != STDIN:
         return False
     given = _converted(arguments, LiveArguments)
@@ -307,6 +318,9 @@ def settle(name: str, arguments: Mapping[str, Argument]) -> dict[str, Argument]:
 
         options = cut(mqtt_options(arguments))
         return {"options": msgspec.json.encode(options).decode()}
+    if name == ROS2:
+        said = _ros2().cut(ros2_options(arguments))
+        return {"options": msgspec.json.encode(said).decode()}
     given = _converted(arguments, LiveArguments)
     head, signals = first_lines(given.stretch, given.bins)
     return {**arguments, "signals": as_json(signals), "head": head.decode()}

@@ -43,7 +43,13 @@ class Ros2Options(
     sensors: Annotated[tuple[Words, ...], msgspec.Meta(min_length=1)]
     """The sensors, in order: fields such as `/door.data`, or conditions such as
     `/battery_state.percentage < 0.2`, `min(/scan.ranges[0:80]) < 0.5`, `/mode.data =
-    auto` or `/scan heard within 0.5 s`."""
+    auto` or `/scan heard within 0.5 s`. A field of numbers or words becomes several,
+    and a topic alone those of its fields, by what they say before the run begins."""
+    bins: Annotated[int, msgspec.Meta(ge=0)] = 4
+    """Parts that the range of a number is cut into; 0: none is, and nothing is listened
+    to before the run."""
+    stretch: Seconds = 60.0
+    """Seconds, at most, in which ranges and words are learned first."""
     msg_files: tuple[Words, ...] = ()
     """Files `PACKAGE/msg/TYPE.msg` of types that neither come with ROS 2 nor are
     described by the node that publishes them."""
@@ -61,6 +67,11 @@ class Ros2Options(
             raise InvalidValueError("router", rule, self.router)
         for sensor in self.sensors:
             topic_of(signal_of(sensor))
+
+    @property
+    def plain(self) -> tuple[str, ...]:
+        """The sensors that are named without a condition."""
+        return tuple(each for each in self.sensors if not is_condition(each))
 
 
 def signal_of(sensor: str) -> str:

@@ -12,26 +12,23 @@ publishes more than can be read is held back, and drops its own.
 import logging
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack
 from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 import zenoh
 import zenoh.ext
 
-from neurosnap.errors import FabricError, InvalidValueError
+from neurosnap.errors import FabricError
+from neurosnap.sources.live.first_stretch import Ranges, listen
 from neurosnap.sources.live.journal import Journal
 from neurosnap.sources.live.latest_or_late import LatestReadings
 from neurosnap.sources.live.live_source import LiveSource
-from neurosnap.sources.meaning import (
-    Heard,
-    Reader,
-    as_text,
-    is_condition,
-    parse_condition,
-)
-from neurosnap.sources.message_fields import Term, field, parse_term
+from neurosnap.sources.live.signal_readers import SignalReaders, signals_of
+from neurosnap.sources.meaning import Wanted
+from neurosnap.sources.message_fields import Term, field, fields, parse_term
 from neurosnap.sources.ros2.diagnostics import ARRAY
 from neurosnap.sources.ros2.graph import GraphWatch, open_session
 from neurosnap.sources.ros2.keys_and_tokens import (
@@ -69,7 +66,7 @@ def ros2_source(
     Raises:
         InvalidValueError: A file of a type cannot be read.
     """
-    readers = _Readers(options.sensors)
+    readers = SignalReaders(signals_of(options.sensors))
     latest = LatestReadings(
         readers.sensors,
         stale_after=options.stale_after,
@@ -78,45 +75,36 @@ def ros2_source(
     return LiveSource(
         latest,
         options.tick.schedule(),
-        feeder=Ros2Feeder(options, readers),
+        feeder=Ros2Feeder(options),
         journal=journal,
         most=most,
+        readers=readers,
     )
 
 
-class _Readers:
-    """Makes readings of what signals say.
+def cut(options: Ros2Options) -> Ros2Options:
+    """Return options whose numbers and words are cut into sensors.
 
-    Args:
-        sensors: Names of signals, and conditions.
+    The graph is listened to first, for as long as `stretch` says, or until all that is
+    asked for is a boolean.
+
+    Raises:
+        NeurosnapError: The router cannot be reached, or nothing fit for a sensor came.
     """
-
-    def __init__(self, sensors: Sequence[str]) -> None:
-        self._readers: dict[str, list[Reader]] = {}
-        self.sensors: list[str] = []
-        self.heard_within: list[float | None] = []
-        for text in sensors:
-            said = parse_condition(text) if is_condition(text) else None
-            reader = Reader(said.name if said else text, said)
-            self._readers.setdefault(signal_of(text), []).append(reader)
-            self.sensors.append(reader.name)
-            self.heard_within.append(said.within if isinstance(said, Heard) else None)
-        self.signals = tuple(self._readers)
-
-    def read(
-        self, values: Mapping[str, object]
-    ) -> tuple[dict[str, bool | None], list[InvalidValueError]]:
-        """Return what sensors read, and what is no reading."""
-        readings: dict[str, bool | None] = {}
-        wrong: list[InvalidValueError] = []
-        for name, value in values.items():
-            for reader in self._readers[name]:
-                try:
-                    readings[reader.name] = reader.read(value)
-                except ValueError as error:
-                    said = as_text(value)[:40]
-                    wrong.append(InvalidValueError(name, str(error), said))
-        return readings, wrong
+    ranges = Ranges(Wanted(patterns=options.plain, bins=options.bins))
+    listen(Ros2Feeder(options), ranges, options.stretch)
+    found: dict[str, list[str]] = {}
+    for name, some in ranges.chosen().items():
+        texts = [f"{name} {each.text}" if each else name for each in some]
+        found.setdefault(name, []).extend(texts)
+        found.setdefault(topic_of(name), []).extend(texts)
+    sensors: list[str] = []
+    for text in options.sensors:
+        heard = text not in options.plain or text in found
+        if not heard:
+            _logger.warning("%s: said nothing meanwhile: taken as on and off", text)
+        sensors += found.get(text, [text])
+    return msgspec.structs.replace(options, sensors=tuple(sensors), bins=0)
 
 
 class _Wanted(NamedTuple):
@@ -142,19 +130,17 @@ class Ros2Feeder:
 
     Args:
         options: What is read.
-        readers: Make readings of what signals say.
 
     Raises:
         InvalidValueError: As `ros2_source`.
     """
 
-    def __init__(self, options: Ros2Options, readers: _Readers) -> None:
-        self._options, self._readers = options, readers
-        self._signals: dict[str, list[_Wanted]] = {}
-        for name in readers.signals:
-            topic, term = topic_of(name), parse_term(name)
-            path = (term.path if term else name).removeprefix(topic)
-            self._signals.setdefault(topic, []).append(_Wanted(name, path, term))
+    def __init__(self, options: Ros2Options) -> None:
+        self._options = options
+        self._signals: dict[str, list[_Wanted]] = {
+            topic_of(signal_of(sensor)): [] for sensor in options.sensors
+        }
+        self._doubted = set(options.plain)  # they may be something else than booleans
         self._types = TypesByHash(options.msg_files)
         self._decoders: dict[tuple[str, str], Decoder | None] = {}
         self._lock = threading.Lock()  # one message after the other
@@ -171,6 +157,10 @@ class Ros2Feeder:
     def start(self, source: LiveSource) -> None:
         """Begin to connect; what fails of it, the source is told."""
         self._source = source
+        for name in source.readers.signals:
+            topic, term = topic_of(name), parse_term(name)
+            path = (term.path if term else name).removeprefix(topic)
+            self._signals[topic].append(_Wanted(name, path, term))
         source.listens(False)
         self._thread = threading.Thread(
             target=self._run, args=(source,), name="ros2", daemon=True
@@ -284,9 +274,9 @@ class Ros2Feeder:
         with self._lock:
             at = self._at.get(topic)  # a publisher that comes back is not late
             gone = {each.name: None for each in self._signals[topic] if each.path}
-            readings, _ = self._readers.read(gone)
-        if self._source is not None and readings:
-            self._source.receive(readings, at)
+            if self._source is not None and gone:
+                readings, _ = self._source.readers.read(gone)
+                self._source.receive(readings, at)
 
     def _learn(
         self, session: zenoh.Session, watch: GraphWatch, publisher: Endpoint
@@ -354,8 +344,13 @@ class Ros2Feeder:
                 self._at[topic] = at
                 message = self._decoded(topic, decoder, sample.payload)
                 values = self.values(topic, message, several=kind[0] == ARRAY)
-                readings, wrong = self._readers.read(values)
+                readings, wrong = self._source.readers.read(values, topic)
                 self._source.receive(readings, at, list(map(str, wrong)))
+                if not self._source.readers.signals:
+                    bits = (name for name, said in values.items() if type(said) is bool)
+                    self._doubted.difference_update(bits)
+                    if not self._doubted:
+                        self._source.end()
         except ValueError as error:
             self._source.refuse(f"{topic}: {error}")
 
@@ -365,7 +360,8 @@ class Ros2Feeder:
         Raises:
             ValueError: It is too large, or none of its type.
         """
-        if not any(each.path for each in self._signals[topic]):
+        wanted = self._signals[topic]
+        if wanted and not any(each.path for each in wanted):
             return None
         if len(payload) > LARGEST:
             raise ValueError(f"must be up to {LARGEST} bytes, got {len(payload)}")
@@ -383,6 +379,8 @@ class Ros2Feeder:
             message: As it was decoded.
             several: What it lacks may be in the next, of another publisher.
         """
+        if self._source is not None and not self._source.readers.signals:
+            return dict(fields(topic, message, self._source.readers.terms(topic)))
         found: dict[str, object] = {}
         for name, path, term in self._signals[topic]:
             try:

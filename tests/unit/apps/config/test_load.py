@@ -58,8 +58,8 @@ CSV = "[source]\nkind = 'file'\n"
 SOURCES = {
     "": "swarm.toml: source: must be given",
     "source = 1": "swarm.toml:1: source: must be a table, got 1",
-    "[source]": "swarm.toml:1: source.kind: must be 'world', 'file', 'stdin', 'zenoh' or 'mqtt'",
-    "[source]\nkind = 'tea'": "swarm.toml:2: source.kind: must be 'world', 'file', 'stdin', 'zenoh' or 'mqtt', got",
+    "[source]": "swarm.toml:1: source.kind: must be 'world', 'file', 'stdin', 'zenoh', 'mqtt' or 'ros2'",
+    "[source]\nkind = 'tea'": "swarm.toml:2: source.kind: must be 'world', 'file', 'stdin', 'zenoh', 'mqtt' or 'ros2', got",
     "[source]\nkind = 'world'": "swarm.toml:1: source.id: must be given",
     f"{CSV}id = 'x'\npath = 'a.csv'": "swarm.toml:3: source.id: must be a known key: path",
     f"{CSV}path = 'a.txt'": "swarm.toml:3: source.path: must be a file of readings, or the folder of a bag",

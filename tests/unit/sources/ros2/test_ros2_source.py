@@ -15,8 +15,11 @@ import zenoh
 
 from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.zenoh.connect_session import configuration
+from neurosnap.sources.live.latest_or_late import LatestReadings
 from neurosnap.sources.live.live_source import LiveSource
-from neurosnap.sources.open import ROS2, open_live
+from neurosnap.sources.live.tick_schedule import OnChange
+from neurosnap.sources.open import ROS2, open_live, ros2_options, settle
+from neurosnap.sources.ros2 import ros2_source
 from neurosnap.sources.ros2.graph import open_session
 from neurosnap.sources.ros2.keys_and_tokens import (
     PUBLISHER,
@@ -29,6 +32,7 @@ from neurosnap.sources.ros2.keys_and_tokens import (
 )
 from neurosnap.sources.ros2.message_types import ANSWERED, ASKED, LARGEST, _service
 from neurosnap.sources.ros2.node import RosNode
+from tests.support.patience import PATIENCE
 from tests.support.ports import free_port
 from tests.support.senders import listened_to
 from tests.support.sources import readings
@@ -269,6 +273,49 @@ def test_a_topic_may_change_its_type(
     while len(caplog.messages) < 2:
         time.sleep(0)
     assert caplog.messages[1].startswith("/door.data: must be 0 or 1, false or true")
+
+
+def settled(robot: Robot, *sensors: str) -> tuple[str, ...]:
+    said = {"sensors": sensors, "router": robot.router, "domain": robot.domain}
+    options = msgspec.json.encode({**said, "stretch": PATIENCE}).decode()
+    return ros2_options(settle(ROS2, {"options": options})).sensors
+
+
+def test_booleans_are_learned_at_once(robot: Robot) -> None:
+    for topic in ("/door", "/lamp"):
+        door = robot.node.publisher(topic, BOOL, LATCHED)
+        door.publish(robot.types[BOOL](True))
+    sensors = "/lamp.data", "/scan heard within 1 s", "/door.data"
+    assert settled(robot, *sensors) == sensors
+
+
+def test_numbers_and_words_are_cut_by_what_they_say_first(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    level = robot.node.publisher("/level", FLOAT, Qos(latched=True, depth=4))
+    mode = robot.node.publisher("/mode", TEXT, Qos(latched=True, depth=2))
+    for number in (1, 2, 3, 4):
+        level.publish(robot.types[FLOAT](number))
+    for word in ("auto", "manual"):
+        mode.publish(robot.types[TEXT](word))
+
+    def listen(feeder: Any, ranges: Any, seconds: float) -> None:
+        """Listen until all that is latched has come."""
+        latest = LatestReadings(["-"])
+        with closing(
+            LiveSource(latest, OnChange(), feeder=feeder, readers=ranges)
+        ) as s:
+            s._start()
+            while s.statistics().received.shown + s.statistics().received.late < 6:
+                time.sleep(0)
+        assert seconds == PATIENCE
+
+    monkeypatch.setattr(ros2_source, "listen", listen)
+    assert settled(robot, "/mode", "/door.data", "/level.data", "/level.data > 9") == (
+        *("/mode.data = auto", "/mode.data = manual", "/door.data"),
+        *("/level.data > 1.0", "/level.data > 2.0", "/level.data > 3.0"),
+        "/level.data > 9",
+    )
 
 
 DOOR = "my_msgs/msg/Door"
