@@ -72,14 +72,10 @@ def ros2_source(
         stale_after=options.stale_after,
         heard_within=readers.heard_within,
     )
-    return LiveSource(
-        latest,
-        options.tick.schedule(),
-        feeder=Ros2Feeder(options),
-        journal=journal,
-        most=most,
-        readers=readers,
-    )
+    ticks, feeder = options.tick.schedule(), Ros2Feeder(options)
+    source = LiveSource(latest, ticks, feeder=feeder, journal=journal, most=most)
+    source.readers, source.numbers = readers, readers.numbers
+    return source
 
 
 def cut(options: Ros2Options) -> Ros2Options:

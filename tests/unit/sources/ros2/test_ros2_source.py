@@ -302,9 +302,8 @@ def test_numbers_and_words_are_cut_by_what_they_say_first(
     def listen(feeder: Any, ranges: Any, seconds: float) -> None:
         """Listen until all that is latched has come."""
         latest = LatestReadings(["-"])
-        with closing(
-            LiveSource(latest, OnChange(), feeder=feeder, readers=ranges)
-        ) as s:
+        with closing(LiveSource(latest, OnChange(), feeder=feeder)) as s:
+            s.readers = ranges
             s._start()
             while s.statistics().received.shown + s.statistics().received.late < 6:
                 time.sleep(0)
