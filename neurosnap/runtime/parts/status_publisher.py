@@ -1,14 +1,14 @@
-"""The status publisher: reports on a run, to its launcher and over MQTT.
+"""The status publisher: reports on a run, to its launcher, over MQTT and to ROS 2.
 
 It follows which sensors of a home seem broken, where there is a budget of alarms, and
-publishes beliefs and anomalies for an MQTT source with a table `publish`. It reads what
-the world and the coordinator say, and publishes nothing in the swarm.
+publishes beliefs and anomalies for a source of MQTT or ROS 2 with a table `publish`.
+It reads what the world and the coordinator say, and publishes nothing in the swarm.
 """
 
 import asyncio
 import contextlib
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import msgspec
 
@@ -27,13 +27,15 @@ from neurosnap.protocol.anomaly_report import (
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.parts.job import PartContext
-from neurosnap.sources.open import MQTT, mqtt_options
+from neurosnap.sources.open import MQTT, ROS2, mqtt_options, ros2_options
 
 if TYPE_CHECKING:
     from neurosnap.sources.mqtt.publisher import MqttPublisher
+    from neurosnap.sources.ros2.diagnostics_publisher import DiagnosticsPublisher
 
 STATUS_PUBLISHER = "watcher/outlet"
 """Its name: it has no last word, and no part waits for it."""
+Publisher: TypeAlias = "MqttPublisher | DiagnosticsPublisher"
 _PUBLISHED = ("state", "anomaly", "decision")
 
 
@@ -45,6 +47,8 @@ def has_status(options: RunOptions) -> bool:
     """
     if options.alarms != NEVER:
         return True
+    if options.source == ROS2:
+        return ros2_options(options.arguments).publish is not None
     if options.source != MQTT:
         return False
     return mqtt_options(options.arguments).publish is not None
@@ -59,9 +63,7 @@ class StatusListener:
         support: The occasions that an anomaly must rest on.
     """
 
-    def __init__(
-        self, publisher: "MqttPublisher", body: Body, support: int = 0
-    ) -> None:
+    def __init__(self, publisher: "Publisher", body: Body, support: int = 0) -> None:
         self._publisher = publisher
         self._support = support
         self._body = body
@@ -71,6 +73,8 @@ class StatusListener:
     def receive(self, message: wire.Message) -> None:
         """Receive one message; of other kinds it passes over."""
         match message:
+            case wire.Observation():
+                self._publisher.observation(message)
             case wire.State():
                 self._publisher.state(message)
                 if message.tick > self._wrong and not self._calm:
@@ -119,7 +123,7 @@ async def publish_status(
     """
     from neurosnap.runtime.parts.health_listener import HealthListener, Past
 
-    publisher = _publisher(options)
+    publisher = _publisher(options, past is not None)
     body, tasks, over = options.body, [], asyncio.Event()
     health = listener = None
     if options.alarms != NEVER:
@@ -162,8 +166,16 @@ async def publish_status(
             task.cancel()
 
 
-def _publisher(options: RunOptions) -> "MqttPublisher | None":
-    """Return what publishes a run at the broker of its source; None if it is not."""
+def _publisher(options: RunOptions, resumed: bool) -> "Publisher | None":
+    """Return what publishes a run where its source is; None if it is not."""
+    body = options.body
+    if options.source == ROS2:
+        graph = ros2_options(options.arguments)
+        if graph.publish is None:
+            return None
+        from neurosnap.sources.ros2.diagnostics_publisher import DiagnosticsPublisher
+
+        return DiagnosticsPublisher(graph, body.sensors, len(body.own), resumed=resumed)
     if options.source != MQTT:
         return None
     given = mqtt_options(options.arguments)
@@ -171,7 +183,6 @@ def _publisher(options: RunOptions) -> "MqttPublisher | None":
         return None
     from neurosnap.sources.mqtt.publisher import MqttPublisher
 
-    body = options.body
     return MqttPublisher(
         given.broker,
         given.publish,

@@ -108,6 +108,9 @@ class MqttPublisher:
                 self._hold_json(topic, now=_ON[False], last="")
         self.anomaly(None)
 
+    def observation(self, _: wire.Observation) -> None:
+        """Publish nothing of what is read: the broker has it already."""
+
     def state(self, state: wire.State) -> None:
         """Publish what is believed by a state that the coordinator published. O(N).
 

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from neurosnap.errors import MissingExtraError
 from neurosnap.sensorium import visible
-from neurosnap.system.distribution import must_have
+from neurosnap.sources.ros2.message_types import stock_types
 
 ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
 OK, WARN, ERROR, STALE = range(4)
@@ -106,8 +106,8 @@ class Diagnostics:
         self._said = said
         return True
 
-    def message(self, at: int) -> bytes:
-        """Return what is said now as a message, in CDR; `at` is in nanoseconds."""
+    def array(self, at: int) -> Any:  # noqa: ANN401 - untyped
+        """Return what is said now as a message; `at` is in nanoseconds since 1970."""
         types = self._store.types
         value = types["diagnostic_msgs/msg/KeyValue"]
         status = types["diagnostic_msgs/msg/DiagnosticStatus"]
@@ -130,7 +130,11 @@ class Diagnostics:
         ]
         stamp = types["builtin_interfaces/msg/Time"](*divmod(at, _NANOSECONDS))
         header = types["std_msgs/msg/Header"](stamp, "")
-        return bytes(self._store.serialize_cdr(types[ARRAY](header, every), ARRAY))
+        return types[ARRAY](header, every)
+
+    def message(self, at: int) -> bytes:
+        """Return the same in CDR."""
+        return bytes(self._store.serialize_cdr(self.array(at), ARRAY))
 
 
 def typestore() -> Any:  # noqa: ANN401 - untyped
@@ -140,7 +144,6 @@ def typestore() -> Any:  # noqa: ANN401 - untyped
         MissingExtraError: `rosbags` is not installed.
     """
     try:
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError as error:
-        raise MissingExtraError(f"ros2: {must_have('rosbags', 'ros2')}") from error
-    return get_typestore(Stores.ROS2_JAZZY)
+        return stock_types()
+    except ValueError as error:
+        raise MissingExtraError(f"ros2: {error}") from error

@@ -15,6 +15,7 @@ from neurosnap.sources.message_fields import parse_term
 
 Words = Annotated[str, msgspec.Meta(min_length=1, max_length=1024)]
 _TOPIC = re.compile(r"/[A-Za-z_][\w/]*(?=$|[.\[])", re.ASCII)
+_NAME = re.compile(r"(/[A-Za-z]\w*)+", re.ASCII)
 _ROUTER = re.compile(r"(tcp|tls|quic|ws|unixsock-stream)/[^\s?#]+", re.ASCII)
 
 
@@ -23,6 +24,23 @@ class Ros2Tick(TickRule, frozen=True):
 
     min_interval: Annotated[float, msgspec.Meta(ge=0, le=31_536_000)] = 0.1
     """Without `interval`: seconds between two ticks at least."""
+
+
+class Ros2Publish(
+    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
+):
+    """What is published of the run itself: diagnostics."""
+
+    topic: Words = "/diagnostics"
+    """Where to."""
+    node: Annotated[str, msgspec.Meta(pattern="^[A-Za-z_][A-Za-z0-9_]{0,127}$")] = (
+        "neurosnap"
+    )
+    """What the node is called that publishes them."""
+
+    def __post_init__(self) -> None:
+        if not _NAME.fullmatch(self.topic):
+            raise InvalidValueError("topic", "must be like /diagnostics", self.topic)
 
 
 class Ros2Options(
@@ -60,6 +78,8 @@ class Ros2Options(
     """Seconds a start may take until it is connected; afterwards there is no limit."""
     tick: Ros2Tick = Ros2Tick()
     """When a tick happens."""
+    publish: Ros2Publish | None = None
+    """What is published of the run; if None, nothing."""
 
     def __post_init__(self) -> None:
         if not _ROUTER.fullmatch(self.router):

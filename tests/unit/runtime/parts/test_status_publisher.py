@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Mapping
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
+from unittest.mock import Mock, call
 
 import msgspec
 import pytest
@@ -17,10 +18,12 @@ from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.parts.status_publisher import (
     STATUS_PUBLISHER,
     StatusListener,
+    has_status,
     publish_status,
 )
 from neurosnap.sources.mqtt.options import MqttOptions, MqttPublish, MqttSensor
-from neurosnap.sources.open import MQTT
+from neurosnap.sources.open import MQTT, ROS2
+from neurosnap.sources.ros2.options import Ros2Options, Ros2Publish
 from tests.support.patience import PATIENCE
 
 pytest.importorskip("aiomqtt")
@@ -85,6 +88,56 @@ async def test_it_ends_and_says_so(
         with error:
             await publish_status(options(), fabric, stop, on_ready)
     assert broker.said_goodbye == (refusal is None)
+
+
+class Robot:
+    """Stands in for what publishes to ROS 2."""
+
+    def __init__(self) -> None:
+        self.heard: list[wire.Message] = []
+        self.observation = self.state = self.decision = self.heard.append
+
+    async def serve(self, stop: asyncio.Event) -> None:
+        await stop.wait()
+
+
+@pytest.mark.parametrize("publish", [None, Ros2Publish(node="spot")])
+@pytest.mark.parametrize("past", [None, ResumePoint("log", 3, (), b"", {}, (3,))])
+async def test_a_robot_hears_what_is_read_and_believed_if_it_is_to(
+    publish: Ros2Publish | None,
+    past: ResumePoint | None,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    graph = Ros2Options(sensors=("/door.data",), publish=publish)
+    body, told = Body.full(["/door.data"], ["push"]), msgspec.json.encode(graph)
+    arguments: dict[str, Any] = {"options": told.decode()}
+    given = RunOptions(source=ROS2, arguments=arguments, body=body)
+    assert has_status(given) == (publish is not None)
+    stop, hub, robot = asyncio.Event(), MemoryHub(), Robot()
+    made = Mock(return_value=robot)
+    monkeypatch.setattr(
+        "neurosnap.sources.ros2.diagnostics_publisher.DiagnosticsPublisher", made
+    )
+    said: list[wire.Message] = [
+        wire.Observation(1, b"\1"),
+        wire.State(1, 1, b"\1", False, 0, 0, 0, 0, 0),
+        wire.Decision(1, 0, "by chance"),
+    ]
+    async with (
+        hub.fabric(STATUS_PUBLISHER) as fabric,
+        hub.fabric("world") as world,
+        asyncio.timeout(PATIENCE),
+    ):
+
+        def on_ready() -> None:
+            for message in said:
+                world.publish(message)
+            stop.set()
+
+        await publish_status(given, fabric, stop, on_ready, past=past)
+    assert robot.heard == (said if publish else [])
+    how = call(graph, body.sensors, 1, resumed=past is not None)
+    assert made.mock_calls == ([how] if publish else [])
 
 
 class Anomalies:
