@@ -22,7 +22,8 @@ from neurosnap.protocol.worker_shares import hosts, learning_shares, shares
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.cuts import known_order, recorded_conditions
 from neurosnap.sources.meaning import Condition
-from neurosnap.sources.mqtt.options import MqttOptions, conditions_of
+from neurosnap.sources.mqtt import options as mqtt
+from neurosnap.sources.ros2 import options as ros2
 from neurosnap.wire import HISTORY, LARGEST_KEYFRAME
 
 SMALLEST = 1 << 16
@@ -403,10 +404,18 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def conditions(self) -> dict[str, Condition]:
         """When the sensors of signals are on, by name; raises as `known_order`."""
-        if self.source == "mqtt:":
-            text = str(self.arguments.get("options"))
-            return conditions_of(msgspec.json.decode(text, type=MqttOptions))
-        return recorded_conditions(self.arguments)
+        text = str(self.arguments.get("options"))
+        match self.source:
+            case "mqtt:":
+                return mqtt.conditions_of(
+                    msgspec.json.decode(text, type=mqtt.MqttOptions)
+                )
+            case "ros2:":
+                return ros2.conditions_of(
+                    msgspec.json.decode(text, type=ros2.Ros2Options)
+                )
+            case _:
+                return recorded_conditions(self.arguments)
 
     def new_snapshot(self, share: range | None = None) -> Snapshot:
         """Return the snapshot the run starts with; a share is as of `Snapshot`.

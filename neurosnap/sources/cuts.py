@@ -22,10 +22,10 @@ import msgspec
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import WORDS
 from neurosnap.sources.meaning import (
+    Change,
     Choice,
     Comparison,
     Condition,
-    Event,
     Heard,
     Wanted,
     parse_condition,
@@ -244,7 +244,7 @@ def _excludes(a: Condition, p: int, b: Condition, q: int) -> bool:
     match a, b:
         case Choice(), Choice():
             return a.word != b.word and p == q == 0
-        case Event(), Event():
+        case Change(), Change():
             return {(a.kind, p), (b.kind, q)} in _NEVER
         case Heard(), Heard():
             return p != q and (a.within <= b.within) == (q == 1)

@@ -27,7 +27,7 @@ _WHEN = re.compile(
     rf"(?:\s*,\s*off\s*(?P<back>[<>])\s*(?P<release>{_NUMBER})\s*(?P<same>{_UNIT}))?",
     re.ASCII,
 )
-_EVENT = re.compile(r"(?:(?P<name>.*\S)\s+)?(?P<kind>changes|rises|falls)")
+_CHANGE = re.compile(r"(?:(?P<name>.*\S)\s+)?(?P<kind>changes|rises|falls)")
 _HEARD = re.compile(r"(?:(?P<name>.*\S)\s+)?heard\s+within\s+(?P<span>.+)")
 _SPAN = re.compile(rf"(?P<span>{_NUMBER})\s*(?P<unit>ms|s|min|h|d)?")
 _SECONDS = {"ms": 0.001, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86_400.0}
@@ -108,7 +108,7 @@ class Choice(NamedTuple):
         return f"= {self.word}"
 
 
-class Event(NamedTuple):
+class Change(NamedTuple):
     """A sensor that is on where a signal says another value than before."""
 
     source: str
@@ -152,7 +152,7 @@ class Heard(NamedTuple):
         return f"heard within {_plain(self.within)} s"
 
 
-Condition: TypeAlias = Comparison | Choice | Event | Heard
+Condition: TypeAlias = Comparison | Choice | Change | Heard
 """Says when a sensor is on: by a number, a word, a change, or by any message."""
 
 
@@ -192,9 +192,9 @@ def parse_condition(text: str, name: str = "") -> Condition:
     said = text.strip()
     if name and said.startswith("=") and said != "=":  # any word
         return Choice(name, said[1:].strip().casefold())
-    if match := _EVENT.fullmatch(said):
+    if match := _CHANGE.fullmatch(said):
         source = _one(name, match["name"], text)
-        return Event(source, match["kind"])
+        return Change(source, match["kind"])
     if match := _HEARD.fullmatch(said):
         within = parse_span(match["span"], "when")
         if not within:
@@ -422,7 +422,7 @@ class Reader:
         match condition:
             case Choice():
                 return word == condition.word
-            case Event():
+            case Change():
                 said = word if condition.kind == "changes" else _number(word)
                 before, self._said = self._said, said
                 return None if before is None else condition.is_on(said, before)

@@ -73,7 +73,7 @@ class DiagnosticsPublisher:
         self._reads: dict[int, list[Bit]] = {}
         self._believed: tuple[int, list[Bit]] = (0, [])
         self._wrong: Mapping[str, Any] | None = None
-        self._begun = False
+        self._begun = self._dropped = False
         self._waiting: deque[Any] = deque(maxlen=_WAITING)
         self._wake: Callable[[], object] = lambda: None
 
@@ -131,6 +131,13 @@ class DiagnosticsPublisher:
         self._begun = True
         if self._said.follow(tick, reads, believed, wrong):
             if wrong is not None:
+                if len(self._waiting) == _WAITING and not self._dropped:
+                    self._dropped = True
+                    _logger.warning(
+                        "ros2: more than %d anomalies wait: the oldest are"
+                        " not published",
+                        _WAITING,
+                    )
                 self._waiting.append(self._said.array(self._clock()))
             self._wake()
 

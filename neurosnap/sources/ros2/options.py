@@ -10,7 +10,7 @@ import msgspec
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.sources.live.tick_schedule import Seconds, TickRule
-from neurosnap.sources.meaning import is_condition, parse_condition
+from neurosnap.sources.meaning import Condition, is_condition, parse_condition
 from neurosnap.sources.message_fields import parse_term
 
 Words = Annotated[str, msgspec.Meta(min_length=1, max_length=1024)]
@@ -92,6 +92,12 @@ class Ros2Options(
     def plain(self) -> tuple[str, ...]:
         """The sensors that are named without a condition."""
         return tuple(each for each in self.sensors if not is_condition(each))
+
+
+def conditions_of(options: Ros2Options) -> dict[str, Condition]:
+    """Return when sensors are on, by name."""
+    found = map(parse_condition, filter(is_condition, options.sensors))
+    return {condition.name: condition for condition in found}
 
 
 def signal_of(sensor: str) -> str:

@@ -12,6 +12,7 @@ from neurosnap.sources.meaning import Wanted, parse_condition
 from neurosnap.sources.mqtt import mqtt_source
 from neurosnap.sources.mqtt.options import MqttOptions, MqttSensor
 from neurosnap.sources.open import needs_listening, open_source, settle
+from neurosnap.sources.ros2.options import Ros2Options
 
 
 class Says:
@@ -97,3 +98,13 @@ def test_numbers_of_a_broker_become_sensors_of_its_file(
     silent = MqttOptions(sensors=(msgspec.structs.replace(warm, topic="house/x"),))
     with pytest.raises(InvalidValueError, match=r"^warm: bins: must say numbers, not"):
         mqtt_source.cut(msgspec.structs.replace(silent, stretch=60))
+
+
+def test_the_cuts_of_a_robot_know_their_order() -> None:
+    named = ("/b.data", "/b.level > 4", "/b.level > 2", "/b.level rises")
+    options = msgspec.json.encode(Ros2Options(sensors=named)).decode()
+    own = ("/b.data", "/b.level>4", "/b.level>2", "/b.level rises")
+    run = RunOptions(
+        source="ros2:", arguments={"options": options}, body=Body(own=own), ticks=1
+    )
+    assert {*run.known_order} == {(2, 4), (5, 3)}
