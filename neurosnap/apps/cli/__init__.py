@@ -12,4 +12,5 @@ from neurosnap.apps.cli import depth as depth  # isort: skip
 from neurosnap.apps.cli import watch as watch  # isort: skip
 from neurosnap.apps.cli import serve as serve  # isort: skip
 from neurosnap.apps.cli import init as init  # isort: skip
+from neurosnap.apps.cli import ros2 as ros2  # isort: skip
 from neurosnap.apps.cli.errors_and_signals import app as app  # isort: skip

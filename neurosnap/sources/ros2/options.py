@@ -13,6 +13,8 @@ from neurosnap.sources.live.tick_schedule import Seconds, TickRule
 from neurosnap.sources.meaning import Condition, is_condition, parse_condition
 from neurosnap.sources.message_fields import parse_term
 
+ROUTER = "tcp/localhost:7447"
+"""Where the router of ROS 2 listens if nothing is said."""
 Words = Annotated[str, msgspec.Meta(min_length=1, max_length=1024)]
 _TOPIC = re.compile(r"/[A-Za-z_][\w/]*(?=$|[.\[])", re.ASCII)
 _NAME = re.compile(r"(/[A-Za-z]\w*)+", re.ASCII)
@@ -53,7 +55,7 @@ class Ros2Options(
 ):
     """The options of a source of ROS 2: sensors by the fields of topics."""
 
-    router: Words = "tcp/localhost:7447"
+    router: Words = ROUTER
     """Where the router of the graph is, as Zenoh writes it; nothing else is listened
     to."""
     domain: Annotated[int, msgspec.Meta(ge=0, le=232)] = 0

@@ -332,13 +332,16 @@ class Ros2Feeder:
             about = sample.attachment
             at = parse_attachment(about.to_bytes() if about else b"").at / 1e9
             with self._lock:
-                if kind not in self._decoders:
-                    self._decoders[kind] = self._types.find(*kind)
-                    self._woken.set()
-                if (decoder := self._decoders[kind]) is None:
-                    return  # it was told, or is about to be
+                message = None
+                wanted = self._signals[topic]
+                if not wanted or any(each.path for each in wanted):
+                    if kind not in self._decoders:
+                        self._decoders[kind] = self._types.find(*kind)
+                        self._woken.set()
+                    if (decoder := self._decoders[kind]) is None:
+                        return  # it was told, or is about to be
+                    message = _decoded(decoder, sample.payload)
                 self._at[topic] = at
-                message = self._decoded(topic, decoder, sample.payload)
                 values = self.values(topic, message, several=kind[0] == ARRAY)
                 readings, wrong = self._source.readers.read(values, topic)
                 self._source.receive(readings, at, list(map(str, wrong)))
@@ -349,21 +352,6 @@ class Ros2Feeder:
                         self._source.end()
         except ValueError as error:
             self._source.refuse(f"{topic}: {error}")
-
-    def _decoded(self, topic: str, decoder: Decoder, payload: zenoh.ZBytes) -> object:
-        """Return a message; None if it does not matter what it says.
-
-        Raises:
-            ValueError: It is too large, or none of its type.
-        """
-        wanted = self._signals[topic]
-        if wanted and not any(each.path for each in wanted):
-            return None
-        if len(payload) > LARGEST:
-            raise ValueError(f"must be up to {LARGEST} bytes, got {len(payload)}")
-        data = payload.to_bytes()
-        check_encoding(data)
-        return decoder(data)
 
     def values(
         self, topic: str, message: object, *, several: bool = False
@@ -390,6 +378,19 @@ class Ros2Feeder:
                     _logger.warning("%s: %s: it is unknown", name, error)
             found[name] = value
         return found
+
+
+def _decoded(decoder: Decoder, payload: zenoh.ZBytes) -> object:
+    """Return a message.
+
+    Raises:
+        ValueError: It is too large, or none of its type.
+    """
+    if len(payload) > LARGEST:
+        raise ValueError(f"must be up to {LARGEST} bytes, got {len(payload)}")
+    data = payload.to_bytes()
+    check_encoding(data)
+    return decoder(data)
 
 
 def _one(message: object, path: str) -> object:

@@ -534,7 +534,9 @@ def test_wrong_options(options: dict[str, Any], rule: str) -> None:
 def test_what_is_not_looked_into_may_say_anything(robot: Robot) -> None:
     source = robot.hear("/door heard within 3600 s", tick={"interval": 0.001})
     source._start()
-    other = listened_to(robot.session, robot.key("/door", BOOL))
+    other = listened_to(
+        robot.session, robot.key("/door", "my_msgs/msg/Any", "RIHS01_1")
+    )
     other.put(b"?", attachment=Attachment(1, time.time_ns(), bytes(16)).data)
     until(source, [True])
     assert source.statistics().received.refused == 0
