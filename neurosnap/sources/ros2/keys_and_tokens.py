@@ -30,7 +30,6 @@ _DEPTH = 42  # of a queue about which nothing is said
 _STAMP = struct.Struct("<qqB16s")
 _OLDER = struct.Struct("<16sq17sq11sB16s")
 _NAMES = b"\x0fsequence_number", b"\x10source_timestamp", b"\x0asource_gid"
-_XCDR1 = 0, 1  # big and little endian
 
 
 class Qos(NamedTuple):
@@ -232,13 +231,3 @@ def parse_attachment(data: bytes) -> Attachment:
             return Attachment(number, at, gid, older=True)
     rule = "must come with number, time and sender in 33 bytes"
     raise ValueError(f"{rule} (it has {len(data)})")
-
-
-def check_encoding(payload: bytes) -> None:
-    """Check that a message is in plain CDR, of either order of bytes.
-
-    Raises:
-        ValueError: It is not; the text is the rule.
-    """
-    if len(payload) < 4 or payload[0] != 0 or payload[1] not in _XCDR1:
-        raise ValueError(f"must be in plain CDR (it begins with {payload[:4].hex()})")

@@ -35,7 +35,6 @@ from neurosnap.sources.ros2.keys_and_tokens import (
     CLIENT,
     Attachment,
     Endpoint,
-    check_encoding,
     gid_of,
     parse_attachment,
     ros_type,
@@ -111,7 +110,7 @@ class _Wanted(NamedTuple):
     term: Term | None
 
 
-class _Listener(NamedTuple):
+class _Subscription(NamedTuple):
     """A subscription to a topic."""
 
     close: Callable[[], None]
@@ -141,11 +140,10 @@ class Ros2Feeder:
         self._decoders: dict[tuple[str, str], Decoder | None] = {}
         self._lock = threading.Lock()  # one message after the other
         self._at: dict[str, float] = {}  # of each topic's last message
-        self._listeners: dict[str, _Listener] = {}
+        self._listeners: dict[str, _Subscription] = {}
         self._told: set[str] = set()  # errors that are not told again
         self._asked: set[str] = set()  # publishers whose node was asked
         self._woken, self._over = threading.Event(), False
-        self._away = False
         self._source: LiveSource | None = None
         self._thread: threading.Thread | None = None
         self._count = 0
@@ -215,14 +213,13 @@ class Ros2Feeder:
         if self._source is not None and event.transport.whatami == (
             zenoh.WhatAmI.ROUTER
         ):
-            self._away = event.kind != zenoh.SampleKind.PUT
-            self._source.listens(not self._away)
-            self._woken.set()
+            # All tokens go with it, so that every topic is unknown.
+            self._source.listens(event.kind == zenoh.SampleKind.PUT)
 
     def _follow(self, session: zenoh.Session, watch: GraphWatch) -> None:
         """Subscribe as the graph has it now, and forget what is published no more."""
         with watch.lock:
-            publishers = {} if self._away else watch.graph.publishers()
+            publishers = watch.graph.publishers()
         for topic in self._signals:
             here = publishers.get(topic, [])
             for each in here:
@@ -240,7 +237,7 @@ class Ros2Feeder:
                 before.close()
             depth = max((each.qos.depth for each in here), default=1)
             close = self._subscribe(session, topic, depth if latched else 0)
-            self._listeners[topic] = _Listener(close, latched, kinds)
+            self._listeners[topic] = _Subscription(close, latched, kinds)
 
     def _subscribe(
         self, session: zenoh.Session, topic: str, depth: int
@@ -388,9 +385,7 @@ def _decoded(decoder: Decoder, payload: zenoh.ZBytes) -> object:
     """
     if len(payload) > LARGEST:
         raise ValueError(f"must be up to {LARGEST} bytes, got {len(payload)}")
-    data = payload.to_bytes()
-    check_encoding(data)
-    return decoder(data)
+    return decoder(payload.to_bytes())
 
 
 def _one(message: object, path: str) -> object:

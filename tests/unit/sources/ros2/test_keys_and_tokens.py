@@ -13,7 +13,6 @@ from neurosnap.sources.ros2.keys_and_tokens import (
     Endpoint,
     GraphNode,
     Qos,
-    check_encoding,
     dds_type,
     gid_of,
     mangled,
@@ -141,11 +140,3 @@ def test_the_older_attachment_is_read() -> None:
 def test_what_is_no_attachment(wrong: bytes) -> None:
     with pytest.raises(ValueError, match=f"33 bytes .it has {len(wrong)}.$"):
         parse_attachment(wrong)
-
-
-def test_the_header_of_a_message() -> None:
-    for fine in (b"\0\1\0\0x", b"\0\0\0\0", b"\0\1\0\3"):
-        check_encoding(fine)
-    for wrong in (b"\0\7\0\0", b"\1\0\0\0", b"\0\1"):
-        with pytest.raises(ValueError, match=f"^must be in plain CDR .*{wrong.hex()}"):
-            check_encoding(wrong)

@@ -183,16 +183,16 @@ def test_what_nothing_publishes_any_more_is_unknown(robot: Robot) -> None:
     source = robot.hear("/door.data", "/lamp.data")
     lamp = robot.node.publisher("/lamp", BOOL, LATCHED)
     lamp.publish(robot.types[BOOL](True))
-    other = RosNode(robot.session, "other", domain=robot.domain)
+    began = time.time_ns()
+    clock = iter([began, began + 1])
+    named: Any = {"domain": robot.domain, "clock": clock.__next__}
+    other = RosNode(robot.session, "other", **named)
     other.publisher("/door", BOOL, LATCHED).publish(robot.types[BOOL](False))
     until(source, [False, True])
     other.close()
     until(source, [None, True])
     # As a program that was started anew, with a clock that is behind.
-    clock = iter([time.time_ns() + 1])
-    other = RosNode(
-        robot.session, "other", domain=robot.domain, clock=lambda: next(clock)
-    )
+    other = RosNode(robot.session, "other", **named)
     other.publisher("/door", BOOL, LATCHED).publish(robot.types[BOOL](True))
     until(source, [True, True])
     other.close()

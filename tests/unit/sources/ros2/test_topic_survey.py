@@ -46,7 +46,7 @@ def survey() -> Ros2Survey:
             "/door": {"data": True},
             "/mode": {"data": ["auto", "by hand"][k % 2]},
             "/count": {"data": k % 2},
-            "/temperature": {"data": (k * 5 % 9) / 2},
+            "/temperature": {"data": (k * 5 % 9) / 2, "variance": 0.0},
             "/battery": {"percentage": 0.5, "present": True, "voltage": 12.0 + k},
             "/scan": {"angle_min": k, "ranges": np.full(640, k)},
             "/cmd_vel": twist,
