@@ -26,7 +26,7 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Literal, Protocol
 
 import msgspec
@@ -313,6 +313,15 @@ class LiveSource:
                 # Here, not in the waiting thread: readings may come before it wakes.
                 self._keep_change(now)
             return safe
+
+    def forget(self, sensors: Iterable[str], at: float | None) -> None:
+        """Let sensors be unknown, of which nothing is said any more; from any thread.
+
+        Nothing was received. What they are told later is not late after `at`.
+        """
+        with self._condition:
+            if not (self.is_full or self._closed):
+                self._keep(self._update(dict.fromkeys(sensors), at, self._clock()))
 
     def _update(
         self, readings: Mapping[str, bool | None], at: float | None, now: float

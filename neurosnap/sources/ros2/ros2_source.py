@@ -269,7 +269,7 @@ class Ros2Feeder:
             gone = {each.name: None for each in self._signals[topic] if each.path}
             if self._source is not None and gone:
                 readings, _ = self._source.readers.read(gone)
-                self._source.receive(readings, at)
+                self._source.forget(readings, at)
 
     def _learn(
         self, session: zenoh.Session, watch: GraphWatch, publisher: Endpoint

@@ -191,6 +191,7 @@ def test_what_nothing_publishes_any_more_is_unknown(robot: Robot) -> None:
     until(source, [False, True])
     other.close()
     until(source, [None, True])
+    assert source.statistics().received.shown == 2  # its silence is none
     # As a program that was started anew, with a clock that is behind.
     other = RosNode(robot.session, "other", **named)
     other.publisher("/door", BOOL, LATCHED).publish(robot.types[BOOL](True))
