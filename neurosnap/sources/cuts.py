@@ -28,6 +28,7 @@ from neurosnap.sources.meaning import (
     Condition,
     Heard,
     Wanted,
+    as_text,
     parse_condition,
 )
 
@@ -44,14 +45,14 @@ _KEPT = 4096  # values of a signal that are kept, evenly spread
 
 
 def with_cuts(
-    wanted: Wanted, values: Iterable[tuple[str, str, bool]], *, lenient: bool = False
+    wanted: Wanted, values: Iterable[tuple[str, object, bool]], *, lenient: bool = False
 ) -> Wanted:
     """Return what is wanted with the cuts of the signals that need some.
 
     Args:
         wanted: Returned as it is where its cuts are chosen already.
-        values: What each signal that is taken says, in any order: its name, a text, and
-            whether its numbers are learned from.
+        values: What each signal that is taken says, in any order: its name, a text or
+            another JSON value, and whether its numbers are learned from.
         lenient: Leave out what is no sensor and cannot be cut, such as free text; else
             it is left to be refused, where it stands.
     """
@@ -81,15 +82,15 @@ def cut_by(wanted: Wanted, signals: Mapping[str, "Signal"], *, lenient: bool) ->
     return replace(wanted, cuts=cuts)
 
 
-def signals_in(values: Iterable[tuple[str, str, bool]]) -> dict[str, "Signal"]:
+def signals_in(values: Iterable[tuple[str, object, bool]]) -> dict[str, "Signal"]:
     """Return what each signal says, by its name; see `with_cuts`."""
     signals: dict[str, Signal] = {}
-    for name, text, learned in values:
+    for name, value, learned in values:
         signal = signals.get(name)
         if signal is None:
             signal = signals[name] = Signal()
-        if text not in signal.seen:
-            signal.add(text, learned=learned)
+        if value not in signal.seen:
+            signal.add(value, learned=learned)
     return signals
 
 
@@ -97,11 +98,11 @@ class Signal:
     """What one signal has said: a few of its words, and an even sample of its numbers.
 
     Attributes:
-        seen: Texts of which nothing more is to be learned, for speed.
+        seen: Values of which nothing more is to be learned, for speed.
     """
 
     def __init__(self) -> None:
-        self.seen: set[str] = set()
+        self.seen: set[object] = set()
         self._words: set[str] = set()
         self._numbers: list[float] = []
         self._step, self._count = 1, 0
@@ -109,19 +110,27 @@ class Signal:
         self._last, self._falls = -math.inf, False
         self._low, self._high = math.inf, -math.inf
 
-    def add(self, text: str, *, learned: bool) -> None:
-        """Take in what it said, and as a number if it is learned from."""
-        word = text.strip().casefold()
-        said = WORDS.get(word, math.nan)
-        if said is None:
-            self.seen.add(text)
-            return
-        number = _number(word)
-        if number is None:
-            if len(self._words) <= WORDS_AT_MOST:
-                self._words.add(word)
-                self.seen.add(text)
-            return
+    def add(self, value: object, *, learned: bool) -> None:
+        """Take in what it said, and as a number if it is learned from.
+
+        A text, or another JSON value. What is of a type of fractions is no bit, though
+        it has only been 0 and 1 so far.
+        """
+        if type(value) is float and math.isfinite(value):
+            self._is_bit, number = False, value
+        else:
+            word = (value if isinstance(value, str) else as_text(value)).strip()
+            word = word.casefold()
+            said = WORDS.get(word, math.nan)
+            if said is None:
+                self.seen.add(value)
+                return
+            if (found := _number(word)) is None:
+                if len(self._words) <= WORDS_AT_MOST:
+                    self._words.add(word)
+                    self.seen.add(value)
+                return
+            number = found
         self._has_numbers, self._is_bit = True, self._is_bit and number in (0, 1)
         self._falls |= number < self._last
         self._last = number

@@ -120,7 +120,7 @@ class _Survey:
         self.times: defaultdict[str, list[float]] = defaultdict(list)
         self.counts = Counter[str]()
 
-    def values(self) -> Iterator[tuple[str, str, bool]]:
+    def values(self) -> Iterator[tuple[str, object, bool]]:
         """Yield what the signals say that are taken as they are, for `with_cuts`."""
         size = sum(file.stat().st_size for file in bag_files(self._path))
         last = self._wanted.learned * size
@@ -131,7 +131,7 @@ class _Survey:
             for name, value in said:
                 self.signals.setdefault(name, topic)
                 if self._wanted.takes(name, topic=topic):
-                    yield name, _text(value), offset <= last
+                    yield name, value, offset <= last
 
     def periods(self) -> dict[str, float]:
         """Return the usual seconds between two messages of each topic."""

@@ -16,7 +16,7 @@ from neurosnap.sources.cuts import Signal, Signals, cut_by
 from neurosnap.sources.live.latest_or_late import LatestReadings
 from neurosnap.sources.live.live_source import Feeder, LiveSource
 from neurosnap.sources.live.tick_schedule import OnChange
-from neurosnap.sources.meaning import Condition, Wanted, as_text
+from neurosnap.sources.meaning import Condition, Wanted
 from neurosnap.sources.message_fields import Term
 
 _STEPS = 10  # times that it says how far it is
@@ -59,10 +59,9 @@ class Ranges:
         with self._lock:
             for name, value in values.items():
                 if self._wanted.takes(name, topic=topic):
-                    text = value if isinstance(value, str) else as_text(value)
                     signal = self.heard.setdefault(name, Signal())
-                    if text not in signal.seen:
-                        signal.add(text, learned=True)
+                    if value not in signal.seen:
+                        signal.add(value, learned=True)
         return {}, []
 
     def chosen(self, names: Sequence[str] = ()) -> Signals:

@@ -11,15 +11,15 @@ import time
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
-from statistics import median
 from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.sources.cuts import Signal
-from neurosnap.sources.meaning import Choice, Wanted, as_text, is_condition
+from neurosnap.sources.meaning import Choice, Wanted, is_condition
 from neurosnap.sources.message_fields import Term, fields
 from neurosnap.sources.ros2.diagnostics import ARRAY
 from neurosnap.sources.ros2.graph import RosGraph
@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 _PERIODS = 1024  # of a topic that are looked at
 _SIGNALS = 4096  # that are kept
 _OWN = ("/rosout", "/parameter_events")  # every node has these
-_STALE = 3  # usual periods
+_STALE, _USUAL = 3, 0.9  # usual gaps, which as many of them are not longer than
+_SHORTEST = 0.1  # seconds in which a topic is heard: a tick's
 _SECTORS = 8
 _ITEM = re.compile(r"\[\d+\]|covariance|\.header\.")
 _SPEEDS = {
@@ -93,8 +94,7 @@ class Ros2Survey:
             for name, value in values.items():
                 if name not in self.heard and len(self.heard) == _SIGNALS:
                     continue
-                text = value if isinstance(value, str) else as_text(value)
-                self.heard.setdefault(name, Signal()).add(text, learned=True)
+                self.heard.setdefault(name, Signal()).add(value, learned=True)
                 if type(value) is bool:
                     self._bits.add(name)
         return {}, []
@@ -110,9 +110,12 @@ class Ros2Survey:
                 self._ranges[topic] = len(ranges)
 
     def period(self, topic: str) -> float:
-        """Return the usual seconds between two messages; 0 if there are too few."""
-        times = self._times[topic]
-        return float(median(np.diff(sorted(times)))) if len(times) > 2 else 0.0
+        """Return the seconds between two messages in the mean; 0 if there are few."""
+        gaps = self._gaps(topic)
+        return float(np.mean(gaps)) if len(gaps) > 1 else 0.0
+
+    def _gaps(self, topic: str) -> NDArray[np.float64]:
+        return np.diff(np.sort(self._times[topic]))
 
     def fields(self, topic: str) -> Iterator[tuple[str, Signal]]:
         """Yield the signals of a topic that are no items of lists."""
@@ -135,7 +138,10 @@ class Ros2Survey:
             elif name not in read and not known and kind != ARRAY:
                 yield from _of(name, signal)
         if period := self.period(topic):
-            text = f"{topic} heard within {_STALE * period:.2g} s"
+            # As long as it waits between bursts; but one message may be late.
+            usual = float(np.quantile(self._gaps(topic), _USUAL))
+            span = max(_STALE * usual, _SHORTEST)
+            text = f"{topic} heard within {span:.2g} s"
             yield FoundSensor(text, f"usually every {period:.2g} s")
 
     def _known(self, topic: str, kind: str) -> Iterator[FoundSensor]:

@@ -84,6 +84,13 @@ def test_each_signal_is_cut_by_what_it_says(
     assert cut(*texts) == names
 
 
+def test_what_is_of_a_type_of_fractions_is_no_bit() -> None:
+    values = [1.0, 0.0, 1.0, None, float("nan")]
+    chosen = with_cuts(Wanted(), [("x", each, True) for each in values]).cuts
+    assert chosen == {"x": (parsed("x > 0"),)}
+    assert with_cuts(Wanted(), [("x", each, True) for each in (1, 0, True)]).cuts == {}
+
+
 def test_cuts_are_chosen_by_what_is_learned_and_kinds_by_all() -> None:
     texts = [*map(str, range(9)), *["1000"] * 90]
     assert cut(*texts, learned=9, bins=2) == ["x>4"]

@@ -143,3 +143,24 @@ def test_a_graph_without_topics(router: str) -> None:
         0,
         "nodes: none\nno topics are published\n",
     )
+
+
+BURSTS = [burst + more for burst in range(20) for more in (0.0, 0.001, 0.002)]
+LATE = [k / 50 + 9 * (k > 10) for k in range(20)]
+
+
+@pytest.mark.parametrize(
+    ("times", "within", "period"),
+    [(BURSTS, "3 s", 19.002 / 59), (LATE, "0.1 s", 9.38 / 19)],
+)
+def test_a_topic_is_heard_between_bursts_and_one_that_is_late_is_not(
+    times: list[float], within: str, period: float
+) -> None:
+    made = survey()
+    for at in times:
+        made.note("/silent", {"data": True}, at)
+    made.read({"/silent.data": True}, "/silent")
+    assert made.period("/silent") == pytest.approx(period)
+    assert [each.text for each in made.sensors("/silent")] == [
+        *("/silent.data", f"/silent heard within {within}")
+    ]
