@@ -34,8 +34,10 @@ test: .venv/compiled
 test-all: test test-rest
 
 # What `make test` leaves out: the tests that are slow, draw widely, or need large
-# packages, and every property with more examples.
+# packages, and every property with more examples. Where ROS 2 has no wheels, the tests
+# of it are skipped.
 test-rest: .venv/compiled
+	-$(MAKE) build/ros2/installed
 	$(PYTEST) $(WORKERS) -m exhaustive
 	$(PYTEST) $(WORKERS) --hypothesis-profile=wide -m "not exhaustive" tests/property
 
@@ -68,11 +70,22 @@ else
 endif
 	touch $@
 
-# Look up anew what tools/locked.txt names: after a change of what pyproject.toml asks for.
+# Real ROS 2, which some tests compare with: 260 MB.
+build/ros2/installed: tools/ros2.txt .venv/installed
+	$(PYTHON) -m venv --without-pip build/ros2
+	$(BIN)/python -m pip --python build/ros2/bin/python install --quiet \
+		--require-hashes --requirement tools/ros2.txt
+	touch $@
+
+# Look up anew what tools/locked.txt and tools/ros2.txt name: after a change of what
+# pyproject.toml asks for.
 lock: .venv/installed-release
 	$(BIN)/uv pip compile pyproject.toml --extra plot --group dev --group release \
 		--universal --upgrade --generate-hashes --no-header --no-annotate --quiet \
 		--output-file tools/locked.txt
+	$(BIN)/uv pip compile --group real-ros2 --constraint tools/locked.txt \
+		--universal --upgrade --generate-hashes --no-header --no-annotate --quiet \
+		--output-file tools/ros2.txt
 
 # A wheel, and beside it what it and its extras are made of (CycloneDX).
 wheel: .venv/installed-release
@@ -114,4 +127,4 @@ endif
 	touch $@
 
 clean:
-	rm -rf .venv .cache build/docs build/site build/dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
+	rm -rf .venv .cache build/docs build/ros2 build/site build/dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

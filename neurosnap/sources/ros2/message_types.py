@@ -29,6 +29,7 @@ _KEYED = {STATUS: "name", "diagnostic_msgs/msg/KeyValue": "key"}
 _NAMED = 1024  # items that are called by their names, at most
 _SIGNS = str.maketrans(dict.fromkeys(".[]()<>=,;", "_"))  # of names of signals
 _MOMENTS = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
+_FILLER = "structure_needs_at_least_one_member"  # of types without fields
 _STORES = ("KILTED", "LYRICAL", "JAZZY", "IRON", "HUMBLE")
 _BASES = (
     *("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64"),
@@ -58,7 +59,7 @@ def stock_types(release: str = _STORES[0]) -> Any:  # noqa: ANN401 - untyped
     Raises:
         ValueError: `rosbags` is not installed.
     """
-    return _store(f"ROS2_{release}")
+    return _as_hashed(_store(f"ROS2_{release}"))
 
 
 def _store(name: str = "EMPTY") -> Any:  # noqa: ANN401 - untyped
@@ -67,6 +68,20 @@ def _store(name: str = "EMPTY") -> Any:  # noqa: ANN401 - untyped
     except ImportError as error:
         raise ValueError(must_have("rosbags", "ros2")) from error
     return get_typestore(Stores[name])
+
+
+def _as_hashed(store: Any) -> Any:  # noqa: ANN401 - untyped
+    """Return a store as ROS 2 hashes it: ``char`` in a ``.msg`` file is a uint8."""
+
+    def numbered(what: Any) -> Any:  # noqa: ANN401 - a field within others
+        if what == ("char", 0):
+            return "uint8", 0
+        return tuple(map(numbered, what)) if isinstance(what, tuple) else what
+
+    for name, (constants, members) in store.fielddefs.items():
+        every = [(member, numbered(what)) for member, what in members]
+        store.fielddefs[name] = constants, every
+    return store
 
 
 def cdr_decoder(schema: Schema) -> Decoder:
@@ -131,6 +146,8 @@ class TypesByHash:
             except (OSError, ValueError) as error:
                 rule = f"must be a file of a type ({error})"
                 raise InvalidValueError("msg_files", rule, str(file)) from error
+        if files:
+            _as_hashed(self._files)
 
     def find(self, name: str, hashed: str) -> Decoder | None:
         """Return what decodes a type that comes with ROS 2, or of the files."""
@@ -207,11 +224,19 @@ class _Decoder:
 
     def __init__(self, store: Any, name: str) -> None:  # noqa: ANN401 - untyped
         self._store, self._name = store, name
-        self._names: dict[str, list[str]] = {}  # the fields of each type that are read
+        # The fields of each type that are read, and whether they are octets.
+        self._names: dict[str, dict[str, bool]] = {}
 
     def __call__(self, data: bytes) -> object:
         try:
-            return self._plain(self._store.deserialize_cdr(data, self._name))
+            one = self._store.get_msgdef(self._name)
+            decoders = {
+                b"\0\0": one.deserialize_cdr_be,
+                b"\0\1": one.deserialize_cdr_le,
+            }
+            # Not `deserialize_cdr`, which refuses what ROS 2 does not: bytes behind the
+            # message, as its own `serialize_message` leaves behind empty sequences.
+            return self._plain(decoders[data[:2]](data[4:], 0, one.cls, self._store)[0])
         except Exception as error:  # code that was made of a stranger's types
             rule = f"must be a message of {self._name} ({type(error).__name__})"
             raise ValueError(rule) from error
@@ -226,9 +251,17 @@ class _Decoder:
             return [self._plain(item) for item in value[:ITEMS]]
         if (names := self._names.get(kind)) is None:
             _, members = self._store.fielddefs[kind]
-            names = [name for name, (_, what) in members if what not in _MOMENTS]
+            names = {
+                name: what[0] == "byte" or what[0][1:] == (("byte", 0),)
+                for name, (_, what) in members
+                if what not in _MOMENTS and name != _FILLER
+            }
             self._names[kind] = names
-        return {name: self._plain(getattr(value, name)) for name in names}
+        return {
+            name: _unsigned(said) if octet else self._plain(said)
+            for name, octet in names.items()
+            for said in (getattr(value, name),)
+        }
 
     def _keyed(self, items: Sequence[Any], key: str) -> Iterator[tuple[str, object]]:
         for item in items:
@@ -237,3 +270,8 @@ class _Decoder:
                 name = str(fields.get(key, "")).translate(_SIGNS)
                 rest = {k: value for k, value in fields.items() if k != key}
                 yield name, rest["value"] if list(rest) == ["value"] else rest
+
+
+def _unsigned(octets: Any) -> object:  # noqa: ANN401 - one, or an array
+    """Return what ROS 2 calls bytes, which `rosbags` reads with a sign."""
+    return octets.view(np.uint8) if isinstance(octets, np.ndarray) else octets % 256

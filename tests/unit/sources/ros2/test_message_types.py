@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from mcap.records import Schema
 from mcap.writer import Writer
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.message_fields import fields
 from neurosnap.sources.open_readings import open_readings
-from neurosnap.sources.ros2.message_types import cdr_decoder
+from neurosnap.sources.ros2.message_types import TypesByHash, cdr_decoder
 
 STORE: Any = get_typestore(Stores.ROS2_JAZZY)
 STATUS, BOOL = "diagnostic_msgs/msg/DiagnosticArray", "std_msgs/msg/Bool"
@@ -49,6 +49,35 @@ def test_a_message_is_its_fields_without_times_and_constants() -> None:
     data = bytearray(status(1))
     data[19] = 0xE5  # the padding of real ROS 2 is garbage
     assert decode(bytes(data)) == said
+
+
+def test_bytes_have_no_sign_and_what_stands_behind_a_message_is_passed_over() -> None:
+    decode = cdr_decoder(schema("test/msg/A", "byte x\nbyte[2] y\nbyte[] z\nint8 w\n"))
+    data = b"\0\1\0\0" + bytes([255, 254, 3, 0, 1, 0, 0, 0, 128, 255])
+    said: Any = decode(data + b"\xf2\x9d\x8f\xcd")
+    assert (said["x"], said["w"]) == (255, -1)
+    assert [*said["y"].tolist(), *said["z"].tolist()] == [254, 3, 128]
+
+
+def test_a_type_without_fields_has_none() -> None:
+    assert cdr_decoder(schema("std_msgs/msg/Empty"))(b"\0\1\0\0\0") == {}
+
+
+def test_char_has_the_hash_of_a_number(tmp_path: Path) -> None:
+    # As real ROS 2 has it.
+    hashed = "RIHS01_3ad2d04dd29ba19d04b16659afa3ccaedd691914b02a64e82e252f2fa6a586a9"
+    file = tmp_path / "test" / "msg" / "Char.msg"
+    file.parent.mkdir(parents=True)
+    file.write_text("char data\n")
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg("uint8 data", "test/msg/Char"))
+    for types, name, its in (
+        (TypesByHash(), "std_msgs/msg/Char", hashed),
+        (TypesByHash([str(file)]), "test/msg/Char", store.hash_rihs01("test/msg/Char")),
+    ):
+        decoder = types.find(name, its)
+        assert decoder is not None, name
+        assert decoder(b"\0\1\0\0\xff") == {"data": 255}
 
 
 def test_of_an_array_there_are_as_many_items() -> None:
