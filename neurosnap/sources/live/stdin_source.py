@@ -127,7 +127,9 @@ def first_lines(seconds: float, bins: int) -> tuple[bytes, Signals]:
     line: bytes | None = head.strip()
     while line is not None:
         with suppress(InvalidValueError):  # a line that is no reading is told of later
-            ranges.read(flattened(read(line).values(names), ranges))
+            said = read(line).values(names)
+            named = {name: said[name] for name in names if name in said}
+            ranges.read(flattened(named, ranges))
         if count >= _LINES or len(head) >= LIMIT:
             break
         if not ranges.are_plain and not told:

@@ -102,8 +102,9 @@ class PayloadReader:
         sensor = self._sensor
         if sensor.heard_within is not None:
             return True
+        value = self.value(payload)
         try:
-            return self.reader.read(self.value(payload))
+            return self.reader.read(value)
         except ValueError as error:
             place = sensor.field or "payload"
             raise payload.wrong(f"{place} {error}") from None
