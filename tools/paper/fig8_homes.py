@@ -142,13 +142,14 @@ def _shown(rows: Iterable[Row]) -> tuple[str, ...]:
     return markdown(
         ("home", "table", "faults", "measure", *names),
         (
-            [*of, *(_told(by[name]) if name in by else "" for name in names)]
+            [*of, *(told(by[name]) if name in by else "" for name in names)]
             for of, by in tables.items()
         ),
     )
 
 
-def _told(interval: Interval) -> str:
+def told(interval: Interval) -> str:
+    """Return an interval for people."""
     value, low, high = interval
     if np.isnan(value):
         return "–"

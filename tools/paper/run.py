@@ -21,6 +21,7 @@ from tools.paper import (
     fig6_anomalies,
     fig7_growth,
     fig8_homes,
+    fig9_robot,
 )
 from tools.paper.figure import Claim, Figure, FigureOptions, Report, judged
 from tools.paper.table import Table
@@ -38,6 +39,7 @@ FIGURES: dict[str, Figure] = {
         fig6_anomalies.FIGURE,
         fig7_growth.FIGURE,
         fig8_homes.FIGURE,
+        fig9_robot.FIGURE,
     )
 }
 """All figures by name."""
@@ -91,8 +93,10 @@ def _chosen(options: FigureOptions) -> list[Figure]:
             raise InvalidValueError("only", f"must be of {', '.join(FIGURES)}", name)
     if options.only:
         return [figure for name, figure in FIGURES.items() if name in options.only]
-    homes = fig8_homes.FIGURE
-    return [f for f in FIGURES.values() if f is not homes or options.homes is not None]
+    left = [fig9_robot.FIGURE]  # needs scikit-learn, and most of an hour
+    if options.homes is None:
+        left.append(fig8_homes.FIGURE)
+    return [figure for figure in FIGURES.values() if figure not in left]
 
 
 def _make(figure: Figure, options: FigureOptions, table: Table) -> FigureResult:
