@@ -149,12 +149,8 @@ class _Outliers:
     """A common method of one class, on how long and how often each sensor is on."""
 
     def __init__(self, past: Seen, name: str) -> None:
-        from sklearn.ensemble import (  # type: ignore[import-untyped]
-            IsolationForest,
-        )
-        from sklearn.neural_network import (  # type: ignore[import-untyped]
-            MLPRegressor,
-        )
+        from sklearn.ensemble import IsolationForest
+        from sklearn.neural_network import MLPRegressor
 
         self._span = int(name.split()[-2])
         rows = self._features(past)
