@@ -6,16 +6,25 @@ makes: to import one starts Python anew.
 
 import base64
 import json
+import os
+import signal
 import subprocess
+import sysconfig
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from neurosnap.recording.replay.verify import verify
+from neurosnap.sources.live.journal import journal_of, read_journal
 from neurosnap.sources.ros2.diagnostics import ARRAY, STALE, Diagnostics
 from neurosnap.sources.ros2.message_types import TypesByHash, stock_types
 from tests.support.patience import PATIENCE
+from tests.support.sources import readings
 
 ROOT = Path(__file__).parents[2]
 THERE = ROOT / "build" / "ros2"
@@ -134,3 +143,94 @@ def test_our_diagnostics_are_ones_to_it() -> None:
         {"key": "believed", "value": "off"},
         {"key": "since", "value": "tick 7"},
     ]
+
+
+class Robot:
+    """Programs in the Python that has ROS 2; with the packages of this one, too."""
+
+    def __init__(self, folder: Path, closes: ExitStack) -> None:
+        self._folder, self._closes = folder, closes
+        self._environment = {
+            "HOME": str(folder),
+            "PATH": os.environ["PATH"],
+            "PYTHONPATH": f"{ROOT}:{sysconfig.get_path('purelib')}",
+            "NUMBA_DISABLE_JIT": "1",
+            "ROS_DOMAIN_ID": "87",
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            # What is killed leaves no shared memory behind.
+            "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
+        }
+
+    def start(self, *command: object) -> subprocess.Popen[str]:
+        with (self._folder / "said").open("a") as said:
+            process = subprocess.Popen(
+                [PYTHON, *map(str, command)],
+                cwd=self._folder,
+                env=self._environment,
+                stdin=subprocess.PIPE,
+                stdout=said,
+                stderr=said,
+                text=True,
+                bufsize=1,
+            )
+        self._closes.enter_context(process)
+        self._closes.callback(process.kill)
+        return process
+
+    def publisher(self, topic: str) -> subprocess.Popen[str]:
+        process = self.start(PROGRAM, topic)
+        publish(process, on=True)
+        return process
+
+
+def publish(publisher: subprocess.Popen[str], *, on: bool) -> None:
+    assert publisher.stdin is not None
+    publisher.stdin.write(f"{json.dumps(on)}\n")
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Iterator[Robot]:
+    with ExitStack() as closes:
+        yield Robot(tmp_path, closes)
+
+
+def until(run: subprocess.Popen[str], log: Path, *wanted: bool | None) -> None:
+    """Wait until the last tick shows this; the time only catches hangs."""
+    end, said = time.monotonic() + PATIENCE, log.with_name("said")
+    while True:
+        rows = read_journal(journal_of(log)).rows if log.exists() else ()
+        if rows and readings(rows[-1].observed(len(wanted))) == [*wanted]:
+            return
+        with suppress(subprocess.TimeoutExpired):
+            run.wait(0.1)
+        assert run.poll() is None, said.read_text()
+        assert time.monotonic() < end, said.read_text()
+
+
+@pytest.mark.zenoh
+def test_a_run_hears_it_and_knows_who_is_gone(robot: Robot, tmp_path: Path) -> None:
+    file, log = tmp_path / "robot.toml", tmp_path / "robot.mcap"
+    file.write_text(
+        """
+[source]
+kind = "ros2"
+through = "rclpy"
+domain = 87
+sensors = ["/door.data", "/lamp.data"]
+bins = 0
+"""
+    )
+    door, lamp = robot.publisher("/door"), robot.publisher("/lamp")
+    run = robot.start("-m", "neurosnap", "run", file, "--cells", "inline", "--out", log)
+    until(run, log, True, True)
+    publish(door, on=False)
+    until(run, log, False, True)
+    door.kill()
+    until(run, log, None, True)
+    publish(lamp, on=False)
+    until(run, log, None, False)
+    robot.publisher("/door")
+    until(run, log, True, False)
+    run.send_signal(signal.SIGINT)
+    assert run.wait(PATIENCE) == 0, (tmp_path / "said").read_text()
+    assert verify(log).same

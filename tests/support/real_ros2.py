@@ -17,6 +17,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import rclpy
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message, serialize_message
 
 _MANY = re.compile(
@@ -77,8 +79,22 @@ def plain(said: Any) -> Any:
     return said.item() if isinstance(said, np.generic) else said
 
 
+def publish(topic: str) -> None:
+    """Publish on a topic what stands in each line, true or false, latched."""
+    rclpy.init()
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    bool_ = kind("std_msgs/msg/Bool")
+    node = rclpy.create_node(topic.strip("/"))
+    publisher = node.create_publisher(bool_, topic, latched)
+    for line in sys.stdin:
+        publisher.publish(bool_(data=json.loads(line)))
+
+
 def main() -> None:
-    """Say what there is, or what it is that another has encoded."""
+    """Say what there is, or what it is that another has encoded; or publish."""
+    if topic := sys.argv[1:]:
+        publish(*topic)
+        return
     read = json.loads(sys.stdin.read())
     if read:
         said = [

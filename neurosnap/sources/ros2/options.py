@@ -4,7 +4,7 @@ Nothing here connects, or needs the libraries that do: a recording is read witho
 """
 
 import re
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 
@@ -58,6 +58,9 @@ class Ros2Options(
     router: Words = ROUTER
     """Where the router of the graph is, as Zenoh writes it; nothing else is listened
     to."""
+    through: Literal["zenoh", "rclpy"] = "zenoh"
+    """What it is heard through: Zenoh, without any ROS; or `rclpy`, which must be
+    installed, and over whatever middleware that has. The router is Zenoh's alone."""
     domain: Annotated[int, msgspec.Meta(ge=0, le=232)] = 0
     """The domain of the graph (`ROS_DOMAIN_ID`)."""
     sensors: Annotated[tuple[Words, ...], msgspec.Meta(min_length=1)]
@@ -87,6 +90,9 @@ class Ros2Options(
         if not _ROUTER.fullmatch(self.router):
             rule = "must be like tcp/localhost:7447, without ? and #"
             raise InvalidValueError("router", rule, self.router)
+        if self.publish is not None and self.through != "zenoh":
+            rule = 'must be "zenoh" where something is published'
+            raise InvalidValueError("through", rule, self.through)
         for sensor in self.sensors:
             topic_of(signal_of(sensor))
 

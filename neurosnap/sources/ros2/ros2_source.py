@@ -71,7 +71,7 @@ def ros2_source(
         stale_after=options.stale_after,
         heard_within=readers.heard_within,
     )
-    ticks, feeder = options.tick.schedule(), Ros2Feeder(options)
+    ticks, feeder = options.tick.schedule(), _feeder(options)
     source = LiveSource(latest, ticks, feeder=feeder, journal=journal, most=most)
     source.readers, source.numbers = readers, readers.numbers
     return source
@@ -87,7 +87,7 @@ def cut(options: Ros2Options) -> Ros2Options:
         NeurosnapError: The router cannot be reached, or nothing fit for a sensor came.
     """
     ranges = Ranges(Wanted(patterns=options.plain, bins=options.bins))
-    listen(Ros2Feeder(options), ranges, options.stretch)
+    listen(_feeder(options), ranges, options.stretch)
     found: dict[str, list[str]] = {}
     for name, some in ranges.chosen().items():
         texts = [f"{name} {each.text}" if each else name for each in some]
@@ -100,6 +100,14 @@ def cut(options: Ros2Options) -> Ros2Options:
             _logger.warning("%s: said nothing meanwhile: taken as on and off", text)
         sensors += found.get(text, [text])
     return msgspec.structs.replace(options, sensors=tuple(sensors), bins=0)
+
+
+def _feeder(options: Ros2Options) -> "Ros2Feeder":
+    if options.through == "zenoh":
+        return Ros2Feeder(options)
+    from neurosnap.sources.ros2.through_rclpy import RclpyFeeder  # which is a feeder
+
+    return RclpyFeeder(options)
 
 
 class _Wanted(NamedTuple):
@@ -291,11 +299,17 @@ class Ros2Feeder:
             except ValueError as error:
                 why = str(error)
         self._decoders[kind] = decoder
-        if decoder is None and publisher.key not in self._told:
-            self._told.add(publisher.key)
-            rule = f"must be of a type that is known ({why})"
-            said = f"{publisher.type}, {publisher.hash}"
-            _logger.warning("%s: %s, got %s: left out", publisher.name, rule, said)
+        if decoder is None:
+            self._tell(publisher.name, kind, why)
+
+    def _tell(self, topic: str, kind: tuple[str, str], why: str) -> None:
+        """Say once that nothing decodes a topic's messages of a type."""
+        said = (
+            f"{topic}: must be of a type that is known ({why}), got {', '.join(kind)}"
+        )
+        if said not in self._told:
+            self._told.add(said)
+            _logger.warning("%s: left out", said)
 
     def _ask(self, session: zenoh.Session, service: Endpoint, asked: bytes) -> bytes:
         """Return what a service answers.
@@ -328,6 +342,29 @@ class Ros2Feeder:
         try:
             about = sample.attachment
             at = parse_attachment(about.to_bytes() if about else b"").at / 1e9
+        except ValueError as error:
+            self._source.refuse(f"{topic}: {error}")
+        else:
+            self.take(topic, kind, at, sample.payload)
+
+    def take(
+        self,
+        topic: str,
+        kind: tuple[str, str],
+        at: float,
+        payload: zenoh.ZBytes | bytes,
+    ) -> None:
+        """Hand in what a message says.
+
+        Args:
+            topic: Its topic, one that is wanted.
+            kind: Its type, and the hash of that.
+            at: When it was sent: seconds since 1970.
+            payload: Turns into its bytes.
+        """
+        if self._source is None:
+            return
+        try:
             with self._lock:
                 message = None
                 wanted = self._signals[topic]
@@ -337,7 +374,7 @@ class Ros2Feeder:
                         self._woken.set()
                     if (decoder := self._decoders[kind]) is None:
                         return  # it was told, or is about to be
-                    message = _decoded(decoder, sample.payload)
+                    message = _decoded(decoder, payload)
                 self._at[topic] = at
                 values = self.values(topic, message, several=kind[0] == ARRAY)
                 readings, wrong = self._source.readers.read(values, topic)
@@ -377,7 +414,7 @@ class Ros2Feeder:
         return found
 
 
-def _decoded(decoder: Decoder, payload: zenoh.ZBytes) -> object:
+def _decoded(decoder: Decoder, payload: zenoh.ZBytes | bytes) -> object:
     """Return a message.
 
     Raises:
@@ -385,7 +422,7 @@ def _decoded(decoder: Decoder, payload: zenoh.ZBytes) -> object:
     """
     if len(payload) > LARGEST:
         raise ValueError(f"must be up to {LARGEST} bytes, got {len(payload)}")
-    return decoder(payload.to_bytes())
+    return decoder(bytes(payload))
 
 
 def _one(message: object, path: str) -> object:

@@ -524,6 +524,11 @@ def test_no_router_is_an_error_in_time() -> None:
         ({"sensors": ["door"]}, "must be of a topic, like /door.data"),
         ({"sensors": ["/a.b"], "router": "localhost"}, "must be like tcp/localhost:7"),
         ({"sensors": ["/a.b"], "router": "tcp/a:1#x"}, "must be like tcp/localhost:7"),
+        ({"sensors": ["/a.b"], "through": "rclpy"}, "^through: must be installed for"),
+        (
+            {"sensors": ["/a.b"], "through": "rclpy", "publish": {}},
+            'must be "zenoh" where something is published',
+        ),
         ({"sensors": ["/a.b"], "domain": 999}, "must hold the options of a source of"),
     ],
 )
