@@ -156,25 +156,18 @@ class _Outliers:
         rows = self._features(past)
         self._mean, self._scale = rows.mean(0), rows.std(0) + 1e-9
         rows = (rows - self._mean) / self._scale
-        self._forest = self._network = None
         if name.startswith("isolation"):
-            self._forest = IsolationForest(n_estimators=200, random_state=0).fit(rows)
+            forest = IsolationForest(n_estimators=200, random_state=0).fit(rows)
+            self._score = lambda rows: -forest.score_samples(rows)
         else:
-            shape = (32, 8, 32)
-            self._network = MLPRegressor(
-                hidden_layer_sizes=shape,
-                max_iter=400,
-                early_stopping=True,
-                random_state=0,
-            ).fit(rows, rows)
+            more = {"max_iter": 400, "early_stopping": True, "random_state": 0}
+            network = MLPRegressor((32, 8, 32), **more).fit(rows, rows)
+            self._score = lambda rows: ((network.predict(rows) - rows) ** 2).mean(1)
 
     def scores(self, seen: Seen) -> Floats:
         """Return how unusual each minute is, with those before."""
         rows = (self._features(seen) - self._mean) / self._scale
-        if self._forest is not None:
-            return np.asarray(-self._forest.score_samples(rows))
-        assert self._network is not None  # noqa: S101 - one of both is there
-        return np.asarray(((self._network.predict(rows) - rows) ** 2).mean(1))
+        return np.asarray(self._score(rows))  # type: ignore[no-untyped-call]
 
     def _features(self, seen: Seen) -> Floats:
         bits = seen.bits
