@@ -160,8 +160,9 @@ class _Outliers:
             forest = IsolationForest(n_estimators=200, random_state=0).fit(rows)
             self._score = lambda rows: -forest.score_samples(rows)
         else:
-            more = {"max_iter": 400, "early_stopping": True, "random_state": 0}
-            network = MLPRegressor((32, 8, 32), **more).fit(rows, rows)
+            shape = {"hidden_layer_sizes": (32, 8, 32), "max_iter": 400}
+            network = MLPRegressor(**shape, early_stopping=True, random_state=0)
+            network.fit(rows, rows)
             self._score = lambda rows: ((network.predict(rows) - rows) ** 2).mean(1)
 
     def scores(self, seen: Seen) -> Floats:

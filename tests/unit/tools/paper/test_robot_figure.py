@@ -5,7 +5,14 @@ import pytest
 
 from tools.paper import fig9_robot as figure
 from tools.paper.figure import FigureOptions
-from tools.paper.robot_faults import CASES, METHODS, Seen, observed, trailing
+from tools.paper.robot_faults import (
+    CASES,
+    METHODS,
+    Seen,
+    _Outliers,
+    observed,
+    trailing,
+)
 from world.robot import Robot, RobotFault
 from world.robot_world import SENSOR_TOPICS, near, sensed
 
@@ -33,6 +40,15 @@ def test_a_scan_that_fails_changes_no_more(kind: str, what: str) -> None:
     assert (seen.bits[:, scan] == seen.bits[0, scan]).all()
     assert seen.known[scan].any() == (kind == "frozen")
     assert seen.known[~scan].all()
+
+
+@pytest.mark.parametrize("name", METHODS[4::2])
+def test_the_common_methods_score_each_minute(name: str) -> None:
+    robot = Robot(3)
+    method = _Outliers(observed(robot, 30), name)
+    scores = method.scores(observed(robot, 5))
+    assert scores.shape == (5,)
+    assert np.isfinite(scores).all()
 
 
 def test_means_trail() -> None:
