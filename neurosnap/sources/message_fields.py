@@ -17,6 +17,8 @@ from neurosnap.errors import InvalidValueError
 ITEMS = 64
 """Items of a list that are signals by themselves, at most."""
 _DEEP = 16  # levels of fields
+_MOMENTS = ({"sec", "nanosec"}, {"sec", "nsec"})
+"""Fields of a time, which tells when it was and not what; CDR's are left out, too."""
 _STEP = re.compile(r"\.([^.\[\]]+)|\[(\d+)\]")
 _TERM = re.compile(
     r"(?P<function>min|max|mean|any|all|count)\("
@@ -147,7 +149,7 @@ def _flatten(
     name: str, value: object, found: list[tuple[str, object]], deep: int
 ) -> None:
     if isinstance(value, dict):
-        if deep:
+        if deep and value.keys() not in _MOMENTS:
             for key, inner in value.items():
                 _flatten(f"{name}.{key}", inner, found, deep - 1)
     elif isinstance(value, list | np.ndarray):

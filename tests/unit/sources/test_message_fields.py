@@ -70,6 +70,14 @@ def test_a_wrong_path_is_named_with_what_is_there(path: str, text: str) -> None:
         field(message, path)
 
 
+def test_times_are_no_fields() -> None:
+    stamp = {"sec": 1, "nanosec": 2}
+    said = {"header": {"stamp": stamp, "frame": "a"}, "sec": 3, "at": {"sec": 1}}
+    assert fields("/t", said) == [
+        *(("/t.header.frame", "a"), ("/t.sec", 3), ("/t.at.sec", 1))
+    ]
+
+
 @pytest.mark.parametrize("path", ["/t.a", "/t.b", "/t.c", "/t.d"])
 def test_what_is_no_list_of_numbers_is_refused(path: str) -> None:
     message = {"a": 1, "b": ["x"], "c": [[1], [2]], "d": [[1], 2]}
