@@ -149,7 +149,7 @@ def _flatten(
     name: str, value: object, found: list[tuple[str, object]], deep: int
 ) -> None:
     if isinstance(value, dict):
-        if deep and value.keys() not in _MOMENTS:
+        if deep and not (len(value) == 2 and value.keys() in _MOMENTS):
             for key, inner in value.items():
                 _flatten(f"{name}.{key}", inner, found, deep - 1)
     elif isinstance(value, list | np.ndarray):

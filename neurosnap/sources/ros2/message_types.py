@@ -224,19 +224,22 @@ class _Decoder:
 
     def __init__(self, store: Any, name: str) -> None:  # noqa: ANN401 - untyped
         self._store, self._name = store, name
+        self._decode: dict[bytes, Any] = {}  # by the order of bytes
+        self._class: Any = None
         # The fields of each type that are read, and whether they are octets.
         self._names: dict[str, dict[str, bool]] = {}
 
     def __call__(self, data: bytes) -> object:
         try:
-            one = self._store.get_msgdef(self._name)
-            decoders = {
-                b"\0\0": one.deserialize_cdr_be,
-                b"\0\1": one.deserialize_cdr_le,
-            }
+            if not self._decode:  # here: to make it may fail of the type
+                one = self._store.get_msgdef(self._name)
+                self._class = one.cls
+                self._decode[b"\0\0"] = one.deserialize_cdr_be
+                self._decode[b"\0\1"] = one.deserialize_cdr_le
             # Not `deserialize_cdr`, which refuses what ROS 2 does not: bytes behind the
             # message, as its own `serialize_message` leaves behind empty sequences.
-            return self._plain(decoders[data[:2]](data[4:], 0, one.cls, self._store)[0])
+            decode = self._decode[data[:2]]
+            return self._plain(decode(data[4:], 0, self._class, self._store)[0])
         except Exception as error:  # code that was made of a stranger's types
             rule = f"must be a message of {self._name} ({type(error).__name__})"
             raise ValueError(rule) from error
