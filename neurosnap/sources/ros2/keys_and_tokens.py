@@ -17,7 +17,8 @@ another attachment: these are read, and never written.
 import struct
 from typing import NamedTuple
 
-import xxhash
+from neurosnap.errors import MissingExtraError
+from neurosnap.system.distribution import must_have
 
 TOKENS = "@ros2_lv"
 """What all tokens begin with; no wildcard matches it."""
@@ -157,7 +158,15 @@ def ros_type(name: str) -> str:
 
 
 def gid_of(token: str) -> bytes:
-    """Return the 16 bytes by which messages name who sent them."""
+    """Return the 16 bytes by which messages name who sent them.
+
+    Raises:
+        MissingExtraError: `xxhash` is not installed.
+    """
+    try:
+        import xxhash
+    except ImportError as error:
+        raise MissingExtraError(f"ros2: {must_have('xxhash', 'ros2')}") from error
     return xxhash.xxh3_128_intdigest(token.encode()).to_bytes(16, "little")
 
 

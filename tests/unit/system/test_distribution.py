@@ -4,10 +4,12 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from importlib import metadata
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 from neurosnap.system import distribution
 
@@ -83,3 +85,46 @@ def test_no_text_tells_to_install_the_namesake() -> None:
         path.name: wrong.findall(path.read_text()) for path in texts if path.is_file()
     }
     assert {name: each for name, each in found.items() if each} == {}
+
+
+WITHOUT = """
+import sys
+missing = sys.argv[1].split(",")
+class Missing:
+    def find_spec(name, path=None, target=None):
+        if name.partition(".")[0] in missing:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+sys.meta_path.insert(0, Missing)
+sys.argv[:2] = ["neurosnap"]
+from neurosnap.__main__ import main
+main()
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("verb", ["learn", "run"])
+def test_without_any_extra_the_rest_works(tmp_path: Path, verb: str) -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    asked = {
+        Requirement(each).name.replace("-", "_").lower()
+        for some in project["optional-dependencies"].values()
+        for each in some
+    }
+    modules = sorted(
+        module
+        for module, names in metadata.packages_distributions().items()
+        if asked & {name.replace("-", "_").lower() for name in names}
+    )
+    assert {"xxhash", "rosbags", "uvicorn", "pyarrow"} <= set(modules)
+    data = str(ROOT / "examples" / "readings.csv")
+    inline = ["--cells", "inline"] if verb == "run" else []
+    command = [sys.executable, "-P", "-c", WITHOUT, ",".join(modules), verb, data]
+    ended = subprocess.run(
+        [*command, *inline],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    assert ended.returncode == 0, ended.stderr
