@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 import pytest
 
 from neurosnap.recording.replay.verify import verify
@@ -150,6 +151,7 @@ class Robot:
 
     def __init__(self, folder: Path, closes: ExitStack) -> None:
         self._folder, self._closes = folder, closes
+        self.left = closes.enter_context(ExitStack())
         self._environment = {
             "HOME": str(folder),
             "PATH": os.environ["PATH"],
@@ -157,8 +159,6 @@ class Robot:
             "NUMBA_DISABLE_JIT": "1",
             "ROS_DOMAIN_ID": "87",
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-            # What is killed leaves no shared memory behind.
-            "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
         }
 
     def start(self, *command: object) -> subprocess.Popen[str]:
@@ -173,9 +173,19 @@ class Robot:
                 text=True,
                 bufsize=1,
             )
-        self._closes.enter_context(process)
-        self._closes.callback(process.kill)
+        self._closes.enter_context(process)  # a publisher ends with its input
+        if command[0] != PROGRAM:
+            self._closes.callback(process.kill)
         return process
+
+    def kill(self, process: subprocess.Popen[str]) -> None:
+        """Kill a process; in the end remove the shared memory that it leaves behind."""
+        for each in psutil.Process(process.pid).memory_maps():
+            if each.path.startswith("/dev/shm/fastdds_") and "_port" not in each.path:
+                for path in (Path(each.path), Path(f"{each.path}_el")):
+                    self.left.callback(path.unlink, missing_ok=True)
+        process.kill()
+        process.wait()
 
     def publisher(self, topic: str) -> subprocess.Popen[str]:
         process = self.start(PROGRAM, topic)
@@ -225,7 +235,7 @@ bins = 0
     until(run, log, True, True)
     publish(door, on=False)
     until(run, log, False, True)
-    door.kill()
+    robot.kill(door)
     until(run, log, None, True)
     publish(lamp, on=False)
     until(run, log, None, False)

@@ -88,6 +88,8 @@ def publish(topic: str) -> None:
     publisher = node.create_publisher(bool_, topic, latched)
     for line in sys.stdin:
         publisher.publish(bool_(data=json.loads(line)))
+    node.destroy_node()
+    rclpy.shutdown()
 
 
 def main() -> None:

@@ -9,7 +9,8 @@ from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[3]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
-LOCKED = (ROOT / "tools" / "locked.txt").read_text()
+# Two files: what real ROS 2 is made of stands in an environment of its own.
+LOCKED = [(ROOT / "tools" / name).read_text() for name in ("locked.txt", "ros2.txt")]
 GROUPS = PROJECT["dependency-groups"]
 ASKED = [
     *PROJECT["build-system"]["requires"],
@@ -22,7 +23,7 @@ ASKED = [
 def locked() -> dict[str, str]:
     """Return the versions by name, of this Python."""
     found = {}
-    for entry in LOCKED.replace("\\\n", "").splitlines():
+    for entry in "".join(LOCKED).replace("\\\n", "").splitlines():
         pin, *hashes = entry.split(" --hash=")
         assert hashes, entry
         requirement = Requirement(pin.strip())
