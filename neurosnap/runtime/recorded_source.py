@@ -21,6 +21,7 @@ from neurosnap.sources.open import (
     MQTT,
     ROS2,
     STDIN,
+    as_in_run,
     is_file,
     is_live,
     mqtt_options,
@@ -69,7 +70,8 @@ def reopened(options: RunOptions, trusts: Trust) -> tuple[RunOptions, int | None
         source, given = trusts
         # Which sensors are read of a file that the user names is harmless, too.
         if given or not (_is_harmless(source) or is_file(source)):
-            arguments = dict(given)
+            # Where it is cut was learned by the run, and is not learned again.
+            arguments = as_in_run(source, given, arguments)
     if Path(source).name != Path(options.source).name:
         raise InvalidValueError("source", f"must be {options.source!r} here", source)
     if not is_live(source) and arguments != options.arguments:

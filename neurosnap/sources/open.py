@@ -38,8 +38,10 @@ from neurosnap.sources.live.stdin_source import StdinFeeder, first_lines
 from neurosnap.sources.live.tick_schedule import Seconds, TickRule
 from neurosnap.sources.live.zenoh_source import Hub, ZenohFeeder
 from neurosnap.sources.meaning import Wanted, parse_span
+from neurosnap.sources.mqtt import options as mqtt
 from neurosnap.sources.mqtt.options import MqttOptions
 from neurosnap.sources.protocol import Argument, Source
+from neurosnap.sources.ros2 import options as ros2
 from neurosnap.sources.ros2.options import Ros2Options
 from neurosnap.system.distribution import must_have
 
@@ -324,6 +326,31 @@ def settle(name: str, arguments: Mapping[str, Argument]) -> dict[str, Argument]:
     given = _converted(arguments, LiveArguments)
     head, signals = first_lines(given.stretch, given.bins)
     return {**arguments, "signals": as_json(signals), "head": head.decode()}
+
+
+def as_in_run(
+    name: str, arguments: Mapping[str, Argument], run: Mapping[str, Argument]
+) -> dict[str, Argument]:
+    """Return arguments with what only listening tells, as a run had it.
+
+    Args:
+        name: As for `open_live`.
+        arguments: Which may need it.
+        run: The arguments that the run recorded; they decide nothing else.
+
+    Raises:
+        InvalidValueError: An argument is wrong.
+    """
+    if not needs_listening(name, arguments):
+        return dict(arguments)
+    options: MqttOptions | Ros2Options
+    if name == MQTT:
+        options = mqtt.with_cuts_of(mqtt_options(arguments), mqtt_options(run))
+    elif name == ROS2:
+        options = ros2.with_cuts_of(ros2_options(arguments), ros2_options(run))
+    else:
+        return dict(run)
+    return {"options": msgspec.json.encode(options).decode()}
 
 
 def mqtt_options(arguments: Mapping[str, Argument]) -> MqttOptions:

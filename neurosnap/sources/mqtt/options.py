@@ -253,6 +253,26 @@ def conditions_of(options: MqttOptions) -> dict[str, Condition]:
     }
 
 
+def with_cuts_of(options: MqttOptions, run: MqttOptions) -> MqttOptions:
+    """Return options whose numbers are cut as they were in a run."""
+    sensors: list[MqttSensor] = []
+    for sensor in options.sensors:
+        where = sensor.topic, sensor.field
+        sensors += (
+            [sensor]
+            if sensor.bins is None
+            else (
+                msgspec.structs.replace(
+                    sensor, name=each.name, when=each.when, bins=None
+                )
+                for each in run.sensors
+                if (each.topic, each.field) == where
+                and each.name.startswith(sensor.name)
+            )
+        )
+    return msgspec.structs.replace(options, sensors=tuple(sensors) or options.sensors)
+
+
 def is_topic(topic: str) -> bool:
     """Whether `topic` is one topic, with no wildcards."""
     size = len(topic.encode("utf-8", "replace"))

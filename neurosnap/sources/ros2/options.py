@@ -108,6 +108,27 @@ def conditions_of(options: Ros2Options) -> dict[str, Condition]:
     return {condition.name: condition for condition in found}
 
 
+def with_cuts_of(options: Ros2Options, run: Ros2Options) -> Ros2Options:
+    """Return options whose numbers and words are cut as they were in a run."""
+    sensors: list[str] = []
+    for sensor in options.sensors:
+        sensors += (
+            [sensor]
+            if sensor not in options.plain
+            else (
+                text
+                for text in run.sensors
+                if text == sensor
+                or (
+                    text not in options.sensors
+                    and sensor in (signal := signal_of(text), topic_of(signal))
+                )
+            )
+        )
+    found = tuple(sensors) or options.sensors
+    return msgspec.structs.replace(options, sensors=found, bins=0)
+
+
 def signal_of(sensor: str) -> str:
     """Return the signal that a sensor reads.
 

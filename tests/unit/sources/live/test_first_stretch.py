@@ -10,8 +10,14 @@ from neurosnap.sources.live.first_stretch import Ranges, listen
 from neurosnap.sources.live.live_source import Feeder, LiveSource
 from neurosnap.sources.meaning import Wanted, parse_condition
 from neurosnap.sources.mqtt import mqtt_source
-from neurosnap.sources.mqtt.options import MqttOptions, MqttSensor
-from neurosnap.sources.open import needs_listening, open_source, settle
+from neurosnap.sources.mqtt.options import MqttBroker, MqttOptions, MqttSensor
+from neurosnap.sources.open import (
+    as_in_run,
+    needs_listening,
+    open_source,
+    settle,
+)
+from neurosnap.sources.protocol import Argument
 from neurosnap.sources.ros2.options import Ros2Options
 
 
@@ -108,3 +114,30 @@ def test_the_cuts_of_a_robot_know_their_order() -> None:
         source="ros2:", arguments={"options": options}, body=Body(own=own), ticks=1
     )
     assert {*run.known_order} == {(2, 4), (5, 3)}
+
+
+def test_a_run_that_is_resumed_keeps_its_cuts() -> None:
+    def told(options: MqttOptions | Ros2Options) -> dict[str, Argument]:
+        return {"options": msgspec.json.encode(options).decode()}
+
+    warm = MqttSensor(name="warm", topic="t", field="x", bins=3)
+    door = MqttSensor(name="door", topic="d")
+    cuts = [
+        msgspec.structs.replace(warm, name=f"warm>{n}", when=f"> {n}", bins=None)
+        for n in (20, 23)
+    ]
+    secret = MqttBroker(username="me", password_env="SECRET")
+    house = MqttOptions(sensors=(warm, door), broker=secret)
+    ran = told(MqttOptions(sensors=(*cuts, door)))
+    again = as_in_run("mqtt:", told(house), ran)
+    assert again == told(MqttOptions(sensors=(*cuts, door), broker=secret))
+    named = ("/b.data", "/a", "/a.level > 9", "/m.mode", "/a heard within 1 s")
+    settled = (
+        *("/b.data", "/a.level > 2", "/a.on", "/a.level > 9"),
+        *("/m.mode = x", "/m.mode = y", "/a heard within 1 s"),
+    )
+    again = as_in_run(
+        "ros2:", told(Ros2Options(sensors=named)), told(Ros2Options(sensors=settled))
+    )
+    assert again == told(Ros2Options(sensors=settled, bins=0))
+    assert as_in_run("-", {}, {"signals": "{}"}) == {"signals": "{}"}
