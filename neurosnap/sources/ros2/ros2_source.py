@@ -47,6 +47,7 @@ from neurosnap.sources.ros2.message_types import (
 )
 from neurosnap.sources.ros2.options import Ros2Options, signal_of, topic_of
 
+_AGAIN = 1.0  # seconds until what is latched is asked for again
 _TRY = 2.0  # seconds a router, or a node that is asked, may take to answer
 _DESCRIBES = "get_type_description"
 _logger = logging.getLogger(__name__)
@@ -122,10 +123,12 @@ class _Subscription(NamedTuple):
     """A subscription to a topic."""
 
     close: Callable[[], None]
-    latched: bool
-    """It was given what was published before."""
+    depth: int
+    """Messages that were published before and are asked for; 0: none is latched."""
     kinds: frozenset[tuple[str, str]]
     """The types, with their hashes, that were known then."""
+    asks: int = 5
+    """How often it asks again, a second each, while nothing has come."""
 
 
 class Ros2Feeder:
@@ -147,6 +150,8 @@ class Ros2Feeder:
         self._types = TypesByHash(options.msg_files)
         self._decoders: dict[tuple[str, str], Decoder | None] = {}
         self._lock = threading.Lock()  # one message after the other
+        self._linking = threading.Lock()  # what was said last of the router is so
+        self._came: set[str] = set()  # topics heard since they were subscribed to
         self._at: dict[str, float] = {}  # of each topic's last message
         self._listeners: dict[str, _Subscription] = {}
         self._told: set[str] = set()  # errors that are not told again
@@ -190,9 +195,15 @@ class Ros2Feeder:
                 open_.callback(watch.close)
                 open_.callback(self._unsubscribe)
                 self._follow(session, watch)  # before it counts as listening
-                source.listens(True)
+                with self._linking:
+                    source.listens(True)
+                    # The router may have gone meanwhile: that is an outage by now.
+                    if not any(session.info.routers_zid()):
+                        source.listens(False)
                 while not self._over:
-                    self._woken.wait()
+                    lost = self._lost()
+                    if not self._woken.wait(_AGAIN if lost else None):
+                        self._ask_again(session, lost)
                     self._woken.clear()
                     self._follow(session, watch)
         except BaseException as error:  # noqa: BLE001 - goes on to `step`, whole
@@ -222,7 +233,8 @@ class Ros2Feeder:
             zenoh.WhatAmI.ROUTER
         ):
             # All tokens go with it, so that every topic is unknown.
-            self._source.listens(event.kind == zenoh.SampleKind.PUT)
+            with self._linking:
+                self._source.listens(event.kind == zenoh.SampleKind.PUT)
 
     def _follow(self, session: zenoh.Session, watch: GraphWatch) -> None:
         """Subscribe as the graph has it now, and forget what is published no more."""
@@ -239,18 +251,19 @@ class Ros2Feeder:
                 if before.kinds and not here:
                     self._forget(topic)
                 news = latched and not kinds <= before.kinds
-                if before.latched == latched and not news:
+                if bool(before.depth) == latched and not news:
                     self._listeners[topic] = before._replace(kinds=kinds)
                     continue
                 before.close()
-            depth = max((each.qos.depth for each in here), default=1)
-            close = self._subscribe(session, topic, depth if latched else 0)
-            self._listeners[topic] = _Subscription(close, latched, kinds)
+            depth = max((each.qos.depth for each in here), default=1) * latched
+            close = self._subscribe(session, topic, depth)
+            self._listeners[topic] = _Subscription(close, depth, kinds)
 
     def _subscribe(
         self, session: zenoh.Session, topic: str, depth: int
     ) -> Callable[[], None]:
         """Subscribe to a topic, with so many earlier messages; return what ends it."""
+        self._came.discard(topic)
         key = f"{self._options.domain}{topic}/*/*"
         hear = zenoh.handlers.Callback(self._hear, indirect=False)
         listener: Any
@@ -264,6 +277,25 @@ class Ros2Feeder:
         else:
             listener = session.declare_subscriber(key, hear)
         return listener.undeclare  # type: ignore[no-any-return]
+
+    def _lost(self) -> list[str]:
+        """Return the topics of which something is latched and nothing has come.
+
+        Who comes back with a router may be asked before it can answer.
+        """
+        return [
+            topic
+            for topic, each in self._listeners.items()
+            if each.depth and each.asks and topic not in self._came
+        ]
+
+    def _ask_again(self, session: zenoh.Session, topics: list[str]) -> None:
+        for topic in topics:
+            before = self._listeners[topic]
+            close = self._subscribe(session, topic, before.depth)
+            before.close()  # after the other: nothing is missed between them
+            asks = before.asks - 1
+            self._listeners[topic] = before._replace(close=close, asks=asks)
 
     def _unsubscribe(self) -> None:
         for each in self._listeners.values():
@@ -376,6 +408,7 @@ class Ros2Feeder:
                         return  # it was told, or is about to be
                     message = _decoded(decoder, payload)
                 self._at[topic] = at
+                self._came.add(topic)
                 values = self.values(topic, message, several=kind[0] == ARRAY)
                 readings, wrong = self._source.readers.read(values, topic)
                 self._source.receive(readings, at, list(map(str, wrong)))
