@@ -201,9 +201,8 @@ class Ros2Feeder:
                     if not any(session.info.routers_zid()):
                         source.listens(False)
                 while not self._over:
-                    lost = self._lost()
-                    if not self._woken.wait(_AGAIN if lost else None):
-                        self._ask_again(session, lost)
+                    if not self._woken.wait(_AGAIN if self._lost() else None):
+                        self._ask_again(session, self._lost())
                     self._woken.clear()
                     self._follow(session, watch)
         except BaseException as error:  # noqa: BLE001 - goes on to `step`, whole
