@@ -1,8 +1,11 @@
 """What a graph has is listed, and a file that runs on it is written."""
 
+import asyncio
 import json
+import threading
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -18,6 +21,7 @@ from neurosnap.sources.ros2.keys_and_tokens import PUBLISHER, Endpoint, GraphNod
 from neurosnap.sources.ros2.node import RosNode
 from neurosnap.sources.ros2.options import Ros2Options
 from neurosnap.sources.ros2.topic_survey import Ros2Survey, ros2_file
+from tests.support.patience import PATIENCE
 
 BOOL = "std_msgs/msg/Bool"
 TYPES = {
@@ -108,14 +112,30 @@ def test_the_file_is_one_that_runs() -> None:
 
 
 @pytest.mark.zenoh
-def test_a_graph_is_listed_and_a_file_written(router: str, tmp_path: Path) -> None:
+def test_a_graph_is_listed_and_a_file_written(
+    router: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    came = threading.Event()
+    read = Ros2Survey.read
+
+    def heard(survey: Ros2Survey, *said: Any) -> Any:
+        found = read(survey, *said)
+        came.set()
+        return found
+
+    async def until_heard(*_: object, seconds: float) -> None:
+        assert seconds == 3600
+        await asyncio.to_thread(came.wait, PATIENCE)
+
+    monkeypatch.setattr(Ros2Survey, "read", heard)
+    monkeypatch.setattr("neurosnap.apps.cli.ros2.wait_any", until_heard)
     out = tmp_path / "robot.toml"
     with open_session(router) as session:
         node = RosNode(session, "robot", domain=99)
         door = node.publisher("/door", BOOL, Qos(latched=True, depth=1))
         door.publish(node.types[BOOL](True))
         command = ["ros2", "discover", "--router", router, "--domain", "99"]
-        more = ["--seconds", "2", "--format", "json", "--out", str(out)]
+        more = ["--seconds", "3600", "--format", "json", "--out", str(out)]
         said = CliRunner().invoke(app, [*command, *more])
         node.close()
     assert said.exit_code == 0, said.output
