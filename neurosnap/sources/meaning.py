@@ -32,6 +32,7 @@ _HEARD = re.compile(r"(?:(?P<name>.*\S)\s+)?heard\s+within\s+(?P<span>.+)")
 _SPAN = re.compile(rf"(?P<span>{_NUMBER})\s*(?P<unit>ms|s|min|h|d)?")
 _SECONDS = {"ms": 0.001, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86_400.0}
 _EQUALS = re.compile(r"(?P<name>[^<>=]*?)\s*=\s*(?P<word>[^<>=]*[^<>=\s])\s*")
+_SHAPES = (_CHANGE, _HEARD, _EQUALS, _WHEN)
 Bound: TypeAlias = tuple[float, int]
 """A number where a stretch begins or ends, and 0 if that is in it; else 1 or -1."""
 
@@ -220,12 +221,12 @@ def parse_span(text: str, name: str) -> float:
 
 
 def is_condition(text: str) -> bool:
-    """Return whether a text is a condition with the name of its signal."""
-    try:
-        parse_condition(text)
-    except InvalidValueError:
-        return False
-    return True
+    """Return whether a text looks like a condition with the name of its signal.
+
+    One that breaks a rule does, too, so that `parse_condition` says which.
+    """
+    shapes = (shape.fullmatch(text.strip()) for shape in _SHAPES)
+    return any(match is not None and match["name"] for match in shapes)
 
 
 def _one(name: str, said: str | None, text: str) -> str:

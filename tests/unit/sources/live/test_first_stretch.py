@@ -106,6 +106,19 @@ def test_numbers_of_a_broker_become_sensors_of_its_file(
         mqtt_source.cut(msgspec.structs.replace(silent, stretch=60))
 
 
+@pytest.mark.parametrize(
+    ("sensor", "rule"),
+    [
+        ("level > 20, off < 30", "must let the sensor be off below where it is on"),
+        ("level > 20 m, off < 10 ft", "must have one unit"),
+        ("level heard within 5 years", "must be a time such as 0.5, 500ms"),
+    ],
+)
+def test_a_condition_that_breaks_a_rule_is_no_name(sensor: str, rule: str) -> None:
+    with pytest.raises(InvalidValueError, match=rf"^when: {rule}"):
+        open_source("-", 0, {"sensors": f'["door", "{sensor}"]'})
+
+
 def test_the_cuts_of_a_robot_know_their_order() -> None:
     named = ("/b.data", "/b.level > 4", "/b.level > 2", "/b.level rises")
     options = msgspec.json.encode(Ros2Options(sensors=named)).decode()
