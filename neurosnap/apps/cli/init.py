@@ -32,6 +32,17 @@ if TYPE_CHECKING:
 _SHOWN = 3  # values of a topic in a line
 _EXAMPLE = "Example: neurosnap init topics homeassistant.local --out home.toml"
 
+TomlFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--out",
+        "-o",
+        metavar="FILE",
+        help="Write a TOML file that makes sensors of what looks like them.",
+        show_default="only list the topics",
+    ),
+]
+
 init = typer.Typer(
     help="Write what a swarm begins with: a TOML file from a broker's topics, or keys.",
     no_args_is_help=True,
@@ -76,26 +87,14 @@ def topics(
             min=0.1, max=86_400, help="How long to listen; Ctrl-C ends it earlier."
         ),
     ] = 60.0,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="FILE",
-            help="Write a TOML file that makes sensors of what looks like them.",
-            show_default="only list the topics",
-        ),
-    ] = None,
+    out: TomlFile = None,
     force: Force = False,
     form: Format = "text",
 ) -> None:
     """Listen to an MQTT broker, list its topics, and write a file to begin with."""
     with errors():
         topic, broker = context.params["topic"], _broker(host, context.params)
-        if out is not None:
-            if out.suffix.lower() != ".toml":
-                raise InvalidValueError("out", "must end with .toml", str(out))
-            free_path(out, force=force)
+        check_free(out, force=force)
         survey = _listened(broker, topic, seconds)
         say(form, *_lines(survey))
         if out is not None:
@@ -104,6 +103,18 @@ def topics(
             say(form, f"wrote {out} with {count} sensors; read it, then:")
             say(form, f"neurosnap run {out}")
         print_facts(form, {**_facts(survey), "out": out and str(out)})
+
+
+def check_free(out: Path | None, *, force: bool) -> None:
+    """Check where a file that describes a run is to be written, if anywhere.
+
+    Raises:
+        InvalidValueError: Its name does not say so, or something is there already.
+    """
+    if out is not None:
+        if out.suffix.lower() != ".toml":
+            raise InvalidValueError("out", "must end with .toml", str(out))
+        free_path(out, force=force)
 
 
 def _broker(host: str, given: dict[str, Any]) -> MqttBroker:

@@ -16,9 +16,9 @@ from neurosnap.apps.cli.errors_and_signals import (
     errors,
     run_async,
 )
+from neurosnap.apps.cli.init import TomlFile, check_free
 from neurosnap.apps.cli.terminal_output import print_facts, say, table, warn
-from neurosnap.apps.new_files import free_path
-from neurosnap.errors import InvalidValueError, MissingExtraError, NeurosnapError
+from neurosnap.errors import MissingExtraError, NeurosnapError
 from neurosnap.fabric.wait_for_events import wait_any
 from neurosnap.sensorium import visible
 from neurosnap.sources.live.latest_or_late import LatestReadings
@@ -55,16 +55,7 @@ def discover(
             min=0.1, max=86_400, help="How long to listen; Ctrl-C ends it earlier."
         ),
     ] = 10.0,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="FILE",
-            help="Write a TOML file that makes sensors of what was heard.",
-            show_default="only list the topics",
-        ),
-    ] = None,
+    out: TomlFile = None,
     force: Force = False,
     form: Format = "text",
 ) -> None:
@@ -73,10 +64,7 @@ def discover(
         # What is listened to is found; there must be one name to begin with.
         given = {"router": router, "domain": domain, "sensors": ("/all",)}
         options = convert(Ros2Options, **given)
-        if out is not None:
-            if out.suffix.lower() != ".toml":
-                raise InvalidValueError("out", "must end with .toml", str(out))
-            free_path(out, force=force)
+        check_free(out, force=force)
         nodes, survey = _listened(options, seconds)
         say(form, f"nodes: {', '.join(map(visible, nodes)) or 'none'}")
         say(form, *_lines(survey))
