@@ -15,7 +15,6 @@ from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, combinations, product
-from typing import TypeAlias
 
 import msgspec
 
@@ -27,15 +26,12 @@ from neurosnap.sources.meaning import (
     Comparison,
     Condition,
     Heard,
+    Signals,
     Wanted,
     as_text,
     parse_condition,
 )
 
-Cuts: TypeAlias = Mapping[str, tuple[Condition, ...]]
-"""When the sensors of a signal are on, by its name; none for one that is left out."""
-Signals: TypeAlias = Mapping[str, tuple[Condition | None, ...]]
-"""When the sensors of each signal are on; None: as it says by itself."""
 WORDS_AT_MOST = 8
 """Different words of a signal that is cut into one sensor a word."""
 _logger = logging.getLogger(__name__)
@@ -286,12 +282,6 @@ def recorded_signals(text: str) -> Signals:
         name: tuple(parse_condition(each, name) if each else None for each in some)
         for name, some in found.items()
     }
-
-
-def recorded_cuts(text: str) -> Cuts:
-    """Return cuts as `as_json` wrote them; raises as `recorded_signals`."""
-    found = recorded_signals(text)
-    return {name: tuple(filter(None, some)) for name, some in found.items()}
 
 
 def conditions_in(text: str) -> tuple[Condition, ...]:

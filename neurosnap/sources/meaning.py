@@ -155,6 +155,8 @@ class Heard(NamedTuple):
 
 Condition: TypeAlias = Comparison | Choice | Change | Heard
 """Says when a sensor is on: by a number, a word, a change, or by any message."""
+Signals: TypeAlias = Mapping[str, tuple[Condition | None, ...]]
+"""When the sensors of each signal are on; None: as it says by itself."""
 
 
 def _plain(number: float) -> str:
@@ -281,8 +283,8 @@ class Wanted:
         bins: Parts that the range of another number is cut into; 0: none is.
         every: Seconds between the rows of messages; 0: as is usual for them.
         learned: The share of the data, from its beginning, that cuts are chosen by.
-        cuts: Of other signals that are taken and are not on and off by themselves; see
-            `neurosnap.sources.cuts`. None: they are not chosen yet.
+        cuts: Of other signals that are taken and are not on and off by themselves; none
+            for one that is left out. None: they are not chosen yet.
     """
 
     patterns: tuple[str, ...] = ()
@@ -291,7 +293,7 @@ class Wanted:
     bins: int = 4
     every: float = 0.0
     learned: float = 1.0
-    cuts: Mapping[str, tuple[Condition, ...]] | None = None
+    cuts: Signals | None = None
 
     def takes(self, name: str, by_itself: bool = True, topic: str = "") -> bool:
         """Return whether a signal is read by itself, or as one of its topic."""
@@ -334,21 +336,19 @@ class Wanted:
         self, name: str, by_itself: bool = True, topic: str = ""
     ) -> list["Reader"]:
         """Return what reads a sensor of the data: nothing, or one for each name."""
-        conditions = [
+        some: list[Condition | None] = [
             each
             for each in self.conditions
             if each.source == name and _is_of_value(each)
         ]
         if self.takes(name, by_itself, topic):
-            if self.cuts is None or name not in self.cuts:
-                return [Reader(name)]
-            conditions += self.cuts[name]
-        return [Reader(condition.name, condition) for condition in conditions]
+            some += (self.cuts or {}).get(name, (None,))
+        return readers_of(name, some)
 
     def every_condition(self) -> dict[str, Condition]:
         """Return when sensors are on, as it was given or chosen, by their names."""
         chosen = chain(self.conditions, *(self.cuts or {}).values())
-        return {each.name: each for each in chosen}
+        return {each.name: each for each in chosen if each}
 
     def check(
         self, names: Sequence[str], where: str, *, messages: bool = False
@@ -441,6 +441,11 @@ class Reader:
             return RULE
         known = [word for word, on in self._words.items() if on is not None]
         return f"must be one of {', '.join(known)}"
+
+
+def readers_of(name: str, some: Iterable[Condition | None]) -> list[Reader]:
+    """Return what reads a signal: one for each different condition in `Signals`."""
+    return [Reader(each.name if each else name, each) for each in dict.fromkeys(some)]
 
 
 def _number(word: str, unit: str = "") -> float:

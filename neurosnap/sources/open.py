@@ -22,13 +22,7 @@ import msgspec
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import visible
-from neurosnap.sources.cuts import (
-    Signals,
-    as_json,
-    conditions_in,
-    recorded_cuts,
-    recorded_signals,
-)
+from neurosnap.sources.cuts import as_json, conditions_in, recorded_signals
 from neurosnap.sources.live.journal import Journal
 from neurosnap.sources.live.latest_or_late import LatestReadings
 from neurosnap.sources.live.live_source import Feeder, LiveSource
@@ -37,7 +31,7 @@ from neurosnap.sources.live.statistics import Statistics
 from neurosnap.sources.live.stdin_source import StdinFeeder, first_lines
 from neurosnap.sources.live.tick_schedule import Seconds, TickRule
 from neurosnap.sources.live.zenoh_source import Hub, ZenohFeeder
-from neurosnap.sources.meaning import Wanted, parse_span
+from neurosnap.sources.meaning import Signals, Wanted, parse_span
 from neurosnap.sources.mqtt import options as mqtt
 from neurosnap.sources.mqtt.options import MqttOptions
 from neurosnap.sources.protocol import Argument, Source
@@ -227,7 +221,7 @@ class FileArguments(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             self.bins,
             parse_span(str(self.every), "every"),
             _LEARNED,
-            recorded_cuts(self.cuts) if self.cuts else None,
+            recorded_signals(self.cuts) if self.cuts else None,
         )
 
 

@@ -8,17 +8,18 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.sources.cuts import Signals
 from neurosnap.sources.meaning import (
     RULE,
     Condition,
     Heard,
     Numbers,
     Reader,
+    Signals,
     as_text,
     is_condition,
     is_number,
     parse_condition,
+    readers_of,
 )
 from neurosnap.sources.message_fields import Term, fields, parse_term
 
@@ -62,8 +63,7 @@ class SignalReaders:
     def __init__(self, signals: Signals) -> None:
         self.signals = tuple(signals)
         self._readers: dict[str, list[Reader]] = {
-            name: [Reader(each.name if each else name, each) for each in some]
-            for name, some in signals.items()
+            name: readers_of(name, some) for name, some in signals.items()
         }
         each = [reader for some in self._readers.values() for reader in some]
         self.numbers = Numbers(each)

@@ -21,7 +21,7 @@ from neurosnap.poc.learning.relation_rule import judge
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.replay.learn_again import Learning
-from neurosnap.sources.cuts import as_json, known_order, recorded_cuts, with_cuts
+from neurosnap.sources.cuts import as_json, known_order, recorded_signals, with_cuts
 from neurosnap.sources.live.journal import JournalRow
 from neurosnap.sources.live.latest_or_late import LatestReadings
 from neurosnap.sources.live.live_source import LiveSource
@@ -51,7 +51,7 @@ def cut(*texts: str, learned: int | None = None, bins: int = 4) -> list[str] | N
     said = (("x", text, number < upto) for number, text in enumerate(texts))
     chosen = with_cuts(Wanted(bins=bins), said).cuts
     assert chosen is not None
-    return [each.name for each in chosen["x"]] if "x" in chosen else None
+    return [each.name for each in chosen["x"] if each] if "x" in chosen else None
 
 
 def known(conditions: Iterable[Condition]) -> Iterator[tuple[int, int]]:
@@ -200,7 +200,7 @@ def test_words_exclude_each_other_and_other_signals_have_nothing_to_say() -> Non
 def test_cuts_are_recorded_as_they_are() -> None:
     texts = "> 20", "< 0.1", "> 1e-07 µm, off < 9e-08 µm", "= half open", "= a=b > 3"
     cuts = {"x y": tuple(parsed(text, "x y") for text in texts), "z": ()}
-    assert recorded_cuts(as_json(cuts)) == cuts
+    assert recorded_signals(as_json(cuts)) == cuts
 
 
 def plant(path: Path, rows: int = 4000) -> Path:

@@ -95,8 +95,10 @@ def test_a_time_column_is_told_by_name(tmp_path: Path) -> None:
 def test_sensors_are_chosen_and_numbers_compared(tmp_path: Path) -> None:
     text = "door,hall,attic,note\n0,19.5,1,x\n1,20.5,0,y\n1,21.5,,z\n0,20.5,1,\n"
     warm = parse_condition("hall > 21, off < 20")
-    wanted = Wanted(("door", "at*"), (warm, parse_condition("hall<20")))
+    others = map(parse_condition, ("hall<20", "door changes", "door changes"))
+    wanted = Wanted(("door", "at*"), (warm, *others))
     assert shown(read(tmp_path, text, wanted)) == {
+        "door changes": "?101",
         "door": "0110",
         "hall>21": "0011",
         "hall<20": "1000",

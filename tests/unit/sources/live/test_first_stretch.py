@@ -11,12 +11,7 @@ from neurosnap.sources.live.live_source import Feeder, LiveSource
 from neurosnap.sources.meaning import Wanted, parse_condition
 from neurosnap.sources.mqtt import mqtt_source
 from neurosnap.sources.mqtt.options import MqttBroker, MqttOptions, MqttSensor
-from neurosnap.sources.open import (
-    as_in_run,
-    needs_listening,
-    open_source,
-    settle,
-)
+from neurosnap.sources.open import as_in_run, needs_listening, open_source, settle
 from neurosnap.sources.protocol import Argument
 from neurosnap.sources.ros2.options import Ros2Options
 
