@@ -21,7 +21,7 @@ from neurosnap.poc.learning.columns import GrowingColumns
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.csv_cells_and_formulas import TableFile
 from neurosnap.sources.cuts import with_cuts
-from neurosnap.sources.meaning import Reader, Wanted, refused
+from neurosnap.sources.meaning import Numbers, Reader, Wanted, refused
 from neurosnap.sources.readings import Readings, parse_time, utc
 
 _UNKNOWN = -1
@@ -34,33 +34,30 @@ class Events:
     """
 
     def __init__(self) -> None:
+        self._readers: list[Reader] = []
         self._sensors: dict[str, int] = {}
         self._times, self._who, self._said = array("d"), array("q"), array("b")
-
-    def add(self, time: float, name: str, value: bool | None) -> None:
-        """Add an event.
-
-        Args:
-            time: Seconds since 1970.
-            name: Of the sensor.
-            value: What it reads from then on; None if that is unknown.
-        """
-        self._times.append(time)
-        self._who.append(self._sensors.setdefault(name, len(self._sensors)))
-        self._said.append(_UNKNOWN if value is None else int(value))
+        self._numbers = array("f")  # as `Numbers` packs them
 
     def read(
         self, time: float, reader: Reader, text: str, where: str, name: str
     ) -> None:
-        """Add an event by what the data say of it.
+        """Add an event, in seconds since 1970, by what the data say of it.
 
         Raises:
             InvalidValueError: They say neither on nor off.
         """
         try:
-            self.add(time, reader.name, reader.read(text))
+            value = reader.read(text)
         except ValueError as error:
             raise refused(where, name, error, text) from None
+        who = self._sensors.setdefault(reader.name, len(self._sensors))
+        if who == len(self._readers):
+            self._readers.append(reader)
+        self._times.append(time)
+        self._who.append(who)
+        self._said.append(_UNKNOWN if value is None else value)
+        self._numbers.append(reader.number)
 
     def readings(self) -> Readings:
         """Return the readings; sensors are in the order of their names.
@@ -69,30 +66,37 @@ class Events:
             InvalidValueError: A name cannot name a sensor.
         """
         names = sorted(self._sensors)
-        growing = GrowingColumns(Sensorium(names))
+        readers = [self._readers[self._sensors[name]] for name in names]
+        growing, numbers = GrowingColumns(Sensorium(names)), Numbers(readers)
         place = np.argsort([self._sensors[name] for name in names])
         now = np.full(len(names), _UNKNOWN, np.int8)
         changed: set[int] = set()
         moments: list[str] = []
+        said: list[bytes] = []
         last = 0.0
 
         def tick() -> None:
-            growing.append(now == 1, now != _UNKNOWN)
+            known = now != _UNKNOWN
+            growing.append(now == 1, known)
             moments.append(utc(last))
+            if packed := numbers.packed(known):
+                said.append(packed)
             changed.clear()
 
         order = np.argsort(np.frombuffer(self._times), kind="stable").tolist()
         for event in order:
             time, sensor = self._times[event], int(place[self._who[event]])
-            if now[sensor] == self._said[event]:
-                continue
-            if changed and (time != last or sensor in changed):
+            same = now[sensor] == self._said[event]
+            if changed and (time != last or (sensor in changed and not same)):
                 tick()
+            readers[sensor].number = self._numbers[event]
+            if same:
+                continue
             now[sensor], last = self._said[event], time
             changed.add(sensor)
         if changed:
             tick()
-        return Readings(growing.columns(), moments)
+        return Readings(growing.columns(), moments, said=said)
 
 
 _ROLES = {

@@ -3,14 +3,7 @@
 import pytest
 
 from neurosnap import wire
-from tests.support.coordinator_runs import (
-    ROWS,
-    Swarm,
-    new,
-    observed,
-    only,
-    partly,
-)
+from tests.support.coordinator_runs import ROWS, Swarm, new, observed, only, partly
 
 # Out of turn --------------------------------------------------------------------------
 

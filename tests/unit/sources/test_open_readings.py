@@ -12,7 +12,13 @@ import pytest
 
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.columns import Columns
-from neurosnap.sources.meaning import RULE, Wanted, parse_condition
+from neurosnap.sources.meaning import (
+    RULE,
+    Wanted,
+    compared,
+    numbers_in,
+    parse_condition,
+)
 from neurosnap.sources.open import open_source
 from neurosnap.sources.open_readings import FileSource, open_readings
 from neurosnap.sources.readings import Readings, seconds_of
@@ -179,6 +185,17 @@ def test_a_log_gives_a_tick_for_each_change(tmp_path: Path) -> None:
     assert readings.moment(4) == readings.moment(3) == "2026-07-01 12:00:07Z"
 
 
+def test_a_log_keeps_what_its_signals_said_last_by_each_tick(tmp_path: Path) -> None:
+    text = "1,level,55\n1,door,1\n2,level,57\n2,level,unknown\n3,door,0\n4,level,20\n"
+    text += "5,level,21\n5,level,70\n6,level,71\n7,door,1\n8,level,1e300\n9,door,0\n"
+    cuts = tuple(map(parse_condition, ("level > 50", "level > 60")))
+    log = read(tmp_path, f"time,sensor,value\n{text}", Wanted(("door",), cuts))
+    assert shown(log)["level>60"] == "0??0111"
+    places = compared(map(log.wanted.every_condition().get, log.columns.sensorium))
+    said = [numbers_in(each, places).get(2) for each in log.said]
+    assert said == [55, None, None, 20, 70, 71, None]  # the last is too large
+
+
 def test_logs_may_be_out_of_order_and_have_other_heads(tmp_path: Path) -> None:
     text = "entity_id,state,last_changed\nb,on,30\na,on,10\nb,off,20000000000000\n"
     readings = read(tmp_path, text)
@@ -238,6 +255,10 @@ def test_other_entities_of_a_home_are_read_if_asked_for() -> None:
     assert set(told) == {"switch.heater", "sensor.hall_temperature>21"}
     # Warm from eight to twenty o'clock, on each of six days.
     assert told["sensor.hall_temperature>21"].lstrip("?").count("01") == 6
+    said = [numbers_in(each, {0: 0}).get(0) for each in readings.said]
+    for number, reads in zip(said, told["sensor.hall_temperature>21"], strict=True):
+        limits = number is not None and {number > 21, number >= 20}
+        assert reads == "?" if not limits else (reads == "1") in limits
     cut = open_readings(str(HOME), Wanted(("sensor.hall*",))).columns.sensorium.names
     assert [name.partition(">")[0] for name in cut] == ["sensor.hall_temperature"] * 3
     with pytest.raises(InvalidValueError, match="must have this sensor, got 'light"):

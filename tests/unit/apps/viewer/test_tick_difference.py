@@ -19,12 +19,7 @@ from neurosnap.apps.viewer.tick_difference import (
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.run_options import RunOptions
 from tests.golden.drive import drive, record
-from tests.support.recorded_runs import (
-    csv_run,
-    recorded,
-    scripted_run,
-    torn_run,
-)
+from tests.support.recorded_runs import csv_run, recorded, scripted_run, torn_run
 from tests.support.scripted_sources import Scripted
 from tests.support.strategies import graphs
 

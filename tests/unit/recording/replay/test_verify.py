@@ -14,12 +14,7 @@ from tests.support.inline_runs import (
     scripted_options,
 )
 from tests.support.recorded_messages import assert_true_run
-from tests.support.rewritten_recordings import (
-    changing,
-    rewritten,
-    saying,
-    write_again,
-)
+from tests.support.rewritten_recordings import changing, rewritten, saying, write_again
 from tests.support.scripted_sources import Scripted
 
 TICKS = 20

@@ -8,12 +8,7 @@ import pytest
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.sources.live.tick_schedule import Clocked, OnChange
-from neurosnap.sources.mqtt.options import (
-    MqttBroker,
-    MqttOptions,
-    MqttTick,
-    is_topic,
-)
+from neurosnap.sources.mqtt.options import MqttBroker, MqttOptions, MqttTick, is_topic
 
 TABLE = """
 kind = "mqtt"

@@ -9,12 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from neurosnap.sources.mqtt.options import MqttPublish
-from neurosnap.sources.mqtt.publisher import (
-    Topics,
-    discovery,
-    discovery_topic,
-    slugs,
-)
+from neurosnap.sources.mqtt.publisher import Topics, discovery, discovery_topic, slugs
 
 NAMES = ["door", "hall/motion", "hall motion"]
 
