@@ -11,7 +11,8 @@ once to read them.
 
 import logging
 from collections import Counter, defaultdict, deque
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Container, Iterator
+from functools import cache
 from pathlib import Path
 from statistics import median
 from typing import NamedTuple
@@ -124,13 +125,14 @@ class _Survey:
         """Yield what the signals say that are taken as they are, for `with_cuts`."""
         size = sum(file.stat().st_size for file in bag_files(self._path))
         last = self._wanted.learned * size
-        for at, topic, said, offset in _messages(self._path, self._wanted.terms()):
+        takes = cache(lambda name, topic: self._wanted.takes(name, topic=topic))
+        for at, topic, said, offset in _messages(self._path, self._wanted):
             self.counts[topic] += 1
             if len(self.times[topic]) <= _PERIODS:
                 self.times[topic].append(at)
             for name, value in said:
                 self.signals.setdefault(name, topic)
-                if self._wanted.takes(name, topic=topic):
+                if takes(name, topic):
                     yield name, value, offset <= last
 
     def periods(self) -> dict[str, float]:
@@ -186,8 +188,7 @@ class _Clock:
     def readings(self) -> Readings:
         """Return the rows; O(N) a row, and O(1) a field that is read."""
         now = due = None
-        terms = self._wanted.terms()
-        for at, topic, said, _ in _messages(self._path, terms, self._topics):
+        for at, topic, said, _ in _messages(self._path, self._wanted, self._topics):
             now = at if now is None else max(now, at)  # a clock that is put back stands
             due = now + self._every if due is None else due
             while due <= now:
@@ -239,13 +240,14 @@ def _text(value: object) -> str:
 
 
 def _messages(
-    path: str, terms: Sequence[Term], topics: Container[str] | None = None
+    path: str, wanted: Wanted, topics: Container[str] | None = None
 ) -> Iterator[tuple[float, str, list[tuple[str, object]], int]]:
     """Yield time, topic, fields and place in the data of messages.
 
     Args:
         path: Where they are.
-        terms: Signals of their lists.
+        wanted: Which fields are; of a topic of which none is, the first message has all
+            of them, and others have the terms.
         topics: Of which they are; None: of all, and topics in which some cannot be
             decoded are told of.
 
@@ -255,7 +257,7 @@ def _messages(
     told: set[str] = set()
     before = 0
     for file in bag_files(path):
-        decoders = _Decoders(file, topics, told, terms)
+        decoders = _Decoders(file, topics, told, wanted)
         for at, topic, said, place in _messages_in(file, decoders):
             yield at, topic, said, before + place
         before += file.stat().st_size
@@ -279,7 +281,7 @@ class _Decoders:
         path: The file.
         topics: As for `_messages`.
         told: The topics that were told of.
-        terms: As for `_messages`.
+        wanted: As for `_messages`.
     """
 
     def __init__(
@@ -287,11 +289,11 @@ class _Decoders:
         path: Path,
         topics: Container[str] | None,
         told: set[str],
-        terms: Sequence[Term],
+        wanted: Wanted,
     ) -> None:
         self._path, self._topics, self._told = path, topics, told
-        self._all_terms = terms
-        self._terms: dict[str, list[Term]] = {}  # by topic
+        self._wanted, self._all_terms = wanted, wanted.terms()
+        self._asked: dict[str, tuple[list[Term], bool]] = {}  # of each topic
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
         self._decoders: dict[tuple[str, int], Decoder | ValueError] = {}
@@ -327,15 +329,17 @@ class _Decoders:
             self._tell(channel.topic, error)
             return None
         try:
-            return channel.topic, fields(channel.topic, said, self._of(channel.topic))
+            return channel.topic, self._found(channel.topic, said)
         except InvalidValueError as error:
             raise within(str(self._path), error) from None
 
-    def _of(self, topic: str) -> list[Term]:
-        """Return the terms of a topic."""
-        if topic not in self._terms:
-            self._terms[topic] = [each for each in self._all_terms if each.is_of(topic)]
-        return self._terms[topic]
+    def _found(self, topic: str, message: object) -> list[tuple[str, object]]:
+        """Return what is asked for of a message."""
+        if topic not in self._asked:
+            terms = [each for each in self._all_terms if each.is_of(topic)]
+            self._asked[topic] = terms, self._wanted.looks_into(topic)
+            return fields(topic, message, terms)
+        return fields(topic, message, *self._asked[topic])
 
     def _tell(self, topic: str, error: Exception) -> None:
         if self._topics is None and topic not in self._told:

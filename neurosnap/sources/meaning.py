@@ -266,11 +266,6 @@ def _parsed_comparison(text: str, name: str) -> Comparison:
     return Comparison(source, above, limit, release, unit)
 
 
-def _is_of_value(condition: Condition) -> bool:
-    """Return whether it matters to a condition what a signal says."""
-    return not isinstance(condition, Heard)
-
-
 @dataclass(frozen=True)
 class Wanted:
     """The sensors that are wanted, and how each is read.
@@ -285,6 +280,7 @@ class Wanted:
         learned: The share of the data, from its beginning, that cuts are chosen by.
         cuts: Of other signals that are taken and are not on and off by themselves; none
             for one that is left out. None: they are not chosen yet.
+        named: Only what is named is read, be it by conditions alone.
     """
 
     patterns: tuple[str, ...] = ()
@@ -294,18 +290,27 @@ class Wanted:
     every: float = 0.0
     learned: float = 1.0
     cuts: Signals | None = None
+    named: bool = False
 
     def takes(self, name: str, by_itself: bool = True, topic: str = "") -> bool:
         """Return whether a signal is read by itself, or as one of its topic."""
         if name in self.patterns:
             return True
-        if any(name == one.source for one in self.conditions if _is_of_value(one)):
+        if self._of_values(name):
             return False
         if not self.patterns:
-            return by_itself
+            return by_itself and not self.named
         return topic in self.patterns or any(
             fnmatch.fnmatchcase(name, pattern) for pattern in self.patterns
         )
+
+    def looks_into(self, topic: str) -> bool:
+        """Return whether fields of a topic's messages may be read; else its terms."""
+        if not (self.patterns or self.named) or self._of_values(topic):
+            return True
+        names = {each.source for each in self.conditions} - {topic}
+        heads = (re.split(r"[*?[]", name)[0] for name in (*self.patterns, *names))
+        return any(head.startswith(topic) or topic.startswith(head) for head in heads)
 
     def parsed(self, names: Container[str] = ()) -> "Wanted":
         """Return the same with conditions among the patterns as what they are.
@@ -320,6 +325,7 @@ class Wanted:
             self,
             patterns=tuple(each for each in self.patterns if each not in found),
             conditions=(*self.conditions, *map(parse_condition, found)),
+            named=self.named or bool(self.patterns),
         )
 
     def terms(self) -> list[Term]:
@@ -336,14 +342,15 @@ class Wanted:
         self, name: str, by_itself: bool = True, topic: str = ""
     ) -> list["Reader"]:
         """Return what reads a sensor of the data: nothing, or one for each name."""
-        some: list[Condition | None] = [
-            each
-            for each in self.conditions
-            if each.source == name and _is_of_value(each)
-        ]
+        some: list[Condition | None] = [*self._of_values(name)]
         if self.takes(name, by_itself, topic):
             some += (self.cuts or {}).get(name, (None,))
         return readers_of(name, some)
+
+    def _of_values(self, name: str) -> list[Condition]:
+        """Return the conditions to which it matters what a signal says."""
+        some = [each for each in self.conditions if each.source == name]
+        return [each for each in some if not isinstance(each, Heard)]
 
     def every_condition(self) -> dict[str, Condition]:
         """Return when sensors are on, as it was given or chosen, by their names."""

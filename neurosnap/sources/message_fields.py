@@ -126,7 +126,7 @@ def field(message: object, path: str) -> object:
 
 
 def fields(
-    topic: str, message: object, terms: Sequence[Term] = ()
+    topic: str, message: object, terms: Sequence[Term] = (), into: bool = True
 ) -> list[tuple[str, object]]:
     """Return the signals of a message: names, and booleans, numbers, texts or None.
 
@@ -134,12 +134,14 @@ def fields(
         topic: What all their names begin with.
         message: It.
         terms: Of its lists, which are signals, too.
+        into: Whether anything else is returned.
 
     Raises:
         InvalidValueError: A term is not of this message.
     """
     found: list[tuple[str, object]] = []
-    _flatten(topic, message, found, _DEEP)
+    if into:
+        _flatten(topic, message, found, _DEEP)
     if terms:
         found.extend((term.name, term.of(topic, message)) for term in terms)
     return found

@@ -39,12 +39,7 @@ from neurosnap.sources.ros2.keys_and_tokens import (
     parse_attachment,
     ros_type,
 )
-from neurosnap.sources.ros2.message_types import (
-    LARGEST,
-    Decoder,
-    TypesByHash,
-    question,
-)
+from neurosnap.sources.ros2.message_types import LARGEST, Decoder, TypesByHash, question
 from neurosnap.sources.ros2.options import Ros2Options, signal_of, topic_of
 
 _AGAIN = 1.0  # seconds until what is latched is asked for again

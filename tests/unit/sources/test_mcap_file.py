@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from contextlib import closing
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 import zstandard
@@ -19,7 +20,7 @@ from rosbags.rosbag2 import Writer as RosWriter
 from neurosnap.apps.export.relations import open_data
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.order.literal_sets import from_words
-from neurosnap.sources import bag_records
+from neurosnap.sources import bag_records, mcap_file, message_fields
 from neurosnap.sources.bag_records import is_bag
 from neurosnap.sources.meaning import Wanted, parse_condition
 from neurosnap.sources.open import open_source, settle
@@ -64,6 +65,28 @@ def shown(readings: Readings) -> dict[str, str]:
         )
         for k, name in enumerate(names)
     }
+
+
+def test_only_what_is_named_is_looked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said: list[Said] = [(n // 2, f"/{n % 2}", {"r": [n], "on": 1}) for n in range(2, 8)]
+    path, spy = str(write(tmp_path / "a.mcap", said)), Mock(wraps=message_fields.fields)
+    monkeypatch.setattr(mcap_file, "fields", spy)
+    readings = open_readings(
+        path, Wanted(("min(/0.r[0:2]) > 3", "/0 heard within 2 s"))
+    )
+    assert shown(readings) == {"min(/0.r[0:2])>3": "011", "/0 heard within 2 s": "111"}
+    # Of each topic the first message has all, and others have what is named.
+    none = (False,)
+    passes = [(), (), none, none, none, none], [(), none, none]
+    assert [each.args[3:] for each in spy.call_args_list] == [*passes[0], *passes[1]]
+    whole = "/a", "/a.x", "[/]a.x", "*x", "/a.x heard within 1 s", "/a = on"
+    assert all(Wanted((name,)).parsed().looks_into("/a") for name in whole)
+    others = "/b.x", "max(/a.x)", "max(/a.x) > 1", "/a heard within 1 s"
+    assert not any(
+        Wanted((name,)).parsed().parsed().looks_into("/a") for name in others
+    )
 
 
 def test_rows_are_what_was_said_last_and_what_is_too_old_is_unknown(

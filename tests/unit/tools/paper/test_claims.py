@@ -6,11 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from tools.paper import (
-    fig1_empirical,
-    fig2_discounted,
-    learners,
-)
+from tools.paper import fig1_empirical, fig2_discounted, learners
 from tools.paper.curves import Curve
 from tools.paper.fig2_discounted import to_learn
 from tools.paper.figure import Claim, FigureOptions, judged

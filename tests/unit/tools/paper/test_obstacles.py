@@ -8,12 +8,7 @@ import pytest
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from tools.paper import fig4_excitation, fig5_obstructions
 from tools.paper.figure import FigureOptions
-from tools.paper.obstacles import (
-    ARRIVED,
-    BLOCKED,
-    ObstacleEntry,
-    arena,
-)
+from tools.paper.obstacles import ARRIVED, BLOCKED, ObstacleEntry, arena
 
 pytestmark = [pytest.mark.slow, pytest.mark.exhaustive]
 PUNCTURED = "neurosnap/PuncturedGrid-v0"

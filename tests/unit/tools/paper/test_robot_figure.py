@@ -5,14 +5,7 @@ import pytest
 
 from tools.paper import fig9_robot as figure
 from tools.paper.figure import FigureOptions
-from tools.paper.robot_faults import (
-    CASES,
-    METHODS,
-    Seen,
-    _Outliers,
-    observed,
-    trailing,
-)
+from tools.paper.robot_faults import CASES, METHODS, Seen, _Outliers, observed, trailing
 from world.robot import Robot, RobotFault
 from world.robot_world import SENSOR_TOPICS, near, sensed
 
