@@ -345,7 +345,7 @@ class Wanted:
         some: list[Condition | None] = [*self._of_values(name)]
         if self.takes(name, by_itself, topic):
             some += (self.cuts or {}).get(name, (None,))
-        return readers_of(name, some)
+        return readers_of(name, dict.fromkeys(some))
 
     def _of_values(self, name: str) -> list[Condition]:
         """Return the conditions to which it matters what a signal says."""
@@ -451,8 +451,8 @@ class Reader:
 
 
 def readers_of(name: str, some: Iterable[Condition | None]) -> list[Reader]:
-    """Return what reads a signal: one for each different condition in `Signals`."""
-    return [Reader(each.name if each else name, each) for each in dict.fromkeys(some)]
+    """Return what reads a signal: one for each condition, as in `Signals`."""
+    return [Reader(each.name if each else name, each) for each in some]
 
 
 def _number(word: str, unit: str = "") -> float:
