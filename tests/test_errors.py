@@ -8,11 +8,7 @@ import pkgutil
 import pytest
 
 import neurosnap
-from neurosnap.errors import (
-    InvalidValueError,
-    NeurosnapError,
-    UnknownSensorError,
-)
+from neurosnap.errors import InvalidValueError, NeurosnapError, UnknownSensorError
 
 
 def modules() -> list[str]:

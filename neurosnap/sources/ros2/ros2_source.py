@@ -43,6 +43,8 @@ from neurosnap.sources.ros2.message_types import LARGEST, Decoder, TypesByHash, 
 from neurosnap.sources.ros2.options import Ros2Options, signal_of, topic_of
 
 _AGAIN = 1.0  # seconds until what is latched is asked for again
+_ASKS = 5  # times that it is
+_LATCHED = 90.0  # seconds that it may take to come
 _TRY = 2.0  # seconds a router, or a node that is asked, may take to answer
 _DESCRIBES = "get_type_description"
 _logger = logging.getLogger(__name__)
@@ -120,9 +122,9 @@ class _Subscription(NamedTuple):
     close: Callable[[], None]
     depth: int
     """Messages that were published before and are asked for; 0: none is latched."""
-    kinds: frozenset[tuple[str, str]]
-    """The types, with their hashes, that were known then."""
-    asks: int = 5
+    publishers: frozenset[str]
+    """The tokens of those that were there then."""
+    asks: int = _ASKS
     """How often it asks again, a second each, while nothing has come."""
 
 
@@ -238,39 +240,38 @@ class Ros2Feeder:
             here = publishers.get(topic, [])
             for each in here:
                 self._learn(session, watch, each)
-            kinds = frozenset((each.type, each.hash) for each in here)
-            latched = any(each.qos.latched for each in here)
+            latched = [each.qos.depth for each in here if each.qos.latched]
+            tokens = frozenset(each.token for each in here)
             before = self._listeners.get(topic)
-            if before is not None:
-                if before.kinds and not here:
-                    self._forget(topic)
-                news = latched and not kinds <= before.kinds
-                if bool(before.depth) == latched and not news:
-                    self._listeners[topic] = before._replace(kinds=kinds)
-                    continue
-                before.close()
-            depth = max((each.qos.depth for each in here), default=1) * latched
-            close = self._subscribe(session, topic, depth)
-            self._listeners[topic] = _Subscription(close, depth, kinds)
+            if before is None:
+                key = f"{self._options.domain}{topic}/*/*"
+                hear = zenoh.handlers.Callback(self._hear, indirect=False)
+                close = session.declare_subscriber(key, hear).undeclare
+                before = _Subscription(close, 0, frozenset())
+            if before.publishers and not here:
+                self._forget(topic)
+            now = before._replace(depth=max(latched, default=0), publishers=tokens)
+            self._listeners[topic] = now
+            if not tokens <= before.publishers:
+                self._listeners[topic] = now._replace(asks=_ASKS)
+                self._came.discard(topic)
+                self._ask_for_latched(session, topic)
 
-    def _subscribe(
-        self, session: zenoh.Session, topic: str, depth: int
-    ) -> Callable[[], None]:
-        """Subscribe to a topic, with so many earlier messages; return what ends it."""
-        self._came.discard(topic)
-        key = f"{self._options.domain}{topic}/*/*"
-        hear = zenoh.handlers.Callback(self._hear, indirect=False)
-        listener: Any
-        if depth:
-            history = zenoh.ext.HistoryConfig(
-                detect_late_publishers=True, max_samples=depth
+    def _ask_for_latched(self, session: zenoh.Session, topic: str) -> None:
+        """Ask all publishers of a topic for what is latched, and do not wait.
+
+        An advanced subscriber would ask twice. While the second copy of megabytes is on
+        its way to a session that was closed, a router keeps all else of the publisher.
+        """
+        if depth := self._listeners[topic].depth:
+            session.get(
+                f"{self._options.domain}{topic}/*/*/@adv/**?_max={depth}",
+                zenoh.handlers.Callback(self._hear, indirect=False),
+                target=zenoh.QueryTarget.ALL,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                accept_replies=zenoh.ReplyKeyExpr.ANY,
+                timeout=_LATCHED,
             )
-            listener = zenoh.ext.declare_advanced_subscriber(
-                session, key, hear, history=history
-            )
-        else:
-            listener = session.declare_subscriber(key, hear)
-        return listener.undeclare  # type: ignore[no-any-return]
 
     def _lost(self) -> list[str]:
         """Return the topics of which something is latched and nothing has come.
@@ -286,10 +287,8 @@ class Ros2Feeder:
     def _ask_again(self, session: zenoh.Session, topics: list[str]) -> None:
         for topic in topics:
             before = self._listeners[topic]
-            close = self._subscribe(session, topic, before.depth)
-            before.close()  # after the other: nothing is missed between them
-            asks = before.asks - 1
-            self._listeners[topic] = before._replace(close=close, asks=asks)
+            self._listeners[topic] = before._replace(asks=before.asks - 1)
+            self._ask_for_latched(session, topic)
 
     def _unsubscribe(self) -> None:
         for each in self._listeners.values():
@@ -359,9 +358,10 @@ class Ros2Feeder:
                 return reply.ok.payload.to_bytes()
         raise ValueError(f"{service.name} must answer within {_TRY:g} s")
 
-    def _hear(self, sample: zenoh.Sample) -> None:
+    def _hear(self, said: zenoh.Sample | zenoh.Reply) -> None:
         """Hand in what a message says; on a thread of Zenoh's."""
-        if self._source is None or sample.kind != zenoh.SampleKind.PUT:
+        sample = said.ok if isinstance(said, zenoh.Reply) else said
+        if not sample or not self._source or sample.kind != zenoh.SampleKind.PUT:
             return
         _, *names, dds, hashed = str(sample.key_expr).split("/")
         topic, kind = f"/{'/'.join(names)}", (ros_type(dds), hashed)

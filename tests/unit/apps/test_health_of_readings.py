@@ -55,9 +55,7 @@ OVER = News(31, "door", None, "UTC")
     ],
     ids=["step by step", "several steps at once", "an end and an alarm in one step"],
 )
-def test_an_alarm_ends_before_a_later_one_begins(
-    said: list[list[News]],
-) -> None:
+def test_an_alarm_ends_before_a_later_one_begins(said: list[list[News]]) -> None:
     found = log_of(said)
     ends = [(each.ended, each.became) for each in found.alarms]
     assert ends == [(told(31, "UTC"), None), (None, None)]

@@ -142,11 +142,7 @@ def test_a_stretch_of_a_list_a_change_and_presence_are_sensors(tmp_path: Path) -
     wanted = (
         "min(/scan.ranges[80:160]) < 1",
         "min(/scan.ranges[:80]) < 1",
-        *(
-            "/mode.now changes",
-            "/mode heard within 1500 ms",
-            "/mode heard within .4 s",
-        ),
+        *("/mode.now changes", "/mode heard within 1500 ms", "/mode heard within .4 s"),
         *("max(/scan.ranges) falls", "mean(/scan.ranges[80:]) rises"),
     )
     found = open_readings(path, Wanted(wanted, every=1))

@@ -269,9 +269,7 @@ def due(tick: int) -> int:
     return tick - (tick - 1) % EVERY
 
 
-def test_every_frame_names_its_image_while_the_recording_grows(
-    tmp_path: Path,
-) -> None:
+def test_every_frame_names_its_image_while_the_recording_grows(tmp_path: Path) -> None:
     options = options_for(
         "neurosnap/FrozenLake-v0", 5, ticks=TICKS, cells="inline", frames=EVERY
     )

@@ -138,9 +138,7 @@ def test_the_head_is_the_first_reading_of_a_run_that_begins_and_counts_as_a_line
     assert caplog.messages[0].startswith(said)
 
 
-def test_closing_ends_a_reader_that_waits_for_input(
-    pipe: Pipe,
-) -> None:
+def test_closing_ends_a_reader_that_waits_for_input(pipe: Pipe) -> None:
     before = len(list(Path("/proc/self/fd").iterdir()))
     source_on().close()  # without a start
     source = source_on()

@@ -14,9 +14,7 @@ from neurosnap.sources.mqtt.publisher import Topics, discovery, discovery_topic,
 NAMES = ["door", "hall/motion", "hall motion"]
 
 
-@given(
-    names=st.lists(st.text(st.sampled_from("ab_-/ é02"), min_size=1), unique=True),
-)
+@given(names=st.lists(st.text(st.sampled_from("ab_-/ é02"), min_size=1), unique=True))
 def test_slugs_are_plain_and_all_different(names: list[str]) -> None:
     made = slugs(names)
     assert len(set(made)) == len(names)

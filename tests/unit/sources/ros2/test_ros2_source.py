@@ -199,6 +199,23 @@ def test_what_nothing_publishes_any_more_is_unknown(robot: Robot) -> None:
     other.close()
 
 
+def test_what_is_latched_is_asked_for_once(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ros2_source, "_AGAIN", 3600.0)
+    asked, key = list[str](), f"{robot.domain}/door/*/*/@adv/**"
+    robot.session.declare_queryable(key, lambda query: asked.append(str(query)))
+    robot.node.publisher("/door", BOOL, LATCHED).publish(robot.types[BOOL](True))
+    for _ in range(3):  # by the end of one all that it asked is there
+        with closing(robot.hear("/door.data")) as source:
+            until(source, [True])
+    assert len(asked) == 3
+    until(robot.hear("/door.data"), [True])
+    robot.node.publisher("/door", BOOL, LATCHED)
+    while len(asked) < 5:
+        time.sleep(0)
+
+
 def test_times_are_the_publishers(robot: Robot) -> None:
     source = robot.hear("/door.data")
     clock = iter([2 * 10**9, 10**9, 3 * 10**9])
