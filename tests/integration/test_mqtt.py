@@ -45,10 +45,7 @@ from tests.support.mosquitto import (
 from tests.support.ports import free_port
 from tests.support.sources import readings
 
-pytestmark = [
-    pytest.mark.slow,
-    needs_mosquitto,
-]
+pytestmark = [pytest.mark.slow, needs_mosquitto]
 
 AT_ONCE = MqttTick(min_interval=0)
 PREFIX = "neurosnap/house"

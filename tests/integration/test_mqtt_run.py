@@ -26,11 +26,7 @@ from tests.support.mosquitto import (
 )
 from tests.support.patience import PATIENCE
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.zenoh,
-    needs_mosquitto,
-]
+pytestmark = [pytest.mark.slow, pytest.mark.zenoh, needs_mosquitto]
 
 SECRET = "correct-horse-battery"
 ROOM = "house/room"

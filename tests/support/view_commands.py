@@ -51,11 +51,7 @@ class Verb:
 @asynccontextmanager
 async def verb(folder: Path, *arguments: str) -> AsyncIterator[Verb]:
     """A command, with files, notes and a browser of this test's own."""
-    environment = {
-        **os.environ,
-        "XDG_RUNTIME_DIR": str(folder),
-        "BROWSER": "true",
-    }
+    environment = {**os.environ, "XDG_RUNTIME_DIR": str(folder), "BROWSER": "true"}
     with Command(*arguments, folder=folder, environment=environment) as command:
         stdout = await _reader(command.stdout)
         stderr = await _reader(command.stderr)

@@ -14,10 +14,7 @@ def test_what_was_lost_at_the_end_shows_against_the_senders_word() -> None:
     sequences.receive("cell/1", 0)
     sequences.receive("cell/1", 2)
     expected = {"cell/1": 5, "cell/2": 3, "world": 0}
-    assert sequences.gaps(expected) == {
-        "cell/1": [(1, 2), (3, 5)],
-        "cell/2": [(0, 3)],
-    }
+    assert sequences.gaps(expected) == {"cell/1": [(1, 2), (3, 5)], "cell/2": [(0, 3)]}
     completeness = sequences.completeness(expected, foreign=2)
     assert completeness == Completeness(2, {"cell/1": 3, "cell/2": 3}, 0, 2)
     assert not completeness.whole

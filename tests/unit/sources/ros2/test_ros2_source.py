@@ -216,6 +216,18 @@ def test_what_is_latched_is_asked_for_once(
         time.sleep(0)
 
 
+def test_what_does_not_come_is_asked_for_again(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ros2_source, "_AGAIN", 0.001)
+    asked, key = list[str](), f"{robot.domain}/door/*/*/@adv/**"
+    robot.session.declare_queryable(key, lambda query: asked.append(str(query)))
+    robot.node.publisher("/door", BOOL, LATCHED)
+    robot.hear("/door.data")._start()
+    while len(asked) < 1 + 5:
+        time.sleep(0)
+
+
 def test_times_are_the_publishers(robot: Robot) -> None:
     source = robot.hear("/door.data")
     clock = iter([2 * 10**9, 10**9, 3 * 10**9])
