@@ -34,6 +34,8 @@ ROWS = {
     "scale": ("scale", "processor time of each part, and a model of other sizes"),
     "verify": ("run", "verify of a recording, against the run that made it"),
     "messages": ("messages", "messages of other programs (MCAP), read and cut"),
+    "live": ("messages", "messages of ROS 2 by their type, in a live run"),
+    "bag": ("messages", "the memory that a large bag takes"),
     "page": ("page", "ticks a second that the page shows"),
     "seek": ("page", "a far tick on the page"),
 }

@@ -32,6 +32,8 @@ class Sizes:
     """Sensors of the runs that it is held against."""
     crowd: int = 500
     """Sensors of the page row: more than it draws each by itself unless asked to."""
+    bag: int = 10**9
+    """Bytes of a bag."""
     batches: int = 9
     """Times that a batch of observations is timed."""
 
@@ -47,6 +49,7 @@ QUICK = Sizes(
     fitted=(40, 60, 80),
     foretold=(70,),
     crowd=170,
+    bag=10**6,
     batches=2,
 )
 """Enough to see that each row works; what is measured means nothing."""

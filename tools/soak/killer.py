@@ -41,6 +41,8 @@ class Killer:
         self.restarts = 0
         self.redone = 0
         """Ticks that were whole but not on disk; they were done again."""
+        self.rest = 0.0
+        """Seconds that the run goes on for after the last kill."""
         self._roles = roles
         self._kills = kills
         self._pause = pause
@@ -74,6 +76,7 @@ class Killer:
             self._under_way.clear()
             self._struck = True
         await self._under_way.wait()
+        await asyncio.sleep(self.rest)
 
     def _kill(self, launcher: psutil.Process, victims: Victims) -> bool:
         parts: dict[str, list[psutil.Process]] = {}

@@ -23,23 +23,31 @@ from pathlib import Path
 from typing import NamedTuple
 
 import msgspec
+import numpy as np
 import psutil
+import zenoh
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion
 
 from neurosnap import wire
+from neurosnap.fabric.zenoh.connect_session import configuration
 from neurosnap.recording.read.recording import Recording
 from neurosnap.sensorium import unpack
+from neurosnap.sources.ros2.graph import open_session
+from neurosnap.sources.ros2.keys_and_tokens import Qos
+from neurosnap.sources.ros2.node import RosNode
 from tests.support.mosquitto import started
 from tests.support.patience import PATIENCE
 from tests.support.ports import free_port
-from tests.support.senders import Send, by_zenoh
+from tests.support.senders import Send, by_zenoh, listened_to
 from tools.soak.killer import Killer
 
 BITS = 12
 """Sensors: the lower bits of a line's number."""
 SINGLY = "zenoh:singly"
 """A reading of one sensor after another: a tick has the latest of each."""
+ROS2 = "ros2:"
+"""A message of ROS 2 for each: what is published while nothing listens is lost."""
 _NAMES = [f"bit{place}" for place in range(BITS)]
 _SIZE = 1 << BITS
 _STILL = 3.0  # seconds in which nothing is written once nothing comes
@@ -67,7 +75,7 @@ async def feed(
         log: Where it is recorded.
         rate: Readings a second, if the run takes so many.
         flags: More of the run.
-        by: How it is fed: ``-``, ``zenoh:``, ``zenoh:singly`` or ``mqtt:``.
+        by: How it is fed: ``-``, ``zenoh:``, ``zenoh:singly``, ``mqtt:`` or ``ros2:``.
 
     Returns:
         How many readings it was fed, its exit code, and what it counted. What it says
@@ -157,6 +165,14 @@ def _outside(by: str, folder: Path) -> Iterator[_Outside]:
     sensors = ("--set", f"sensors={','.join(_NAMES)}")
     if by == "-":
         yield _Outside(("-", *sensors), _by_pipe)
+    elif by == ROS2:
+        at, file = f"tcp/127.0.0.1:{free_port()}", folder / "soak.toml"
+        fields = [f"/soak.data[{place}]" for place in range(BITS)]
+        file.write_text(
+            f'[source]\nkind="ros2"\nrouter="{at}"\nbins=0\nsensors={fields}\n'
+        )
+        with zenoh.open(configuration("router", listen__endpoints=[at])):
+            yield _Outside((str(file),), lambda _: _by_ros2(at))
     elif by != "mqtt:":
         at = f"tcp/127.0.0.1:{free_port()}"
         source = ("zenoh:", *sensors, "--listen", at, "--swarm", "soak")
@@ -191,6 +207,17 @@ def _over_zenoh(at: str, *, singly: bool) -> Send:
     if not singly:
         return lambda bits: put({"bits": bits})
     return lambda bits: put({"sensor": (name := next(turn)), "on": bits[name]})
+
+
+def _by_ros2(at: str) -> Send:
+    """Publish an array of numbers, from a node, once a run listens."""
+    session = open_session(at)
+    node = RosNode(session, "soak")
+    listened_to(session, "0/soak/any/any")
+    array = node.types[kind := "std_msgs/msg/UInt8MultiArray"]
+    layout = node.types["std_msgs/msg/MultiArrayLayout"]([], 0)
+    say = node.publisher("/soak", kind, Qos(keep_all=True)).publish
+    return lambda bits: say(array(layout, np.array([*bits.values()], np.uint8)))
 
 
 def _by_broker(port: int, topic: str, status: str) -> Send:
