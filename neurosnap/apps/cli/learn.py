@@ -1,4 +1,4 @@
-"""``neurosnap learn`` and ``health``: relations and broken sensors in existing data.
+"""``neurosnap learn``, ``compare`` and ``health``, which read existing data.
 
 A table of relations is made of readings in a file, or of what a run has learned.
 """
@@ -11,6 +11,7 @@ import typer
 
 from neurosnap.apps.cli.errors_and_signals import (
     LEARN,
+    LOST,
     Force,
     Format,
     OptionalTick,
@@ -25,19 +26,22 @@ from neurosnap.apps.cli.terminal_output import print_facts, progress, say, table
 if TYPE_CHECKING:
     from neurosnap.apps.export.relations import Findings
     from neurosnap.recording.read.recording import Recording
+    from neurosnap.sources.meaning import Wanted
     from neurosnap.sources.readings import Readings
 
 _MOST = 40
 """Rows that a terminal is shown; `--out` writes all."""
 _EXAMPLE = "Example: neurosnap learn home-assistant_v2.db --out home.html"
-Data = Annotated[
-    Path,
-    typer.Argument(
-        metavar="DATA",
-        help="A table of readings or a log of events (.csv, .parquet), a database of"
-        " Home Assistant, messages of another program (.mcap, or a bag's folder), or a"
-        " recording.",
-    ),
+_KINDS = (
+    "A table of readings or a log of events (.csv, .parquet), a database of Home"
+    " Assistant, messages of another program (.mcap, or a bag's folder), or a recording"
+)
+Data = Annotated[Path, typer.Argument(metavar="DATA", help=f"{_KINDS}.")]
+Good = Annotated[
+    Path, typer.Argument(metavar="GOOD", help=f"{_KINDS}, of a machine that is right.")
+]
+New = Annotated[
+    Path, typer.Argument(metavar="NEW", help="The same, of that machine later on.")
 ]
 Sensors = Annotated[
     list[str] | None,
@@ -172,8 +176,72 @@ def _lines(learned: "Findings") -> Iterator[str]:
 
     if rows := [learned.cells(row) for row in learned.rows[:_MOST]]:
         yield from table([HEADS, *rows], numbers=True)
-    if (left := len(learned.rows) - _MOST) > 0:
-        yield f"and {left} more: --out FILE"
+    yield from _left(len(learned.rows))
+
+
+@app.command(
+    epilog="Example: neurosnap compare good.csv new.csv --out changes.html",
+    rich_help_panel=LEARN,
+)
+@_with_choice
+def compare(
+    context: typer.Context,
+    good: Good,
+    new: New,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="FILE",
+            help="Write the whole table to a .csv, .json or .html file.",
+            show_default="the terminal",
+        ),
+    ] = None,
+    force: Force = False,
+    form: Format = "text",
+) -> None:
+    """Report whether a machine changed: what differs between two recordings of it.
+
+    Exit code 0: nothing differs by more than chance; 1: something does; 3: nothing
+    does, but a recording is not whole, or only one has a sensor.
+    """
+    from neurosnap.apps.export.relations import form_of
+    from neurosnap.apps.export.two_recordings import FORMS, HEADS, contrast, open_second
+    from neurosnap.recording.read.recording import Recording
+
+    with errors():
+        if out is not None:
+            form_of(out, FORMS)
+        wanted = _wanted(context)
+        first = _opened(good, context)
+        with progress("reading"):
+            both = first, open_second(new, wanted, first)
+        with progress("pairs") as on_progress:
+            found = contrast((str(good), str(new)), both, on_progress)
+        rows = [found.cells(row) for row in found.found.rows]
+        if out is None:
+            say(form, *(table([HEADS, *rows[:_MOST]]) if rows else ()))
+            say(form, *_left(len(rows)))
+        else:
+            with unwinding():
+                found.write(out, force=force, reads=(good, new))
+        say(form, *found.lines())
+        say(form, *([] if out is None else [f"wrote {out}"]))
+        print_facts(form, found.facts())
+        if rows:
+            raise typer.Exit(1)
+        for each in both:
+            if isinstance(each, Recording):
+                end_by(each)
+        if any(found.alone):
+            raise typer.Exit(LOST)
+
+
+def _left(rows: int) -> Iterator[str]:
+    """Say where the rows are that a terminal does not show."""
+    if rows > _MOST:
+        yield f"and {rows - _MOST} more: --out FILE"
 
 
 @app.command(
@@ -218,12 +286,16 @@ def health(
 def _opened(data: Path, context: typer.Context) -> "Recording | Readings":
     """Return the recording in a file, or else the readings that are asked for."""
     from neurosnap.apps.export.relations import open_data
+
+    with progress("reading"):
+        return open_data(data, _wanted(context))
+
+
+def _wanted(context: typer.Context) -> "Wanted":
     from neurosnap.sources.meaning import Wanted, parse_condition, parse_span
 
     given = context.params
     conditions = tuple(map(parse_condition, given["when"] or ()))
     names, time, bins = tuple(given["sensors"] or ()), given["time"], given["bins"]
     every = parse_span(given["period"], "every")
-    wanted = Wanted(names, conditions, time, bins, every)
-    with progress("reading"):
-        return open_data(data, wanted)
+    return Wanted(names, conditions, time, bins, every)

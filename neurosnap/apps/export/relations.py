@@ -7,7 +7,7 @@ elsewhere, which its policy forbids as well.
 import csv
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from html import escape
 from itertools import pairwise
@@ -56,15 +56,20 @@ def open_data(data: Path, wanted: Wanted = _ALL) -> Recording | Readings:
             recording, and something else than all of it is wanted.
         RecordingError: It is a recording that cannot be read.
     """
-    recorded = data.suffix.lower() == ".mcap"
-    if data.exists() and is_bag(str(data)):
-        return open_readings(str(data), wanted)
-    if not recorded and not first_bytes(str(data)).startswith(MAGIC):
+    if not is_recording(data):
         return open_readings(str(data), wanted)
     if wanted != _ALL:
         rule = "must not go with a recording, whose sensors are known"
         raise InvalidValueError("sensors, when or time", rule, str(data))
     return Recording.open(data)
+
+
+def is_recording(data: Path) -> bool:
+    """Return whether a file is to be read as a run's own recording."""
+    if data.exists() and is_bag(str(data)):
+        return False
+    named = data.suffix.lower() == ".mcap"
+    return named or first_bytes(str(data)).startswith(MAGIC)
 
 
 @dataclass(frozen=True)
@@ -132,37 +137,16 @@ class Findings:
             InvalidValueError: A file is there already, or no folder for it.
             OSError: It cannot be written.
         """
-        text = self._csv() if form_of(out) == ".csv" else self._page()
+        if form_of(out) == ".csv":
+            times = ["since_time", "last_failure_time"]
+            timed = times if self.readings.times is not None else []
+            names = [*Relation.__dataclass_fields__, *timed]
+            text = csv_of(names, map(self._fields, self.rows))
+        else:
+            cells = map(self.cells, self.rows)
+            text = page_of(self.source, self.title, HEADS, cells, _figure(self.rows))
         with placed(out, force=force, reads=part_paths(reads).values()) as draft:
             draft.write_text(text, encoding="utf-8")
-
-    def _csv(self) -> str:
-        buffer = io.StringIO()
-        times = ["since_time", "last_failure_time"]
-        timed = times if self.readings.times is not None else []
-        names = [*Relation.__dataclass_fields__, *timed]
-        writer = csv.DictWriter(buffer, names, lineterminator="\n")
-        writer.writeheader()
-        for row in self.rows:
-            fields = self._fields(row).items()
-            writer.writerow(
-                {k: as_text(v) if isinstance(v, str) else v for k, v in fields}
-            )
-        return buffer.getvalue()
-
-    def _page(self) -> str:
-        cells = [self.cells(row) for row in self.rows]
-        return _PAGE.format(
-            title=escape(visible(self.source)),
-            summary=escape(visible(self.title)),
-            style=_STYLE,
-            figure=_figure(self.rows),
-            heads="".join(f"<th>{escape(head)}</th>" for head in HEADS),
-            rows="\n".join(
-                "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>"
-                for row in cells
-            ),
-        )
 
     def _fields(self, row: Relation) -> dict[str, object]:
         """Return the attributes of a row, and the moments of its ticks, if known."""
@@ -177,14 +161,46 @@ class Findings:
         return f"{tick} ({moment})" if moment else str(tick)
 
 
-def form_of(out: Path) -> str:
+def csv_of(names: Sequence[str], rows: Iterable[Mapping[str, object]]) -> str:
+    """Return rows as CSV, which no spreadsheet runs."""
+    buffer = io.StringIO()
+    writer = csv.DictWriter(buffer, names, lineterminator="\n")
+    writer.writeheader()
+    for row in rows:
+        texts = {k: as_text(v) if isinstance(v, str) else v for k, v in row.items()}
+        writer.writerow(texts)
+    return buffer.getvalue()
+
+
+def page_of(
+    title: str,
+    summary: str,
+    heads: Iterable[str],
+    rows: Iterable[Sequence[str]],
+    figure: str = "",
+) -> str:
+    """Return a table as a page that loads nothing; `figure` is HTML."""
+    return _PAGE.format(
+        title=escape(visible(title)),
+        summary=escape(visible(summary)),
+        style=_STYLE,
+        figure=figure,
+        heads="".join(f"<th>{escape(head)}</th>" for head in heads),
+        rows="\n".join(
+            "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>"
+            for row in rows
+        ),
+    )
+
+
+def form_of(out: Path, forms: Sequence[str] = _FORMS) -> str:
     """Return the ending of a file that a table is written to.
 
     Raises:
         InvalidValueError: Its name ends with something else.
     """
-    if out.suffix.lower() not in _FORMS:
-        rule = f"must end with one of {', '.join(_FORMS)}"
+    if out.suffix.lower() not in forms:
+        rule = f"must end with one of {', '.join(forms)}"
         raise InvalidValueError("out", rule, str(out))
     return out.suffix.lower()
 
@@ -230,7 +246,7 @@ def learned_from(
         conditions = readings.wanted.every_condition()
     columns = readings.columns
     if births is None:
-        _check_room(len(columns.sensorium))
+        check_room(len(columns.sensorium))
         if threshold is None or threshold == SURE:
             snapshot = None
         else:
@@ -243,7 +259,7 @@ def learned_from(
     return Findings(source, readings, how, rows, births)
 
 
-def _check_room(sensors: int) -> None:
+def check_room(sensors: int) -> None:
     """Refuse more sensors than there is memory for all their pairs."""
     needed, free = _BYTES_A_PAIR * sensors * (sensors - 1) // 2, free_memory()
     if needed > free:

@@ -19,6 +19,7 @@ VERBS = (
     ("info",),
     ("verify",),
     ("learn",),
+    ("compare", "{folder}/run.mcap"),
     ("watch",),
     ("depth", "--out", "{folder}"),
     ("export", "--out", "{folder}/out.csv"),

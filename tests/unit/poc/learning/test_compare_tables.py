@@ -1,0 +1,160 @@
+"""What a machine changed is found, and what chance changed is not."""
+
+import math
+
+import numpy as np
+import pytest
+
+from neurosnap.poc.learning.columns import Columns
+from neurosnap.poc.learning.compare_tables import Differences, compare_tables
+from neurosnap.poc.learning.delays import ANSWERS, LONGEST, count_waits, occasions
+from neurosnap.poc.learning.two_samples import by_stretches, by_trials
+from tests.support.changed import KINDS, recorded_twice
+from tests.support.exhaustive import rows
+
+FIRST = 100_000
+"""The first seed; constants were chosen by others, all below."""
+TOLD = {
+    "removed": {"lost", "less"},
+    "added": {"gained", "more", "less", "lost"},
+    "later": {"later", "weaker", "lost"},
+    "flips": {"weaker", "lost", "more", "later"},
+}
+"""What may be said first of the sensors that a change was planted on."""
+
+
+def compared(kind: str, seed: int) -> tuple[Differences, set[str]]:
+    pair = recorded_twice(kind, seed)
+    found = compare_tables(Columns.of(pair.good), Columns.of(pair.new))
+    return found, {f"s{sensor}" for sensor in pair.changed}
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize(
+    ("kind", "pairs"), rows([(k, 2) for k in KINDS], [(k, 100) for k in KINDS])
+)
+def test_a_planted_change_is_found_and_its_sensor_is_suspected_first(
+    kind: str, pairs: int
+) -> None:
+    right = 0
+    for seed in range(FIRST, FIRST + pairs):
+        found, changed = compared(kind, seed)
+        if right_first := bool(found.rows) and found.suspects[0] in changed:
+            first = next(row for row in found.rows if row.sensors & changed)
+            assert first.change in TOLD.get(kind, {first.change})
+        right += right_first
+    assert right >= 0.95 * pairs
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("pairs", rows([4], [100]))
+def test_without_a_change_nothing_is_told(pairs: int) -> None:
+    told = [bool(compared("", seed)[0].rows) for seed in range(FIRST, FIRST + pairs)]
+    assert sum(told) <= 0.05 * pairs
+
+
+def motor(ticks: int, seed: int, delay: int = 2) -> np.ndarray:
+    """A motor, a belt that follows it, a lamp opposite to it, and something else."""
+    chance = np.random.default_rng(seed)
+    lengths = chance.integers(6, 30, ticks)
+    on = np.repeat(np.arange(ticks) % 2, lengths)[:ticks].astype(float)
+    other = np.repeat(chance.random(ticks) < 0.5, chance.permutation(lengths))[:ticks]
+    return np.stack([on, np.roll(on, delay), 1 - on, other], axis=1)
+
+
+def differ(good: np.ndarray, new: np.ndarray) -> Differences:
+    return compare_tables(Columns.of(good), Columns.of(new))
+
+
+def test_what_is_told_has_its_support_in_both() -> None:
+    good, new = motor(6000, 0), motor(4000, 1, delay=5)
+    new[::7, 2] = new[::7, 0]
+    found = differ(good, new)
+    lamp = next(row for row in found.rows if row.sensors == {"s0", "s2"})
+    assert (lamp.change, lamp.relation) == ("lost", "s0 and s2: opposite")
+    assert (lamp.failed, lamp.within, lamp.within_new) == (0, None, None)
+    assert lamp.tested == np.sum(np.diff(good[:, 0]) > 0) + (good[0, 0] == 1)
+    belt = next(row for row in found.rows if row.sensors == {"s0", "s1"})
+    assert (belt.change, belt.within, belt.within_new) == ("later", 2, 5)
+    assert belt.failed == 0
+    assert belt.failed_new == belt.tested_new > 50
+    assert all(row.chance < 0.05 for row in found.rows)
+    assert set(found.suspects) >= {"s2"}
+    assert "s3" not in found.suspects
+    assert differ(new, good).rows[0].change in ("gained", "sooner", "less")
+
+
+def test_an_unknown_reading_is_no_evidence() -> None:
+    good, new = motor(6000, 0), motor(6000, 1)
+    new[:, 1] = np.nan
+    found = differ(good, new)
+    assert found.rows == []
+    assert (found.relations, found.untested) == (3, 2)
+
+
+def test_what_is_known_beforehand_is_not_asked() -> None:
+    good, new = motor(6000, 0)[:, :3:2], motor(6000, 1)[:, :3:2]
+    new[::7, 1] = new[::7, 0]
+    tables = Columns.of(good), Columns.of(new)
+    opposite = [(0, 3), (2, 1), (1, 2), (3, 0)]
+    pairs = [row for row in compare_tables(*tables, opposite).rows if row.b]
+    assert pairs == []
+    assert [row for row in compare_tables(*tables).rows if row.b]
+
+
+def test_waits_are_those_of_a_loop() -> None:
+    chance = np.random.default_rng(3)
+    table = (chance.random((700, 3)) < [0.3, 0.1, 0.02]).astype(float)
+    table[chance.random(table.shape) < 0.01] = np.nan
+    columns = Columns.of(table)
+    found = count_waits(columns, slice(1, 3), occasions(columns))
+    for literal in range(6):
+        on, before = table[:, literal >> 1], literal & 1
+        for place in range(2 * len(ANSWERS)):
+            sensor, answer = 1 + place // 4, place % 4
+            said = table[:, sensor] == (answer + 1) % 2
+            if answer > 1:  # only where it changes to that
+                said[1:] &= table[:-1, sensor] == answer % 2
+                said[0] = False
+            counts = [0] * (LONGEST + 2)
+            for tick in range(1, 700):
+                if on[tick] != 1 - before or on[tick - 1] != before:
+                    continue
+                ahead = slice(tick, tick + LONGEST + 1)
+                stops = np.flatnonzero(said[ahead] | np.isnan(table[ahead, sensor]))
+                if len(stops):
+                    counts[stops[0]] += bool(said[ahead][stops[0]])
+                elif tick + LONGEST < 700:
+                    counts[-1] += 1
+            assert found.counts[literal, place].tolist() == counts
+
+
+@pytest.mark.parametrize("first", [(0, 80), (3, 40), (30, 31), (0, 1)])
+@pytest.mark.parametrize("second", [(9, 70), (70, 70), (1, 200)])
+def test_the_bound_by_trials_is_at_least_fishers(
+    first: tuple[int, int], second: tuple[int, int]
+) -> None:
+    (x, n), (y, m) = first, second
+    most = min(m, x + y)
+    ways = sum(math.comb(m, k) * math.comb(n, x + y - k) for k in range(y, most + 1))
+    exact = ways / math.comb(n + m, x + y)
+    [[told], [back]] = by_trials(np.array([[x], [y]]), np.array([[n], [m]])).tolist()
+    if y * n > x * m:
+        assert exact * 0.999 <= math.exp(-told) <= 2 * exact
+        assert back == 0
+    else:
+        assert told == 0
+
+
+def test_a_burst_or_what_lingers_is_worth_one_occasion() -> None:
+    tested, none = np.full(32, 50), np.zeros(32, np.int64)
+    even = np.arange(32) % 3
+    burst, lingers = none.copy(), np.where(np.arange(32) < 16, 2, 0)
+    burst[5] = even.sum()
+    assert by_stretches((none, even), (tested, tested)) > 15
+    assert by_stretches((none, burst), (tested, tested)) < 3
+    assert by_stretches((none, lingers), (tested, tested)) < 5
+    assert by_stretches((even, none), (tested, tested)) == 0
+    assert by_stretches((none, tested), (tested, tested)) > 1000
