@@ -19,7 +19,7 @@ often chance gives it is the larger of two bounds (`two_samples`):
   one.
 
 A relation is tested from both of its sides, and must differ by both: where a machine is
-only used more than before, one of the two shifts by itself.
+only used more than before, one of the two shifts by itself. What follows has one side.
 
 Suspected first is the sensor that most of the evidence is about, then the one that most
 of the rest is about. Of two that are equal it is the one that is odd by itself, or that
@@ -246,17 +246,14 @@ def _free(questions: int) -> float:
 
 def _level_spread(tables: Tables, failing: tuple[int, int], way: int) -> float:
     """Return how surely two literals are read together oftener, while either is."""
-    return min(
-        _spread(
-            [
-                (here & there, here & (there | table.ticks_of(b ^ 1)))
-                for table in tables
-                for here, there in [(table.ticks_of(a), table.ticks_of(b))]
-            ],
-            way,
-        )
-        for a, b in (failing, failing[::-1])
-    )
+    sure = []
+    for a, b in (failing, failing[::-1]):
+        asked = []
+        for table in tables:
+            here, there = table.ticks_of(a), table.ticks_of(b)
+            asked.append((here & there, here & (there | table.ticks_of(b ^ 1))))
+        sure.append(_spread(asked, way))
+    return min(sure)
 
 
 def _spread(asked: Sequence[tuple[Words, Words]], way: int) -> float:
@@ -429,7 +426,7 @@ def _chosen(rows: Sequence[Difference]) -> Difference:
         if row.change in ("later", "sooner") and 2 * row.evidence >= left
     ]
     level = [row for row in rows if row.within is row.within_new is None]
-    instead = any(row.change == "gained" for row in rows)
+    instead = any(row.change == "gained" for row in level)
     return min((not instead and moved) or level or rows, key=lambda row: row.chance)
 
 
