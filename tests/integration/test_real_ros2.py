@@ -244,3 +244,14 @@ bins = 0
     run.send_signal(signal.SIGINT)
     assert run.wait(PATIENCE) == 0, (tmp_path / "said").read_text()
     assert verify(log).same
+
+
+def test_what_it_publishes_is_discovered(robot: Robot, tmp_path: Path) -> None:
+    robot.publisher("/door")
+    file, found = tmp_path / "robot.toml", 1
+    given = ("--through", "rclpy", "--domain", 87, "--seconds", 1, "--out", file)
+    while found:  # until it is there, and says something
+        program = robot.start("-m", "neurosnap", "ros2", "discover", *given)
+        found = program.wait(PATIENCE)
+    assert 'through = "rclpy"\ndomain = 87\n' in file.read_text()
+    assert '    "/door.data",  # was true\n' in file.read_text()

@@ -3,7 +3,7 @@
 import asyncio
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -30,15 +30,13 @@ from neurosnap.system.distribution import must_have
 if TYPE_CHECKING:
     from neurosnap.sources.ros2.topic_survey import Ros2Survey
 
-ros2 = typer.Typer(
-    help="Listen to the robots of ROS 2 (rmw_zenoh).", no_args_is_help=True
-)
+ros2 = typer.Typer(help="Listen to the robots of ROS 2.", no_args_is_help=True)
 app.add_typer(ros2, name="ros2", rich_help_panel=SET_UP)
 
 
 @ros2.callback()
 def _group() -> None:
-    """Listen to the robots of ROS 2 (rmw_zenoh)."""
+    """Listen to the robots of ROS 2."""
 
 
 @ros2.command(epilog="Example: neurosnap ros2 discover --out robot.toml")
@@ -49,6 +47,10 @@ def discover(
     domain: Annotated[
         int, typer.Option(min=0, max=232, help="The domain (ROS_DOMAIN_ID).")
     ] = 0,
+    through: Annotated[
+        Literal["zenoh", "rclpy"],
+        typer.Option(help="Zenoh, or rclpy with the middleware that it has."),
+    ] = "zenoh",
     seconds: Annotated[
         float,
         typer.Option(
@@ -63,7 +65,7 @@ def discover(
     with errors():
         # What is listened to is found; there must be one name to begin with.
         given = {"router": router, "domain": domain, "sensors": ("/all",)}
-        options = convert(Ros2Options, **given)
+        options = convert(Ros2Options, **given, through=through)
         check_free(out, force=force)
         nodes, survey = _listened(options, seconds)
         say(form, f"nodes: {', '.join(map(visible, nodes)) or 'none'}")
@@ -80,22 +82,32 @@ def _listened(options: Ros2Options, seconds: float) -> tuple[list[str], "Ros2Sur
     """Return the nodes, and what came in so many seconds or until Ctrl-C."""
     try:
         from neurosnap.sources.ros2.graph import GraphWatch, open_session
-        from neurosnap.sources.ros2.topic_survey import Ros2Survey, SurveyFeeder
+        from neurosnap.sources.ros2.through_rclpy import graph_through_rclpy
+        from neurosnap.sources.ros2.topic_survey import (
+            RclpySurveyFeeder,
+            Ros2Survey,
+            SurveyFeeder,
+        )
     except ImportError as error:  # an extra
         rule = must_have(error.name or "rosbags", "ros2")
         raise MissingExtraError(f"ros2: {rule}") from error
-    with open_session(options.router) as session:
-        watch = GraphWatch(session, options.domain)
-        watch.close()
-    survey = Ros2Survey(watch.graph, options)
-    nodes = [node.path for node in watch.graph.nodes]
+    if by_rclpy := options.through == "rclpy":
+        graph = graph_through_rclpy(options.domain)
+    else:
+        with open_session(options.router) as session:
+            watch = GraphWatch(session, options.domain)
+            watch.close()
+        graph = watch.graph
+    survey = Ros2Survey(graph, options)
+    nodes = [node.path for node in graph.nodes]
     if not survey.publishers:
         return nodes, survey
-    feeder = SurveyFeeder(survey)
+    feeder = RclpySurveyFeeder(survey) if by_rclpy else SurveyFeeder(survey)
     source = LiveSource(LatestReadings(["-"]), OnChange(), feeder=feeder)
     source.readers = survey
     source.over = True  # nothing need be kept for a process that goes on with it
-    warn(f"listening at {options.router} for {seconds:g} s (or Ctrl-C)")
+    where = "through rclpy" if by_rclpy else f"at {options.router}"
+    warn(f"listening {where} for {seconds:g} s (or Ctrl-C)")
 
     async def work(stop: asyncio.Event) -> None:
         heard = asyncio.create_task(asyncio.to_thread(source.first), name="ros2/heard")

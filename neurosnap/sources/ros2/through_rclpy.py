@@ -18,10 +18,13 @@ from typing import Any, NamedTuple
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.sources.live.live_source import LiveSource
+from neurosnap.sources.ros2.graph import RosGraph
+from neurosnap.sources.ros2.keys_and_tokens import PUBLISHER, Endpoint, GraphNode
 from neurosnap.sources.ros2.options import Ros2Options
 from neurosnap.sources.ros2.ros2_source import Ros2Feeder
 
 _EVERY = 0.5  # seconds
+_KNOWS = 2.0  # seconds after which a node knows of the others
 _DEPTH = 10  # of a subscription's queue, as is usual
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 
@@ -46,9 +49,7 @@ class RclpyFeeder(Ros2Feeder):
     """
 
     def __init__(self, options: Ros2Options) -> None:
-        if importlib.util.find_spec("rclpy") is None:
-            rule = "must be installed for this Python (source the setup of ROS 2)"
-            raise InvalidValueError("through", rule, options.through)
+        check_installed()
         super().__init__(options)
         self._offers: dict[str, tuple[_Offer, list[Any]]] = {}
 
@@ -60,23 +61,7 @@ class RclpyFeeder(Ros2Feeder):
             source.fail(error)
 
     def _listen(self, source: LiveSource, open_: ExitStack) -> None:
-        from rclpy.context import Context
-        from rclpy.executors import SingleThreadedExecutor
-        from rclpy.node import Node
-
-        # Other machines neither see the node nor are seen, unless a user says so.
-        os.environ.setdefault(_RANGE, "LOCALHOST")
-        context = Context()
-        # No log files, and no handlers of signals: those are the run's.
-        quiet = ["--ros-args", "--disable-external-lib-logs"]
-        context.init(args=quiet, domain_id=self._options.domain)
-        open_.callback(context.try_shutdown)
-        own = {"enable_rosout": False, "start_parameter_services": False}
-        node = Node("neurosnap", context=context, **own)
-        open_.callback(node.destroy_node)
-        executor = SingleThreadedExecutor(context=context)
-        open_.callback(executor.shutdown)
-        executor.add_node(node)
+        node, executor = _node(self._options.domain, open_)
         source.listens(True)
         due = time.monotonic()
         while not self._over:
@@ -134,6 +119,58 @@ class RclpyFeeder(Ros2Feeder):
         if found is None:
             self._tell(topic, kind, why)
         return found
+
+
+def _node(domain: int, open_: ExitStack) -> tuple[Any, Any]:
+    """Return a node, and what lets it hear; both until `open_` is closed."""
+    from rclpy.context import Context
+    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.node import Node
+
+    # Other machines neither see the node nor are seen, unless a user says so.
+    os.environ.setdefault(_RANGE, "LOCALHOST")
+    context = Context()
+    # No log files, and no handlers of signals: those are the run's.
+    quiet = ["--ros-args", "--disable-external-lib-logs"]
+    context.init(args=quiet, domain_id=domain)
+    open_.callback(context.try_shutdown)
+    own = {"enable_rosout": False, "start_parameter_services": False}
+    node = Node("neurosnap", context=context, **own)
+    open_.callback(node.destroy_node)
+    executor = SingleThreadedExecutor(context=context)
+    open_.callback(executor.shutdown)
+    executor.add_node(node)
+    return node, executor
+
+
+def graph_through_rclpy(domain: int) -> RosGraph:
+    """Return the nodes and publishers that a node knows of after two seconds.
+
+    Raises:
+        InvalidValueError: `rclpy` is not installed.
+    """
+    check_installed()
+    graph, until = RosGraph(), time.monotonic() + _KNOWS
+    with ExitStack() as open_:
+        node, executor = _node(domain, open_)
+        while time.monotonic() < until:
+            executor.spin_once(timeout_sec=_EVERY)
+        for name, space in node.get_node_names_and_namespaces():
+            if name != node.get_name():
+                graph.add(GraphNode(domain, "1", "0", name, space).token)
+        for topic, _ in node.get_topic_names_and_types():
+            for each in node.get_publishers_info_by_topic(topic):
+                by = GraphNode(domain, "1", "0", each.node_name, each.node_namespace)
+                said = topic, each.topic_type, str(each.topic_type_hash)
+                graph.add(Endpoint(by, "0", PUBLISHER, *said).token)
+    return graph
+
+
+def check_installed() -> None:
+    """Raise InvalidValueError if there is no `rclpy`."""
+    if importlib.util.find_spec("rclpy") is None:
+        rule = "must be installed for this Python (source the setup of ROS 2)"
+        raise InvalidValueError("through", rule, "rclpy")
 
 
 def _offered(publishers: list[Any]) -> _Offer:

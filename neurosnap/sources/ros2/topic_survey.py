@@ -25,6 +25,7 @@ from neurosnap.sources.ros2.diagnostics import ARRAY
 from neurosnap.sources.ros2.graph import RosGraph
 from neurosnap.sources.ros2.options import Ros2Options
 from neurosnap.sources.ros2.ros2_source import Ros2Feeder
+from neurosnap.sources.ros2.through_rclpy import RclpyFeeder
 
 if TYPE_CHECKING:
     from neurosnap.sources.ros2.keys_and_tokens import Endpoint
@@ -206,13 +207,17 @@ class SurveyFeeder(Ros2Feeder):
         return dict(fields(topic, message))
 
 
+class RclpySurveyFeeder(SurveyFeeder, RclpyFeeder):
+    """Hears every topic of a survey through `rclpy`."""
+
+
 _BEGIN = """\
-# What `neurosnap ros2 discover` found at {router}. Delete what is of no use, and then:
+# What `neurosnap ros2 discover` found {where}. Delete what is of no use, and then:
 # neurosnap run THIS_FILE
 
 [source]
 kind = "ros2"
-router = {router_text}
+{through}
 domain = {domain}
 #stale_after = 5             # seconds; a topic that is silent for longer is unknown
 sensors = [
@@ -237,10 +242,11 @@ def ros2_file(survey: Ros2Survey) -> str:
         for text, said in found:
             comment = "".join(a if a.isprintable() else "?" for a in said)
             lines += f"    {_quoted(text)},  # {comment}\n"
-    where = survey.options.router
+    router = survey.options.router
+    by_rclpy = survey.options.through == "rclpy"
     return _BEGIN.format(
-        router=where,
-        router_text=_quoted(where),
+        where="through rclpy" if by_rclpy else f"at {router}",
+        through='through = "rclpy"' if by_rclpy else f"router = {_quoted(router)}",
         domain=survey.options.domain,
         sensors=lines,
     )
