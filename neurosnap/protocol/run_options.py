@@ -20,8 +20,8 @@ from neurosnap.protocol.option_declaration import option
 from neurosnap.protocol.worker_learning import WorkerLearning
 from neurosnap.protocol.worker_shares import hosts, learning_shares, shares
 from neurosnap.sensorium import Sensorium
+from neurosnap.sources.conditions import Condition
 from neurosnap.sources.cuts import known_order, recorded_conditions
-from neurosnap.sources.meaning import Condition
 from neurosnap.sources.mqtt import options as mqtt
 from neurosnap.sources.ros2 import options as ros2
 from neurosnap.wire import HISTORY, LARGEST_KEYFRAME

@@ -25,8 +25,10 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError, within
 from neurosnap.sensorium import WORDS, Sensorium
+from neurosnap.sources.conditions import Comparison
 from neurosnap.sources.cuts import with_cuts
-from neurosnap.sources.meaning import Comparison, Numbers, Reader, Wanted, refused
+from neurosnap.sources.meaning import Numbers, Reader, refused
+from neurosnap.sources.wanted import Wanted
 
 _BITS = frozenset({"0", "1"})
 _ZERO, _ONE = ord("0"), ord("1")

@@ -20,17 +20,17 @@ import msgspec
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import WORDS
-from neurosnap.sources.meaning import (
+from neurosnap.sources.conditions import (
     Change,
     Choice,
     Comparison,
     Condition,
     Heard,
     Signals,
-    Wanted,
-    as_text,
     parse_condition,
 )
+from neurosnap.sources.meaning import as_text
+from neurosnap.sources.wanted import Wanted
 
 WORDS_AT_MOST = 8
 """Different words of a signal that is cut into one sensor a word."""

@@ -21,8 +21,9 @@ from neurosnap.poc.learning.columns import GrowingColumns
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.csv_cells_and_formulas import TableFile
 from neurosnap.sources.cuts import with_cuts
-from neurosnap.sources.meaning import Numbers, Reader, Wanted, refused
+from neurosnap.sources.meaning import Numbers, Reader, refused
 from neurosnap.sources.readings import Readings, parse_time, utc
+from neurosnap.sources.wanted import Wanted
 
 _UNKNOWN = -1
 

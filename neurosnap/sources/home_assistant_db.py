@@ -12,10 +12,11 @@ from pathlib import Path
 import msgspec
 
 from neurosnap.errors import InvalidValueError
+from neurosnap.sources.conditions import Comparison, plain_unit
 from neurosnap.sources.cuts import with_cuts
 from neurosnap.sources.event_log import Events
-from neurosnap.sources.meaning import Comparison, Wanted, plain_unit
 from neurosnap.sources.readings import Readings
+from neurosnap.sources.wanted import Wanted
 
 MAGIC = b"SQLite format 3\x00"
 _BINARY = "binary_sensor."

@@ -26,11 +26,13 @@ from neurosnap.errors import InvalidValueError, within
 from neurosnap.poc.learning.columns import GrowingColumns
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.bag_records import bag_files, records_in
+from neurosnap.sources.conditions import Heard
 from neurosnap.sources.cuts import signals_in, with_cuts
-from neurosnap.sources.meaning import Heard, Numbers, Reader, Wanted, as_text, refused
+from neurosnap.sources.meaning import Numbers, Reader, as_text, refused
 from neurosnap.sources.message_fields import Term, fields
 from neurosnap.sources.readings import Readings, utc
 from neurosnap.sources.ros2.message_types import Decoder, cdr_decoder
+from neurosnap.sources.wanted import Wanted
 from neurosnap.system.distribution import must_have
 
 _STALE = 3  # usual periods

@@ -22,6 +22,7 @@ import msgspec
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import visible
+from neurosnap.sources.conditions import Signals, parse_span
 from neurosnap.sources.cuts import as_json, conditions_in, recorded_signals
 from neurosnap.sources.live.journal import Journal
 from neurosnap.sources.live.latest_or_late import LatestReadings
@@ -31,12 +32,12 @@ from neurosnap.sources.live.statistics import Statistics
 from neurosnap.sources.live.stdin_source import StdinFeeder, first_lines
 from neurosnap.sources.live.tick_schedule import Seconds, TickRule
 from neurosnap.sources.live.zenoh_source import Hub, ZenohFeeder
-from neurosnap.sources.meaning import Signals, Wanted, parse_span
 from neurosnap.sources.mqtt import options as mqtt
 from neurosnap.sources.mqtt.options import MqttOptions
 from neurosnap.sources.protocol import Argument, Source
 from neurosnap.sources.ros2 import options as ros2
 from neurosnap.sources.ros2.options import Ros2Options
+from neurosnap.sources.wanted import Wanted
 from neurosnap.system.distribution import must_have
 
 A = TypeVar("A", "FileArguments", "LiveArguments")

@@ -16,9 +16,9 @@ from neurosnap.sources.bag_records import MAGIC, is_bag
 from neurosnap.sources.csv_cells_and_formulas import CsvFile, TableFile, TableRows
 from neurosnap.sources.event_log import log_settled, read_event_log, roles
 from neurosnap.sources.mcap_file import read_mcap
-from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.protocol import Observed
 from neurosnap.sources.readings import Readings, is_time, parse_time
+from neurosnap.sources.wanted import Wanted
 from neurosnap.system.distribution import must_have
 from neurosnap.system.durable import opened_file
 

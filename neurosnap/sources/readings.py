@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.columns import Columns
-from neurosnap.sources.meaning import Wanted
+from neurosnap.sources.wanted import Wanted
 
 _ALL = Wanted()
 

@@ -26,8 +26,8 @@ from neurosnap.apps.cli.terminal_output import print_facts, progress, say, table
 if TYPE_CHECKING:
     from neurosnap.apps.export.relations import Findings
     from neurosnap.recording.read.recording import Recording
-    from neurosnap.sources.meaning import Wanted
     from neurosnap.sources.readings import Readings
+    from neurosnap.sources.wanted import Wanted
 
 _MOST = 40
 """Rows that a terminal is shown; `--out` writes all."""
@@ -292,7 +292,8 @@ def _opened(data: Path, context: typer.Context) -> "Recording | Readings":
 
 
 def _wanted(context: typer.Context) -> "Wanted":
-    from neurosnap.sources.meaning import Wanted, parse_condition, parse_span
+    from neurosnap.sources.conditions import parse_condition, parse_span
+    from neurosnap.sources.wanted import Wanted
 
     given = context.params
     conditions = tuple(map(parse_condition, given["when"] or ()))

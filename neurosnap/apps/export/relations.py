@@ -31,9 +31,9 @@ from neurosnap.sensorium import Sensorium, visible
 from neurosnap.sources.bag_records import is_bag
 from neurosnap.sources.csv_cells_and_formulas import as_text
 from neurosnap.sources.cuts import known_order
-from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.open_readings import first_bytes, open_readings
 from neurosnap.sources.readings import Readings
+from neurosnap.sources.wanted import Wanted
 
 if TYPE_CHECKING:
     from neurosnap.poc.learning.snapshot import Snapshot

@@ -28,10 +28,11 @@ from neurosnap.recording.read.recorded_readings import readings_of
 from neurosnap.recording.read.recording import Recording, part_paths
 from neurosnap.recording.replay.learn_again import snapshot_at
 from neurosnap.sensorium import Sensorium, visible
+from neurosnap.sources.conditions import Condition
 from neurosnap.sources.cuts import known_order
-from neurosnap.sources.meaning import Condition, Wanted
 from neurosnap.sources.open_readings import settled
 from neurosnap.sources.readings import Readings
+from neurosnap.sources.wanted import Wanted
 
 HEADS = ("change", "what", "before", "now", "by chance")
 """What stands above the cells of a row."""

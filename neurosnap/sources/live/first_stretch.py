@@ -12,12 +12,13 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import closing
 
 from neurosnap.errors import InvalidValueError
+from neurosnap.sources.conditions import Condition, Signals
 from neurosnap.sources.cuts import Signal, cut_by
 from neurosnap.sources.live.latest_or_late import LatestReadings
 from neurosnap.sources.live.live_source import Feeder, LiveSource
 from neurosnap.sources.live.tick_schedule import OnChange
-from neurosnap.sources.meaning import Condition, Signals, Wanted
 from neurosnap.sources.message_fields import Term
+from neurosnap.sources.wanted import Wanted
 
 _STEPS = 10  # times that it says how far it is
 _logger = logging.getLogger(__name__)

@@ -8,17 +8,19 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.sources.meaning import (
-    RULE,
+from neurosnap.sources.conditions import (
     Condition,
     Heard,
+    Signals,
+    is_condition,
+    parse_condition,
+)
+from neurosnap.sources.meaning import (
+    RULE,
     Numbers,
     Reader,
-    Signals,
     as_text,
-    is_condition,
     is_number,
-    parse_condition,
     readers_of,
 )
 from neurosnap.sources.message_fields import Term, fields, parse_term

@@ -18,11 +18,12 @@ from contextlib import suppress
 
 from neurosnap.errors import FabricError, InvalidValueError, within
 from neurosnap.sensorium import Sensorium
+from neurosnap.sources.conditions import Signals
 from neurosnap.sources.live.first_stretch import Ranges
 from neurosnap.sources.live.json_reading import LIMIT, hand_in, read, too_long
 from neurosnap.sources.live.live_source import LiveSource
 from neurosnap.sources.live.signal_readers import flattened
-from neurosnap.sources.meaning import Signals, Wanted
+from neurosnap.sources.wanted import Wanted
 
 STANDARD_INPUT = 0
 _PIECE = 1 << 16

@@ -24,12 +24,13 @@ from neurosnap.sources.live.first_stretch import Ranges, listen
 from neurosnap.sources.live.journal import Journal
 from neurosnap.sources.live.latest_or_late import LatestReadings
 from neurosnap.sources.live.live_source import LiveSource
-from neurosnap.sources.meaning import Numbers, Wanted
+from neurosnap.sources.meaning import Numbers
 from neurosnap.sources.mqtt.connection import MqttLink
 from neurosnap.sources.mqtt.options import MqttOptions, MqttSensor
 from neurosnap.sources.mqtt.outbox import Outgoing
 from neurosnap.sources.mqtt.payload import Payload, PayloadReader
 from neurosnap.sources.mqtt.publisher import Topics
+from neurosnap.sources.wanted import Wanted
 
 
 def mqtt_source(

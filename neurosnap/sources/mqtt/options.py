@@ -13,8 +13,8 @@ import msgspec
 
 from neurosnap.errors import InvalidValueError, within
 from neurosnap.sensorium import OFF, ON, Sensorium
+from neurosnap.sources.conditions import Condition, Heard, parse_condition
 from neurosnap.sources.live.tick_schedule import Seconds, TickRule
-from neurosnap.sources.meaning import Condition, Heard, parse_condition
 
 Text = Annotated[str, msgspec.Meta(min_length=1, max_length=1024)]
 _TOPIC = "must be a topic, without + and #"

@@ -9,8 +9,8 @@ from typing import Annotated, Literal
 import msgspec
 
 from neurosnap.errors import InvalidValueError
+from neurosnap.sources.conditions import Condition, is_condition, parse_condition
 from neurosnap.sources.live.tick_schedule import Seconds, TickRule
-from neurosnap.sources.meaning import Condition, is_condition, parse_condition
 from neurosnap.sources.message_fields import parse_term
 
 ROUTER = "tcp/localhost:7447"

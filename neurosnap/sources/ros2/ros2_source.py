@@ -27,7 +27,6 @@ from neurosnap.sources.live.journal import Journal
 from neurosnap.sources.live.latest_or_late import LatestReadings
 from neurosnap.sources.live.live_source import LiveSource
 from neurosnap.sources.live.signal_readers import SignalReaders, signals_of
-from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.message_fields import Term, field, fields, parse_term
 from neurosnap.sources.ros2.diagnostics import ARRAY
 from neurosnap.sources.ros2.graph import GraphWatch, open_session
@@ -41,6 +40,7 @@ from neurosnap.sources.ros2.keys_and_tokens import (
 )
 from neurosnap.sources.ros2.message_types import LARGEST, Decoder, TypesByHash, question
 from neurosnap.sources.ros2.options import Ros2Options, signal_of, topic_of
+from neurosnap.sources.wanted import Wanted
 
 _AGAIN = 1.0  # seconds until what is latched is asked for again
 _ASKS = 5  # times that it is

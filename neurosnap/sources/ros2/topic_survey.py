@@ -18,14 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
+from neurosnap.sources.conditions import Choice, is_condition
 from neurosnap.sources.cuts import Signal
-from neurosnap.sources.meaning import Choice, Wanted, is_condition
 from neurosnap.sources.message_fields import Term, fields
 from neurosnap.sources.ros2.diagnostics import ARRAY
 from neurosnap.sources.ros2.graph import RosGraph
 from neurosnap.sources.ros2.options import Ros2Options
 from neurosnap.sources.ros2.ros2_source import Ros2Feeder
 from neurosnap.sources.ros2.through_rclpy import RclpyFeeder
+from neurosnap.sources.wanted import Wanted
 
 if TYPE_CHECKING:
     from neurosnap.sources.ros2.keys_and_tokens import Endpoint

@@ -21,24 +21,18 @@ from neurosnap.poc.learning.relation_rule import judge
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.replay.learn_again import Learning
+from neurosnap.sources.conditions import Choice, Comparison, Condition
+from neurosnap.sources.conditions import parse_condition as parsed
 from neurosnap.sources.cuts import as_json, known_order, recorded_signals, with_cuts
 from neurosnap.sources.live.journal import JournalRow
 from neurosnap.sources.live.latest_or_late import LatestReadings
 from neurosnap.sources.live.live_source import LiveSource
 from neurosnap.sources.live.signal_readers import SignalReaders
 from neurosnap.sources.live.tick_schedule import Clocked
-from neurosnap.sources.meaning import (
-    Choice,
-    Comparison,
-    Condition,
-    Reader,
-    Wanted,
-    compared,
-    numbers_in,
-)
-from neurosnap.sources.meaning import parse_condition as parsed
+from neurosnap.sources.meaning import Reader, compared, numbers_in
 from neurosnap.sources.open import open_source, settle
 from neurosnap.sources.open_readings import open_readings
+from neurosnap.sources.wanted import Wanted
 from tests.support.command_line import call
 from tests.support.edges import edge_matrix
 

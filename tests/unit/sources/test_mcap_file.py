@@ -22,11 +22,12 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.poc.order.literal_sets import from_words
 from neurosnap.sources import bag_records, mcap_file, message_fields
 from neurosnap.sources.bag_records import is_bag
-from neurosnap.sources.meaning import Wanted, parse_condition
+from neurosnap.sources.conditions import parse_condition
 from neurosnap.sources.open import open_source, settle
 from neurosnap.sources.open_readings import open_readings
 from neurosnap.sources.readings import Readings
 from neurosnap.sources.ros2.message_types import stock_types
+from neurosnap.sources.wanted import Wanted
 from tests.support.command_line import call, happy
 
 Said = tuple[float, str, Any]

@@ -12,16 +12,12 @@ import pytest
 
 from neurosnap.errors import InvalidValueError, ShapeError
 from neurosnap.poc.learning.columns import Columns
-from neurosnap.sources.meaning import (
-    RULE,
-    Wanted,
-    compared,
-    numbers_in,
-    parse_condition,
-)
+from neurosnap.sources.conditions import parse_condition
+from neurosnap.sources.meaning import RULE, compared, numbers_in
 from neurosnap.sources.open import open_source
 from neurosnap.sources.open_readings import FileSource, open_readings
 from neurosnap.sources.readings import Readings, seconds_of
+from neurosnap.sources.wanted import Wanted
 from tests.support.sources import README, everything, readings, written
 
 HOME = Path(__file__).parents[2] / "golden" / "home-assistant_v2.db"

@@ -21,8 +21,8 @@ from neurosnap.protocol.anomaly_report import NamedAnomaly, anomaly_line
 from neurosnap.recording.read.recorded_readings import readings_of
 from neurosnap.recording.read.recording import Recording
 from neurosnap.sensorium import Sensorium
-from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.open_readings import open_readings
+from neurosnap.sources.wanted import Wanted
 from tests.support.recorded_messages import of_type
 from tests.support.recorded_runs import recorded, ternary, without_states
 from tests.support.rewritten_recordings import rewritten

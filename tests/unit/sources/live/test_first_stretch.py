@@ -6,14 +6,15 @@ import pytest
 from neurosnap.agent.body import Body
 from neurosnap.errors import InvalidValueError, NeurosnapError
 from neurosnap.protocol.run_options import RunOptions
+from neurosnap.sources.conditions import parse_condition
 from neurosnap.sources.live.first_stretch import Ranges, listen
 from neurosnap.sources.live.live_source import Feeder, LiveSource
-from neurosnap.sources.meaning import Wanted, parse_condition
 from neurosnap.sources.mqtt import mqtt_source
 from neurosnap.sources.mqtt.options import MqttBroker, MqttOptions, MqttSensor
 from neurosnap.sources.open import as_in_run, needs_listening, open_source, settle
 from neurosnap.sources.protocol import Argument
 from neurosnap.sources.ros2.options import Ros2Options
+from neurosnap.sources.wanted import Wanted
 
 
 class Says:

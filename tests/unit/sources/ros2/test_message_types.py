@@ -11,10 +11,10 @@ from mcap.records import Schema
 from mcap.writer import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from neurosnap.sources.meaning import Wanted
 from neurosnap.sources.message_fields import fields
 from neurosnap.sources.open_readings import open_readings
 from neurosnap.sources.ros2.message_types import TypesByHash, cdr_decoder
+from neurosnap.sources.wanted import Wanted
 
 STORE: Any = get_typestore(Stores.ROS2_JAZZY)
 STATUS, BOOL = "diagnostic_msgs/msg/DiagnosticArray", "std_msgs/msg/Bool"

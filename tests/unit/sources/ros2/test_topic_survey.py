@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from neurosnap.apps.cli import app
 from neurosnap.apps.config.sources import Ros2Table
-from neurosnap.sources.meaning import is_condition
+from neurosnap.sources.conditions import is_condition
 from neurosnap.sources.message_fields import fields
 from neurosnap.sources.ros2.graph import RosGraph, open_session
 from neurosnap.sources.ros2.keys_and_tokens import PUBLISHER, Endpoint, GraphNode, Qos
