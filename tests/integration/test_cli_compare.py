@@ -81,6 +81,11 @@ def test_a_sensor_of_one_only_is_said(good: Path, tmp_path: Path) -> None:
     result = call("compare", good, line(tmp_path, "new.csv", 2, more="door"))
     assert result.exit_code == 3
     assert f"only in {tmp_path / 'new.csv'}: door" in result.stdout
+    numbers = tmp_path / "new.csv"
+    numbers.write_text(numbers.read_text().replace(",0\n", ",7\n", 900))
+    result = call("compare", good, numbers)
+    assert result.exit_code == 3
+    assert f"only in {numbers}: door>0" in result.stdout
     other = written(tmp_path, "lamp\n0\n1\n", "other.csv")
     assert "must have a sensor of" in refused("compare", good, other)
 

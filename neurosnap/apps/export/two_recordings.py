@@ -115,10 +115,13 @@ def open_second(
 ) -> Recording | Readings:
     """Open what is compared, its numbers cut as those of the first; see `open_data`."""
     cuts = None if isinstance(first, Recording) else first.wanted.cuts
-    if cuts and not is_recording(data):
+    if not cuts or is_recording(data):
+        return open_data(data, wanted)
+    try:
+        return open_data(data, replace(wanted, cuts=cuts))
+    except InvalidValueError:  # it may have numbers that the first has not
         own = settled(str(data), wanted)
-        wanted = replace(own, cuts={**(own.cuts or {}), **cuts})
-    return open_data(data, wanted)
+        return open_data(data, replace(own, cuts={**(own.cuts or {}), **cuts}))
 
 
 def contrast(
