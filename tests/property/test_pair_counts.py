@@ -41,7 +41,10 @@ def runs_of(table: Table, i: int, j: int) -> dict[tuple[int, int], list[int]]:
 @examples(60)
 @given(tables())
 def test_ticks_and_occasions_are_those_of_the_runs(table: Table) -> None:
-    counts = count_pairs(Columns.of(table))
+    columns = Columns.of(table)
+    counts, half = count_pairs(columns), columns.on.shape[1] // 2
+    again = count_pairs(columns, first=(half, count_pairs(columns.until(half))))
+    assert np.array_equal(again, counts)
     pairs = [(i, j) for i in range(table.shape[1]) for j in range(i)]
     for pair, (i, j) in enumerate(pairs):
         runs = runs_of(table, i, j)

@@ -158,7 +158,7 @@ def learn(
                 str(data), found, share, at=at, every=every, on_progress=on_progress
             )
         if out is None:
-            say(form, *_lines(learned), learned.title)
+            say(form, *_lines(learned), learned.title, *learned.check.splitlines())
         else:
             with unwinding():
                 learned.write(out, force=force, reads=data)

@@ -19,7 +19,7 @@ from neurosnap.apps.new_files import placed
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.learning.pair_occasions import OnProgress
-from neurosnap.poc.learning.relation_table import Relation, tabulate
+from neurosnap.poc.learning.relation_table import Relation, Relations, tabulate
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.recording.format.records import MAGIC
 from neurosnap.recording.read.recorded_readings import readings_of
@@ -38,14 +38,14 @@ from neurosnap.sources.wanted import Wanted
 if TYPE_CHECKING:
     from neurosnap.poc.learning.snapshot import Snapshot
 
-HEADS = ("relation", "tested", "failed", "held in", "since", "last failure")
+HEADS = "relation", "tested", "failed", "promised", "held in", "since", "last failure"
 """What stands above the cells of a row."""
 SURE = "sure"
 """The rule by which a table is made of what readings leave no doubt about."""
 _ALL = Wanted()
 _FORMS = (".csv", ".html")
-_BYTES_A_PAIR = 100
-"""Of two sensors: their counts and what is judged of them. Measured: 85, of 2,000."""
+_BYTES_A_PAIR = 120
+"""Of two sensors: their counts and what is judged of them. Measured: 105, of 2,000."""
 
 
 def open_data(data: Path, wanted: Wanted = _ALL) -> Recording | Readings:
@@ -81,7 +81,7 @@ class Findings:
     readings: Readings
     how: str
     """By which rule, in words."""
-    rows: Sequence[Relation]
+    rows: Relations
     """The strongest first."""
     births: Births | None = None
     """What had been grown, where this is what a run has learned."""
@@ -100,6 +100,13 @@ class Findings:
         noun = "relation" if found == 1 else "relations"
         return f"{found} {noun} of {self.sensors} sensors in {ticks} ticks ({self.how})"
 
+    @property
+    def check(self) -> str:
+        """One line that says how well such promises held; empty if none was made."""
+        kept, made = self.rows.kept, self.rows.made
+        said = f"{kept} of {made} promises of the first half held in the second"
+        return said if made else ""
+
     def facts(self) -> dict[str, object]:
         """Return all of it for programs."""
         return {
@@ -107,12 +114,14 @@ class Findings:
             "sensors": self.sensors,
             "ticks": self.readings.columns.ticks,
             "learned": self.how,
+            "made": self.rows.made,
+            "kept": self.rows.kept,
             "relations": [self._fields(row) for row in self.rows],
         }
 
     def cells(self, row: Relation) -> tuple[str, ...]:
         """Return the cells of a row, in the order of `HEADS`."""
-        both = row.relation in ("the same", "opposite") or "nearly" in row.relation
+        both = row.relation.endswith(("the same", "opposite"))
         failed = f"{row.failed} + {row.failed_back}" if both else str(row.failed)
         # Down, so that what failed once in ten thousand ticks does not say 100 %.
         share = f"{math.floor(10_000 * row.share) / 100:.2f} %".replace(".00 %", " %")
@@ -120,6 +129,8 @@ class Findings:
             visible(row.sentence),
             f"{row.tested} + {row.tested_back}",
             failed,
+            # Up, so that no promise is told smaller than it is.
+            f"≤ {math.ceil(1000 * row.at_most) / 10:g} %",
             share,
             self._tick(row.since),
             self._tick(row.last_failure) if row.last_failure else "never",
@@ -144,7 +155,8 @@ class Findings:
             text = csv_of(names, map(self._fields, self.rows))
         else:
             cells = map(self.cells, self.rows)
-            text = page_of(self.source, self.title, HEADS, cells, _figure(self.rows))
+            said = ". ".join(filter(None, (self.title, self.check)))
+            text = page_of(self.source, said, HEADS, cells, _figure(self.rows))
         with placed(out, force=force, reads=part_paths(reads).values()) as draft:
             draft.write_text(text, encoding="utf-8")
 
@@ -329,11 +341,11 @@ def _figure(relations: Sequence[Relation]) -> str:
 def _edges(row: Relation) -> list[tuple[str, str]]:
     """Return the implications between literals that a row tells."""
     match row.relation:
-        case "implies":
+        case "implies" | "nearly implies":
             return [(row.a, row.b)]
-        case "never together":
+        case "never together" | "nearly never together":
             return [(row.a, _other(row.b))]
-        case "at least one of":
+        case "at least one of" | "nearly at least one of":
             return [(_other(row.a), row.b)]
         case "the same" | "nearly the same":
             return list(pairwise((row.a, row.b, row.a)))

@@ -83,6 +83,11 @@ class Columns:
             growing.extend(bits, known)
         return growing.columns()
 
+    def until(self, words: int) -> "Columns":
+        """Return the first columns, of so many words of 64 ticks, as a copy."""
+        on, off = self.on[:, :words].copy(), self.off[:, :words].copy()
+        return Columns(self.sensorium, min(self.ticks, 64 * words), on, off)
+
     def ticks_of(self, literal: int) -> Words:
         """Return ``(W,)``, the ticks at which a literal was read; a view."""
         ticks: Words = (self.off if literal & 1 else self.on)[literal >> 1]

@@ -47,7 +47,7 @@ from neurosnap.poc.learning.delays import (
 )
 from neurosnap.poc.learning.pair_occasions import OnProgress, count_pairs
 from neurosnap.poc.learning.pairs import codes_of
-from neurosnap.poc.learning.relation_rule import FAILING, LEAST_H, judge
+from neurosnap.poc.learning.relation_rule import LEAST_H, judge
 from neurosnap.poc.learning.two_samples import by_stretches, by_trials
 from neurosnap.poc.order.literal_sets import Words, to_words
 
@@ -60,6 +60,8 @@ CHANCE = 0.05
 """Pairs of tables of an unchanged machine of which anything is told, at most."""
 FEW = 10
 """Fewer tests of a relation than these say nothing."""
+_FAILING = 0.5
+"""The largest share of its occasions on which one literal does not follow another."""
 _NEEDED = -math.log(CHANCE)
 _KINDS = 3
 _STRETCHES = 32
@@ -346,7 +348,7 @@ def _within(waits: Waits, may: Flags, free: float) -> Ints:
     tested, failed = _late(waits.counts.astype(np.int64))
     ticks, late = _late(waits.usual)
     usual = late / np.maximum(ticks, 1)
-    most = np.minimum(FAILING, (1 - LEAST_H) * usual)
+    most = np.minimum(_FAILING, (1 - LEAST_H) * usual)
     follows = may[..., np.newaxis] & (tested > 0) & (failed <= most * tested)
     places = np.nonzero(follows)
     of, lost = tested[places], failed[places]

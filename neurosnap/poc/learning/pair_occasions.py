@@ -32,20 +32,24 @@ class PairCounts(NamedTuple):
     """``(4, P)``: on how many occasions."""
 
 
-def count_pairs(columns: Columns, on_progress: OnProgress | None = None) -> PairCounts:
+def count_pairs(
+    columns: Columns,
+    on_progress: OnProgress | None = None,
+    first: tuple[int, PairCounts] | None = None,
+) -> PairCounts:
     """Count the joint readings of all pairs. O(N² T / 64) time, O(N²) space.
 
     Args:
         columns: ``T`` ticks of ``N`` sensors, ``T`` below ``2**32``.
         on_progress: Told now and then.
+        first: So many words of 64 ticks are counted already; these counts grow.
     """
     count = len(columns.on)
     pairs = count * (count - 1) // 2
-    counts = PairCounts(
-        np.zeros((4, pairs), np.uint32), np.zeros((4, pairs), np.uint32)
-    )
+    none = np.zeros((2, 4, pairs), np.uint32)
+    start, counts = first or (0, PairCounts(*none))
     for row in range(count):
-        count_row(columns.on, columns.off, row, *counts)
+        count_row(columns.on, columns.off, row, start, *counts)
         if on_progress is not None:
             on_progress(row * (row + 1) // 2, pairs)
     return counts
@@ -56,6 +60,7 @@ def count_row(
     on: Words,
     off: Words,
     i: int,
+    start: int,
     ticks: NDArray[np.uint32],
     occasions: NDArray[np.uint32],
 ) -> None:
@@ -65,16 +70,22 @@ def count_row(
         on: ``(N, W)``.
         off: ``(N, W)``.
         i: The sensor.
-        ticks: ``(4, P)``, overwritten for these.
-        occasions: ``(4, P)``, overwritten for these.
+        start: The first word that counts. A run that began before is no new occasion.
+        ticks: ``(4, P)``, added to for these.
+        occasions: ``(4, P)``, added to for these.
     """
     zero = np.uint64(0)
+    own_on, own_off = on[i, start:], off[i, start:]
     for j in range(i):
+        other_on, other_off = on[j, start:], off[j, start:]
         n11 = n10 = n01 = n00 = zero
         r11 = r10 = r01 = r00 = zero
         p = q = s = t = zero  # the last readings of the word before
-        for w in range(on.shape[1]):
-            x, y, u, v = on[i, w], off[i, w], on[j, w], off[j, w]
+        if start:
+            p, q = on[i, start - 1] >> _TOP, off[i, start - 1] >> _TOP
+            s, t = on[j, start - 1] >> _TOP, off[j, start - 1] >> _TOP
+        for w in range(len(own_on)):
+            x, y, u, v = own_on[w], own_off[w], other_on[w], other_off[w]
             joint = x & u
             n11 += population(joint)
             r11 += population(joint & ~(joint << _ONE | p & s))
@@ -89,7 +100,11 @@ def count_row(
             r00 += population(joint & ~(joint << _ONE | q & t))
             p, q, s, t = x >> _TOP, y >> _TOP, u >> _TOP, v >> _TOP
         pair = i * (i - 1) // 2 + j
-        ticks[0, pair], ticks[1, pair] = np.uint32(n11), np.uint32(n10)
-        ticks[2, pair], ticks[3, pair] = np.uint32(n01), np.uint32(n00)
-        occasions[0, pair], occasions[1, pair] = np.uint32(r11), np.uint32(r10)
-        occasions[2, pair], occasions[3, pair] = np.uint32(r01), np.uint32(r00)
+        ticks[0, pair] += np.uint32(n11)
+        ticks[1, pair] += np.uint32(n10)
+        ticks[2, pair] += np.uint32(n01)
+        ticks[3, pair] += np.uint32(n00)
+        occasions[0, pair] += np.uint32(r11)
+        occasions[1, pair] += np.uint32(r10)
+        occasions[2, pair] += np.uint32(r01)
+        occasions[3, pair] += np.uint32(r00)

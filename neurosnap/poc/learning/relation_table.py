@@ -7,7 +7,6 @@ one there, so that a copy does not hide what its original implies; that is not i
 order of a snapshot, which cannot hold them (docs/paper.md, "Not in the paper").
 """
 
-import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from importlib import import_module
@@ -20,7 +19,7 @@ from neurosnap.poc.learning.columns import Columns
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.learning.pair_occasions import OnProgress, PairCounts, count_pairs
 from neurosnap.poc.learning.pairs import codes_of, leads, pair_of, rows_of
-from neurosnap.poc.learning.relation_rule import judge
+from neurosnap.poc.learning.relation_rule import judge, keeps, promises
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.order.graph import PocGraph
 
@@ -30,6 +29,9 @@ Kind: TypeAlias = Literal[
     "at least one of",
     "the same",
     "opposite",
+    "nearly implies",
+    "nearly never together",
+    "nearly at least one of",
     "nearly the same",
     "nearly opposite",
 ]
@@ -45,11 +47,13 @@ _TESTS: dict[int, tuple[Kind, bool, tuple[int, int], tuple[int, int]]] = {
 """Of each code of a pair of sensors ``j < i``: its name; whether it is told of ``j``
 first; and of its two tests the joint readings that fail and that pass."""
 _NEARLY: dict[Kind, Kind] = {
+    "implies": "nearly implies",
+    "never together": "nearly never together",
+    "at least one of": "nearly at least one of",
     "the same": "nearly the same",
     "opposite": "nearly opposite",
 }
-_SURE = 1.645
-"""Standard deviations of a normal variable that it exceeds once in twenty times."""
+"""What relations are called that have failed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,8 +83,8 @@ class Relation:
     share: float
     """The share of the ticks, with both known, at which it held."""
     at_most: float
-    """With confidence 0.95, the share of tests that fail is no more than this (Wilson's
-    bound, for the side with fewer tests)."""
+    """What it promises: in as many occasions again, no more than this share of the
+    ticks at which either test is made fail, with confidence 0.95."""
     since: int
     """The tick, from 1, since when it has not failed."""
     last_failure: int | None
@@ -91,11 +95,21 @@ class Relation:
     @property
     def sentence(self) -> str:
         """The relation in words."""
-        if self.relation == "implies":
-            return f"{self.a} implies {self.b}"
-        if self.relation == "at least one of":
-            return f"at least one of {self.a} and {self.b}"
+        if self.relation.endswith("implies"):
+            return f"{self.a} {self.relation} {self.b}"
+        if self.relation.endswith("at least one of"):
+            return f"{self.relation} {self.a} and {self.b}"
         return f"{self.a} and {self.b}: {self.relation}"
+
+
+class Relations(list[Relation]):
+    """Relations, and how far promises such as theirs can be trusted."""
+
+    made: int = 0
+    """The relations that the first half of the ticks tells, those that follow from
+    others too, and the second puts to the test."""
+    kept: int = 0
+    """Those that failed there no more often than the first half promised."""
 
 
 def tabulate(
@@ -104,16 +118,17 @@ def tabulate(
     every: bool = False,
     on_progress: OnProgress | None = None,
     known: Iterable[tuple[int, int]] = (),
-) -> list[Relation]:
+) -> Relations:
     """Return the relations of readings, the strongest first.
 
-    The strongest is the one whose tests fail least often, as far as is known:
-    `Relation.at_most`.
+    What never failed comes first; then the strongest is the one that promises least
+    failures: `Relation.at_most`.
 
     Args:
         columns: The readings.
         snapshot: What learned from them: its order is shown, and copies that it cannot
-            hold; if None, what the rule finds.
+            hold; if None, what the rule finds, with its promises held against the
+            second half.
         every: Whether to show those that follow from others, too.
         on_progress: Told how many pairs are counted.
         known: Pairs of literals, ``a -> b``, that hold whatever is read. They count for
@@ -122,8 +137,12 @@ def tabulate(
     Returns:
         O(N² T / 64) time.
     """
-    counts = count_pairs(columns, on_progress)
-    given = codes_of(known, counts.ticks.shape[1])
+    count = len(columns.sensorium)
+    given = codes_of(known, count * (count - 1) // 2)
+    if snapshot is None:
+        counts, made, kept = _with_promises(columns, given > 0, on_progress)
+    else:
+        counts, made, kept = count_pairs(columns, on_progress), 0, 0
     judged = judge(columns, counts, given > 0)
     if snapshot is None:
         codes = judged.codes
@@ -132,9 +151,28 @@ def tabulate(
     found = _Found(columns, counts, np.where(given, given, codes), given > 0)
     # A pair has one relation; a class that holds complements, too, tells it twice.
     rows = {(row.a, row.b): row for row in (found.every() if every else found.covers())}
-    return sorted(
-        rows.values(), key=lambda row: (row.at_most, row.a, row.b, row.relation)
-    )
+    told = Relations(sorted(rows.values(), key=_rank))
+    told.made, told.kept = made, kept
+    return told
+
+
+def _with_promises(
+    columns: Columns, known: NDArray[np.bool_], on_progress: OnProgress | None
+) -> tuple[PairCounts, int, int]:
+    """Count all pairs; return `Relations.made` and `Relations.kept` with their counts.
+
+    The half that is judged first is not counted again.
+    """
+    half = columns.on.shape[1] // 2
+    early = columns.until(half)
+    counts = count_pairs(early)
+    codes = judge(early, counts, known).codes
+    codes[known] = 0
+    told = codes.nonzero()[0]
+    most, before = promises(counts, codes)[told], counts.ticks[:, told]
+    counts = count_pairs(columns, on_progress, (half, counts))
+    tested, kept = keeps(counts.ticks[:, told] - before, codes[told], most)
+    return counts, int(tested.sum()), int((tested & kept).sum())
 
 
 def implications(
@@ -154,8 +192,9 @@ def implications(
         every: Whether to show relations that follow from others, too.
 
     Returns:
-        A data frame of pandas where that is installed, else a list of `Relation`; the
-        strongest relation comes first. The columns are the attributes of `Relation`.
+        A data frame of pandas where that is installed, else `Relations`; the strongest
+        relation comes first. The columns are the attributes of `Relation`, and `attrs`
+        has those of `Relations`.
 
     Raises:
         ShapeError: `data` has not two axes, or there is not one name a column.
@@ -170,9 +209,16 @@ def implications(
     except ImportError:
         return rows
     fields = Relation.__dataclass_fields__
-    return pandas.DataFrame(
+    frame = pandas.DataFrame(
         {name: [getattr(row, name) for row in rows] for name in fields}
     )
+    frame.attrs.update(made=rows.made, kept=rows.kept)
+    return frame
+
+
+def _rank(row: Relation) -> tuple[bool, float, str, str, str]:
+    """Return what rows are sorted by."""
+    return row.last_failure is not None, row.at_most, row.a, row.b, row.relation
 
 
 class _Found:
@@ -187,6 +233,7 @@ class _Found:
     ) -> None:
         self._columns, self._counts, self._codes = columns, counts, codes
         self._known = known
+        self._at_most = promises(counts, codes)
         self._names = columns.sensorium.names
 
     def every(self) -> Iterator[Relation]:
@@ -209,7 +256,7 @@ class _Found:
         for low, high in np.argwhere(graph.hasse()).tolist():
             if low <= high ^ 1 and head[low] != head[high]:
                 rows = self._direct(members[int(head[low])], members[int(head[high])])
-                yield from sorted(rows, key=lambda row: (row.at_most, row.a, row.b))[:1]
+                yield from sorted(rows, key=_rank)[:1]
 
     def _copies(self, group: list[int]) -> Iterator[Relation]:
         """Yield rows that make of a class of literals one: as few, from its first on.
@@ -271,7 +318,7 @@ class _Found:
             tested_back=tested[1],
             failed_back=failed[1],
             share=1 - wrong / total if total else 1.0,
-            at_most=max(map(_at_most, failed, tested)),
+            at_most=float(self._at_most[pair]),
             since=self._since(i, j, last),
             last_failure=last or None,
             ticks=total,
@@ -286,13 +333,3 @@ class _Found:
             return last + 1
         firsts = [self._span(i, j, cell)[0] for cell in range(4)]
         return min((first for first in firsts if first), default=0)
-
-
-def _at_most(failed: int, tested: int) -> float:
-    """Return Wilson's upper bound on the share of tests that fail."""
-    if not tested:
-        return 1.0
-    square = _SURE**2 / tested
-    share = failed / tested
-    spread = _SURE * math.sqrt(share * (1 - share) / tested + square / (4 * tested))
-    return min(1.0, (share + square / 2 + spread) / (1 + square))

@@ -126,7 +126,7 @@ def test_a_burst_of_failures_or_fewer_occasions_break_no_relation() -> None:
         good, *others = copies[:, :, order]
         found = [differ(good, each).rows for each in others]
         told = [[r.change for r in rows if r.b and r.within is None] for rows in found]
-        assert told == [[], [], ["weaker"]]
+        assert told == [[], [], ["lost"]]
         assert found[0] == []
 
 

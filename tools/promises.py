@@ -1,0 +1,150 @@
+#!/usr/bin/env python3
+"""Measure how well what `neurosnap learn` tells of half a table holds in the other.
+
+The tables are those that scikit-learn brings, and statsmodels where that is installed,
+or files; and planted ones. Rows are halved at random, again for each seed. A relation
+is told of the first half and looked up in the second.
+"""
+
+import argparse
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+
+# Run as a file, its folder is on the path and the project's is not.
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.errors import InvalidValueError
+from neurosnap.poc.learning.columns import Columns
+from neurosnap.poc.learning.pairs import codes_of, pair_of
+from neurosnap.poc.learning.relation_table import Relation, tabulate
+from neurosnap.sources.cuts import known_order
+from neurosnap.sources.open_readings import open_readings
+from neurosnap.sources.wanted import Wanted
+from tests.support.planted import planted
+
+EXPECTED = 20
+"""What never fails is missed if so many failures were to be expected by chance."""
+SKLEARN = ["iris", "wine", "breast_cancer", "diabetes", "digits"]
+STATSMODELS = ["anes96", "fair", "modechoice", "randhie", "star98"]
+HEADS = ["told", "kept", "trivial", "never", "right", "strictly", "there", "missed"]
+
+
+def shipped(folder: Path) -> Iterator[Path]:
+    """Write the tables that packages bring as files; yield these."""
+    for name in SKLEARN:
+        found = getattr(import_module("sklearn.datasets"), f"load_{name}")(
+            as_frame=True
+        )
+        cuts = (0, 7) if name == "digits" else (None,)
+        for cut in cuts:
+            frame = found.frame if cut is None else (found.data > cut).astype(int)
+            file = folder / (name if cut is None else f"{name}>{cut}")
+            frame.to_csv(file.with_suffix(".csv"), index=False)
+            yield file.with_suffix(".csv")
+    for name in STATSMODELS:
+        try:
+            module = import_module(f"statsmodels.datasets.{name}")
+        except ImportError:
+            return
+        module.load_pandas().data.to_csv(folder / f"{name}.csv", index=False)
+        yield folder / f"{name}.csv"
+
+
+def against(row: Relation, names: dict[str, int]) -> list[tuple[int, int]]:
+    """Return the pairs of literals that must not be together, by a relation."""
+    a, b = 2 * names[row.a], 2 * names[row.b]
+    kind = row.relation.removeprefix("nearly ")
+    ends = {
+        "implies": [(0, 1)],
+        "never together": [(0, 0)],
+        "at least one of": [(1, 1)],
+        "the same": [(0, 1), (1, 0)],
+        "opposite": [(0, 0), (1, 1)],
+    }[kind]
+    return [(a + first, b + second) for first, second in ends]
+
+
+def joint(table: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return in how many rows each two literals are together, ``(2N, 2N)``."""
+    literals = np.empty((len(table), 2 * table.shape[1]))
+    literals[:, ::2], literals[:, 1::2] = table == 1, table == 0
+    return literals.T @ literals
+
+
+def measured(columns: Columns, known: list[tuple[int, int]], seed: int) -> Counter[str]:
+    """Return how many relations of one half of the rows are what in the other."""
+    sensors, names = range(len(columns.sensorium)), columns.sensorium.names
+    table = np.stack(
+        [np.where(columns.known(k), columns.reading(k), np.nan) for k in sensors], 1
+    )
+    order = np.random.default_rng(seed).permutation(len(table))
+    halves = [table[np.sort(half)] for half in np.array_split(order, 2)]
+    first, second = map(joint, halves)
+    rows = tabulate(Columns.of(halves[0], names), every=True, known=known)
+    given = codes_of(known, len(sensors) * (len(sensors) - 1) // 2)
+    places = {name: place for place, name in enumerate(names)}
+    found, told = Counter[str](), set[tuple[int, int]]()
+    for row in rows:
+        pairs = against(row, places)
+        if given[pair_of(*pairs[0])]:
+            continue
+        told |= {*pairs, *((b, a) for a, b in pairs)}
+        fails = np.array([second[a, b] for a, b in pairs])
+        of_a = np.array([second[a, b] + second[a, b ^ 1] for a, b in pairs])
+        of_b = np.array([second[a, b] + second[a ^ 1, b] for a, b in pairs])
+        worst = (fails / np.maximum(np.minimum(of_a, of_b), 1)).max()
+        found["told"] += 1
+        found["kept"] += worst <= row.at_most
+        chance = of_a * of_b / len(halves[1])
+        found["trivial"] += bool((fails >= np.maximum(chance, 1)).any())
+        if row.last_failure is None:
+            found["never"] += 1
+            found["right"] += bool((fails <= 0.01 * (of_a + of_b - fails)).all())
+            found["strictly"] += worst <= 0.01
+    chance = np.outer(first.diagonal(), first.diagonal()) / len(halves[0])
+    never = (first + second == 0) & (chance >= EXPECTED)
+    for a, b in np.argwhere(never).tolist():
+        if a >> 1 < b >> 1 and not given[pair_of(a, b)]:
+            found["there"] += 1
+            found["missed"] += (a, b) not in told
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("files", nargs="*", type=Path, metavar="FILE")
+    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--planted", type=int, default=100, help="planted tables")
+    given = parser.parse_args()
+    print(f"{'':16}", *(f"{head:>8}" for head in HEADS))
+    with tempfile.TemporaryDirectory() as folder:
+        for file in given.files or shipped(Path(folder)):
+            try:
+                read = open_readings(str(file), Wanted())
+            except InvalidValueError as error:
+                sys.exit(str(error))
+            conditions = read.wanted.every_condition()
+            known = list(known_order(read.columns.sensorium.names, conditions))
+            found = Counter[str]()
+            for seed in range(given.seeds):
+                found += measured(read.columns, known, seed)
+            print(
+                f"{file.stem:16}", *(f"{found[head]:8}" for head in HEADS), flush=True
+            )
+    found = Counter[str]()
+    for seed in range(given.planted):
+        noise = (0, 0.001, 0.005, 0.01, 0.02)[seed % 5]
+        made = planted(seed, noise, hold=(0, 0.5)[seed // 5 % 2])
+        found += measured(Columns.of(made.table), [], seed)
+    print(f"{'planted':16}", *(f"{found[head]:8}" for head in HEADS))
+
+
+if __name__ == "__main__":
+    main()
