@@ -6,9 +6,10 @@ import msgspec
 
 from neurosnap.health.alarm import Alarm, AlarmProgress, News, SensorHealth, told
 from neurosnap.health.alarm_budget import parse_budget
-from neurosnap.health.monitor import Follower
+from neurosnap.health.follower import Follower, usual_step
 from neurosnap.recording.read.recorded_readings import OwnReadings, observations
 from neurosnap.recording.read.recording import Recording
+from neurosnap.sources.cuts import known_order
 from neurosnap.sources.readings import Readings, seconds_of
 from neurosnap.system.local_time import check_zone
 
@@ -37,7 +38,7 @@ class HealthLog(msgspec.Struct, frozen=True):
     def lines(self) -> Iterator[str]:
         """Yield it for people, a line each."""
         for raised in self.alarms:
-            yield f"{told(raised.alarm.step + 1, raised.alarm.zone)}  {raised.line}{_end_of(raised)}"
+            yield f"{told(raised.alarm.at, raised.alarm.zone)}  {raised.line}{_end_of(raised)}"
         yield self.progress.line()
         bad = sum(raised.ended is None for raised in self.alarms)
         count = len(self.alarms)
@@ -46,7 +47,10 @@ class HealthLog(msgspec.Struct, frozen=True):
 
 
 def health_of(
-    found: Recording | Readings, budget: str, zone: str | None = None
+    found: Recording | Readings,
+    budget: str,
+    zone: str | None = None,
+    step: float | None = None,
 ) -> HealthLog:
     """Return the alarms and health of a home, by a recording or a table of readings.
 
@@ -54,6 +58,7 @@ def health_of(
         found: What the home's own sensors read, and when.
         budget: Of alarms, such as ``1/week``.
         zone: The home's time zone; if None, the one that `found` has.
+        step: As `RunOptions.health_step`; if None, that of the run, or by the times.
 
     Raises:
         InvalidValueError: The budget or the zone is none; or a table has no times, or
@@ -64,13 +69,22 @@ def health_of(
         check_zone(zone)
     parse_budget(budget)
     if isinstance(found, Recording):
-        names, theirs = found.options.body.own, found.options.zone
+        options = found.options
+        names, theirs = options.body.own, options.zone
+        usual, order = options.health_step, options.known_order
         readings = (each for _, each in observations(found))
     else:
         names, theirs = found.columns.sensorium.names, found.zone
-        each = enumerate(seconds_of(found).tolist())
+        times = seconds_of(found)
+        usual = usual_step(times)
+        order = tuple(known_order(names, found.wanted.every_condition()))
+        each = enumerate(times.tolist())
         readings = (OwnReadings(at, *found.columns.row(tick)) for tick, at in each)
-    return follow(readings, Follower(names, budget, zone or theirs), budget)
+    alike = [(a >> 1, b >> 1) for a, b in order]
+    step = usual if step is None else step
+    return follow(
+        readings, Follower(names, budget, zone or theirs, step, alike), budget
+    )
 
 
 def follow(
@@ -102,7 +116,7 @@ def _end(raised: list[Raised], news: News) -> None:
     for place, each in enumerate(raised):
         if each.ended is None and each.alarm.sensor == news.sensor:
             raised[place] = msgspec.structs.replace(
-                each, ended=told(news.step, news.zone), became=became
+                each, ended=told(news.at, news.zone), became=became
             )
 
 

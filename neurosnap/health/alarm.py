@@ -4,91 +4,39 @@ And the news of a home: which alarms begin and end from one look at its sensors 
 next.
 """
 
-import math
 from collections.abc import Iterator
 
 import msgspec
 
-from neurosnap.health.ten_minute_steps import STEP
 from neurosnap.system.local_time import local
 
-
-class Companion(msgspec.Struct, frozen=True):
-    """A sensor that another one used to come on with, but no longer does."""
-
-    name: str
-    together: int
-    """Hours in which both came on, before."""
-    hours: int
-    """Hours in which it came on, before."""
-    since: int
-    """Hours in which it came on since, and the other did not."""
+_UNITS = (1, "weeks"), (7, "days"), (168, "hours")
 
 
 class Alarm(msgspec.Struct, frozen=True):
     """A sensor that seems broken, and the evidence against it."""
 
     zone: str
-    """The home's time zone."""
+    """The time zone that its times are told by."""
     sensor: str
     kind: str
-    """One of `KINDS`."""
-    since: int
-    """The step in which the evidence began."""
-    step: int
-    """The step after which it was raised."""
-    evidence: float
-    """Of that kind, see `neurosnap.health.evidence`."""
-    before: float
-    """How far it went at most while the home was learned."""
+    """In a word, what is wrong with it."""
+    since: float
+    """When the evidence began, seconds since 1970."""
+    at: float
+    """When it was raised, seconds since 1970."""
     weekly: float
-    """How often a week it would go so far in this home with nothing wrong."""
-    came_on: int
-    """How often the sensor came on since."""
-    expected: float
-    """In how many steps it was expected to come on since."""
-    unexpected: int
-    """In how many steps it came on since although hardly anything spoke for it."""
-    companion: Companion | None
-    """The sensor that says so most; None if no one stands out."""
+    """How often a week the evidence would go so far with nothing wrong."""
+    why: str
+    """What was read, and what was to be expected."""
+    otherwise: str
+    """What else it could be."""
+    others: tuple[str, ...] = ()
+    """The sensors that say so most."""
 
     def line(self) -> str:
         """Return the alarm in a line."""
-        return f"{self.sensor}: {self._what()}{self._who()}; {self._rare()}. Could also be: {_ELSE[self.kind]}."
-
-    def _what(self) -> str:
-        began = told(self.since, self.zone)
-        if self.kind == "silent":
-            return (
-                f"silent since {began} ({lasted((self.step + 1 - self.since) * STEP)}), where"
-                f" {self.expected:.1f} activations were to be expected"
-            )
-        if self.kind in ("less", "more"):
-            alone = f", {self.unexpected} of them with nothing that it goes with"
-            times = "once" if self.came_on == 1 else f"{self.came_on} times"
-            return (
-                f"came on {times} since {began}, where"
-                f" {self.expected:.1f} were to be expected"
-                f"{alone if self.kind == 'more' and self.unexpected else ''}"
-            )
-        if self.kind == "stuck":
-            return (
-                f"on for {_seconds(self.evidence)} since {began}, longest before:"
-                f" {_seconds(self.before)}"
-            )
-        return (
-            f"came on {self.came_on} times within ten minutes, most before:"
-            f" {math.exp(self.before):.0f}"
-        )
-
-    def _who(self) -> str:
-        with_it = self.companion
-        if with_it is None:
-            return ""
-        return (
-            f" ({with_it.name} came on in {with_it.since} hours without it; before, in"
-            f" {with_it.together} of {with_it.hours} with it)"
-        )
+        return f"{self.sensor}: {self.why}; {self._rare()}. Could also be: {self.otherwise}."
 
     def _rare(self) -> str:
         if self.weekly <= 0:
@@ -96,21 +44,16 @@ class Alarm(msgspec.Struct, frozen=True):
         weeks = 1 / self.weekly
         if weeks > 520:
             return "this sensor does so by chance not once in ten years"
-        return f"this sensor does so by chance once in {weeks:.0f} weeks"
+        often, unit = next(
+            (weeks * of, unit) for of, unit in _UNITS if weeks * of >= 2 or of > 100
+        )
+        return f"this sensor does so by chance once in {often:.0f} {unit}"
 
 
-_ELSE = {
-    "silent": "nobody uses it any more, or the day differs from all days learned",
-    "less": "the room is used less than it was",
-    "more": "guests, a pet, or a new habit",
-    "stuck": "left open or left on",
-    "chatter": "somebody plays with it, or a loose contact",
-}
-
-
-def told(step: int, zone: str) -> str:
-    """Return when a step begins, by the clock of a zone."""
-    return f"{local(step * STEP, zone):%a %d %b %Y %H:%M %Z}"
+def told(at: float, zone: str) -> str:
+    """Return a moment, seconds since 1970, by the clock of a zone."""
+    clock = "%H:%M:%S" if at % 60 else "%H:%M"
+    return f"{local(at, zone):%a %d %b %Y {clock} %Z}"
 
 
 def lasted(seconds: float) -> str:
@@ -123,12 +66,6 @@ def lasted(seconds: float) -> str:
     if days:
         return f"{days} d {hours} h"
     return f"{hours} h {minutes} min" if hours else f"{minutes} min"
-
-
-def _seconds(evidence: float) -> str:
-    """Return the time on that evidence of kind ``stuck`` stands for."""
-    seconds = math.expm1(evidence)
-    return f"{seconds:.0f} s" if seconds < STEP else lasted(seconds // STEP * STEP)
 
 
 class AlarmProgress(msgspec.Struct, frozen=True):
@@ -163,8 +100,8 @@ class SensorHealth(msgspec.Struct, frozen=True):
 class Standing(msgspec.Struct, frozen=True):
     """The health of all sensors of a home."""
 
-    step: int
-    """The step that is under way."""
+    at: float
+    """Seconds since 1970, when the last step that was judged was over."""
     progress: AlarmProgress
     """How much is known of them."""
     alarms: tuple[Alarm, ...] = ()
@@ -176,8 +113,8 @@ class Standing(msgspec.Struct, frozen=True):
 class News(msgspec.Struct, frozen=True):
     """An alarm that was raised, or is over."""
 
-    step: int
-    """The step under way when it was."""
+    at: float
+    """When it was, seconds since 1970."""
     sensor: str
     alarm: Alarm | None
     """None if the sensor is well again."""
@@ -187,7 +124,7 @@ class News(msgspec.Struct, frozen=True):
     def line(self) -> str:
         """Return the text of the alarm in one line."""
         said = f"{self.sensor}: well again" if self.alarm is None else self.alarm.line()
-        return f"{told(self.step, self.zone)}  {said}"
+        return f"{told(self.at, self.zone)}  {said}"
 
 
 def news(before: Standing | None, now: Standing) -> Iterator[News]:
@@ -197,14 +134,14 @@ def news(before: Standing | None, now: Standing) -> Iterator[News]:
     nothing was known of the sensors.
     """
     alarms = () if before is None else before.alarms
-    was = {(alarm.sensor, alarm.step) for alarm in alarms}
+    was = {(alarm.sensor, alarm.at) for alarm in alarms}
     bad = {alarm.sensor for alarm in now.alarms}
     for alarm in alarms:
         if alarm.sensor not in bad:
-            yield News(now.step, alarm.sensor, None, now.zone)
+            yield News(now.at, alarm.sensor, None, now.zone)
     for alarm in now.alarms:
-        if (alarm.sensor, alarm.step) not in was:
-            yield News(alarm.step + 1, alarm.sensor, alarm, now.zone)
+        if (alarm.sensor, alarm.at) not in was:
+            yield News(alarm.at, alarm.sensor, alarm, now.zone)
 
 
 class Newsreader:

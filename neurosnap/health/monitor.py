@@ -10,22 +10,17 @@ alarm is learned, and so makes the next like it less likely; what a broken senso
 is not.
 """
 
+import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.health.alarm import (
-    Alarm,
-    AlarmProgress,
-    Companion,
-    News,
-    SensorHealth,
-    Standing,
-)
+from neurosnap.health.alarm import Alarm, AlarmProgress, SensorHealth, lasted, told
 from neurosnap.health.alarm_budget import parse_budget
-from neurosnap.health.evidence import CHATTER, KINDS, LESS, SILENT, STUCK
+from neurosnap.health.evidence import CHATTER, KINDS, LESS, MORE, SILENT, STUCK
 from neurosnap.health.expectation import WINDOWS, features
 from neurosnap.health.judge import WELL, Judge
 from neurosnap.health.learn_normal import ACTIVATIONS, LEAST_STEPS, LearnedRates, learn
@@ -193,25 +188,33 @@ class HealthMonitor:
         evidence = self.judge.evidence[sensor, kind]
         at = max(0, since - self._first)
         expected, unexpected = expected_since(learned, history, sensor, since)
+        others: tuple[str, ...] = ()
+        who = ""
+        if kind in (SILENT, LESS):
+            valid = self._valid[: self._kept]
+            others, who = companion(self._names, history, valid, sensor, since)
+        why = _what(
+            kind,
+            Facts(
+                told(since * STEP, self.zone),
+                (number + 1 - since) * STEP,
+                evidence,
+                self._most(sensor, kind, at),
+                int(history.came_on[at:, sensor].sum()),
+                expected,
+                unexpected,
+            ),
+        )
         return Alarm(
             zone=self.zone,
             sensor=self._names[sensor],
             kind=KINDS[kind],
-            since=since,
-            step=number,
-            evidence=float(evidence),
-            before=self._most(sensor, kind, at),
+            since=since * float(STEP),
+            at=(number + 1) * float(STEP),
             weekly=float(weekly(learned.tails[sensor, kind], evidence)),
-            came_on=int(history.came_on[at:, sensor].sum()),
-            expected=expected,
-            unexpected=unexpected,
-            companion=(
-                companion(
-                    self._names, history, self._valid[: self._kept], sensor, since
-                )
-                if kind in (SILENT, LESS)
-                else None
-            ),
+            why=why + who,
+            otherwise=_ELSE[kind],
+            others=others,
         )
 
     def _most(self, sensor: int, kind: int, until: int) -> float:
@@ -222,6 +225,68 @@ class HealthMonitor:
         if kind == CHATTER:
             return float(np.log(self._came_on[:until, sensor][valid].max(initial=1)))
         return 0.0
+
+
+class Facts(NamedTuple):
+    """What an alarm about a sensor is told by."""
+
+    began: str
+    """When the evidence began."""
+    lasted: float
+    """For how many seconds it has been going on."""
+    evidence: float
+    """Of its kind, see `neurosnap.health.evidence`."""
+    before: float
+    """How far it went at most while the home was learned."""
+    came_on: int
+    """How often the sensor came on since."""
+    expected: float
+    """In how many steps it was expected to come on since."""
+    unexpected: int
+    """In how many steps it came on since although hardly anything spoke for it."""
+
+
+_ELSE = (
+    "nobody uses it any more, or the day differs from all days learned",
+    "the room is used less than it was",
+    "guests, a pet, or a new habit",
+    "left open or left on",
+    "somebody plays with it, or a loose contact",
+)
+"""What else each kind of evidence could be."""
+
+
+def _what(kind: int, facts: Facts) -> str:
+    """Return what was read, and what was to be expected."""
+    began = facts.began
+    if kind == SILENT:
+        return (
+            f"silent since {began} ({lasted(facts.lasted)}), where"
+            f" {facts.expected:.1f} activations were to be expected"
+        )
+    if kind in (LESS, MORE):
+        alone = f", {facts.unexpected} of them with nothing that it goes with"
+        times = "once" if facts.came_on == 1 else f"{facts.came_on} times"
+        return (
+            f"came on {times} since {began}, where"
+            f" {facts.expected:.1f} were to be expected"
+            f"{alone if kind == MORE and facts.unexpected else ''}"
+        )
+    if kind == STUCK:
+        return (
+            f"on for {_seconds(facts.evidence)} since {began}, longest before:"
+            f" {_seconds(facts.before)}"
+        )
+    return (
+        f"came on {facts.came_on} times within ten minutes, most before:"
+        f" {math.exp(facts.before):.0f}"
+    )
+
+
+def _seconds(evidence: float) -> str:
+    """Return the time on that evidence of kind ``stuck`` stands for."""
+    seconds = math.expm1(evidence)
+    return f"{seconds:.0f} s" if seconds < STEP else lasted(seconds // STEP * STEP)
 
 
 _HOUR = WINDOWS[1]
@@ -261,8 +326,8 @@ def companion(
     valid: NDArray[np.bool_],
     sensor: int,
     since: int,
-) -> Companion | None:
-    """Return the other sensor whose activity makes a silence most surprising.
+) -> tuple[tuple[str, ...], str]:
+    """Return the other sensor whose activity makes a silence most surprising, and why.
 
     Of each other sensor the hours are counted in which it came on, and in which of them
     the sensor did, too, before and since. It is the one with the most hours since, each
@@ -286,9 +351,10 @@ def companion(
     weight[sensor] = 0
     best = int(weight.argmax())
     if weight[best] <= 0:
-        return None
-    return Companion(
-        names[best], int(together[best]), int(hours[best]), int(alone[best])
+        return (), ""
+    return (names[best],), (
+        f" ({names[best]} came on in {alone[best]} hours without it; before, in"
+        f" {together[best]} of {hours[best]} with it)"
     )
 
 
@@ -297,102 +363,3 @@ def _hours(active: NDArray[np.bool_]) -> NDArray[np.bool_]:
     rest = len(active) % _HOUR
     whole = active[rest:]
     return np.asarray(whole.reshape(-1, _HOUR, active.shape[1]).any(1))
-
-
-class Follower:
-    """Follows the sensors of a home, observation by observation.
-
-    Arguments and errors are those of `HealthMonitor`.
-
-    Attributes:
-        monitor: Who judges.
-    """
-
-    def __init__(
-        self, names: Sequence[str], alarms: str = "1/week", zone: str = "UTC"
-    ) -> None:
-        self.monitor = HealthMonitor(names, alarms, zone)
-        count = len(names)
-        self._at: float | None = None  # the last observation, or look at the clock
-        self._on_since = np.full(count, np.nan)
-        self._known = np.zeros(count, np.bool_)
-        self._number = 0  # of the step under way
-        self._came_on = np.zeros(count, np.int32)
-        self._longest = np.zeros(count, np.float32)
-        self._valid = np.zeros(count, np.bool_)  # known at some time in the step
-        self._alarms: dict[str, Alarm] = {}  # in force, as they were raised
-
-    @property
-    def standing(self) -> Standing:
-        """How the sensors are after the last step that is over."""
-        alarms = tuple(self._alarms.values())
-        return Standing(self._number, self.monitor.progress, alarms, self.monitor.zone)
-
-    def observe(
-        self, on: Flags, known: Flags, at: float, *, begins: bool = False
-    ) -> list[News]:
-        """Observe a tick.
-
-        Args:
-            on: ``(N,)``, which sensors are on.
-            known: ``(N,)``, which readings are known. One that is unknown is not on.
-            at: When it was, seconds since 1970. One before the last counts as of its
-                time.
-            begins: Nothing was read before it: what was on meanwhile is unknown.
-
-        Returns:
-            What is said of the steps that were over by then, in order; in each, what
-            ends comes before what begins. A step costs a millisecond or so, and now and
-            then the time to learn anew.
-        """
-        if self._at is None:
-            self._at, self._number = at, int(at // STEP)
-        elif begins:
-            none = np.zeros(len(on), np.bool_)
-            self._read(none, none, self._at)
-        said = self.until(at)
-        self._read(on, known, max(at, self._at))
-        return said
-
-    def until(self, now: float) -> list[News]:
-        """Let time pass to `now`, seconds since 1970, after the first observation."""
-        said: list[News] = []
-        zone = self.monitor.zone
-        if self._at is None:
-            return said
-        while (end := (self._number + 1) * float(STEP)) <= now:
-            alarms, well = self.monitor.follow(*self._step(end))
-            said += [News(self._number, name, None, zone) for name in well]
-            said += [News(self._number, alarm.sensor, alarm, zone) for alarm in alarms]
-            for name in (*well, *(alarm.sensor for alarm in alarms)):
-                self._alarms.pop(name, None)
-            self._alarms |= {alarm.sensor: alarm for alarm in alarms}
-            self._at = max(self._at, end)
-        self._at = max(self._at, now)
-        return said
-
-    def _read(self, on: Flags, known: Flags, at: float) -> None:
-        """Let the sensors read so from a time on."""
-        on = on & known
-        was_on = ~np.isnan(self._on_since)
-        self._came_on += on & ~was_on
-        off = was_on & ~on
-        lasted = np.where(off, at - self._on_since, 0.0).astype(np.float32)
-        np.maximum(self._longest, lasted, out=self._longest)
-        self._on_since[on & ~was_on] = at
-        self._on_since[off] = np.nan
-        self._known = known.copy()
-        self._valid |= known
-
-    def _step(self, end: float) -> tuple[Steps, Flags]:
-        """Return the step under way, which ends, and begin the next."""
-        on = ~np.isnan(self._on_since)
-        lasted = np.where(on, end - self._on_since, 0.0).astype(np.float32)
-        longest = np.maximum(self._longest, lasted)
-        made = Steps(self._came_on[None], longest[None], self._number)
-        valid = self._valid[None]
-        self._number += 1
-        self._came_on = np.zeros_like(self._came_on)
-        self._longest = np.zeros_like(self._longest)
-        self._valid = self._known.copy()
-        return made, valid

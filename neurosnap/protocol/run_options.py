@@ -10,6 +10,7 @@ from neurosnap.agent.policy import EXACT, EXPLORE, AgentKind, Policy
 from neurosnap.agent.policy_kinds import new_policy
 from neurosnap.errors import InvalidValueError
 from neurosnap.health.alarm_budget import NEVER, parse_budget
+from neurosnap.health.follower import Follower
 from neurosnap.poc.learning.discounted import DiscountedSnapshot
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.learning.snapshot import Snapshot
@@ -268,6 +269,18 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
             " from a file with times; else never",
         ),
     ] = NEVER
+    health_step: Annotated[
+        float,
+        option(
+            "A machine is judged by the share of each so long step at which its sensors"
+            " are on; 0: it is a home, judged by how often they come on in ten minutes.",
+            at="health.step",
+            unit="SECONDS",
+            ge=0,
+            default="0, but for ROS 2, and for files with readings by a clock, or more"
+            " often than every ten seconds: the time between two readings, 1 at least",
+        ),
+    ] = 0.0
     zone: Annotated[
         str,
         option(
@@ -400,6 +413,12 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
             InvalidValueError: The source's arguments hold cuts that are none.
         """
         return tuple(known_order(self.body.own, self.conditions))
+
+    def follower(self) -> Follower:
+        """Return who follows the health of the world's own sensors."""
+        order = self.known_order if self.health_step else ()
+        alike, own = [(a >> 1, b >> 1) for a, b in order], self.body.own
+        return Follower(own, self.alarms, self.zone, self.health_step, alike)
 
     @property
     def conditions(self) -> dict[str, Condition]:

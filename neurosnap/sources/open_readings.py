@@ -148,6 +148,7 @@ class FileSource:
         moments = [parse_time(text, "time") if text else 0.0 for text in times]
         self._at = np.maximum.accumulate(moments).tolist()
         self.zone = readings.zone if any(self._at) else None  # None: nothing is dated
+        self.times = np.array(self._at)
 
     def first(self) -> Observed | None:
         """Go to the beginning and return the first observation."""

@@ -5,15 +5,14 @@ its futures has no fault, in each of the others something is wrong from the star
 """
 
 from copy import deepcopy
-from typing import Literal, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap import EmpiricalSnapshot
-from neurosnap.health.monitor import HealthMonitor
-from neurosnap.health.ten_minute_steps import STEP as TEN_MINUTES
-from neurosnap.health.ten_minute_steps import Steps, steps_of
+from neurosnap.health.level_evidence import Levels
+from neurosnap.health.machine_monitor import MachineMonitor
 from neurosnap.protocol.anomaly_detector import AnomalyDetector
 from neurosnap.protocol.anomaly_report import with_support
 from tools.paper.table import Entry
@@ -27,15 +26,14 @@ CASES: tuple[FaultKind | None, ...] = (None, *AFFECTED)
 SPANS = 1, 5
 """Minutes that the two common methods look at at once."""
 METHODS = (
-    *("health", "anomalies", "anomalies, strict", "topic rates"),
+    *("health", "anomalies", "topic rates"),
     *(f"isolation forest, {span} min" for span in SPANS),
     *(f"autoencoder, {span} min" for span in SPANS),
 )
 _EVERY = 2  # steps from one reading to the next
 _MINUTE = round(60 / STEP / _EVERY)
-_MONDAY = 4 * 86400.0
+_SECOND = round(1 / STEP / _EVERY)
 _LATELY = 4  # hours that anomalies learn from: it takes minutes, and each tick costs
-_STRICT = 1 / 8000
 _SUPPORT = 10  # as a run has it by itself
 _WINDOW, _LISTENED = 10, 20  # seconds and minutes of topics
 _CHUNK = 2048
@@ -86,40 +84,29 @@ class MinuteMethod(Protocol):
 
 class _Health:
     def __init__(self, past: Seen) -> None:
-        self._monitor = HealthMonitor(list(SENSOR_TOPICS), "1/week")
-        self._bits = past.bits
-        self._monitor.follow(self._steps(past.bits, 0))
+        self._monitor = MachineMonitor(list(SENSOR_TOPICS), "1/week", "UTC", 1.0)
+        self._monitor.follow(_levels(past), 0)
+        self._seconds = len(past.bits) // _SECOND
 
     def scores(self, seen: Seen) -> Floats:
         """Return how many alarms begin in each minute."""
-        monitor = deepcopy(self._monitor)
-        whole = np.concatenate([self._bits[-6 * 60 * _MINUTE :], seen.bits])
-        begin = len(self._bits) + len(seen.bits) - len(whole)
-        steps = self._steps(whole, begin)
+        begun, _ = deepcopy(self._monitor).follow(_levels(seen), self._seconds)
         found = np.zeros(len(seen.bits) // _MINUTE)
-        for at in range(36, len(steps)):  # what is still on may be from before
-            one = slice(at, at + 1)
-            step = Steps(steps.came_on[one], steps.longest[one], monitor.now)
-            begun, _ = monitor.follow(step, seen.known[None])
-            found[(at - 35) * TEN_MINUTES // 60 - 1] = len(begun)
+        for alarm in begun:
+            found[int(alarm.at - 1 - self._seconds) // 60] += 1
         return found
 
-    def _steps(self, bits: Bits, begin: int) -> Steps:
-        off = np.zeros((1, bits.shape[1]), np.bool_)
-        edges = np.diff(np.concatenate([off, bits, off]).astype(np.int8), axis=0)
-        seconds = _MONDAY + (begin + np.arange(len(edges))) * STEP * _EVERY
-        intervals = [
-            (float(on), float(out), sensor)
-            for sensor, column in enumerate(edges.T)
-            for on, out in zip(seconds[column > 0], seconds[column < 0], strict=True)
-        ]
-        return steps_of(intervals, bits.shape[1], float(seconds[0]), float(seconds[-1]))
+
+def _levels(seen: Seen) -> Levels:
+    """Return for which share of each second every sensor was on."""
+    on = seen.bits.reshape(-1, _SECOND, seen.bits.shape[1]).mean(1)
+    return Levels(on, np.tile(seen.known.astype(float), (len(on), 1)))
 
 
 class _Anomalies:
-    def __init__(self, past: Seen, threshold: float | Literal["auto"]) -> None:
+    def __init__(self, past: Seen) -> None:
         sensors = past.bits.shape[1]
-        self._snapshot = EmpiricalSnapshot(sensors, threshold)
+        self._snapshot = EmpiricalSnapshot(sensors, "auto")
         self._detector = AnomalyDetector(sensors, occasions=True)
         self._tick = 0
         self.count(Seen(past.bits[-_LATELY * 60 * _MINUTE :], past.known))
@@ -203,7 +190,7 @@ def rates(robot: Robot) -> NDArray[np.int64]:
 class RobotEntry(Entry, frozen=True, kw_only=True):
     """What all methods say of one robot a run, well and with each kind of fault."""
 
-    VERSION = 1
+    VERSION = 2
 
     learned: int
     """Days that are learned."""
@@ -219,8 +206,7 @@ class RobotEntry(Entry, frozen=True, kw_only=True):
         past = observed(robot, self.learned * 1440)
         least = rates(deepcopy(robot)).min(0)
         methods: list[MinuteMethod | None] = [_Health(past)]
-        methods += [_Anomalies(past, share) for share in ("auto", _STRICT)]
-        methods += [None]
+        methods += [_Anomalies(past), None]
         methods += [_Outliers(past, name) for name in METHODS[len(methods) :]]
         made = np.full(
             (len(CASES), len(METHODS), self.judged * 1440), np.nan, np.float32

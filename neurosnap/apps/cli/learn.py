@@ -268,15 +268,26 @@ def health(
             " recording's or Home Assistant's own, else UTC.",
         ),
     ] = None,
+    step: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TIME",
+            help="How long a step of a machine is that sensors are judged by, such as 1s;"
+            " 0s if it is a home, judged by how often they come on in ten minutes. If not"
+            " given, by how regular and quick the readings come.",
+        ),
+    ] = None,
     form: Format = "text",
 ) -> None:
-    """Report which sensors of a home seem broken, since when, and why."""
+    """Report which sensors of a home or a machine seem broken, since when, and why."""
     from neurosnap.apps.health_of_readings import health_of
     from neurosnap.recording.read.recording import Recording
+    from neurosnap.sources.conditions import parse_span
 
     with errors():
         opened = _opened(data, context)
-        found = health_of(opened, alarms, zone)
+        span = None if step is None else parse_span(step, "step")
+        found = health_of(opened, alarms, zone, span)
         say(form, *found.lines())
         print_facts(form, found)
         if isinstance(opened, Recording):

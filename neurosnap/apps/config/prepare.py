@@ -29,6 +29,7 @@ from neurosnap.apps.config.tables import (
 from neurosnap.apps.config.validate import Problem, known_keys
 from neurosnap.apps.new_files import LOGS, free_log, new_path
 from neurosnap.errors import InvalidValueError
+from neurosnap.health.follower import usual_step
 from neurosnap.poc.learning.automatic_threshold import AUTO
 from neurosnap.protocol.run_options import (
     FEW_CELLS,
@@ -184,6 +185,8 @@ class _Fitted(NamedTuple):
     """Whether the source shows the states of a discrete world."""
     zone: str | None
     """The time zone of its observations; None if they have no times."""
+    step: float = 0.0
+    """Of a machine's health, in seconds; 0 if it may be a home."""
 
 
 _NOTHING = _Fitted(Body(own=()), {}, (), None, False, None)
@@ -208,12 +211,12 @@ def _fit(config: Config, name: str, given: dict[str, Argument]) -> _Fitted:
     length = FOREVER if opened.live else opened.length
     body = body_of(opened, agent.kind, agent.grow)
     check_sensors(len(body.sensors))  # before anything is made of all their pairs
-    zone = system_zone() if opened.live else None
+    zone, step = system_zone() if opened.live else None, float(name == "ros2:")
     if isinstance(opened, FileSource):
         if opened.undated:
             _logger.warning("%s: left out, times such as %s", name, opened.undated)
-        zone = opened.zone
-    return _Fitted(body, arguments, target, length, opened.discrete, zone)
+        zone, step = opened.zone, usual_step(opened.times)
+    return _Fitted(body, arguments, target, length, opened.discrete, zone, step)
 
 
 def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
@@ -225,6 +228,7 @@ def _options(config: Config, name: str, fitted: _Fitted) -> RunOptions:
         given.setdefault("zone", fitted.zone)
         if 0 < len(fitted.body.own) <= _HOME:
             given.setdefault("alarms", _ALARMS)
+            given.setdefault("health_step", fitted.step)
     ends = [end for end in (config.run.ticks, fitted.length) if end is not None]
     settled = {
         "ticks": min(ends, default=None),

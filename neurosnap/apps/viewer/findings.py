@@ -7,6 +7,7 @@ was learned as normal.
 
 from bisect import bisect_left
 from contextlib import suppress
+from typing import TYPE_CHECKING
 
 import numpy as np
 from msgspec.structs import replace
@@ -18,11 +19,12 @@ from neurosnap.apps.viewer.time_series import Raster, TimeSeries
 from neurosnap.errors import MessageError, ShapeError
 from neurosnap.health.alarm import Alarm, lasted
 from neurosnap.health.alarm_budget import NEVER
-from neurosnap.health.monitor import Follower
-from neurosnap.health.ten_minute_steps import STEP
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recorded_readings import own_readings
 from neurosnap.system.local_time import dated
+
+if TYPE_CHECKING:
+    from neurosnap.health.follower import Follower
 
 NEAR = 10
 """Ticks between two anomalies of one finding, at most."""
@@ -103,7 +105,7 @@ class RunFindings:
         self._since: dict[tuple[int, int], float] = {}  # of each alarm, its evidence
         self._follower: Follower | None = None
         if options.alarms != NEVER:
-            self._follower = Follower(options.body.own, options.alarms, options.zone)
+            self._follower = options.follower()
 
     def read(self, ticks: Ticks, first: int, last: int) -> None:
         """Take in the messages of the ticks that follow those read before.
@@ -138,9 +140,8 @@ class RunFindings:
 
     def _raised(self, tick: int, sensor: int, alarm: Alarm) -> Finding:
         """Return the finding of an alarm, which begins with the evidence for it."""
-        with_it = alarm.companion
-        others = [] if with_it is None else [self._options.body.own.index(with_it.name)]
-        since = self._since[sensor, tick] = alarm.since * STEP
+        others = [self._options.body.own.index(other) for other in alarm.others]
+        since = self._since[sensor, tick] = alarm.since
         return Finding(
             sensors=[sensor, *others],
             tick=tick,

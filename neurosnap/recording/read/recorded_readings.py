@@ -10,7 +10,6 @@ from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.health.alarm import News
 from neurosnap.health.alarm_budget import NEVER
-from neurosnap.health.monitor import Follower
 from neurosnap.poc.learning.columns import GrowingColumns
 from neurosnap.recording.read.recording import Recording
 from neurosnap.sensorium import Sensorium, unpack_readings
@@ -70,7 +69,7 @@ def alarms_of(recording: Recording) -> Iterator[tuple[int, News]]:
     options = recording.options
     if options.alarms == NEVER:
         return
-    follower = Follower(options.body.own, options.alarms, options.zone)
+    follower = options.follower()
     for tick, (at, on, known, begins) in observations(recording):
         for each in follower.observe(on, known, at, begins=begins):
             yield tick, each

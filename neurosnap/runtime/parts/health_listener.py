@@ -14,7 +14,6 @@ from typing import NamedTuple, Self
 from neurosnap import wire
 from neurosnap.errors import NeurosnapError
 from neurosnap.health.alarm import Standing
-from neurosnap.health.monitor import Follower
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recorded_readings import (
@@ -67,7 +66,7 @@ class HealthListener:
         past: Past | None = None,
     ) -> None:
         self._body = options.body
-        self._follower = Follower(options.body.own, options.alarms, options.zone)
+        self._follower = options.follower()
         self._report = report
         self._past = past
         self._reported: Standing | None = None

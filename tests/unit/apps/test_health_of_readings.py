@@ -5,14 +5,15 @@ import pytest
 
 from neurosnap.apps import health_of_readings
 from neurosnap.health.alarm import Alarm, News, told
-from neurosnap.health.monitor import Follower
+from neurosnap.health.follower import Follower
 from neurosnap.recording.read.recorded_readings import OwnReadings
 
 
 def alarm(kind: str, step: int) -> News:
     """Return that an alarm was raised after a step."""
-    found = Alarm("UTC", "door", kind, step - 3, step, 9.0, 1.0, 0.01, 0, 2.5, 0, None)
-    return News(step + 1, "door", found, "UTC")
+    at = 600.0 * (step + 1)
+    found = Alarm("UTC", "door", kind, at - 1800, at, 0.01, "why", "else")
+    return News(at, "door", found, "UTC")
 
 
 class Scripted(Follower):
@@ -36,14 +37,14 @@ def test_an_alarm_that_becomes_another_is_over() -> None:
     less, silent = alarm("less", 10), alarm("silent", 20)
     found = log_of([[less], [silent]])
     ends = [(each.ended, each.became) for each in found.alarms]
-    assert ends == [(told(21, "UTC"), "silent"), (None, None)]
+    assert ends == [(told(12600.0, "UTC"), "silent"), (None, None)]
     lines = list(found.lines())
-    assert lines[0].endswith(f" Became 'silent' {told(21, 'UTC')}.")
+    assert lines[0].endswith(f" Became 'silent' {told(12600.0, 'UTC')}.")
     assert lines[-1] == "2 alarms, 1 in force (budget 1/week)"
 
 
 SILENT, STUCK = alarm("silent", 10), alarm("stuck", 40)
-OVER = News(31, "door", None, "UTC")
+OVER = News(18600.0, "door", None, "UTC")
 
 
 @pytest.mark.parametrize(
@@ -58,4 +59,4 @@ OVER = News(31, "door", None, "UTC")
 def test_an_alarm_ends_before_a_later_one_begins(said: list[list[News]]) -> None:
     found = log_of(said)
     ends = [(each.ended, each.became) for each in found.alarms]
-    assert ends == [(told(31, "UTC"), None), (None, None)]
+    assert ends == [(told(18600.0, "UTC"), None), (None, None)]

@@ -1,21 +1,53 @@
 """The follower of a run's readings builds ten-minute steps and reports what is new."""
 
+from collections.abc import Sequence
+from typing import Any
+from unittest.mock import patch
+
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from neurosnap.health import follower as followers
 from neurosnap.health.alarm import Alarm
-from neurosnap.health.monitor import Follower, HealthMonitor
+from neurosnap.health.follower import Follower, usual_step
+from neurosnap.health.level_evidence import Levels
+from neurosnap.health.machine_monitor import MachineMonitor
+from neurosnap.health.monitor import HealthMonitor
 from neurosnap.health.ten_minute_steps import STEP, Steps, steps_of
 
 START = 1_600_000_123.0
 
 
+class KeptLevels(MachineMonitor):
+    """Keeps the levels that it is given, and judges nothing."""
+
+    def __init__(self, names: Sequence[str], *rest: Any) -> None:
+        super().__init__(names, *rest)
+        self.on: list[np.ndarray] = []
+        self.known: list[np.ndarray] = []
+        self.numbers: list[int] = []
+
+    def follow(self, levels: Levels, number: int) -> tuple[list[Alarm], list[str]]:
+        self.on += [*levels.on]
+        self.known += [*levels.known]
+        self.numbers.append(number)
+        return [], []
+
+
+def machine(count: int, step: float) -> tuple[Follower, KeptLevels]:
+    with patch.object(followers, "MachineMonitor", KeptLevels):
+        follower = Follower([f"s{k}" for k in range(count)], step=step)
+    assert isinstance(follower.monitor, KeptLevels)
+    return follower, follower.monitor
+
+
 class Kept(HealthMonitor):
     """Keeps the steps that it is given, and judges nothing."""
 
-    def __init__(self, count: int) -> None:
-        super().__init__([f"s{k}" for k in range(count)])
+    def __init__(self, names: Sequence[str], *_: str) -> None:
+        super().__init__(names)
         self.steps: list[Steps] = []
         self.valid: list[list[bool]] = []
 
@@ -29,9 +61,10 @@ class Kept(HealthMonitor):
 
 
 def following(count: int) -> tuple[Follower, Kept]:
-    follower = Follower([f"s{k}" for k in range(count)])
-    follower.monitor = kept = Kept(count)
-    return follower, kept
+    with patch.object(followers, "HealthMonitor", Kept):
+        follower = Follower([f"s{k}" for k in range(count)])
+    assert isinstance(follower.monitor, Kept)
+    return follower, follower.monitor
 
 
 def flags(*values: int) -> np.ndarray:
@@ -112,3 +145,58 @@ def test_time_that_goes_back_stands_still() -> None:
     follower.until(6600.0)
     assert [step.first for step in kept.steps] == [10]
     assert kept.steps[0].longest.tolist() == [[100.0]]
+
+
+READINGS = st.lists(
+    st.tuples(st.integers(1, 40), st.integers(0, 3), st.integers(0, 3)), min_size=1
+)
+
+
+@given(READINGS)
+def test_a_machines_steps_hold_for_how_long_each_sensor_was_on(
+    readings: list[tuple[int, int, int]],
+) -> None:
+    # Quarters of a second; the bits of two sensors that are on, and that are known.
+    follower, kept = machine(2, 2.0)
+    at, quarters = 4000, []
+    for lasts, on, known in readings:
+        reads, sure = flags(on & 1, on & 2), flags(known & 1, known & 2)
+        follower.observe(reads, sure, at / 4)
+        quarters += [(reads, sure)] * lasts
+        at += lasts
+    follower.until(at / 4)
+    whole = np.array(quarters)[8 : len(quarters) // 8 * 8]  # the first is not judged
+    known = whole[:, 1].reshape(-1, 8, 2).mean(1)
+    on = (whole[:, 0] & whole[:, 1]).reshape(-1, 8, 2).mean(1)
+    assert kept.numbers == [501 + k for k in range(len(on))]
+    if len(on):
+        assert np.allclose(kept.known, known)
+        assert np.allclose(np.array(kept.on) * known, on)
+
+
+def test_a_machines_step_in_which_listening_began_is_not_judged() -> None:
+    follower, kept = machine(1, 1.0)
+    follower.observe(flags(1), flags(1), 10.0)
+    follower.observe(flags(1), flags(1), 13.5, begins=True)
+    follower.until(15.0)
+    assert kept.numbers == [11, 12, 14]
+    assert [each.tolist() for each in kept.known] == [[0.0], [0.0], [1.0]]
+
+
+@pytest.mark.parametrize(
+    ("times", "step"),
+    [
+        (np.arange(100) * 3600.0, 3600.0),
+        (np.arange(100) * 0.1, 1.0),
+        (np.cumsum(np.random.default_rng(0).exponential(3.0, 100)), None),
+        (np.cumsum(np.random.default_rng(0).exponential(300.0, 100)), 0.0),
+        (np.zeros(3), 0.0),
+        (np.zeros(0), 0.0),
+    ],
+    ids=["by the hour", "quick", "quick, by events", "a home", "no time", "nothing"],
+)
+def test_a_machine_is_read_by_a_clock_or_often(
+    times: np.ndarray, step: float | None
+) -> None:
+    expected = round(float(np.median(np.diff(times))), 3) if step is None else step
+    assert usual_step(times) == expected

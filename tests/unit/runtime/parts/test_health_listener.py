@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.health.alarm import Standing
-from neurosnap.health.monitor import Follower
+from neurosnap.health.follower import Follower
 from neurosnap.health.ten_minute_steps import STEP
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.parts import health_listener
@@ -99,7 +99,7 @@ async def test_that_a_door_stays_open_is_told_although_nothing_is_read_any_more(
     for at, on in home:
         follower.observe(on, np.ones(len(SENSORS), np.bool_), at)
     assert not follower.standing.alarms
-    follower.until((told.step + 1) * STEP)
+    follower.until(told.at)
     assert follower.standing.alarms == (told,)
 
 

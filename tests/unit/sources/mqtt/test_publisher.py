@@ -78,7 +78,7 @@ def test_the_last_anomaly_and_alarm_stay_to_be_looked_at_when_they_are_over() ->
     outlet.anomaly(None)
     assert held(outlet, "p/anomaly") == {"now": "OFF", "last": record}
 
-    alarm = Alarm("UTC", "door", "silent", 1, 2, 9.0, 1.0, 0.0, 0, 9.0, 0, None)
+    alarm = Alarm("UTC", "door", "silent", 1.0, 2.0, 0.0, "why", "else")
     calm = Standing(3, AlarmProgress(89, 300, 2, 3))
     outlet.health(msgspec.structs.replace(calm, alarms=(alarm,)))
     assert held(outlet, "p/health/door") == {"now": "ON", "last": alarm.line()}
