@@ -28,6 +28,8 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 _REGULAR = 0.9
 """The share of times between observations that are the usual one, of a clock."""
+_HOLDS = 5
+"""Steps for which a machine's readings hold: it is off, or not heard, from then on."""
 _QUICK = 10.0
 """Seconds: what is observed more often than that is no home."""
 
@@ -147,6 +149,10 @@ class Follower:
         if self._at is None:
             return said
         while (end := (self._number + 1) * self._step) <= now:
+            if end - self._step >= self._steps.until:
+                self._number = int(now // self._step)
+                self._steps.begin()
+                break
             begun, well = self._steps.over(self._number, end)
             self._number += 1
             said += [News(end, name, None, self._zone) for name in well]
@@ -164,7 +170,13 @@ Judged = tuple[list[Alarm], list[str]]
 
 
 class _Steps(Protocol):
-    """Groups readings into steps, and has them judged."""
+    """Groups readings into steps, and has them judged.
+
+    Attributes:
+        until: From when on nothing is known if nothing is read, seconds since 1970.
+    """
+
+    until: float
 
     def begin(self) -> None:
         """Know nothing of the step under way so far."""
@@ -178,6 +190,8 @@ class _Steps(Protocol):
 
 class _HomeSteps:
     """Steps of ten minutes: how often each sensor came on, and how long it was on."""
+
+    until = np.inf
 
     def __init__(self, monitor: HealthMonitor, count: int) -> None:
         self._monitor = monitor
@@ -222,7 +236,7 @@ class _MachineSteps:
     def __init__(self, monitor: MachineMonitor, count: int, step: float) -> None:
         self._monitor = monitor
         self._step = step
-        self._at = 0.0
+        self._at = self.until = 0.0
         self._on = np.zeros(count, np.bool_)
         self._known = np.zeros(count, np.bool_)
         self._seconds = np.zeros((2, count))
@@ -237,6 +251,7 @@ class _MachineSteps:
         """Let the sensors read so from a time on."""
         self._pass(at)
         self._on, self._known = on & known, known.copy()
+        self.until = at + _HOLDS * self._step
 
     def over(self, number: int, end: float) -> Judged:
         """End a step, and begin the next."""
@@ -250,6 +265,7 @@ class _MachineSteps:
         return judged
 
     def _pass(self, at: float) -> None:
-        if at > self._at:
-            self._seconds += (at - self._at) * np.array([self._on, self._known])
-            self._at = at
+        lasts = min(at, self.until) - self._at
+        if lasts > 0:
+            self._seconds += lasts * np.array([self._on, self._known])
+        self._at = max(at, self._at)

@@ -101,10 +101,11 @@ class MachineMonitor:
             why = f"not heard {when}"
             otherwise = "its source is off, or the way to it is cut"
         else:
-            more = alarm.read - alarm.guessed
+            guess = max(0.0, min(1.0, alarm.guessed))
+            more = alarm.read - guess
             kind = "more" if more > _APART else "less" if more < -_APART else "differs"
             read = f"on {alarm.read:.0%} of the time {when}"
-            why = f"{read}, where {others} would have it on {max(0.0, min(1.0, alarm.guessed)):.0%}"
+            why = f"{read}, where {others} would have it on {guess:.0%}"
             if kind == "differs":
                 why = f"{read}, but not when {others} would have it"
             otherwise = f"{others} may be wrong, or the machine does what it never did"

@@ -183,6 +183,15 @@ def test_a_machines_step_in_which_listening_began_is_not_judged() -> None:
     assert [each.tolist() for each in kept.known] == [[0.0], [0.0], [1.0]]
 
 
+def test_a_machine_that_is_not_read_is_not_judged_whatever_it_read_last() -> None:
+    follower, kept = machine(1, 1.0)
+    follower.observe(flags(1), flags(1), 10.0)
+    follower.observe(flags(1), flags(1), 1e9)
+    follower.until(1e9 + 2)
+    assert kept.numbers == [*range(11, 15), 1_000_000_001]
+    assert np.array(kept.known).all()
+
+
 @pytest.mark.parametrize(
     ("times", "step"),
     [
