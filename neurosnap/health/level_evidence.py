@@ -33,7 +33,7 @@ _LATELY = 50.0
 """Steps that the mean of the levels lately is over."""
 
 
-class Evidence(NamedTuple):
+class LevelEvidence(NamedTuple):
     """The evidence up to now. ``W`` windows, ``S`` signals, ``N`` sensors."""
 
     lately: Floats
@@ -58,7 +58,7 @@ class Evidence(NamedTuple):
     """``(N,)``, the last level of each sensor."""
 
     @classmethod
-    def none(cls, signals: int, sensors: int) -> "Evidence":
+    def none(cls, signals: int, sensors: int) -> "LevelEvidence":
         """Return none; it begins with the first step."""
         windows = len(WINDOWS)
         return cls(
@@ -129,10 +129,6 @@ class Peaks(NamedTuple):
     """``(W, S, TOP + 1)``, the largest peaks, falling."""
     stretches: Counts
     """``(W,)``, how many are over."""
-    total: Floats
-    """``(W, S)``, the evidence of all steps, summed."""
-    judged: Counts
-    """``(S,)``, of how many steps."""
 
     @classmethod
     def none(cls, signals: int) -> "Peaks":
@@ -143,8 +139,6 @@ class Peaks(NamedTuple):
             np.zeros((windows, signals)),
             np.zeros((windows, signals, TOP + 1)),
             np.zeros(windows, np.int64),
-            np.zeros((windows, signals)),
-            np.zeros(signals, np.int64),
         )
 
 
@@ -225,7 +219,9 @@ def learn(levels: Levels, lately: Floats, moments: Moments) -> None:
 
 
 @njit(nogil=True)
-def note_levels(sensor: int, read: float, missed: float, evidence: Evidence) -> None:
+def note_levels(
+    sensor: int, read: float, missed: float, evidence: LevelEvidence
+) -> None:
     """Take note of what a sensor read, and by how much it missed the guess."""
     for w in range(WINDOWS.shape[0]):
         share = 1.0 / WINDOWS[w]
@@ -238,7 +234,7 @@ def note_levels(sensor: int, read: float, missed: float, evidence: Evidence) -> 
 
 
 @njit(nogil=True)
-def judge(features: Floats, mask: Mask, evidence: Evidence) -> None:
+def judge(features: Floats, mask: Mask, evidence: LevelEvidence) -> None:
     """Add a step to the evidence.
 
     Args:
@@ -280,7 +276,6 @@ def note_peaks(evidence: Floats, counted: Flags, peaks: Peaks) -> None:
         for s in range(counted.shape[0]):
             if counted[s]:
                 peaks.now[w, s] = max(peaks.now[w, s], evidence[w, s])
-                peaks.total[w, s] += evidence[w, s]
             if over:
                 place = TOP
                 while place > 0 and peaks.top[w, s, place - 1] < peaks.now[w, s]:
@@ -292,12 +287,10 @@ def note_peaks(evidence: Floats, counted: Flags, peaks: Peaks) -> None:
         if over:
             peaks.steps[w] = 0
             peaks.stretches[w] += 1
-    for s in range(counted.shape[0]):
-        peaks.judged[s] += counted[s]
 
 
 @njit(nogil=True)
-def is_well(signal: int, evidence: Evidence, bounds: Bounds) -> bool:
+def is_well(signal: int, evidence: LevelEvidence, bounds: Bounds) -> bool:
     """Return whether an alarm about a signal is over."""
     turned: bool = evidence.turns[signal] >= bounds.turns[signal]
     calm: bool = evidence.calm[signal] >= bounds.ends[signal]
@@ -305,7 +298,7 @@ def is_well(signal: int, evidence: Evidence, bounds: Bounds) -> bool:
 
 
 @njit(nogil=True)
-def is_news(number: int, evidence: Evidence, bounds: Bounds) -> bool:
+def is_news(number: int, evidence: LevelEvidence, bounds: Bounds) -> bool:
     """Return whether an alarm begins or ends, and since when evidence is odd."""
     news = False
     for s in range(bounds.bad.shape[0]):
@@ -330,7 +323,7 @@ def follow(
     levels: Levels,
     mask: Mask,
     bounds: Bounds,
-    evidence: Evidence,
+    evidence: LevelEvidence,
     moments: Moments,
     peaks: Peaks,
 ) -> int:

@@ -19,7 +19,7 @@ from neurosnap.health.level_evidence import (
     TURN,
     WINDOWS,
     Bounds,
-    Evidence,
+    LevelEvidence,
     Levels,
     Moments,
     Peaks,
@@ -116,7 +116,7 @@ class LevelMonitor:
         self.turns = np.zeros(len(signals), np.int64)
         """How often each sensor changed, from one step to the next."""
         self._before = np.full(len(signals), np.nan)
-        self._evidence = Evidence.none(count, len(signals))
+        self._evidence = LevelEvidence.none(count, len(signals))
         self._moments = Moments.none(len(signals))
         self._model: LevelModel | None = None
         self._eras: list[tuple[int, Peaks]] = []

@@ -10,6 +10,8 @@ import warnings
 
 import numpy as np
 
+from neurosnap.health.level_evidence import Levels
+from neurosnap.health.level_monitor import FIRST, LevelMonitor
 from neurosnap.poc.learning.discounted import DiscountedSnapshot
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.protocol import worker_kernels
@@ -23,6 +25,8 @@ for _kind in (EmpiricalSnapshot, DiscountedSnapshot):
         _graph.wires("hasse")
         _graph.wires("derived")
 worker_kernels.warm()
+_levels = np.ones((FIRST + 2, 2))
+LevelMonitor(range(2)).follow(Levels(_levels, _levels), 0)
 # As a chunk is given to it: of bytes that cannot be written to.
 chunk_index._walk(np.frombuffer(b"", np.uint8), np.empty((0, 4), np.int64))
 # A launcher that is forked from here need not walk over all of this again and again.
