@@ -73,8 +73,11 @@ def test_a_sensor_that_is_not_heard_is_told_and_one_that_never_changes_is_not() 
     known[LEARNED:, HOT] = 0
     on[:, VALVE] = 0.0
     on[LEARNED:, VALVE] = 1.0  # of it nothing is known
+    known[LEARNED + HOUR // 2 :, VALVE] = 0
     monitor = MachineMonitor(SENSORS, "1/week", "UTC", 10.0)
-    (alarm,), _ = monitor.follow(Levels(on, known), 0)
+    (alarm, other), _ = monitor.follow(Levels(on, known), 0)
+    assert (other.sensor, other.kind) == ("valve", "silent")
+    assert other.at > (LEARNED + HOUR // 2) * 10
     assert (alarm.sensor, alarm.kind) == ("hot", "silent")
     assert alarm.why.startswith("not heard since Sat 03 Jan 1970 00:00")
     health = {each.sensor: each for each in monitor.sensors}
