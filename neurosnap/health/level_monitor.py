@@ -74,7 +74,7 @@ class LevelAlarm(NamedTuple):
     weekly: float
     """How often a week it would go so far with nothing wrong."""
     known: float
-    """For which share of the window the sensor was known."""
+    """For which share of the window the sensor was known; 0 if it is not known now."""
     read: float
     """For which share of that it was on."""
     guessed: float
@@ -284,14 +284,16 @@ class LevelMonitor:
                 del self._accepted[signal]
         over = self._evidence.mean > bounds.alarm
         if over.any():
-            alarm = self._begin(model, over, last)
+            alarm = self._begin(model, heard, over, last)
             changes.append(LevelChange(last, alarm, True))
         if changes or len(self._bad()) < bounds.bad.sum():
             self._forget()
             self._limits = None
         return changes
 
-    def _begin(self, model: LevelModel, over: Flags, last: int) -> LevelAlarm:
+    def _begin(
+        self, model: LevelModel, heard: Flags, over: Flags, last: int
+    ) -> LevelAlarm:
         """Begin the alarm of the signal whose evidence is most unlikely.
 
         It explains what is odd about all others.
@@ -310,7 +312,7 @@ class LevelMonitor:
             at=last,
             window=window,
             weekly=float(often[window, signal]),
-            known=float(known[sensor]),
+            known=float(known[sensor] * heard[sensor]),
             read=float(evidence.read[window, sensor]),
             guessed=float(evidence.guessed[window, sensor]),
             apart=float(apart[sensor]),

@@ -67,23 +67,29 @@ def test_what_lasts_for_two_weeks_is_how_the_machine_is() -> None:
     assert ended == ["belt"]
 
 
-def test_a_sensor_that_is_not_heard_is_told_and_one_that_never_changes_is_not() -> None:
+def test_a_sensor_that_is_not_heard_is_told_even_if_it_never_changed() -> None:
     on = machine(LEARNED + HOUR, 1)
     known = np.ones_like(on)
     known[LEARNED:, HOT] = 0
     on[:, VALVE] = 0.0
-    on[LEARNED:, VALVE] = 1.0  # of it nothing is known
     known[LEARNED + HOUR // 2 :, VALVE] = 0
     monitor = MachineMonitor(SENSORS, "1/week", "UTC", 10.0)
     (alarm, other), _ = monitor.follow(Levels(on, known), 0)
-    assert (other.sensor, other.kind) == ("valve", "silent")
-    assert other.at > (LEARNED + HOUR // 2) * 10
     assert (alarm.sensor, alarm.kind) == ("hot", "silent")
     assert alarm.why.startswith("not heard since Sat 03 Jan 1970 00:00")
+    assert (other.sensor, other.kind) == ("valve", "silent")
+    assert other.at > (LEARNED + HOUR // 2) * 10
     health = {each.sensor: each for each in monitor.sensors}
     assert health["hot"].health == 0
     assert not health["valve"].known
     assert monitor.progress.known == len(SENSORS) - 1
+
+
+def test_what_never_changed_before_is_not_told_once_it_does() -> None:
+    on = machine(LEARNED + HOUR, 1)
+    on[:, HOT] = 0.0
+    on[LEARNED:, HOT] = 1.0
+    assert not watched(on)[0]
 
 
 def test_steps_without_any_reading_are_left_out() -> None:
