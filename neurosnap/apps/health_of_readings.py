@@ -10,6 +10,7 @@ from neurosnap.health.follower import Follower, usual_step
 from neurosnap.recording.read.recorded_readings import OwnReadings, observations
 from neurosnap.recording.read.recording import Recording
 from neurosnap.sources.cuts import known_order
+from neurosnap.sources.meaning import compared, numbers_in
 from neurosnap.sources.readings import Readings, seconds_of
 from neurosnap.system.local_time import check_zone
 
@@ -71,20 +72,28 @@ def health_of(
     if isinstance(found, Recording):
         options = found.options
         names, theirs = options.body.own, options.zone
-        usual, order = options.health_step, options.known_order
+        usual, conditions = options.health_step, options.conditions
         readings = (each for _, each in observations(found))
     else:
         names, theirs = found.columns.sensorium.names, found.zone
         times = seconds_of(found)
         usual = usual_step(times)
-        order = tuple(known_order(names, found.wanted.every_condition()))
-        each = enumerate(times.tolist())
-        readings = (OwnReadings(at, *found.columns.row(tick)) for tick, at in each)
-    alike = [(a >> 1, b >> 1) for a, b in order]
-    step = usual if step is None else step
-    return follow(
-        readings, Follower(names, budget, zone or theirs, step, alike), budget
+        conditions, said = found.wanted.every_condition(), found.said
+        readings = (
+            OwnReadings(at, *found.columns.row(tick), said=said[tick] if said else b"")
+            for tick, at in enumerate(times.tolist())
+        )
+    alike = [(a >> 1, b >> 1) for a, b in known_order(names, conditions)]
+    places = compared(map(conditions.get, names))
+    follower = Follower(
+        names,
+        budget,
+        zone or theirs,
+        usual if step is None else step,
+        alike,
+        lambda said: numbers_in(said, places),
     )
+    return follow(readings, follower, budget)
 
 
 def follow(
@@ -102,7 +111,8 @@ def follow(
     """
     raised: list[Raised] = []
     for each in readings:
-        for news in follower.observe(each.on, each.known, each.at, begins=each.begins):
+        at, on, known, begins, said = each
+        for news in follower.observe(on, known, at, begins=begins, said=said):
             _end(raised, news)
             if (alarm := news.alarm) is not None:
                 raised.append(Raised(alarm, alarm.line(), None, None))

@@ -33,10 +33,14 @@ class Alarm(msgspec.Struct, frozen=True):
     """What else it could be."""
     others: tuple[str, ...] = ()
     """The sensors that say so most."""
+    number: float | None = None
+    """What the sensor's signal measured when it was raised; None if it is no number."""
 
     def line(self) -> str:
         """Return the alarm in a line."""
-        return f"{self.sensor}: {self.why}; {self._rare()}. Could also be: {self.otherwise}."
+        number = "" if self.number is None else f" ({self.number:g})"
+        rest = f"{self._rare()}. Could also be: {self.otherwise}."
+        return f"{self.sensor}{number}: {self.why}; {rest}"
 
     def _rare(self) -> str:
         if self.weekly <= 0:

@@ -6,10 +6,11 @@ ten minutes (`neurosnap.health.monitor`), of a machine for which share of a shor
 it was on (`neurosnap.health.level_monitor`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from neurosnap.health.alarm import (
@@ -76,6 +77,8 @@ class Follower:
             known here.
         step: Seconds of a machine's steps; 0 if it is a home.
         alike: Pairs of sensors, by number, that are about the same signal.
+        numbers: Returns what the signals of sensors measured, by their number, of what
+            an observation says.
 
     Attributes:
         monitor: Who judges.
@@ -91,8 +94,11 @@ class Follower:
         zone: str = "UTC",
         step: float = 0.0,
         alike: Sequence[tuple[int, int]] = (),
+        numbers: Callable[[bytes], Mapping[int, float]] = lambda _: {},
     ) -> None:
         self._zone = zone
+        self._numbers, self._said = numbers, b""
+        self._place = {name: sensor for sensor, name in enumerate(names)}
         count = len(names)
         self._steps: _Steps
         if step:
@@ -116,7 +122,13 @@ class Follower:
         return Standing(over, self.monitor.progress, alarms, self._zone)
 
     def observe(
-        self, on: Flags, known: Flags, at: float, *, begins: bool = False
+        self,
+        on: Flags,
+        known: Flags,
+        at: float,
+        *,
+        begins: bool = False,
+        said: bytes = b"",
     ) -> list[News]:
         """Observe a tick.
 
@@ -126,6 +138,7 @@ class Follower:
             at: When it was, seconds since 1970. One before the last counts as of its
                 time.
             begins: Nothing was read before it: what was on meanwhile is unknown.
+            said: The numbers behind the readings.
 
         Returns:
             What is said of the steps that were over by then, in order; in each, what
@@ -137,11 +150,12 @@ class Follower:
         elif begins:
             none = np.zeros(len(on), np.bool_)
             self._steps.read(none, none, self._at)
-        said = self.until(at)
+        news = self.until(at)
         if begins:
             self._steps.begin()
         self._steps.read(on, known, max(at, self._at))
-        return said
+        self._said = said
+        return news
 
     def until(self, now: float) -> list[News]:
         """Let time pass to `now`, seconds since 1970, after the first observation."""
@@ -154,6 +168,12 @@ class Follower:
                 self._steps.begin()
                 break
             begun, well = self._steps.over(self._number, end)
+            if begun:
+                numbers = self._numbers(self._said)
+                begun = [
+                    replace(alarm, number=numbers.get(self._place[alarm.sensor]))
+                    for alarm in begun
+                ]
             self._number += 1
             said += [News(end, name, None, self._zone) for name in well]
             said += [News(end, alarm.sensor, alarm, self._zone) for alarm in begun]

@@ -4,10 +4,10 @@ The *level* of a sensor in a step is the share of its time at which it was on. E
 sensor has three features: its level, the mean of its levels lately, and the share of
 the step at which it was known. Means and covariances of all features are counted step
 by step. They give the best linear guess of a signal's features from those of all other
-signals (Besag 1975; Lauritzen 1996, prop. 5.2): with the inverse `P` of the covariance
-and the deviations `d` from the mean, ``r = P d`` says how far signal `s` is from that
-guess, ``inv(P_ss) r_s``, and ``r_s' inv(P_ss) r_s`` how unlikely that is. It has the
-number of features of the signal in the mean where everything is as it was learned.
+signals (Besag 1975; Lauritzen, "Graphical models", 1996): with the inverse `P` of the
+covariance and the deviations `d` from the mean, ``r = P d`` says how far signal `s` is
+from that guess, ``inv(P_ss) r_s``, and ``r_s' inv(P_ss) r_s`` how unlikely that is. In
+the mean it is the number of the signal's features, if all is as it was learned.
 
 Features that are unknown, or not to be believed, are left out: the inverse of the
 covariance of the others is a Schur complement of `P`.

@@ -23,6 +23,7 @@ from neurosnap.protocol.worker_shares import hosts, learning_shares, shares
 from neurosnap.sensorium import Sensorium
 from neurosnap.sources.conditions import Condition
 from neurosnap.sources.cuts import known_order, recorded_conditions
+from neurosnap.sources.meaning import compared, numbers_in
 from neurosnap.sources.mqtt import options as mqtt
 from neurosnap.sources.ros2 import options as ros2
 from neurosnap.wire import HISTORY, LARGEST_KEYFRAME
@@ -418,7 +419,15 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
         """Return who follows the health of the world's own sensors."""
         order = self.known_order if self.health_step else ()
         alike, own = [(a >> 1, b >> 1) for a, b in order], self.body.own
-        return Follower(own, self.alarms, self.zone, self.health_step, alike)
+        places = compared(map(self.conditions.get, own)) if self.arguments else {}
+        return Follower(
+            own,
+            self.alarms,
+            self.zone,
+            self.health_step,
+            alike,
+            lambda said: numbers_in(said, places),
+        )
 
     @property
     def conditions(self) -> dict[str, Condition]:

@@ -129,8 +129,9 @@ class RunFindings:
         observation, body = ticks.observations.get(tick), self._options.body
         if self._follower is None or observation is None:
             return
-        at, on, known, begins = own_readings(observation, ticks.sent[tick], body)
-        for news in self._follower.observe(on, known, at, begins=begins):
+        read = own_readings(observation, ticks.sent[tick], body)
+        at, on, known, begins, said = read
+        for news in self._follower.observe(on, known, at, begins=begins, said=said):
             sensor = body.own.index(news.sensor)
             for place, was in enumerate(self.alarms):
                 if was.sensors[0] == sensor and was.last is None:

@@ -29,6 +29,8 @@ class OwnReadings(NamedTuple):
     """``(n,)``, which readings are known."""
     begins: bool = False
     """Readings before it were missed."""
+    said: bytes = b""
+    """The numbers behind them, as in `wire.Observation`."""
 
 
 def own_readings(message: wire.Observation, sent: int, body: Body) -> OwnReadings:
@@ -45,7 +47,8 @@ def own_readings(message: wire.Observation, sent: int, body: Body) -> OwnReading
     own = len(body.own)
     bits, known = unpack_readings(message.bits, message.known, body.count)
     told = np.ones(own, np.bool_) if known is None else known[:own]
-    return OwnReadings(message.at or sent / _SECOND, bits[:own], told, message.begins)
+    at = message.at or sent / _SECOND
+    return OwnReadings(at, bits[:own], told, message.begins, message.said)
 
 
 def observations(recording: Recording) -> Iterator[tuple[int, OwnReadings]]:
@@ -70,8 +73,8 @@ def alarms_of(recording: Recording) -> Iterator[tuple[int, News]]:
     if options.alarms == NEVER:
         return
     follower = options.follower()
-    for tick, (at, on, known, begins) in observations(recording):
-        for each in follower.observe(on, known, at, begins=begins):
+    for tick, (at, on, known, begins, said) in observations(recording):
+        for each in follower.observe(on, known, at, begins=begins, said=said):
             yield tick, each
 
 

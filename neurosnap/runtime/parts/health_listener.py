@@ -140,8 +140,8 @@ class HealthListener:
     def _observe(self, tick: int, observed: OwnReadings) -> None:
         if tick > self._tick:
             self._tick = tick
-            at, on, known, begins = observed
-            self._follower.observe(on, known, at, begins=begins)
+            at, on, known, begins, said = observed
+            self._follower.observe(on, known, at, begins=begins, said=said)
 
     def _catch_up(self, past: Past) -> None:
         """Follow what is recorded by now. A millisecond or so for each ten minutes."""
