@@ -156,5 +156,5 @@ class LevelModel:
 
 _WORSE = 2.0
 """How many times as large the variance is of a guess that is much worse."""
-_MASKS = 32
+_MASKS = 8
 """Regressions that are kept; more patterns of what is known than that are rare."""
