@@ -7,10 +7,9 @@ import msgspec
 from neurosnap.health.alarm import Alarm, AlarmProgress, News, SensorHealth, told
 from neurosnap.health.alarm_budget import parse_budget
 from neurosnap.health.follower import Follower, usual_step
+from neurosnap.protocol.run_options import follower_of
 from neurosnap.recording.read.recorded_readings import OwnReadings, observations
 from neurosnap.recording.read.recording import Recording
-from neurosnap.sources.cuts import known_order
-from neurosnap.sources.meaning import compared, numbers_in
 from neurosnap.sources.readings import Readings, seconds_of
 from neurosnap.system.local_time import check_zone
 
@@ -83,16 +82,8 @@ def health_of(
             OwnReadings(at, *found.columns.row(tick), said=said[tick] if said else b"")
             for tick, at in enumerate(times.tolist())
         )
-    alike = [(a >> 1, b >> 1) for a, b in known_order(names, conditions)]
-    places = compared(map(conditions.get, names))
-    follower = Follower(
-        names,
-        budget,
-        zone or theirs,
-        usual if step is None else step,
-        alike,
-        lambda said: numbers_in(said, places),
-    )
+    step = usual if step is None else step
+    follower = follower_of(names, conditions, budget, zone or theirs, step)
     return follow(readings, follower, budget)
 
 

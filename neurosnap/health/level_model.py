@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-LEVEL, LATELY, KNOWN = range(3)
-"""The features of a sensor."""
 FEATURES = 3
+"""Of each sensor: its level, the level lately, and how much of the step it is known."""
+KNOWN = FEATURES - 1
 _RIDGE = 0.05
 """By which share each variance is taken to be larger than it was seen to be."""
 _SLACK = np.array([1e-3, 1e-3, 0.05])

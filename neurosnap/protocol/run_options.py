@@ -1,5 +1,6 @@
 """The options of a run: enough to repeat it; stored in its recording."""
 
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal, TypeAlias
 
 import msgspec
@@ -262,8 +263,8 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     alarms: Annotated[
         str,
         option(
-            "How many alarms about broken sensors the home may raise while nothing"
-            " is wrong, such as 1/week or 2/month. Never: no sensor is judged.",
+            "How many alarms about broken sensors may be raised while nothing is"
+            " wrong, such as 1/week or 2/month. Never: no sensor is judged.",
             at="health.alarms",
             unit="N/TIME",
             default="1/week where there are 200 sensors or fewer, read from outside or"
@@ -273,8 +274,8 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     health_step: Annotated[
         float,
         option(
-            "A machine is judged by the share of each so long step at which its sensors"
-            " are on; 0: it is a home, judged by how often they come on in ten minutes.",
+            "Judge the sensors as a machine's, in steps of this length: by how much of"
+            " each they are on. 0: as a home's, by how often they come on.",
             at="health.step",
             unit="SECONDS",
             ge=0,
@@ -417,17 +418,9 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
 
     def follower(self) -> Follower:
         """Return who follows the health of the world's own sensors."""
-        order = self.known_order if self.health_step else ()
-        alike, own = [(a >> 1, b >> 1) for a, b in order], self.body.own
-        places = compared(map(self.conditions.get, own)) if self.arguments else {}
-        return Follower(
-            own,
-            self.alarms,
-            self.zone,
-            self.health_step,
-            alike,
-            lambda said: numbers_in(said, places),
-        )
+        conditions = self.conditions if self.arguments else {}
+        budget = self.alarms, self.zone, self.health_step
+        return follower_of(self.body.own, conditions, *budget)
 
     @property
     def conditions(self) -> dict[str, Condition]:
@@ -469,3 +462,21 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
             usual = {"threshold": kind.THRESHOLD, "decay": kind.DECAY}
         given = {name: getattr(self, name) for name in usual}
         return usual | {name: one for name, one in given.items() if one is not None}
+
+
+def follower_of(
+    names: Sequence[str],
+    conditions: Mapping[str, Condition],
+    alarms: str,
+    zone: str,
+    step: float,
+) -> Follower:
+    """Return who follows sensors' health; those of signals are on by `conditions`.
+
+    The other arguments, and the errors, are those of `Follower`.
+    """
+    alike = [(a >> 1, b >> 1) for a, b in known_order(names, conditions)]
+    places = compared(map(conditions.get, names))
+    return Follower(
+        names, alarms, zone, step, alike, lambda said: numbers_in(said, places)
+    )

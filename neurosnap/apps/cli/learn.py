@@ -256,8 +256,8 @@ def health(
         str,
         typer.Option(
             metavar="N/TIME",
-            help="How many alarms the home may raise while nothing is wrong, such as"
-            " 1/week or 2/month.",
+            help="How many alarms may be raised while nothing is wrong, such as 1/week"
+            " or 2/month.",
         ),
     ] = "1/week",
     zone: Annotated[
@@ -272,9 +272,9 @@ def health(
         str | None,
         typer.Option(
             metavar="TIME",
-            help="How long a step of a machine is that sensors are judged by, such as 1s;"
-            " 0s if it is a home, judged by how often they come on in ten minutes. If not"
-            " given, by how regular and quick the readings come.",
+            help="Judge the sensors as a machine's, in steps of this length, such as 1s;"
+            " 0s: as a home's, by how often they come on in ten minutes.",
+            show_default="a machine's, if readings are regular or under 10 s apart",
         ),
     ] = None,
     form: Format = "text",
