@@ -28,11 +28,12 @@ def stored(cell: dict[str, Any]) -> str:
     return "".join(line for output in cell["outputs"] for line in output["text"])
 
 
-@pytest.mark.parametrize("name", ["your_own_data", "an_agent"])
+@pytest.mark.parametrize("name", ["your_own_data", "an_agent", "a_plant"])
 def test_a_notebook_prints_what_it_shows(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(EXAMPLES)
+    monkeypatch.syspath_prepend(EXAMPLES)  # as Jupyter does
     every = json.loads((EXAMPLES / f"{name}.ipynb").read_text())["cells"]
     cells = [cell for cell in every if cell["cell_type"] == "code"]
     assert printed(cells) == [stored(cell) for cell in cells]
