@@ -23,7 +23,7 @@ import msgspec
 
 from neurosnap.errors import MessageError
 
-SCHEMA = 10
+SCHEMA = 11
 ROOT = "neurosnap"
 LARGEST_KEYFRAME = 1 << 26
 """Bytes of a key-frame, at most, which no other message may pass either."""
@@ -375,6 +375,11 @@ class WeighedLink(msgspec.Struct, frozen=True, gc=False, omit_defaults=True):
     occasions: Annotated[int, msgspec.Meta(ge=-1, le=_LARGEST)] = -1
     """On how many occasions, among the last 8,192 ticks, it was put to the test and
     held; -1: they were not counted."""
+    worn: Natural = 0
+    """The tick since which it breaks too often to be told; 0: it does not."""
+    retired: Natural = 0
+    """The last tick at which it is told nevertheless; 0: it is told, and if it was worn
+    it returns with this anomaly."""
 
 
 class NumberRead(msgspec.Struct, frozen=True):

@@ -14,7 +14,7 @@ for good becomes a fact about the world, and its repair an anomaly.
 """
 
 from collections.abc import Iterable
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from neurosnap.poc.learning.reading_history import History
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.order.contradiction import Contradiction, contradiction
 from neurosnap.poc.order.graph import PocGraph
+from neurosnap.protocol.worn_links import Pair, WornLinks
 from neurosnap.sensorium import selection
 
 MOST = 64
@@ -47,8 +48,9 @@ class AnomalyDetector:
         sensors: How many there are.
         hold: For how many ticks after the first anomaly to go on judging by the order
             that it broke; 0: always by the order given.
-        occasions: Whether to keep the last readings of all sensors, and count in them
-            the occasions that what an anomaly breaks rests on.
+        support: The occasions that what is told rests on. They are counted in the last
+            readings of all sensors, and what is told breaks too often is retired. 0:
+            nothing is counted.
 
     Examples:
         >>> from neurosnap.poc.learning.empirical import EmpiricalSnapshot
@@ -64,12 +66,13 @@ class AnomalyDetector:
         self,
         sensors: int,
         hold: int = 0,
-        *,
-        occasions: bool = False,
+        support: int = 0,
     ) -> None:
         self._sensors = sensors
         self._hold = hold
-        self._history = History(sensors, wire.HISTORY) if occasions else None
+        self._support = support
+        self._history = History(sensors, wire.HISTORY) if support else None
+        self._worn = WornLinks()
         self._begin()
 
     def _begin(self) -> None:
@@ -118,7 +121,6 @@ class AnomalyDetector:
                 self._since = tick
             if self._hold and self._held is None:
                 self._held, self._until = order, tick + self._hold
-            self._blame[list(found.candidates)] += 1 / len(found.candidates)
             anomaly = self._anomaly(found, snapshot, self._since)
         if self._history is not None:
             self._history.record(seen[::2], seen[::2] | seen[1::2])
@@ -132,13 +134,20 @@ class AnomalyDetector:
     ) -> wire.Anomaly:
         """Return an anomaly with what speaks for the implications it breaks."""
         chains = found.chains
-        held: dict[tuple[int, int], int] = {}
+        links = {way: [*pairwise(way)] for way in chains}
+        held, worn = dict[Pair, int](), dict[Pair, tuple[int, int]]()
+        rank = dict[tuple[int, ...], int]()
         if self._history is not None:
-            links = {pair for chain in chains for pair in pairwise(chain)}
-            held = _held(links, self._history)
-            weakest = [min(held[pair] for pair in pairwise(chain)) for chain in chains]
-            order = sorted(range(len(chains)), key=lambda k: -weakest[k])
-            chains = tuple(chains[k] for k in order)
+            held = _held({*chain.from_iterable(links.values())}, self._history)
+            least = {way: min(held[pair] for pair in links[way]) for way in chains}
+            # Of several links it is not known which broke.
+            broken = {p for p in links if len(p) == 2 and least[p] >= self._support}
+            worn = self._worn.follow(self._tick, held.keys(), broken, self._history)
+            at = {p: 1 if 0 < out < self._tick else -1 for p, (_, out) in worn.items()}
+            rank = {way: max(at.get(p, 0) for p in links[way]) for way in chains}
+            chains = tuple(sorted(chains, key=lambda way: (rank[way], -least[way])))
+        if min(rank.values(), default=0) <= 0:  # else all it breaks are retired
+            self._blame[list(found.candidates)] += 1 / len(found.candidates)
         shown, first = chains[:MOST], found.culprits[0]
         about = [each for each in chains if first in (each[0] >> 1, each[-1] >> 1)]
         if about and about[0] not in shown:  # it is what the anomaly is told by
@@ -151,16 +160,20 @@ class AnomalyDetector:
             exact=found.exact,
             implications=len(chains) + found.more,
             links=tuple(
-                _weighed(number, pair, snapshot, held.get(pair, -1))
-                for number, chain in enumerate(shown)
-                for pair in pairwise(chain)
+                _weighed(
+                    number, pair, snapshot, held.get(pair, -1), worn.get(pair, (0, 0))
+                )
+                for number, way in enumerate(shown)
+                for pair in links[way]
             ),
         )
 
     def to_bytes(self) -> bytes:
         """Return the detector's state for a key-frame, and forget everything else."""
         self._begin()
-        return b"" if self._history is None else pack_arrays(self._history.arrays())
+        if self._history is None:
+            return b""
+        return pack_arrays(self._history.arrays() | self._worn.arrays())
 
     def restore(self, data: bytes) -> None:
         """Restore the detector's state from the bytes of `to_bytes`.
@@ -169,18 +182,24 @@ class AnomalyDetector:
             ValueError: It is damaged, or of other sensors.
         """
         if self._history is not None:
-            self._history = History.from_arrays(unpack_arrays(data), len(self._blame))
+            arrays = unpack_arrays(data)
+            self._history = History.from_arrays(arrays, len(self._blame))
+            self._worn.restore(arrays)
 
 
 def _weighed(
-    number: int, pair: tuple[int, int], snapshot: Snapshot | None, held: int
+    number: int,
+    pair: Pair,
+    snapshot: Snapshot | None,
+    held: int,
+    worn: tuple[int, int],
 ) -> wire.WeighedLink:
     """Return a broken link with what speaks for it, as far as a snapshot knows."""
-    if snapshot is None or pair[0] >> 1 == pair[1] >> 1:
-        return wire.WeighedLink(number, *pair, occasions=held)
-    one = snapshot.evidence(*pair)
-    both, against = float(one.both), float(one.against)
-    return wire.WeighedLink(number, *pair, both, against, one.since, held)
+    both, against, since = 0.0, 0.0, 0
+    if snapshot is not None and pair[0] >> 1 != pair[1] >> 1:
+        one = snapshot.evidence(*pair)
+        both, against, since = float(one.both), float(one.against), one.since
+    return wire.WeighedLink(number, *pair, both, against, since, held, *worn)
 
 
 def _held(

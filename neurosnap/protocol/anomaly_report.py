@@ -1,6 +1,6 @@
 """Describes anomalies in words, leaving out rules with too little evidence."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import msgspec
@@ -11,13 +11,14 @@ from neurosnap.sensorium import visible
 
 
 def with_support(anomaly: wire.Anomaly, support: int) -> wire.Anomaly | None:
-    """Return an anomaly without the implications that rest on too few occasions.
+    """Return an anomaly without implications that are retired, or rest on too little.
 
-    A broken implication rests on the occasions of the least of its links.
+    A broken implication rests on the occasions of the least of its links, and is
+    retired once one of them is; the anomaly in which that happens is the last.
 
     Args:
         anomaly: As it came. One whose occasions were not counted stays as it is.
-        support: The fewest occasions.
+        support: The fewest occasions; 0: it stays as it is.
 
     Returns:
         None if nothing is left. Else only sensors that are in what is left may be
@@ -27,7 +28,8 @@ def with_support(anomaly: wire.Anomaly, support: int) -> wire.Anomaly | None:
         return anomaly
     least: dict[int, int] = {}
     for link in anomaly.links:
-        least[link.number] = min(link.occasions, least.get(link.number, link.occasions))
+        held = 0 if 0 < link.retired < anomaly.tick else link.occasions
+        least[link.number] = min(held, least.get(link.number, held))
     left = {number for number, held in least.items() if held >= support}
     if not left:
         return None
@@ -159,7 +161,30 @@ def _sentence(anomaly: wire.Anomaly, sensors: Sequence[str]) -> str:
         among = "; the rule was never tested"
     more = anomaly.implications - 1
     others = f"; {_counted(more, 'more rule')} broken, too" if more > 0 else ""
-    return f"{what}: {often}{among}{others}"
+    return f"{what}: {often}{among}{others}{_retired(anomaly, sensors)}"
+
+
+def _retired(anomaly: wire.Anomaly, sensors: Sequence[str]) -> str:
+    """Return whose rules are retired with an anomaly, and whose return."""
+    gone, back, since = dict[str, None](), dict[str, None](), anomaly.tick
+    for link in anomaly.links:
+        pair = f"{sensors[link.source >> 1]} and {sensors[link.target >> 1]}"
+        if link.retired == anomaly.tick:
+            gone[pair], since = None, min(since, link.worn)
+        elif link.worn and not link.retired:
+            back[pair] = None
+    words = f"; {_pairs(back)} had gone together again for long" if back else ""
+    if gone:
+        words += f"; since tick {since} {_pairs(gone)} no longer go together as they"
+        words += (
+            " did: drift, or a changed plant? Not told again before they do for long"
+        )
+    return words
+
+
+def _pairs(names: Collection[str]) -> str:
+    more = f" ({_counted(len(names) - 1, 'more pair')}, too)"
+    return f"{next(iter(names))}{more if len(names) > 1 else ''}"
 
 
 def _counted(count: int, what: str) -> str:

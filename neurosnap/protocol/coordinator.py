@@ -140,7 +140,7 @@ class Coordinator:
             self._detector = AnomalyDetector(
                 len(snapshot.sensorium),
                 options.hold,
-                occasions=options.support > 0,
+                options.support,
             )
         # Of the tick under way.
         self._steps: Steps | None = None

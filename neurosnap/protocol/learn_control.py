@@ -135,8 +135,8 @@ class LearnControl:
         links = []
         for link in anomaly.links:
             if said := found.get((link.source, link.target)):
-                kept = {"number": link.number, "occasions": link.occasions}
-                link = msgspec.structs.replace(said, **kept)
+                weights = {"support": said.support, "against": said.against}
+                link = msgspec.structs.replace(link, **weights, since=said.since)
             links.append(link)
         return msgspec.structs.replace(anomaly, links=tuple(links))
 

@@ -107,7 +107,7 @@ class _Anomalies:
     def __init__(self, past: Seen) -> None:
         sensors = past.bits.shape[1]
         self._snapshot = EmpiricalSnapshot(sensors, "auto")
-        self._detector = AnomalyDetector(sensors, occasions=True)
+        self._detector = AnomalyDetector(sensors, support=_SUPPORT)
         self._tick = 0
         self.count(Seen(past.bits[-_LATELY * 60 * _MINUTE :], past.known))
 

@@ -96,8 +96,18 @@ class History:
             rings[:, off] = self.off[:, sensors[off]]
         return rings
 
+    def latest(self, ticks: int) -> Words:
+        """Return ``(W,)``, so many of the last ticks. O(W) time."""
+        ages = (self.tick - 1 - np.arange(self.length)) % self.length
+        bits = np.packbits(ages < ticks, bitorder="little")
+        words: Words = bits.view("<u8").astype(np.uint64)
+        return words
+
     def occasions_held(
-        self, sources: NDArray[np.int64], targets: NDArray[np.int64]
+        self,
+        sources: NDArray[np.int64],
+        targets: NDArray[np.int64],
+        within: Words | None = None,
     ) -> NDArray[np.int64]:
         """Return on how many occasions implications were tested, and held.
 
@@ -107,6 +117,7 @@ class History:
         Args:
             sources: ``(n,)`` literals.
             targets: ``(n,)``: what each of them implies.
+            within: ``(W, n)``, the ticks at which an occasion may begin; None: all.
 
         Returns:
             ``(n,)``; 0 for two literals of the same sensor.
@@ -115,6 +126,8 @@ class History:
         def begun(a: NDArray[np.int64], b: NDArray[np.int64]) -> NDArray[np.int64]:
             both = self.rings(a) & self.rings(b)
             both &= ~following(both, self.tick)
+            if within is not None:
+                both &= within
             runs: NDArray[np.int64] = np.bitwise_count(both).sum(axis=0, dtype=np.int64)
             return runs
 

@@ -159,7 +159,7 @@ def test_where_one_exception_convinces_nothing_is_wrong_once_it_is_learned(
 
 
 def test_what_rests_on_most_occasions_comes_first() -> None:
-    snapshot, detector = EmpiricalSnapshot(3, 0.25), AnomalyDetector(3, occasions=True)
+    snapshot, detector = EmpiricalSnapshot(3, 0.25), AnomalyDetector(3, support=1)
     # 0 implies 1 from the first; 2 implies 1, often.
     shown = [(0, 0, 0), (1, 1, 0), *[(0, 1, 1), (0, 0, 0)] * 5, (0, 1, 0)]
     for tick, bits in enumerate(shown):

@@ -124,3 +124,19 @@ def test_what_rests_on_its_weakest_link_is_told_with_support_alone() -> None:
 def test_nothing_is_left_out_where_no_occasions_were_counted() -> None:
     assert with_support(rests_on(), 99) == rests_on()
     assert with_support(rests_on(0, 0, 0), 0) == rests_on(0, 0, 0)
+
+
+def test_a_rule_that_breaks_too_often_is_told_once_and_when_it_returns() -> None:
+    def told(at: int, support: int = 5, since: tuple[int, ...] = (3,)) -> str:
+        links = [*rests_on(9, 9, 5).links]
+        for n, each in enumerate(since):
+            links[n] = msgspec.structs.replace(links[n], worn=each, retired=at)
+        anomaly = msgspec.structs.replace(rests_on(), links=tuple(links))
+        rest = with_support(anomaly, support)
+        return "" if rest is None else named_anomaly(rest, NAMES).sentence
+
+    words = "no longer go together as they did: drift, or a changed plant?"
+    assert f"; since tick 3 door and motion {words}" in told(9)
+    assert f"3 door and motion (2 more pairs, too) {words}" in told(9, since=(5, 3, 4))
+    assert told(0).endswith("; door and motion had gone together again for long")
+    assert (told(8)[:8], told(8, 6), told(8, 0)[:7]) == ("light is", "", "door is")

@@ -136,8 +136,8 @@ def test_an_anomaly_gets_what_spoke_for_what_it_broke() -> None:
         exact=True,
         implications=2,
         links=tuple(
-            wire.WeighedLink(number, *pair)
-            for number, *pair in ((0, 2, 1), (1, 9, 0), (1, 4, 5), (1, 2, 1))
+            wire.WeighedLink(number, a, b)
+            for number, a, b in ((0, 2, 1), (1, 9, 0), (1, 4, 5), (1, 2, 1))
         ),
     )
     asked = LearnControl(SHARES, repeats=1)
