@@ -190,7 +190,7 @@ def rates(robot: Robot) -> NDArray[np.int64]:
 class RobotEntry(Entry, frozen=True, kw_only=True):
     """What all methods say of one robot a run, well and with each kind of fault."""
 
-    VERSION = 2
+    VERSION = 3
 
     learned: int
     """Days that are learned."""
