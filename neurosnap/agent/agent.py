@@ -275,8 +275,11 @@ class Agent:
         To be told before an observation that begins a trajectory though the last one
         had not come to its end: after a limit on time, or a reset.
         """
-        memory = self._mind.memory
-        memory.decision = Decision(memory.decision.tick, -1, "set down")
+        self.take(-1, "set down")
+
+    def take(self, action: int, why: str = "") -> None:
+        """Go on from another action than it decided on; -1: none was taken."""
+        self._mind.memory.decision = Decision(self.decision.tick, action, why)
 
     def act(
         self,
@@ -305,12 +308,21 @@ class Agent:
             ShapeError: Another number of bits, or of known ones.
             InvalidValueError: An entry is not 0 or 1, or no reading is known.
         """
+        return self.follow(self.sense(bits, begins, known))
+
+    def sense(
+        self, bits: ArrayLike, begins: bool, known: NDArray[np.bool_] | None
+    ) -> Sensed:
+        """Return the whole observation, for `follow`; arguments are those of `act`."""
         own, sure = self._own.observation(bits), self._checked(known)
         step = (-1 if begins else self.decision.action, self.state)
         observation = self._senses.observe(own, *step)
         known = self._senses.known(sure, *step, self._known)
         self._known = sure
-        seen = Sensed(observation, known, begins)
+        return Sensed(observation, known, begins)
+
+    def follow(self, seen: Sensed) -> Decision:
+        """Learn from what was sensed, and decide."""
         steps = tick(self._mind, seen)
         if answered(steps, lambda asked: answered_at_once(asked, self._mind, seen)):
             self._senses = Senses(self.body)

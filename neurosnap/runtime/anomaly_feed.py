@@ -44,7 +44,8 @@ def recorded(recording: Recording, support: int | None = None) -> Iterator[Fed]:
         MessageError: While iterating: an anomaly is none of such a run.
     """
     support = _support(recording.options, support)
-    streams = _anomalies_and_births(recording, support), alarms_of(recording)
+    alarms = alarms_of(recording, recording.options)
+    streams = _anomalies_and_births(recording, support), alarms
     for _, each in heapq.merge(*streams, key=itemgetter(0)):
         yield each
 

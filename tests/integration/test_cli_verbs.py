@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from typer.testing import Result
 
+from neurosnap import wire
 from neurosnap.apps.export import table
 from neurosnap.depth import measure
 from neurosnap.recording.read.recording import Recording, part_paths
@@ -16,6 +17,7 @@ from neurosnap.system.picture import KINDS
 from tests.support.command_line import call, failed, flat, happy, last_json, refused
 from tests.support.command_line_files import changed, cut, readings, record_path
 from tests.support.recorded_runs import TICKS
+from tests.support.rewritten_recordings import dropping, rewritten
 
 pytestmark = pytest.mark.slow
 
@@ -74,6 +76,26 @@ def test_info_and_verify_say_what_a_recording_holds(log: Path, tmp_path: Path) -
     assert result.exit_code == 1
     assert last_json(result.stdout)["same"] is False
     assert "different: tick 9: /decision coordinator " in result.stderr
+
+
+def test_verify_says_how_other_options_would_have_gone(
+    log: Path, tmp_path: Path
+) -> None:
+    same = happy("verify", log, "--set", "anomalies.support=10")
+    assert (same["same"], same["complete"], same["ticks"]) == (True, True, 30)
+    result = call("verify", log, "--set", "anomalies.support=0", "--format", "json")
+    facts = last_json(result.stdout)
+    (tick, line), count = facts["first"]["anomalies"], facts["differ"]["anomalies"]
+    assert (result.exit_code, facts["same"]) == (1, False)
+    first = next(iter(Recording.open(log).all("anomaly", wire.Anomaly)))
+    assert (tick, count > 1) == (first.tick, True)
+    assert result.stderr.splitlines() == [
+        f"different: anomalies at {count} of 30 ticks, first at tick {tick}: {line}",
+        "same: states, decisions, alarms of 30 ticks",
+    ]
+    blind = rewritten(log, tmp_path / "a.mcap", dropping(wire.Observation))
+    rule = "must hold a whole tick to be derived, got none"
+    assert rule in failed("verify", blind, "--set", "anomalies.support=0")
 
 
 @pytest.mark.parametrize("whole", [True, False])

@@ -19,7 +19,7 @@ from neurosnap.apps.cli.errors_and_signals import (
     run_async,
     unwinding,
 )
-from neurosnap.apps.cli.run_flags import NETWORK, option
+from neurosnap.apps.cli.run_flags import NETWORK, option, settings
 from neurosnap.apps.cli.terminal_output import (
     in_ranges,
     print_facts,
@@ -74,16 +74,35 @@ def verify(
             help="Skip what comes before the last key-frame up to this tick.",
         ),
     ] = 0,
+    given: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Derive it under another option instead, such as"
+            " snapshot.threshold=auto: one of agent, snapshot, anomalies or health in"
+            " the TOML file. May be repeated.",
+        ),
+    ] = None,
     form: Format = "text",
 ) -> None:
     """Derive a run again from its observations, and compare bit for bit.
 
     Every state and every decision is computed from what was observed, and compared with
     what was recorded.
+
+    With --set it says at which ticks states, decisions, anomalies and alarms would have
+    been others. The readings and the actions taken stay as recorded: a decision is what
+    the agent would have decided there.
     """
     from neurosnap.recording.replay import verify as replayed
 
     with errors():
+        if given:
+            if begin:
+                raise InvalidValueError("from", "must go without --set", begin)
+            _report_departures(log, settings(given), form)
+            return
         verdict = replayed.verify(log, begin)
         if verdict.same and not verdict.ticks:
             behind = f" behind tick {verdict.start}" if verdict.start else ""
@@ -95,6 +114,34 @@ def verify(
             raise typer.Exit(1)
         if not verdict.complete:
             raise typer.Exit(LOST)
+
+
+def _report_departures(log: Path, given: dict[str, object], form: str) -> None:
+    """Say where a run departs from its recording under other options."""
+    from neurosnap.apps.config.prepare import other_options
+    from neurosnap.recording.read.recording import Recording
+    from neurosnap.recording.replay.verify import departures
+
+    recording, ticks = Recording.open(log), 0
+    differ = dict.fromkeys(("states", "decisions", "anomalies", "alarms"), 0)
+    first: dict[str, tuple[int, str]] = {}
+    options = other_options(recording.options, given)
+    for ticks, each in enumerate(departures(recording, options), start=1):
+        for kind, line in each.items():
+            differ[kind] += 1
+            first.setdefault(kind, (ticks, line))
+    if not ticks:
+        raise RecordingError(f"{log}: must hold a whole tick to be derived, got none")
+    for kind, (tick, line) in first.items():
+        where = f"at {differ[kind]} of {ticks} ticks, first at tick {tick}"
+        say(form, printable(f"different: {kind} {where}: {line}"))
+    if same := [kind for kind, count in differ.items() if not count]:
+        say(form, f"same: {', '.join(same)} of {ticks} ticks")
+    facts = {"same": not first, "complete": recording.whole, "ticks": ticks}
+    print_facts(form, {**facts, "differ": differ, "first": first})
+    if first:
+        raise typer.Exit(1)
+    end_by(recording)
 
 
 def _verdict_lines(found: "Verdict") -> Iterator[str]:

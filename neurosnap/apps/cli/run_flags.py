@@ -250,13 +250,13 @@ def request_of(context: typer.Context, *, here: bool = True) -> "RunRequest":
         if (given_by := context.get_parameter_source(flag)) is not None
         and given_by.name == "COMMANDLINE"
     }
-    given = _settings(context.params["given"] or [])
+    given = settings(context.params["given"] or [])
     given |= {key: context.params[flag] for key, flag in flags.items()}
     loaded = described(str(context.params["source"]), given, flags)
     return prepare(loaded, context.params.get("swarm", ""), here=here)
 
 
-def _settings(given: list[str]) -> dict[str, object]:
+def settings(given: list[str]) -> dict[str, object]:
     """Return what `--set` sets, by dotted keys."""
     units = {each.key: each.shown.unit for each in run_options().values()}
     found: dict[str, object] = {}

@@ -8,7 +8,7 @@ at. Nothing is started, made or written.
 import logging
 import shlex
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import NamedTuple
@@ -18,7 +18,7 @@ from msgspec import UNSET
 
 from neurosnap.agent.body import Body
 from neurosnap.agent.policy import default_threshold
-from neurosnap.apps.config.load import Loaded
+from neurosnap.apps.config.load import Loaded, described
 from neurosnap.apps.config.problems import Keys, dotted
 from neurosnap.apps.config.sources import FileTable, MqttTable
 from neurosnap.apps.config.tables import (
@@ -31,6 +31,7 @@ from neurosnap.apps.new_files import LOGS, free_log, new_path
 from neurosnap.errors import InvalidValueError
 from neurosnap.health.follower import usual_step
 from neurosnap.poc.learning.automatic_threshold import AUTO
+from neurosnap.protocol.option_declaration import declared
 from neurosnap.protocol.run_options import (
     FEW_CELLS,
     FOREVER,
@@ -62,6 +63,8 @@ _WORKERS = 2
 _HOME = 200
 """Sensors with times that are judged unasked, at most. To learn of them anew takes a
 second for 50, half a minute for 150, and more than in proportion for more."""
+_DERIVED = ("agent.", "snapshot.k", "snapshot.t", "snapshot.d", "anomalies.", "health.")
+"""Keys of what follows from readings begin like this."""
 _CALLED = {"source": ("id", "path", "kind"), "out": ("path",), "network": ("tls",)}
 """The keys of what has another name where it is refused, or that of a file in it: the
 first that there is."""
@@ -127,6 +130,32 @@ def prepare(
         raise loaded.origin.error(found)
     site = Site(network, config.placement, swarm, away)
     return RunRequest(options, log, site=site, supervision=config.supervision)
+
+
+def other_options(options: RunOptions, given: Mapping[str, object]) -> RunOptions:
+    """Return a recorded run's options, with others for what follows from readings.
+
+    Raises:
+        InvalidValueError: A key is about something else, or a value is wrong.
+    """
+    fields = {one.shown.at: one.field for one in declared(RunOptions)}
+    fields |= {"agent.target": "target"}
+    known = [key for key in sorted(fields) if key.startswith(_DERIVED)]
+    for key in given:
+        if key not in known:
+            rule = f"must be one of {', '.join(known)}, as what was read stays"
+            raise InvalidValueError("set", rule, key)
+    loaded = described("-", given, {})
+    if loaded.found:
+        raise loaded.origin.error(loaded.found)
+    flat = flattened(loaded.config) | {"target": _names(loaded.config.agent.target)}
+    changed = {fields[key]: flat[fields[key]] for key in given}
+    other = msgspec.structs.replace(options, **changed)
+    if other.threshold == AUTO != options.threshold and other.snapshot == "empirical":
+        # In a world that is not discrete it would have been the recorded one.
+        exact = default_threshold(options.body, discrete=True)
+        return msgspec.structs.replace(other, threshold=exact)
+    return other
 
 
 def _away(config: Config, options: RunOptions, swarm: str) -> frozenset[str]:

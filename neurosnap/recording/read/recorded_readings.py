@@ -11,6 +11,7 @@ from neurosnap.agent.body import Body
 from neurosnap.health.alarm import News
 from neurosnap.health.alarm_budget import NEVER
 from neurosnap.poc.learning.columns import GrowingColumns
+from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording
 from neurosnap.sensorium import Sensorium, unpack_readings
 from neurosnap.sources.readings import Readings, utc
@@ -63,16 +64,15 @@ def observations(recording: Recording) -> Iterator[tuple[int, OwnReadings]]:
             yield message.tick, own_readings(message, sent, body)
 
 
-def alarms_of(recording: Recording) -> Iterator[tuple[int, News]]:
-    """Yield the alarms of a run by its own budget, and their ends, each after its tick.
+def alarms_of(recording: Recording, by: RunOptions) -> Iterator[tuple[int, News]]:
+    """Yield the alarms of a run by some options, and their ends, each after its tick.
 
     Raises:
         RecordingError: While iterating: the recording is damaged, or not a run's.
     """
-    options = recording.options
-    if options.alarms == NEVER:
+    if by.alarms == NEVER:
         return
-    follower = options.follower()
+    follower = by.follower()
     for tick, (at, on, known, begins, said) in observations(recording):
         for each in follower.observe(on, known, at, begins=begins, said=said):
             yield tick, each

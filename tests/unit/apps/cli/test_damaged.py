@@ -18,6 +18,7 @@ pytestmark = pytest.mark.slow
 VERBS = (
     ("info",),
     ("verify",),
+    ("verify", "--set", "anomalies.hold=1"),
     ("learn",),
     ("compare", "{folder}/run.mcap"),
     ("watch",),
