@@ -3,7 +3,8 @@
 
 The tables are those that scikit-learn brings, and statsmodels where that is installed,
 or files; and planted ones. Rows are halved at random, again for each seed. A relation
-is told of the first half and looked up in the second.
+is told of the first half and looked up in the second. Then it counts how many planted
+premises and lags are found, and what is told of independent sensors.
 """
 
 import argparse
@@ -21,8 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
+from neurosnap.poc.learning.beyond_pairs import Beyond, Limits, beyond_pairs
 from neurosnap.poc.learning.columns import Columns
+from neurosnap.poc.learning.pair_occasions import count_pairs
 from neurosnap.poc.learning.pairs import codes_of, pair_of
+from neurosnap.poc.learning.relation_rule import judge
 from neurosnap.poc.learning.relation_table import Relation, tabulate
 from neurosnap.sources.cuts import known_order
 from neurosnap.sources.open_readings import open_readings
@@ -33,6 +37,13 @@ EXPECTED = 20
 """What never fails is missed if so many failures were to be expected by chance."""
 SKLEARN = ["iris", "wine", "breast_cancer", "diabetes", "digits"]
 STATSMODELS = ["anes96", "fair", "modechoice", "randhie", "star98"]
+ROWS = 5000
+PLANTED = ["of 0", "missed 0", "of 1", "missed 1", "of 2", "missed 2"]
+PLANTED += ["of 3", "missed 3", "off", "else", "tables"]
+"""Late copies (0), answers with jitter (1), premises (2 and 3); with another lag than
+was planted; about other sensors; tables of which anything is told."""
+Planted = tuple[int, frozenset[tuple[int, int]], int]
+"""Its kind, the literals that exclude each other, 1 for off, and the lag."""
 HEADS = ["told", "kept", "trivial", "never", "right", "strictly", "there", "missed"]
 
 
@@ -87,7 +98,10 @@ def measured(columns: Columns, known: list[tuple[int, int]], seed: int) -> Count
     order = np.random.default_rng(seed).permutation(len(table))
     halves = [table[np.sort(half)] for half in np.array_split(order, 2)]
     first, second = map(joint, halves)
-    rows = tabulate(Columns.of(halves[0], names), every=True, known=known)
+    # Rows that are halved at random are in no order, and say nothing of lags.
+    rows = tabulate(
+        Columns.of(halves[0], names), every=True, known=known, limits=Limits(1, 0)
+    )
     given = codes_of(known, len(sensors) * (len(sensors) - 1) // 2)
     places = {name: place for place, name in enumerate(names)}
     found, told = Counter[str](), set[tuple[int, int]]()
@@ -117,6 +131,95 @@ def measured(columns: Columns, known: list[tuple[int, int]], seed: int) -> Count
     return found
 
 
+def held(chance: np.random.Generator, rate: float, hold: float) -> NDArray[np.bool_]:
+    """Return a sensor that stays as it is with some chance from row to row."""
+    last = np.where(chance.random(ROWS) >= hold, np.arange(ROWS), 0)
+    taken: NDArray[np.bool_] = chance.random(ROWS) < rate
+    return taken[np.maximum.accumulate(last)]
+
+
+def with_premises(seed: int, flips: float) -> tuple[NDArray[np.bool_], list[Planted]]:
+    """Return a table with rules of two and three premises, and what is to be told."""
+    chance = np.random.default_rng(seed)
+    sensors = (100, 200)[seed % 2]
+    table = chance.random((ROWS, sensors)) < chance.uniform(0.4, 0.6, sensors)
+    places, rules = chance.permutation(sensors).tolist(), []
+    for size in 2, 3, 2, 3, 2, 3, 2, 3:
+        mine = [places.pop() for _ in range(size)]
+        signs, last = chance.integers(0, 2, size), places.pop()
+        table[:, last] |= (table[:, mine] != signs).all(axis=1)
+        literals = {*zip(mine, signs.tolist(), strict=True), (last, 1)}
+        rules.append((size, frozenset(literals), 0))
+    return table ^ (chance.random(table.shape) < flips), rules
+
+
+def with_lags(seed: int, flips: float) -> tuple[NDArray[np.bool_], list[Planted]]:
+    """Return a table with answers that come late, with jitter, and late copies."""
+    chance = np.random.default_rng(seed)
+    table = np.array(
+        [held(chance, chance.uniform(0.05, 0.6), 0.5 * (k % 2)) for k in range(40)]
+    ).T
+    places, rules = chance.permutation(40).tolist(), []
+    for kind in range(8):
+        a, b = places.pop(), places.pop()
+        lag, jitter = chance.integers(1, 16), chance.integers(0, 5) * (kind % 2)
+        table[:, a] = held(chance, *((0.5, 0.95), (0.05, 0.0))[kind % 2])
+        table[:, b] = False
+        asked = np.flatnonzero(table[:, a])
+        answered = asked + lag + chance.integers(0, jitter + 1, len(asked))
+        table[answered[answered < ROWS], b] = True
+        literals = frozenset(((a, 0), (b, 1)))
+        rules.append((kind % 2, literals, int(lag + jitter)))
+    return table ^ (chance.random(table.shape) < flips), rules
+
+
+def independent(seed: int, _: float) -> tuple[NDArray[np.bool_], list[Planted]]:
+    """Return a table in which nothing is to be told."""
+    chance = np.random.default_rng(seed)
+    rates, hold = chance.uniform(0.02, 0.98, 100), (0, 0.5, 0.9)[seed % 3]
+    return np.array([held(chance, rate, hold) for rate in rates]).T, []
+
+
+def report_planted(tables: int) -> None:
+    """Print how much of what is planted beyond pairs is told, and what else."""
+    print(f"\n{'':16}{'flips':>8}", *(f"{head:>8}" for head in PLANTED))
+    for make in with_premises, with_lags, independent:
+        for flips in (0.0,) if make is independent else (0.0, 0.005, 0.01, 0.02):
+            found = Counter[str]()
+            for seed in range(tables):
+                table, rules = make(seed, flips)
+                columns = Columns.of(table)
+                counts = count_pairs(columns)
+                codes = judge(columns, counts).codes
+                given = np.zeros_like(codes)
+                told, *_ = beyond_pairs(columns, counts, codes, given, Limits(3))
+                found.update(held_against(told, rules))
+                found["tables"] += bool(told) or bool(codes.any())
+            print(f"{make.__name__:16}{flips:8}", *(f"{found[k]:8}" for k in PLANTED))
+
+
+def held_against(told: list[Beyond], rules: list[Planted]) -> Iterator[str]:
+    """Yield what is to be counted of what is told of a table."""
+    sets = {}
+    for one in told:
+        literals = frozenset(
+            (literal >> 1, literal & 1)
+            for literal in (*one.premises, one.conclusion ^ 1)
+        )
+        sets[literals] = one.lag.ticks if one.lag else 0
+    for size, literals, lag in rules:
+        yield f"of {size}"
+        if literals not in sets:
+            yield f"missed {size}"
+        elif sets[literals] != lag:
+            yield "off"
+    sensors = [{sensor for sensor, _ in literals} for _, literals, _ in rules]
+    for literals in sets:
+        about = {sensor for sensor, _ in literals}
+        if not any(about <= each for each in sensors):
+            yield "else"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("files", nargs="*", type=Path, metavar="FILE")
@@ -144,6 +247,7 @@ def main() -> None:
         made = planted(seed, noise, hold=(0, 0.5)[seed // 5 % 2])
         found += measured(Columns.of(made.table), [], seed)
     print(f"{'planted':16}", *(f"{found[head]:8}" for head in HEADS))
+    report_planted(given.planted)
 
 
 if __name__ == "__main__":

@@ -13,6 +13,8 @@ from neurosnap.poc.learning.columns import Columns
 from neurosnap.sources.wanted import Wanted
 
 _ALL = Wanted()
+_NEARLY = 0.05
+"""The share of a period that clocks are off by, and of the readings that are late."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,3 +103,19 @@ def _parse_date(text: str) -> float:
         return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
     except (ValueError, OverflowError):
         return math.nan
+
+
+def regular_period(readings: Readings) -> float:
+    """Return the seconds from reading to reading, if nearly all are as far apart.
+
+    Else 0, as without times.
+    """
+    if readings.times is None or len(readings.times) < 2:
+        return 0.0
+    try:
+        gaps = np.diff(seconds_of(readings))
+    except InvalidValueError:
+        return 0.0
+    period = float(np.median(gaps))
+    near = np.abs(gaps - period) <= _NEARLY * period
+    return round(period, 6) if near.mean() >= 1 - _NEARLY else 0.0

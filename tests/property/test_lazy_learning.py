@@ -147,7 +147,7 @@ def modes_on(rows: Bits, threshold: float | str) -> Iterator[NDArray[np.uint8]]:
     snapshot = EmpiricalSnapshot(rows.shape[1], threshold)
     for bits in rows:
         snapshot.learn(bits)
-        lag = snapshot._lag
+        lag = snapshot._due
         assert lag is not None
         yield lag.modes[2:].copy()
 
@@ -174,7 +174,7 @@ def test_pairs_near_a_change_are_listed_and_leave_the_list() -> None:
     lengths = []
     for bits in rows:
         snapshot.learn(bits)
-        lag = snapshot._lag
+        lag = snapshot._due
         assert lag is not None
         lengths.append(lag.length[0].item())
     assert max(lengths) > 0

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from neurosnap.poc.learning.columns import Columns, GrowingColumns
+from neurosnap.poc.learning.columns import Columns, GrowingColumns, span
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.learning.pair_occasions import count_pairs
 from neurosnap.poc.learning.pairs import pair_of
@@ -108,7 +108,7 @@ def test_spans_are_the_first_and_the_last_tick_of_a_joint_reading(
         here = (table[:, a // 2] == 1 - a % 2) & (table[:, b // 2] == 1 - b % 2)
         ticks = here.nonzero()[0]
         wanted = (int(ticks[0]) + 1, int(ticks[-1]) + 1) if ticks.size else (0, 0)
-        assert columns.span(a, b) == wanted
+        assert span(columns.ticks_of(a) & columns.ticks_of(b)) == wanted
 
 
 SENSORS, LENGTH = 3, 64

@@ -120,6 +120,26 @@ Every = Annotated[
         "--all", metavar=FLAG, help="Show the relations that follow from others, too."
     ),
 ]
+Premises = Annotated[
+    int,
+    typer.Option(
+        metavar="NUMBER",
+        min=1,
+        max=3,
+        help="Look for up to so many sensors that imply another together, as in belt ∧"
+        " gate* implies counter. A star means off. 1: each by itself.",
+    ),
+]
+Lag = Annotated[
+    int,
+    typer.Option(
+        metavar="TICKS",
+        min=0,
+        max=63,
+        help="Look for what comes late, up to so many ticks, as in valve implies flow"
+        " within 3 s. 0: only for what holds at once.",
+    ),
+]
 _with_choice = with_parameters(
     sensors=(Sensors, None),
     when=(When, None),
@@ -136,6 +156,8 @@ def learn(
     data: Data,
     out: Out = None,
     every: Every = False,
+    premises: Premises = 2,
+    lag: Lag = 32,
     threshold: Threshold = None,
     at: OptionalTick = None,
     force: Force = False,
@@ -143,9 +165,12 @@ def learn(
 ) -> None:
     """Report which sensors imply which, in readings or in a recording.
 
-    Each relation comes with how often it was put to the test, and how often it failed.
+    Each relation comes with how often it was put to the test, how often it failed, and
+    what it promises: how rarely it will fail. What never failed comes first. What is
+    learned of the first half of the readings is held against the second.
     """
     from neurosnap.apps.export.relations import form_of, learned_from
+    from neurosnap.poc.learning.beyond_pairs import Limits
     from neurosnap.recording.read.recording import Recording
 
     with errors():
@@ -155,7 +180,13 @@ def learn(
         share = None if threshold is None else as_share(threshold)
         with progress("pairs") as on_progress:
             learned = learned_from(
-                str(data), found, share, at=at, every=every, on_progress=on_progress
+                str(data),
+                found,
+                share,
+                at=at,
+                every=every,
+                limits=Limits(premises, lag),
+                on_progress=on_progress,
             )
         if out is None:
             say(form, *_lines(learned), learned.title, *learned.check.splitlines())

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from neurosnap.apps.export.order_picture import plot_order
 from neurosnap.apps.new_files import placed
 from neurosnap.errors import InvalidValueError
+from neurosnap.poc.learning.beyond_pairs import USUAL_LIMITS, Limits
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.learning.pair_occasions import OnProgress
 from neurosnap.poc.learning.relation_table import Relation, Relations, tabulate
@@ -32,7 +33,7 @@ from neurosnap.sources.bag_records import is_bag
 from neurosnap.sources.csv_cells_and_formulas import as_text
 from neurosnap.sources.cuts import known_order
 from neurosnap.sources.open_readings import first_bytes, open_readings
-from neurosnap.sources.readings import Readings
+from neurosnap.sources.readings import Readings, regular_period
 from neurosnap.sources.wanted import Wanted
 
 if TYPE_CHECKING:
@@ -85,6 +86,8 @@ class Findings:
     """The strongest first."""
     births: Births | None = None
     """What had been grown, where this is what a run has learned."""
+    period: float = 0.0
+    """Seconds from tick to tick; 0: not always as many, or not known."""
 
     @property
     def sensors(self) -> int:
@@ -102,10 +105,11 @@ class Findings:
 
     @property
     def check(self) -> str:
-        """One line that says how well such promises held; empty if none was made."""
+        """Lines that say how well such promises held, and what was passed over."""
         kept, made = self.rows.kept, self.rows.made
         said = f"{kept} of {made} promises of the first half held in the second"
-        return said if made else ""
+        left = f"{self.rows.left} sets of literals are too many to look for premises in"
+        return "\n".join([said] * bool(made) + [left] * bool(self.rows.left))
 
     def facts(self) -> dict[str, object]:
         """Return all of it for programs."""
@@ -116,6 +120,7 @@ class Findings:
             "learned": self.how,
             "made": self.rows.made,
             "kept": self.rows.kept,
+            "left": self.rows.left,
             "relations": [self._fields(row) for row in self.rows],
         }
 
@@ -126,7 +131,7 @@ class Findings:
         # Down, so that what failed once in ten thousand ticks does not say 100 %.
         share = f"{math.floor(10_000 * row.share) / 100:.2f} %".replace(".00 %", " %")
         return (
-            visible(row.sentence),
+            visible(self._said(row)),
             f"{row.tested} + {row.tested_back}",
             failed,
             # Up, so that no promise is told smaller than it is.
@@ -167,6 +172,22 @@ class Findings:
             fields["since_time"] = self.readings.moment(row.since)
             fields["last_failure_time"] = self.readings.moment(row.last_failure or 0)
         return fields
+
+    def _said(self, row: Relation) -> str:
+        """Return a row in words, with how long it takes, and what it explains."""
+        notes = []
+        if row.usual and row.usual != row.within:
+            notes.append(f"usually {self._span(row.usual)}")
+        if row.explains > 0:
+            notes.append(f"explains {row.explains}")
+        said = row.said(self._span(row.within))
+        return f"{said} ({', '.join(notes)})" if notes else said
+
+    def _span(self, ticks: int) -> str:
+        """Return how long some ticks are."""
+        if self.period:
+            return f"{ticks * self.period:.6g} s"
+        return f"{ticks} tick{'s' * (ticks != 1)}"
 
     def _tick(self, tick: int) -> str:
         moment = visible(self.readings.moment(tick))
@@ -224,6 +245,7 @@ def learned_from(
     *,
     at: int | None = None,
     every: bool = False,
+    limits: Limits = USUAL_LIMITS,
     on_progress: OnProgress | None = None,
 ) -> Findings:
     """Return the relations of a file of readings, or those a recorded run has learned.
@@ -235,6 +257,7 @@ def learned_from(
             what the run has learned, and of readings what is sure.
         at: The last tick to go by; None for the last.
         every: Also return the relations that follow from others.
+        limits: Of what is looked for beyond pairs, where only what is sure is reported.
         on_progress: Called with how much is done, and of how much.
 
     Raises:
@@ -267,8 +290,8 @@ def learned_from(
             )
             how = f"threshold {threshold}"
     known = known_order(columns.sensorium.names, conditions)
-    rows = tabulate(columns, snapshot, every, on_progress, known)
-    return Findings(source, readings, how, rows, births)
+    rows = tabulate(columns, snapshot, every, on_progress, known, limits)
+    return Findings(source, readings, how, rows, births, regular_period(readings))
 
 
 def check_room(sensors: int) -> None:
@@ -342,7 +365,7 @@ def _edges(row: Relation) -> list[tuple[str, str]]:
     """Return the implications between literals that a row tells."""
     match row.relation:
         case "implies" | "nearly implies":
-            return [(row.a, row.b)]
+            return [(row.a, row.b)] if row.premises == 1 else []
         case "never together" | "nearly never together":
             return [(row.a, _other(row.b))]
         case "at least one of" | "nearly at least one of":
@@ -351,6 +374,8 @@ def _edges(row: Relation) -> list[tuple[str, str]]:
             return list(pairwise((row.a, row.b, row.a)))
         case "opposite" | "nearly opposite":
             return list(pairwise((row.a, _other(row.b), row.a)))
+        case _:  # late, which no order of what is read at once has
+            return []
 
 
 def _other(literal: str) -> str:

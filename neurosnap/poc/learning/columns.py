@@ -112,20 +112,20 @@ class Columns:
         off = (self.off[:, word] >> place & np.uint64(1)).astype(np.bool_)
         return bits, bits | off
 
-    def span(self, a: int, b: int) -> tuple[int, int]:
-        """Return the first and the last tick, from 1, at which two literals were read.
 
-        Returns:
-            ``(0, 0)`` if they never were together.
-        """
-        both = self.ticks_of(a) & self.ticks_of(b)
-        words = both.nonzero()[0]
-        if not words.size:
-            return 0, 0
-        low, high = int(words[0]), int(words[-1])
-        lowest, highest = int(both[low]), int(both[high])
-        first = 64 * low + (lowest & -lowest).bit_length()
-        return first, 64 * high + highest.bit_length()
+def span(ticks: Words) -> tuple[int, int]:
+    """Return the first and the last of some ticks, ``(W,)``, from 1.
+
+    Returns:
+        ``(0, 0)`` if there are none.
+    """
+    words = ticks.nonzero()[0]
+    if not words.size:
+        return 0, 0
+    low, high = int(words[0]), int(words[-1])
+    lowest, highest = int(ticks[low]), int(ticks[high])
+    first = 64 * low + (lowest & -lowest).bit_length()
+    return first, 64 * high + highest.bit_length()
 
 
 class GrowingColumns:

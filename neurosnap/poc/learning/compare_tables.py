@@ -47,7 +47,7 @@ from neurosnap.poc.learning.delays import (
 )
 from neurosnap.poc.learning.pair_occasions import OnProgress, count_pairs
 from neurosnap.poc.learning.pairs import codes_of
-from neurosnap.poc.learning.relation_rule import LEAST_H, judge
+from neurosnap.poc.learning.relation_rule import CODES, LEAST_H, judge
 from neurosnap.poc.learning.two_samples import by_stretches, by_trials
 from neurosnap.poc.order.literal_sets import Words, to_words
 
@@ -69,8 +69,6 @@ _STEP, _ROOM = 64, 1 << 22
 """Sensors whose waits are counted at a time; fewer, if there are more counts then."""
 _ENOUGH = 10.0
 """The evidence that a row counts for in a suspicion, at most: many rows say more."""
-_CODES = (4, 1, 2, 8)
-"""What it means that a joint reading fails, as in `neurosnap.poc.learning.pairs`."""
 _NAMES = {3: "the same", 4: "never together", 12: "opposite"}
 _CHANGES = {
     (True, False): ("lost", ""),
@@ -203,7 +201,7 @@ def _levels(
     codes = np.where(given, np.uint8(0), np.array(judged))
     ends = np.stack(np.tril_indices(len(names), -1), axis=1)
     free = _free(8 * len(given))
-    for cell, code in enumerate(_CODES):
+    for cell, code in enumerate(CODES):
         says = codes & code > 0
         pairs = np.flatnonzero(says.any(axis=0))
         runs = np.array([each.occasions[:, pairs] for each in counts], np.int64)

@@ -21,7 +21,7 @@ from neurosnap.poc.learning.automatic_threshold import (
 from neurosnap.poc.learning.columns import Columns
 from neurosnap.poc.learning.graph_kernels import row_of
 from neurosnap.poc.learning.lazy_counting_kernels import (
-    Lag,
+    Due,
     count_squares,
     judge_squares,
     learn_lazily,
@@ -82,7 +82,7 @@ class EmpiricalSnapshot(Snapshot):
         count, zero = len(self.sensorium), np.uint32(0)
         self._weights = Weights(count, zero, zero, self._share)
         self._persistence = Persistence(count) if auto else None
-        self._lag: Lag | None = None
+        self._due: Due | None = None
 
     @property
     def threshold(self) -> float | str:
@@ -143,27 +143,27 @@ class EmpiricalSnapshot(Snapshot):
     def _update(self) -> bool:
         if self._persistence is not None:
             self._persistence.count(self._bits, self._known)
-        if self._lag is None and self._weights.squares is None:
-            self._lag = Lag.starting(
+        if self._due is None and self._weights.squares is None:
+            self._due = Due.starting(
                 len(self.sensorium), self._pairs.codes.size, self._clock
             )
-        return self._count(self._clock + 1, self._lag)
+        return self._count(self._clock + 1, self._due)
 
     def _settle(self) -> None:
-        if self._lag is not None:
+        if self._due is not None:
             first = self._pairs.first
-            settle_all(self._weights.joints, self._clock, self._lag, first)
+            settle_all(self._weights.joints, self._clock, self._due, first)
 
     def _widen(self) -> None:
         super()._widen()
-        self._lag = None
+        self._due = None
 
-    def _count(self, clock: int, lag: Lag | None = None) -> bool:
+    def _count(self, clock: int, due: Due | None = None) -> bool:
         """Count what is known of the bits at hand and derive the graph for `clock`.
 
         Args:
             clock: The number of observations, this one included.
-            lag: What is put off where all readings are known; if None, every pair is
+            due: What is put off where all readings are known; if None, every pair is
                 judged.
         """
         weights, pairs = self._weights, tuple(self._pairs)
@@ -172,10 +172,10 @@ class EmpiricalSnapshot(Snapshot):
         if weights.squares is not None:
             born, squares = self._born, weights.squares
             return count_squares(bits, known, squares, born, clock, pairs, spells)
-        if lag is None:
-            lag = Lag.starting(len(self.sensorium), self._pairs.codes.size, clock)
+        if due is None:
+            due = Due.starting(len(self.sensorium), self._pairs.codes.size, clock)
         joints, marginals = weights.joints, weights.marginals
-        return learn_lazily(bits, joints, marginals, clock, pairs, tuple(lag), spells)
+        return learn_lazily(bits, joints, marginals, clock, pairs, tuple(due), spells)
 
     def _limit(self, a: int, b: int, square: Sequence[float]) -> float:
         if self._persistence is None:

@@ -88,7 +88,7 @@ _RARE: Final = 32
 _ONE = np.uint64(1)
 
 
-class Lag(NamedTuple):
+class Due(NamedTuple):
     """The counting that is put off; `learn_lazily` takes it as a plain tuple."""
 
     readings: NDArray[np.uint64]
@@ -105,7 +105,7 @@ class Lag(NamedTuple):
     """``(1,)``: how many these are."""
 
     @classmethod
-    def starting(cls, sensors: int, pairs: int, clock: int) -> "Lag":
+    def starting(cls, sensors: int, pairs: int, clock: int) -> "Due":
         """Return that of rows which are up to date, and planned at their turns."""
         return cls(
             np.zeros(sensors, np.uint64),
@@ -137,7 +137,7 @@ def learn_lazily(
     marginals: NDArray[np.uint32],
     clock: int,
     pairs: tuple[Any, ...],
-    lag: tuple[Any, ...],
+    due: tuple[Any, ...],
     spells: Spells | None,
 ) -> bool:
     """Count one observation and derive the graph anew ([GK] defn:empirical snapshot).
@@ -148,11 +148,11 @@ def learn_lazily(
 
     Args:
         bits: ``(N,)``, 0 or 1.
-        joints: ``(P,)``, each row as `lag` says; updated.
+        joints: ``(P,)``, each row as `due` says; updated.
         marginals: ``(N,)``, updated.
         clock: The number of observations, this one included; at least 1.
         pairs: A `Pairs`; updated.
-        lag: A `Lag`; updated.
+        due: A `Due`; updated.
         spells: Where thresholds choose themselves, which then are
             `neurosnap.poc.learning.automatic_threshold.SHARE`; else None.
 
@@ -160,7 +160,7 @@ def learn_lazily(
         Whether any code changed.
     """
     count, auto = bits.shape[0], spells is not None
-    kept, late = Pairs(*pairs), Lag(*lag)
+    kept, late = Pairs(*pairs), Due(*due)
     share, codes, first = kept.threshold, kept.codes, kept.first
     modes, upto = late.modes, late.upto
     turn = _turns(count, clock, spells)
@@ -228,14 +228,14 @@ def limit_of(share: float, clock: int, auto: bool) -> np.uint32:
 
 @njit()
 def _read(
-    bits: NDArray[np.uint8], clock: int, marginals: NDArray[np.uint32], lag: Lag
+    bits: NDArray[np.uint8], clock: int, marginals: NDArray[np.uint32], due: Due
 ) -> None:
     """Record the readings, and count them in the marginals."""
     place = np.uint64(clock & 63)
     for j in range(bits.shape[0]):
         marginals[j] = np.uint32(marginals[j] + np.uint32(bits[j]))
-        others = lag.readings[j] & ~(_ONE << place)
-        lag.readings[j] = others | np.uint64(bits[j]) << place
+        others = due.readings[j] & ~(_ONE << place)
+        due.readings[j] = others | np.uint64(bits[j]) << place
 
 
 @njit()
@@ -243,7 +243,7 @@ def _list_changed(
     bits: NDArray[np.uint8],
     clock: int,
     turn: NDArray[np.bool_],
-    lag: Lag,
+    due: Due,
     first: int,
     end: int,
 ) -> None:
@@ -254,16 +254,16 @@ def _list_changed(
     before = np.uint64((clock - 1) & 63)
     changes, found = np.empty(bits.shape[0], np.int64), 0
     for i in range(bits.shape[0]):
-        differs = (lag.readings[i] >> before & _ONE) != bits[i]
-        if first <= i < end and lag.modes[i] == CALM and not turn[i]:
+        differs = (due.readings[i] >> before & _ONE) != bits[i]
+        if first <= i < end and due.modes[i] == CALM and not turn[i]:
             start = place_of(i, first)
             dense = differs or _RARE * found > i
             for j in changes[: 0 if dense else found]:
-                if lag.slack[start + j] == CALM:
-                    lag.slack[start + j] = LISTED
-                    dense |= not _list(i, j, lag)
+                if due.slack[start + j] == CALM:
+                    due.slack[start + j] = LISTED
+                    dense |= not _list(i, j, due)
             if dense:
-                lag.modes[i] = DENSE
+                due.modes[i] = DENSE
         if differs:
             changes[found] = i
             found += 1
@@ -276,7 +276,7 @@ def _judge_listed(
     limits: _Limits,
     pairs: Pairs,
     turn: NDArray[np.bool_],
-    lag: Lag,
+    due: Due,
     auto: bool,
 ) -> bool:
     """Judge the listed pairs, none of which is at its turn; the calm leave the list.
@@ -287,13 +287,13 @@ def _judge_listed(
     clock, low, high = limits.clock, limits.low, limits.high
     place, window = np.uint64(clock & 63), np.uint32(limits.window)
     changed, kept = False, 0
-    for entry in range(lag.length[0]):
-        i, j = int(lag.listed[0, entry]), int(lag.listed[1, entry])
-        if turn[i] or lag.modes[i] == DENSE:
+    for entry in range(due.length[0]):
+        i, j = int(due.listed[0, entry]), int(due.listed[1, entry])
+        if turn[i] or due.modes[i] == DENSE:
             continue
         pair = place_of(i, pairs.first) + j
         mine, yours = marginals[i], marginals[j]
-        both = population(_pending(i, clock, lag) & lag.readings[j])
+        both = population(_pending(i, clock, due) & due.readings[j])
         w11 = np.uint32(joints[pair] + np.uint32(both))
         w10, w01 = np.uint32(mine - w11), np.uint32(yours - w11)
         w00 = np.uint32(np.uint32(np.uint32(clock) - mine) - w01)
@@ -306,49 +306,49 @@ def _judge_listed(
             pairs.codes[pair], pairs.since[pair] = code, np.uint32(clock)
             pairs.latest[i] = np.uint32(clock)
             changed = True
-        on = (lag.readings[i] >> place & _ONE) > 0
-        also = (lag.readings[j] >> place & _ONE) > 0
+        on = (due.readings[i] >> place & _ONE) > 0
+        also = (due.readings[j] >> place & _ONE) > 0
         square = w11, w10, w01, w00
         slack = _slack_of(on, also, square, low, high, window)
-        lag.slack[pair] = slack
+        due.slack[pair] = slack
         if slack == LISTED:
-            lag.listed[0, kept], lag.listed[1, kept] = np.uint32(i), np.uint32(j)
+            due.listed[0, kept], due.listed[1, kept] = np.uint32(i), np.uint32(j)
             kept += 1
-    lag.length[0] = kept
+    due.length[0] = kept
     return changed
 
 
 @njit()
-def _pending(i: int, clock: int, lag: Lag) -> np.uint64:
+def _pending(i: int, clock: int, due: Due) -> np.uint64:
     """Return at which of the last 64 observations, not yet counted, a sensor was on."""
-    few = clock - lag.upto[i]
+    few = clock - due.upto[i]
     if few >= WINDOW:
-        return np.uint64(lag.readings[i])
+        return np.uint64(due.readings[i])
     recent = (_ONE << np.uint64(few)) - _ONE
-    place = np.uint64((lag.upto[i] + 1) & 63)
+    place = np.uint64((due.upto[i] + 1) & 63)
     back = np.uint64(-np.int64(place) & 63)
     around = recent >> back if place else recent
-    return np.uint64(lag.readings[i] & (recent << place | around))
+    return np.uint64(due.readings[i] & (recent << place | around))
 
 
 @njit()
-def settle(i: int, joint: NDArray[np.uint32], clock: int, lag: Lag) -> None:
+def settle(i: int, joint: NDArray[np.uint32], clock: int, due: Due) -> None:
     """Bring the counts of row `i`, ``(i,)``, up to date."""
-    mine = _pending(i, clock, lag)
-    lag.upto[i] = clock
+    mine = _pending(i, clock, due)
+    due.upto[i] = clock
     if mine == 0:
         return
-    readings = lag.readings
+    readings = due.readings
     for j in range(joint.shape[0]):
         joint[j] = np.uint32(joint[j] + np.uint32(population(mine & readings[j])))
 
 
 @njit()
-def settle_all(joints: NDArray[np.uint32], clock: int, lag: Lag, first: int) -> None:
+def settle_all(joints: NDArray[np.uint32], clock: int, due: Due, first: int) -> None:
     """Bring the counts of all rows up to date, of which `first` is the first."""
     for i in range(first, end_of(first, joints.shape[0])):
         start = place_of(i, first)
-        settle(i, joints[start : start + i], clock, lag)
+        settle(i, joints[start : start + i], clock, due)
 
 
 @njit()
@@ -439,7 +439,7 @@ def _fill(
 
 
 @njit()
-def _mode(i: int, slack: NDArray[np.uint8], lag: Lag) -> np.uint8:
+def _mode(i: int, slack: NDArray[np.uint8], due: Due) -> np.uint8:
     """Return the mode of a row whose pairs have this slack, and list those to be."""
     kinds, listed = np.uint8(0), 0
     for j in range(i):
@@ -448,11 +448,11 @@ def _mode(i: int, slack: NDArray[np.uint8], lag: Lag) -> np.uint8:
         return FREE
     for j in range(i if kinds & LISTED else 0):
         listed += slack[j] == LISTED
-    if _FEW * listed > i or lag.length[0] + listed > lag.listed.shape[1]:
+    if _FEW * listed > i or due.length[0] + listed > due.listed.shape[1]:
         return DENSE
     for j in range(i if listed else 0):
         if slack[j] == LISTED:
-            _list(i, j, lag)
+            _list(i, j, due)
     return CALM
 
 
@@ -477,13 +477,13 @@ def _write_slack(
 
 
 @njit()
-def _list(i: int, j: int, lag: Lag) -> bool:
+def _list(i: int, j: int, due: Due) -> bool:
     """List a pair; return whether there was room."""
-    length = lag.length[0]
-    if length == lag.listed.shape[1]:
+    length = due.length[0]
+    if length == due.listed.shape[1]:
         return False
-    lag.listed[0, length], lag.listed[1, length] = np.uint32(i), np.uint32(j)
-    lag.length[0] = length + 1
+    due.listed[0, length], due.listed[1, length] = np.uint32(i), np.uint32(j)
+    due.length[0] = length + 1
     return True
 
 

@@ -33,14 +33,17 @@ and one side promises too little, nothing is told. Else the one that is on more 
 implies the other.
 """
 
+import math
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.poc.learning.columns import Columns
-from neurosnap.poc.learning.pair_occasions import PairCounts
-from neurosnap.poc.order.literal_sets import from_words
+from neurosnap.poc.learning.pair_occasions import PairCounts, count_row
+from neurosnap.poc.order.literal_sets import Words, from_words
+from neurosnap.system.compiled import njit
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -51,6 +54,8 @@ LEAST_H = 0.5
 """The least H of an implication."""
 CHANCE = 0.05
 """Tables of independent sensors in which anything is found, at most."""
+KINDS = 3
+"""Of two literals; of several premises; of what holds late."""
 KAPPA = 0.75
 """The least kappa of near copies."""
 ONE_SIDED = 0.001
@@ -63,10 +68,9 @@ _SPECTRA = 1 << 24
 """Ticks of all sensors in a stretch, at most."""
 _STEP = 1 << 18
 """Pairs that are judged at a time."""
-_CELLS = ((0, 0), (0, 1), (1, 0), (1, 1))
-"""The joint readings in their order: 0 is on, 1 is off."""
-_CODES = (4, 1, 2, 8)
-"""What it means that a joint reading is an exception."""
+CODES = (4, 1, 2, 8)
+"""What it means that a joint reading is an exception, as in
+`neurosnap.poc.learning.pairs`."""
 
 
 class Judged(NamedTuple):
@@ -90,11 +94,12 @@ def judge(columns: Columns, counts: PairCounts, known: Flags | None = None) -> J
     Returns:
         O(N²) time and space.
     """
-    for_one = ticks_for_one(columns)
+    spectra = spectra_of(columns.on, columns.off)
+    for_one = np.maximum(spectra @ spectra.T, 1)
     pairs = counts.ticks.shape[1]
     judged = Judged(np.zeros(pairs, np.uint8), np.zeros(pairs, np.bool_))
     tested = pairs if known is None else pairs - int(known.sum())
-    needed = np.log(4 * max(tested, 1) / CHANCE)
+    needed = evidence_for(4 * tested)
     i, j = np.tril_indices(len(columns.sensorium), -1)
     for start in range(0, pairs, _STEP):
         some = slice(start, start + _STEP)
@@ -114,7 +119,7 @@ def promises(counts: PairCounts, codes: NDArray[np.uint8]) -> Floats:
     most, told = np.zeros(len(codes)), codes.nonzero()[0]
     ticks = counts.ticks[:, told].astype(np.float64)
     runs = counts.occasions[:, told].astype(np.float64)
-    for cell, code in enumerate(_CODES):
+    for cell, code in enumerate(CODES):
         some = (codes[told] & code) > 0
         with np.errstate(divide="ignore", invalid="ignore"):
             promised = _promised(ticks[:, some], runs[:, some], cell)
@@ -144,7 +149,7 @@ def keeps(
 ) -> tuple[Flags, Flags]:
     """Return which promises the joint readings of other ticks test, and which hold."""
     tested, holds = np.zeros(len(codes), np.bool_), np.ones(len(codes), np.bool_)
-    for cell, code in enumerate(_CODES):
+    for cell, code in enumerate(CODES):
         told = (codes & code) > 0
         for passes in cell ^ 1, cell ^ 2:
             tests = ticks[cell] + ticks[passes]
@@ -153,54 +158,120 @@ def keeps(
     return tested, holds
 
 
-def ticks_for_one(columns: Columns) -> NDArray[np.float32]:
-    """Return how many ticks of two sensors are worth one independent tick.
+def evidence_for(questions: int) -> float:
+    """Return the evidence that one of so many questions needs, in nats.
+
+    There are `KINDS` of questions; of each as many tables of independent sensors have
+    an answer.
+    """
+    return math.log(KINDS * max(questions, 1) / CHANCE)
+
+
+class Exclusions(NamedTuple):
+    """What speaks for it that two literals are never read together; ``(M,)`` each."""
+
+    evidence: Floats
+    """That this is no accident, in nats."""
+    h: Floats
+    """Loevinger's."""
+    most: Floats
+    """What it promises."""
+    counts: PairCounts
+    """Of the joint readings of both, ``(4, M)``."""
+
+    def holds(self, needed: float) -> Flags:
+        """Return ``(M,)``: whether the rule tells it, if it needs so much evidence."""
+        told = (self.counts.ticks[0] == 0) | (self.most <= PROMISE)
+        sure: Flags = (self.evidence >= needed) & (self.h >= LEAST_H) & told
+        return sure
+
+
+def exclusions(literals: Iterable[tuple[Words, Words, Words, Words]]) -> Exclusions:
+    """Apply the rule to some pairs of literals: are they never read together?
+
+    Args:
+        literals: Of each pair, ``(W,)`` each: the ticks of the first, and of its
+            opposite; the same of the second.
 
     Returns:
-        ``(N, N)``: what the products of their autocorrelations add up to.
+        O(M T log T) time; of few pairs at a time, O(T) space.
     """
-    words = columns.on.shape[1]
-    most = min(_STRETCH, max(64, _SPECTRA // max(len(columns.on), 1)))
+    worth, ticks, runs = [], [], []
+    for first, first_off, second, second_off in literals:
+        on, off = np.stack([second, first]), np.stack([second_off, first_off])
+        counted = np.zeros((2, 4, 1), np.uint32)
+        count_row(on, off, 1, 0, counted[0], counted[1])
+        spectra = spectra_of(on, off)
+        worth.append(max(float(spectra[0] @ spectra[1]), 1.0))
+        ticks.append(counted[0, :, 0])
+        runs.append(counted[1, :, 0])
+    counts = PairCounts(
+        *(np.array(each, np.uint32).reshape(-1, 4).T for each in (ticks, runs))
+    )
+    of_ticks, of_runs = (each.astype(np.float64) for each in counts)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        evidence, h = _odd(np.array(worth), of_ticks, of_runs, 0)
+        return Exclusions(evidence, h, _promised(of_ticks, of_runs, 0), counts)
+
+
+def spectra_of(on: Words, off: Words) -> NDArray[np.float32]:
+    """Return the spectra of some sensors, of which each is a row.
+
+    The products of two rows add up to how many ticks of both are worth one independent
+    tick, if that is above 1: to what the products of their autocorrelations add up to.
+
+    Args:
+        on: ``(N, W)``.
+        off: ``(N, W)``.
+    """
+    words = on.shape[1]
+    most = min(_STRETCH, max(64, _SPECTRA // max(len(on), 1)))
     length = 1 << min((64 * words).bit_length(), most.bit_length() - 1)
     stretches = -(-64 * words // length) or 1
     padded = 2 * length  # so that no end is next to a beginning
     # Half a spectrum stands for all of it: all but its ends are there twice.
     weights = np.full(length + 1, 2 / padded, np.float32)
     weights[[0, -1]] /= 2
-    spectra = np.zeros((len(columns.on), len(weights)), np.float32)
+    spectra = np.zeros((len(on), len(weights)), np.float32)
     for sensor, spectrum in enumerate(spectra):
-        on, off = (
-            from_words(bits[sensor], 64 * words) for bits in (columns.on, columns.off)
-        )
-        share = np.float32(on.sum() / max(on.sum() + off.sum(), 1))
+        yes, no = (from_words(bits[sensor], 64 * words) for bits in (on, off))
+        share = np.float32(yes.sum() / max(yes.sum() + no.sum(), 1))
         apart = np.zeros(stretches * length, np.float32)
-        apart[: 64 * words] = on * (1 - share) - off * share
+        apart[: 64 * words] = yes * (1 - share) - no * share
         waves = np.fft.rfft(apart.reshape(stretches, length), padded)
         spectrum += (waves.real**2 + waves.imag**2).mean(axis=0)
         # Of a sensor that never changes anything holds, and nothing is claimed.
         spectrum *= np.sqrt(weights) / max((spectrum * weights).sum(), 1e-12)
-    products: NDArray[np.float32] = spectra @ spectra.T
-    return np.maximum(products, 1)
+    return spectra
+
+
+def _odd(
+    for_one: Floats, ticks: Floats, runs: Floats, cell: int
+) -> tuple[Floats, Floats]:
+    """Return the evidence that a joint reading is rare by no accident, and its H."""
+    total = ticks.sum(axis=0)
+    by_i, by_j = cell ^ 1, cell ^ 2  # the readings of the tests that it passes
+    of_a, of_b = ticks[cell] + ticks[by_i], ticks[cell] + ticks[by_j]
+    by_a = _surprise(ticks[cell] / of_a, of_b / total)
+    by_b = _surprise(ticks[cell] / of_b, of_a / total)
+    evidence = np.maximum(of_a * by_a, of_b * by_b) / for_one
+    tests = runs[cell] + runs[by_i], runs[cell] + runs[by_j]
+    occasions = np.maximum(tests[0] * by_a, tests[1] * by_b)
+    h = 1 - ticks[cell] * total / (of_a * of_b)
+    return np.minimum(evidence, occasions), h
 
 
 def _judge_some(
-    for_one: NDArray[np.float32], ticks: Floats, runs: Floats, needed: float
+    for_one: Floats, ticks: Floats, runs: Floats, needed: float
 ) -> tuple[NDArray[np.uint8], Flags]:
     """Judge some pairs, ``(p,)``, of which so many ticks are worth one."""
     total = ticks.sum(axis=0)
     of_i = np.array([ticks[0] + ticks[1], ticks[2] + ticks[3]])
     of_j = np.array([ticks[0] + ticks[2], ticks[1] + ticks[3]])
     holds = np.zeros(ticks.shape, np.bool_)
-    for cell, (a, b) in enumerate(_CELLS):
-        by_i, by_j = cell ^ 1, cell ^ 2  # the readings of the tests that it passes
-        by_a = _surprise(ticks[cell] / of_i[a], of_j[b] / total)
-        by_b = _surprise(ticks[cell] / of_j[b], of_i[a] / total)
-        evidence = np.maximum(of_i[a] * by_a, of_j[b] * by_b) / for_one
-        tests = runs[cell] + runs[by_i], runs[cell] + runs[by_j]
-        occasions = np.maximum(tests[0] * by_a, tests[1] * by_b)
-        evidence = np.minimum(evidence, occasions)
+    for cell in range(4):
+        evidence, h = _odd(for_one, ticks, runs, cell)
         told = (ticks[cell] == 0) | (_promised(ticks, runs, cell) <= PROMISE)
-        h = 1 - ticks[cell] * total / (of_i[a] * of_j[b])
         holds[cell] = (evidence >= needed) & (h >= LEAST_H) & told
     codes, near = np.zeros(len(total), np.uint8), np.zeros(len(total), np.bool_)
     flipped = np.zeros(ticks.shape, np.bool_)
@@ -218,10 +289,17 @@ def _judge_some(
         near |= copies & (differ > 0)
     order = np.sort(ticks, axis=0)
     least = order[0] < order[1]
-    for cell, code in enumerate(_CODES):
+    for cell, code in enumerate(CODES):
         alone = holds[cell] & least & (ticks[cell] == order[0]) & ~flipped[cell]
         codes[alone & (codes == 0)] = code
     return codes, near
+
+
+@njit()
+def divergence(p: float, q: float) -> float:
+    """Return the Kullback-Leibler divergence of two coins, in nats."""
+    heads = p * math.log(p / q) if p > 0 else 0.0
+    return heads + ((1 - p) * math.log((1 - p) / (1 - q)) if p < 1 else 0.0)
 
 
 def _surprise(share: Floats, chance: Floats) -> Floats:
@@ -253,7 +331,7 @@ def _one_sided(first: Floats, second: Floats, rate: Floats) -> Flags:
 
 
 def _divergence(p: Floats, q: Floats) -> Floats:
-    """Return the Kullback-Leibler divergence of two coins, in nats."""
+    """Return the same of many coins."""
     heads = np.where(p > 0, p * np.log(p / q), 0.0)
     tails = np.where(p < 1, (1 - p) * np.log((1 - p) / (1 - q)), 0.0)
     total: Floats = heads + tails

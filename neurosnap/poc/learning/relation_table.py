@@ -4,22 +4,31 @@ A row is a relation of two sensors with what speaks for it. It comes from the ru
 `neurosnap.poc.learning.relation_rule`, or from the order of a snapshot. Only covers are
 rows, unless all are asked for: what follows from two rows is none. Near copies count as
 one there, so that a copy does not hide what its original implies; that is not in the
-order of a snapshot, which cannot hold them (docs/paper.md, "Not in the paper").
+order of a snapshot, which cannot hold them (docs/paper.md, "Not in the paper"). There
+are rows of what is beyond pairs at one instant (`neurosnap.poc.learning.beyond_pairs`).
 """
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from importlib import import_module
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.poc.learning.columns import Columns
+from neurosnap.poc.learning.beyond_pairs import (
+    USUAL_LIMITS,
+    Beyond,
+    Four,
+    Limits,
+    beyond_pairs,
+)
+from neurosnap.poc.learning.columns import Columns, span
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
+from neurosnap.poc.learning.lags import USUAL
 from neurosnap.poc.learning.pair_occasions import OnProgress, PairCounts, count_pairs
 from neurosnap.poc.learning.pairs import codes_of, leads, pair_of, rows_of
-from neurosnap.poc.learning.relation_rule import judge, keeps, promises
+from neurosnap.poc.learning.relation_rule import CODES, judge, keeps, promises
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.order.graph import PocGraph
 
@@ -27,11 +36,15 @@ Kind: TypeAlias = Literal[
     "implies",
     "never together",
     "at least one of",
+    "implies late",
+    "only after",
     "the same",
     "opposite",
     "nearly implies",
     "nearly never together",
     "nearly at least one of",
+    "nearly implies late",
+    "nearly only after",
     "nearly the same",
     "nearly opposite",
 ]
@@ -50,6 +63,8 @@ _NEARLY: dict[Kind, Kind] = {
     "implies": "nearly implies",
     "never together": "nearly never together",
     "at least one of": "nearly at least one of",
+    "implies late": "nearly implies late",
+    "only after": "nearly only after",
     "the same": "nearly the same",
     "opposite": "nearly opposite",
 }
@@ -64,14 +79,16 @@ class Relation:
     from both sides: ``a implies b`` where ``a`` is on, and where ``b`` is off; ``never
     together`` and ``the same`` where ``a`` is on, and where ``b`` is; ``at least one
     of`` where ``a`` is off, and where ``b`` is; ``opposite`` where ``a`` is on, and
-    where it is off.
+    where it is off. ``a implies b late`` is tested where ``a`` is on, and where ``b``
+    stays off; ``a only after b`` where ``a`` is on, and where ``b`` stays off.
     """
 
     relation: Kind
     a: str
-    """A sensor."""
+    """A sensor; premises are literals, as in ``belt ∧ gate*``: where both are read so.
+    A star means off."""
     b: str
-    """Another."""
+    """Another; of premises, and of what is late, it may have a star, too."""
     tested: int
     """Occasions on which the first test was made; see above."""
     failed: int
@@ -91,10 +108,35 @@ class Relation:
     """The last tick at which it failed; None: never."""
     ticks: int
     """The ticks at which both sensors were known."""
+    premises: int = 1
+    """How many literals `a` is."""
+    within: int = 0
+    """Of what is late: the ticks in which it comes."""
+    lasting: bool = False
+    """Of what is late: `a` implies it once it was read for `within` ticks and one."""
+    soonest: int = 0
+    """The shortest wait that was seen, in ticks."""
+    usual: int = 0
+    """The median wait, in ticks."""
+    explains: int = 0
+    """Of premises, and of what is late: on how many more occasions it would fail
+    without the premise that matters least, or at once."""
 
     @property
     def sentence(self) -> str:
         """The relation in words."""
+        return self.said()
+
+    def said(self, within: str = "") -> str:
+        """Return the relation in words; `within` is its time, if not in ticks."""
+        ticks = within or f"{self.within} tick{'s' * (self.within != 1)}"
+        nearly = "nearly " if self.relation.startswith("nearly") else ""
+        if self.relation.endswith("late"):
+            if self.lasting:
+                return f"{self.a} for {ticks} {nearly}implies {self.b}"
+            return f"{self.a} {nearly}implies {self.b} within {ticks}"
+        if self.relation.endswith("only after"):
+            return f"{self.a} {nearly}only within {ticks} after {self.b}"
         if self.relation.endswith("implies"):
             return f"{self.a} {self.relation} {self.b}"
         if self.relation.endswith("at least one of"):
@@ -110,6 +152,8 @@ class Relations(list[Relation]):
     others too, and the second puts to the test."""
     kept: int = 0
     """Those that failed there no more often than the first half promised."""
+    left: int = 0
+    """Sets of literals that the search for premises passed over, being too many."""
 
 
 def tabulate(
@@ -118,6 +162,7 @@ def tabulate(
     every: bool = False,
     on_progress: OnProgress | None = None,
     known: Iterable[tuple[int, int]] = (),
+    limits: Limits = USUAL_LIMITS,
 ) -> Relations:
     """Return the relations of readings, the strongest first.
 
@@ -133,46 +178,72 @@ def tabulate(
         on_progress: Told how many pairs are counted.
         known: Pairs of literals, ``a -> b``, that hold whatever is read. They count for
             what follows from them, and are rows only if `every` is asked for.
+        limits: Of what is looked for beyond pairs, if there is no snapshot.
 
     Returns:
-        O(N² T / 64) time.
+        O(N² T / 64) time for pairs; what is beyond them takes some seconds at most.
     """
     count = len(columns.sensorium)
     given = codes_of(known, count * (count - 1) // 2)
+    told, beyond = Relations(), list[Beyond]()
     if snapshot is None:
-        counts, made, kept = _with_promises(columns, given > 0, on_progress)
+        half = _first_half(columns, given, limits)
+        # What is counted of the first half is not counted again.
+        counts = count_pairs(columns, on_progress, (half.words, half.counts))
+        codes = judge(columns, counts, given > 0).codes
+        beyond, codes, told.left = beyond_pairs(columns, counts, codes, given, limits)
+        told.made, told.kept = half.checked(columns, counts)
     else:
-        counts, made, kept = count_pairs(columns, on_progress), 0, 0
-    judged = judge(columns, counts, given > 0)
-    if snapshot is None:
-        codes = judged.codes
-    else:
+        counts = count_pairs(columns, on_progress)
+        judged = judge(columns, counts, given > 0)
         codes = np.where(judged.near, judged.codes, snapshot.codes)
     found = _Found(columns, counts, np.where(given, given, codes), given > 0)
     # A pair has one relation; a class that holds complements, too, tells it twice.
     rows = {(row.a, row.b): row for row in (found.every() if every else found.covers())}
-    told = Relations(sorted(rows.values(), key=_rank))
-    told.made, told.kept = made, kept
+    told += sorted([*rows.values(), *map(found.beyond, beyond)], key=_rank)
     return told
 
 
-def _with_promises(
-    columns: Columns, known: NDArray[np.bool_], on_progress: OnProgress | None
-) -> tuple[PairCounts, int, int]:
-    """Count all pairs; return `Relations.made` and `Relations.kept` with their counts.
+class _Half(NamedTuple):
+    """What the first half of the readings tells."""
 
-    The half that is judged first is not counted again.
-    """
-    half = columns.on.shape[1] // 2
-    early = columns.until(half)
+    words: int
+    """The words of it."""
+    counts: PairCounts
+    told: NDArray[np.intp]
+    """The pairs that it relates, ``(n,)``."""
+    codes: NDArray[np.uint8]
+    """``(n,)``."""
+    most: NDArray[np.float64]
+    """``(n,)``: what they promise."""
+    before: NDArray[np.uint32]
+    """``(4, n)``: their joint readings in it."""
+    beyond: list[Beyond]
+
+    def checked(self, columns: Columns, counts: PairCounts) -> tuple[int, int]:
+        """Return `Relations.made` and `Relations.kept`, by the second half."""
+        after = [counts.ticks[:, self.told] - self.before]
+        for one in self.beyond:
+            a, a_off, b, b_off = (each[self.words :] for each in one.bits(columns))
+            both = np.stack([a & b, a & b_off, a_off & b, a_off & b_off])
+            after.append(np.bitwise_count(both).sum(axis=1, keepdims=True))
+        codes = [*self.codes, *(CODES[0] for _ in self.beyond)]
+        most = [*self.most, *(one.most for one in self.beyond)]
+        tested, kept = keeps(
+            np.concatenate(after, axis=1), np.array(codes, np.uint8), np.array(most)
+        )
+        return int(tested.sum()), int((tested & kept).sum())
+
+
+def _first_half(columns: Columns, given: NDArray[np.uint8], limits: Limits) -> _Half:
+    words = columns.on.shape[1] // 2
+    early = columns.until(words)
     counts = count_pairs(early)
-    codes = judge(early, counts, known).codes
-    codes[known] = 0
-    told = codes.nonzero()[0]
+    codes = judge(early, counts, given > 0).codes
+    beyond, codes, _ = beyond_pairs(early, counts, codes, given, limits)
+    told = np.where(given, np.uint8(0), codes).nonzero()[0]
     most, before = promises(counts, codes)[told], counts.ticks[:, told]
-    counts = count_pairs(columns, on_progress, (half, counts))
-    tested, kept = keeps(counts.ticks[:, told] - before, codes[told], most)
-    return counts, int(tested.sum()), int((tested & kept).sum())
+    return _Half(words, counts, told, codes[told], most, before, beyond)
 
 
 def implications(
@@ -180,6 +251,8 @@ def implications(
     threshold: float | str | None = None,
     names: Iterable[str] | None = None,
     every: bool = False,
+    premises: int = 2,
+    lag: int = USUAL,
 ) -> Any:  # noqa: ANN401 - a data frame, where pandas is
     """Return which relations of sensors a table of readings supports.
 
@@ -190,6 +263,9 @@ def implications(
         names: Of the sensors; if None, those of the data frame, or ``s0``, ``s1`` and
             so on.
         every: Whether to show relations that follow from others, too.
+        premises: Look for up to so many literals that together imply another; 1: none.
+        lag: Look for what comes in up to so many rows, which are taken for ticks in
+            their order; 0: only for what holds at once.
 
     Returns:
         A data frame of pandas where that is installed, else `Relations`; the strongest
@@ -199,11 +275,12 @@ def implications(
     Raises:
         ShapeError: `data` has not two axes, or there is not one name a column.
         InvalidValueError: An entry is not 0, 1 or unknown, or the threshold is out of
-            range.
+            range, or so is a limit.
     """
+    limits = Limits.of(premises, lag)
     columns = data if isinstance(data, Columns) else Columns.of(data, names)
     fitted = None if threshold is None else EmpiricalSnapshot.fit(columns, threshold)
-    rows = tabulate(columns, fitted, every)
+    rows = tabulate(columns, fitted, every, limits=limits)
     try:
         pandas = import_module("pandas")
     except ImportError:
@@ -212,7 +289,7 @@ def implications(
     frame = pandas.DataFrame(
         {name: [getattr(row, name) for row in rows] for name in fields}
     )
-    frame.attrs.update(made=rows.made, kept=rows.kept)
+    frame.attrs.update(made=rows.made, kept=rows.kept, left=rows.left)
     return frame
 
 
@@ -300,36 +377,83 @@ class _Found:
     def _row(self, a: int, b: int) -> Relation:
         """Return the row of two related sensors, given by any of their literals."""
         i, j = max(a, b) >> 1, min(a, b) >> 1
-        pair = pair_of(a, b)
+        pair, columns = pair_of(a, b), self._columns
         kind, swapped, *tests = _TESTS[int(self._codes[pair])]
-        ticks = self._counts.ticks[:, pair].tolist()
-        runs = self._counts.occasions[:, pair].tolist()
-        failures = {failed for failed, _ in tests}
-        wrong, total = sum(ticks[cell] for cell in failures), sum(ticks)
-        tested = [runs[failed] + runs[passed] for failed, passed in tests]
-        failed = [runs[failed] for failed, _ in tests]
-        last = max(self._span(i, j, cell)[1] for cell in failures)
-        return Relation(
-            relation=_NEARLY.get(kind, kind) if wrong else kind,
-            a=self._names[j if swapped else i],
-            b=self._names[i if swapped else j],
-            tested=tested[0],
-            failed=failed[0],
-            tested_back=tested[1],
-            failed_back=failed[1],
-            share=1 - wrong / total if total else 1.0,
-            at_most=float(self._at_most[pair]),
-            since=self._since(i, j, last),
-            last_failure=last or None,
-            ticks=total,
+        counts = PairCounts(*(each[:, pair] for each in self._counts))
+        bits = columns.on[i], columns.off[i], columns.on[j], columns.off[j]
+        names = self._names[j if swapped else i], self._names[i if swapped else j]
+        return _with_evidence(
+            kind, names, counts, bits, tests, float(self._at_most[pair])
         )
 
-    def _span(self, i: int, j: int, cell: int) -> tuple[int, int]:
-        """Return the first and the last tick of a joint reading; 0: there is none."""
-        return self._columns.span(2 * i + (cell >> 1), 2 * j + (cell & 1))
+    def beyond(self, one: Beyond) -> Relation:
+        """Return the row of what is beyond pairs at one instant."""
+        kind: Kind = "implies"
+        tests = [(0, 1), (0, 2)]
+        a, b = " ∧ ".join(map(self._name, one.premises)), self._name(one.conclusion)
+        lag = one.lag
+        if lag is not None:
+            kind = "implies late"
+            if not lag.first:
+                tests.reverse()
+            if not lag.first and one.premises[0] & one.conclusion & 1:
+                kind, tests = "only after", tests[::-1]
+                a, b = b[:-1], a[:-1]
+        bits = one.bits(self._columns)
+        row = _with_evidence(kind, (a, b), one.counts, bits, tests, one.most)
+        soonest, usual, _ = one.waits
+        return replace(
+            row,
+            premises=len(one.premises),
+            within=lag.ticks if lag else 0,
+            lasting=bool(lag and not lag.first and kind == "implies late"),
+            soonest=soonest,
+            usual=usual,
+            explains=one.explains,
+        )
 
-    def _since(self, i: int, j: int, last: int) -> int:
-        if last:
-            return last + 1
-        firsts = [self._span(i, j, cell)[0] for cell in range(4)]
-        return min((first for first in firsts if first), default=0)
+    def _name(self, literal: int) -> str:
+        return self._names[literal >> 1] + "*" * (literal & 1)
+
+
+def _with_evidence(
+    kind: Kind,
+    names: tuple[str, str],
+    counts: PairCounts,
+    bits: Four,
+    tests: Sequence[tuple[int, int]],
+    most: float,
+) -> Relation:
+    """Return a row of what was counted of two readings.
+
+    Args:
+        kind: What it is called if it never failed.
+        names: Of both.
+        counts: ``(4,)``, of the joint readings.
+        bits: ``(W,)`` each: where the first is on, and off; the same of the second.
+        tests: Of its two tests the joint readings that fail and that pass.
+        most: What it promises.
+    """
+    a, a_off, b, b_off = bits
+    joint = [a & b, a & b_off, a_off & b, a_off & b_off]
+    ticks, runs = (each.tolist() for each in counts)
+    failures = {failed for failed, _ in tests}
+    wrong, total = sum(ticks[cell] for cell in failures), sum(ticks)
+    tested = [runs[failed] + runs[passed] for failed, passed in tests]
+    failed = [runs[failed] for failed, _ in tests]
+    last = max(span(joint[cell])[1] for cell in failures)
+    firsts = [first for first in (span(each)[0] for each in joint) if first]
+    return Relation(
+        relation=_NEARLY.get(kind, kind) if wrong else kind,
+        a=names[0],
+        b=names[1],
+        tested=tested[0],
+        failed=failed[0],
+        tested_back=tested[1],
+        failed_back=failed[1],
+        share=1 - wrong / total if total else 1.0,
+        at_most=most,
+        since=last + 1 if last else min(firsts, default=0),
+        last_failure=last or None,
+        ticks=total,
+    )

@@ -11,9 +11,10 @@ import pytest
 from numpy.typing import NDArray
 
 import neurosnap
+from neurosnap.poc.learning.beyond_pairs import Limits
 from neurosnap.poc.learning.columns import Columns
 from neurosnap.poc.learning.pair_occasions import PairCounts
-from neurosnap.poc.learning.relation_rule import promises, ticks_for_one
+from neurosnap.poc.learning.relation_rule import promises, spectra_of
 from neurosnap.poc.learning.relation_table import Relation, tabulate
 from tests.support.planted import planted
 
@@ -69,7 +70,7 @@ def test_copies_of_copies_may_be_opposites() -> None:
     """Arcs of half a circle, each turned a little further: no order can hold these."""
     value = np.random.default_rng(5).random(5000)
     turned = [(value - k / 20) % 1 < 0.5 for k in range(10)]
-    rows = tabulate(Columns.of(np.stack(turned, axis=1)))
+    rows = tabulate(Columns.of(np.stack(turned, axis=1)), limits=Limits(1, 0))
     beside = {(f"s{k}", f"s{k + 1}", "nearly the same") for k in range(9)}
     told = [(row.a, row.b, row.relation) for row in rows]
     assert set(told) == beside | {("s0", "s9", "nearly opposite")}
@@ -131,7 +132,7 @@ def test_a_table_in_python_is_a_data_frame_if_it_can_be_one(
     frame = neurosnap.implications(wanted.table, names=names)
     assert list(frame) == [field.name for field in dataclasses.fields(Relation)]
     assert frame["a"] == [row.a for row in rows]
-    assert frame.attrs == {"made": rows.made, "kept": rows.kept}
+    assert frame.attrs == {"made": rows.made, "kept": rows.kept, "left": 0}
     assert rows.made > 30
 
 
@@ -235,4 +236,5 @@ def test_ticks_are_worth_what_shifts_of_a_sensor_make_of_them() -> None:
         for lag in [*range(1280), *range(1, 1280)]
     ]
     expected = np.maximum(np.transpose(lags) @ np.array(lags), 1)
-    assert ticks_for_one(columns) == pytest.approx(expected, rel=1e-3)
+    spectra = spectra_of(columns.on, columns.off)
+    assert np.maximum(spectra @ spectra.T, 1) == pytest.approx(expected, rel=1e-3)

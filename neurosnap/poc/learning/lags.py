@@ -1,0 +1,315 @@
+"""Finds what implies another literal some ticks later: ``a -> b within k``.
+
+Three things are told, each of them as two literals that exclude each other, one of them
+read throughout a window of ``k + 1`` ticks, the other at one end of it:
+
+- ``a -> b within k``: ``a`` at the first tick of a window throughout which ``b*``;
+- ``a for k -> b``: ``b*`` at the last tick of a window throughout which ``a``;
+- ``b only within k after a``: ``b`` at the last tick of one throughout which ``a*``.
+
+They are judged by the rule for two literals (`neurosnap.poc.learning.relation_rule`),
+at the ticks at which windows end. All windows that could be asked about count against
+them.
+
+A wider window always has fewer exceptions, also where a reading is flipped now and
+then. So a lag is told only where it explains exceptions: of the ticks at which both
+literals are read at once, fewer are left than of its mirror image, with the other end,
+and that is no accident. Its ``k`` is the one that chance would give least, widened
+up to the longest wait that was seen, as long as that is hardly less sure.
+"""
+
+import math
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from neurosnap.poc.learning.columns import Columns
+from neurosnap.poc.learning.relation_rule import (
+    LEAST_H,
+    ONE_SIDED,
+    Floats,
+    divergence,
+    evidence_for,
+    exclusions,
+    spectra_of,
+)
+from neurosnap.poc.order.literal_set_kernels import population
+from neurosnap.poc.order.literal_sets import Words, from_words
+from neurosnap.system.compiled import njit
+
+LONGEST = 63
+"""The longest lag that can be asked for, in ticks."""
+USUAL = 32
+"""The longest that is looked for, unless another is asked for."""
+_WORK = 1 << 35
+"""Words of 64 ticks that a search looks at; some seconds."""
+_AS_SURE = 0.97
+"""The share of the evidence that a wider window keeps at least; and it must not be less
+sure by more than `ONE_SIDED`. Chosen on planted lags with up to 2 % of flipped bits."""
+_FEW = 3
+"""The fewest exceptions that a lag explains."""
+_ONE = np.uint64(1)
+
+
+class Lag(NamedTuple):
+    """Two literals that exclude each other, one of them throughout a window."""
+
+    throughout: int
+    """The literal that is read throughout."""
+    end: int
+    """The one at one end."""
+    ticks: int
+    """``k``: those of the window besides its first."""
+    first: bool
+    """Whether `end` is read at its first tick, and not at its last."""
+
+    @property
+    def implication(self) -> tuple[int, int]:
+        """The implication that does not hold at once."""
+        a, b = self.end, self.throughout
+        return (a, b ^ 1) if self.first else (b, a ^ 1)
+
+
+def find_lags(columns: Columns, longest: int) -> list[Lag]:
+    """Return what holds late and not at once, at most one lag of each two literals.
+
+    Args:
+        columns: The readings.
+        longest: The longest lag that is looked for, up to `LONGEST`; a shorter one of
+            very many sensors, as the search looks at `_WORK` words.
+
+    Returns:
+        O(N² T) time.
+    """
+    literals, words = 2 * len(columns.on), columns.on.shape[1]
+    asked = literals * (literals - 2)
+    if not words or not asked:
+        return []
+    longest = min(longest, _WORK // (2 * asked * words))
+    needed = evidence_for(2 * longest * asked)
+    every = np.stack([columns.on, columns.off], axis=1).reshape(literals, words)
+    best = np.zeros((2, literals, literals), np.int8)
+    spectra = spectra_of(columns.on, columns.off)
+    for_one = np.maximum(spectra @ spectra.T, 1)
+    _search((every, for_one), columns.ticks, needed, longest, best)
+    first, throughout, end = best.nonzero()
+    ticks = best[first, throughout, end]
+    proposed = np.stack([throughout, end, ticks, 1 - first], axis=1).tolist()
+    candidates = [Lag(u, x, k, bool(side)) for u, x, k, side in proposed]
+    candidates = [lag for lag in candidates if _explains(columns, lag, longest)]
+    judged = exclusions(bits_of(columns, lag) for lag in candidates)
+    chosen: dict[frozenset[int], tuple[bool, int, bool, float, Lag]] = {}
+    for place in np.flatnonzero(judged.holds(needed)).tolist():
+        lag, both = candidates[place], frozenset(candidates[place][:2])
+        failed, most = bool(judged.counts.ticks[0, place]), float(judged.most[place])
+        rank = failed, lag.ticks, not lag.first, most, lag
+        chosen[both] = min(rank, chosen.get(both, rank))
+    return sorted(lag for *_, lag in chosen.values())
+
+
+def _explains(columns: Columns, lag: Lag, longest: int) -> bool:
+    """Return whether it is the lag that explains exceptions, and no flipped readings.
+
+    Flipped readings are left out by a window and by its mirror image alike: as likely
+    by the one as by the other, or most of them by both. A tick of latency explains
+    a few exceptions, too: all, if the mirror image explains none, and readings hardly
+    ever end at a next tick.
+    """
+    at_once, now, back = (
+        bits_of(columns, one)
+        for one in (lag._replace(ticks=0), lag, lag._replace(first=not lag.first))
+    )
+    before, failed, left = (
+        runs(end & whole) for end, _, whole, _ in (at_once, now, back)
+    )
+    if failed >= left:
+        return False
+    tested = failed + left
+    odd = tested * divergence(failed / tested, 0.5)
+    # It was chosen of four windows for each lag.
+    if odd >= np.log(4 * longest / ONE_SIDED):
+        return True
+    if lag.ticks > 1 or failed or not _FEW <= before <= left:
+        return False
+    last = np.bitwise_count(now[2]).sum() / np.bitwise_count(at_once[2]).sum()
+    return bool(before * divergence(0.0, last) >= -np.log(ONE_SIDED))
+
+
+def bits_of(columns: Columns, lag: Lag) -> tuple[Words, Words, Words, Words]:
+    """Return where windows end, ``(W,)`` each.
+
+    Returns:
+        Those with the literal at their end, and with its opposite; those throughout
+        which the other was read, and those with its opposite somewhere.
+    """
+    yes, no = columns.ticks_of(lag.end), columns.ticks_of(lag.end ^ 1)
+    whole, broken = (columns.ticks_of(lag.throughout ^ k) for k in (0, 1))
+    moved_whole, moved_broken = whole, broken
+    for _ in range(lag.ticks):
+        moved_whole, moved_broken = later(moved_whole), later(moved_broken)
+        whole, broken = whole & moved_whole, broken | moved_broken
+        if lag.first:
+            yes, no = later(yes), later(no)
+    # A window that begins before the table is none.
+    inside = np.full_like(whole, ~np.uint64(0))
+    inside[:1] = ~np.uint64(0) << np.uint64(lag.ticks)
+    return yes & inside, no & inside, whole & inside, broken & inside
+
+
+def runs(ticks: Words) -> int:
+    """Return how many runs of consecutive ticks there are."""
+    return int(np.bitwise_count(ticks & ~later(ticks)).sum())
+
+
+def later(ticks: Words) -> Words:
+    """Return sets of ticks, ``(..., W)``, each tick one later."""
+    moved: Words = ticks << _ONE
+    moved[..., 1:] |= ticks[..., :-1] >> np.uint64(63)
+    return moved
+
+
+@njit()
+def _search(
+    table: tuple[Words, NDArray[np.float32]],
+    ticks: int,
+    needed: float,
+    longest: int,
+    best: NDArray[np.int8],
+) -> None:
+    """Fill the windows that are worth to be judged.
+
+    Args:
+        table: ``(2N, W)``, the ticks of all literals; and how many ticks of two sensors
+            are worth one, ``(N, N)``.
+        ticks: How many there are.
+        needed: The evidence.
+        longest: The longest lag.
+        best: ``(2, 2N, 2N)``, filled: the ticks of the window throughout which the
+            former literal is read, with the latter at its first tick, or its last.
+    """
+    every, for_one = table
+    literals, words = every.shape
+    windows = np.empty((longest + 1, words), np.uint64)
+    wide = np.empty(longest + 1)
+    failed = np.empty((2, longest + 1))
+    for u in range(literals):
+        _widen(every[u], windows, wide)
+        for x in range(literals):
+            if x >> 1 == u >> 1:
+                continue
+            here = every[x]
+            times = np.uint64(0)
+            for w in range(words):
+                times += population(here[w])
+            for k in range(longest + 1):
+                at_first = at_last = np.uint64(0)
+                up, down = np.uint64(k), np.uint64(64 - k)
+                if k:
+                    at_first += population(windows[k, 0] & here[0] << up)
+                for w in range(1, words if k else 0):
+                    moved = here[w] << up | here[w - 1] >> down
+                    at_first += population(windows[k, w] & moved)
+                for w in range(words):
+                    at_last += population(windows[k, w] & here[w])
+                failed[0, k], failed[1, k] = at_first if k else at_last, at_last
+            least = needed * for_one[u >> 1, x >> 1]
+            for side in range(2):
+                best[side, u, x] = _chosen(
+                    failed[side], failed[1 - side], float(times), wide, ticks, least
+                )
+
+
+@njit()
+def _widen(ticks: Words, windows: Words, wide: Floats) -> None:
+    """Fill the ends of the windows throughout which a literal is read, by length."""
+    windows[0] = ticks
+    moved = ticks.copy()
+    for k in range(len(windows)):
+        if k:
+            for w in range(len(moved) - 1, 0, -1):
+                moved[w] = moved[w] << _ONE | moved[w - 1] >> np.uint64(63)
+            moved[0] <<= _ONE
+            windows[k] = windows[k - 1] & moved
+        count = np.uint64(0)
+        for w in range(len(moved)):
+            count += population(windows[k, w])
+        wide[k] = count
+
+
+@njit()
+def _chosen(
+    failed: Floats,
+    mirrored: Floats,
+    times: float,
+    wide: Floats,
+    ticks: int,
+    needed: float,
+) -> int:
+    """Return the lag that is told of two literals, if any; else 0.
+
+    Args:
+        failed: ``(K + 1,)``: at how many windows of each length both were read.
+        mirrored: ``(K + 1,)``: at how many of those with the other end.
+        times: The ticks of the literal at the end.
+        wide: ``(K + 1,)``: the windows throughout which the other is read.
+        ticks: The ticks of the table.
+        needed: The evidence.
+    """
+    evidence = np.zeros(len(failed))
+    for k in range(1, len(failed)):
+        few = failed[k] * ticks <= (1 - LEAST_H) * times * wide[k]
+        if few and failed[k] < mirrored[k]:
+            evidence[k] = max(
+                times * divergence(failed[k] / times, wide[k] / ticks),
+                wide[k] * divergence(failed[k] / wide[k], times / ticks),
+            )
+    most = evidence.max()
+    least = max(needed, _AS_SURE * most, most + math.log(ONE_SIDED))
+    chosen = 0
+    for k in range(len(failed) - 1, 0, -1):
+        fewest = not chosen or failed[k] <= failed[chosen]
+        if evidence[k] >= least and fewest:
+            chosen = k
+    return chosen
+
+
+def shortest(
+    lags: Iterable[Lag], reach: NDArray[np.bool_], longest: int
+) -> Iterator[Lag]:
+    """Yield the lags that do not follow from shorter ones and what holds at once.
+
+    Args:
+        lags: Some.
+        reach: ``(2N, 2N)``: what implies what at once, reflexive.
+        longest: The longest of them.
+    """
+    after = np.where(reach, 0, longest + 1).astype(np.int16)
+    for lag in sorted(lags, key=lambda one: (one.ticks, one)):
+        a, b = lag.implication
+        if after[a, b] <= lag.ticks:
+            continue
+        yield lag
+        for low, high in ((a, b), (b ^ 1, a ^ 1)):
+            through = after[:, low, np.newaxis] + lag.ticks + after[high]
+            np.minimum(after, through, out=after)
+
+
+def waits(columns: Columns, lag: Lag) -> tuple[int, int, int]:
+    """Return the shortest, the median and the longest wait that was seen, in ticks.
+
+    They are counted from each tick at which the first literal of the implication comes
+    while the second is not read, until that is; zeros if there is none.
+    """
+    a, b = (columns.ticks_of(literal) for literal in lag.implication)
+    other = columns.ticks_of(lag.implication[0] ^ 1)
+    begun = np.flatnonzero(from_words(a & later(other) & ~b, columns.ticks))
+    answers = np.flatnonzero(from_words(b, columns.ticks))
+    places = np.searchsorted(answers, begun)
+    begun, places = begun[places < len(answers)], places[places < len(answers)]
+    seen = np.sort(answers[places] - begun)
+    seen = seen[seen <= lag.ticks]
+    if not len(seen):
+        return 0, 0, 0
+    return int(seen[0]), int(seen[len(seen) // 2]), int(seen[-1])

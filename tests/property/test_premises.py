@@ -1,0 +1,144 @@
+"""What several literals imply together: the search against all sets, one by one."""
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from neurosnap.poc.learning.beyond_pairs import Limits
+from neurosnap.poc.learning.columns import Columns
+from neurosnap.poc.learning.premises import find_exclusions
+from neurosnap.poc.learning.relation_rule import evidence_for, exclusions
+from neurosnap.poc.learning.relation_table import tabulate
+from neurosnap.poc.order.literal_sets import to_words
+from tests.support.hypothesis_settings import examples
+
+Flags = NDArray[np.bool_]
+ROWS = 600
+
+
+def drawn(seed: int, sensors: int, noise: float, unknown: float = 0) -> Any:
+    """Return a table in which some sensors follow from two or three others."""
+    chance = np.random.default_rng(seed)
+    table = chance.random((ROWS, sensors)) < chance.uniform(0.3, 0.7, sensors)
+    for size in 2, 3:
+        *given_, last = chance.permutation(sensors)[: size + 1]
+        wanted = chance.random(size) < 0.5
+        table[:, last] |= (table[:, given_] == wanted).all(axis=1)
+    table ^= chance.random(table.shape) < noise
+    return np.where(chance.random(table.shape) < unknown, np.nan, table)
+
+
+def literal_ticks(table: Any, literal: int) -> Flags:
+    ticks: Flags = table[:, literal >> 1] == 1 - (literal & 1)
+    return ticks
+
+
+def by_one(table: Any, size: int) -> dict[tuple[int, ...], float]:
+    """Return the least evidence of every set of literals of which each counts."""
+    sensors = table.shape[1]
+    found = {}
+    for several in itertools.combinations(range(sensors), size):
+        for signs in itertools.product((0, 1), repeat=size):
+            literals = tuple(
+                2 * k + sign for k, sign in zip(several, signs, strict=True)
+            )
+            least = np.inf
+            for two in itertools.combinations(literals, 2):
+                rest = np.ones(len(table), np.bool_)
+                for other in set(literals) - set(two):
+                    rest &= literal_ticks(table, other)
+                bits = [
+                    to_words((literal_ticks(table, k) & rest)[np.newaxis])[0]
+                    for one in two
+                    for k in (one, one ^ 1)
+                ]
+                judged = exclusions([(bits[0], bits[1], bits[2], bits[3])])
+                if not judged.h[0] >= 0.5:
+                    least = 0
+                least = min(least, judged.evidence[0])
+            found[literals] = float(least)
+    return found
+
+
+@examples(6)
+@given(
+    st.integers(0, 10_000),
+    st.sampled_from([0, 0.01]),
+    st.sampled_from([0, 0.02]),
+)
+def test_no_set_is_told_that_one_by_one_is_not_and_none_that_is_sure_is_missed(
+    seed: int, noise: float, unknown: float
+) -> None:
+    table = drawn(seed, 6, noise, unknown)
+    sets, left = find_exclusions(Columns.of(table), 3, np.eye(12, dtype=np.bool_))
+    told = {one.literals: one.evidence for one in sets}
+    assert not left
+    for size, count in (3, 20), (4, 15):
+        needed = evidence_for((1 << size) * count)
+        every = by_one(table, size)
+        mine = {k: told[k] for k in told if len(k) == size}
+        assert mine == pytest.approx({k: every[k] for k in mine})
+        assert all(evidence >= needed for evidence in mine.values())
+        # The search goes by what ticks are worth in the whole table.
+        sure = {k for k, evidence in every.items() if evidence >= 1.5 * needed}
+        assert sure <= mine.keys()
+
+
+def test_of_sets_that_follow_from_others_none_is_told() -> None:
+    """The sensor 4 implies 0; so what 0 and 1 imply, 4 and 1 do as well."""
+    chance = np.random.default_rng(1)
+    table = chance.random((2000, 6)) < 0.5
+    table[:, 2] |= table[:, 0] & table[:, 1]
+    table[:, 4] = table[:, 0] & (chance.random(2000) < 0.7)
+    reach = np.eye(12, dtype=np.bool_)
+    sets, _ = find_exclusions(Columns.of(table), 2, reach)
+    assert {one.literals for one in sets} == {(0, 2, 5), (2, 5, 8)}
+    reach[8, 0] = reach[1, 9] = True
+    sets, _ = find_exclusions(Columns.of(table), 2, reach)
+    assert [one.literals for one in sets] == [(0, 2, 5)]
+
+
+def test_a_parity_is_told_though_no_two_sensors_have_a_relation() -> None:
+    chance = np.random.default_rng(2)
+    table = chance.random((3000, 12)) < 0.5
+    table[:, 7] = table[:, 3] ^ table[:, 5]
+    rows = tabulate(Columns.of(table), limits=Limits(2, 0))
+    assert {row.sentence for row in rows} == {
+        "s3 ∧ s5 implies s7*",
+        "s3 ∧ s5* implies s7",
+        "s3* ∧ s5 implies s7",
+        "s3* ∧ s5* implies s7*",
+    } or len(rows) == 4
+
+
+def test_independent_sensors_have_no_premises() -> None:
+    chance = np.random.default_rng(3)
+    table = chance.random((3000, 60)) < chance.uniform(0.02, 0.98, 60)
+    sets, _ = find_exclusions(Columns.of(table), 3, np.eye(120, dtype=np.bool_))
+    assert sets == []
+
+
+def test_a_row_says_what_its_premises_explain_and_how_often_it_was_tested() -> None:
+    """The gate alone is not enough; on 60 occasions the belt was off."""
+    chance = np.random.default_rng(4)
+    belt, gate = (chance.random((2, 1200)) < 0.5).repeat(2, axis=1)
+    counter = belt & gate | (chance.random(2400) < 0.2)
+    readings = np.stack([belt, gate, counter], axis=1)
+    columns = Columns.of(readings, ["belt", "gate", "counter"])
+    (row,) = tabulate(columns, limits=Limits(2, 0))
+    assert row.sentence == "belt ∧ gate implies counter"
+
+    def occasions(ticks: Flags) -> int:
+        return int(ticks[0]) + int((ticks[1:] & ~ticks[:-1]).sum())
+
+    both, off = belt & gate, ~counter
+    assert (row.tested, row.failed) == (occasions(both), 0)
+    assert row.tested_back == occasions(off & ~both)
+    alone = occasions(belt & ~gate & off), occasions(gate & ~belt & off)
+    assert (row.premises, row.explains) == (2, min(alone))
+    assert (row.ticks, row.since, row.last_failure) == (2400, 1, None)
