@@ -86,6 +86,8 @@ class Findings:
     """The strongest first."""
     births: Births | None = None
     """What had been grown, where this is what a run has learned."""
+    lag: int = 0
+    """The longest lag that was asked for."""
     period: float = 0.0
     """Seconds from tick to tick; 0: not always as many, or not known."""
 
@@ -108,8 +110,14 @@ class Findings:
         """Lines that say how well such promises held, and what was passed over."""
         kept, made = self.rows.kept, self.rows.made
         said = f"{kept} of {made} promises of the first half held in the second"
-        left = f"{self.rows.left} sets of literals are too many to look for premises in"
-        return "\n".join([said] * bool(made) + [left] * bool(self.rows.left))
+        lines = [said] if made else []
+        if self.rows.left:
+            lines.append(
+                f"passed over, being too many: {self.rows.left} sets of sensors"
+            )
+        if self.rows.lag < self.lag:
+            lines.append(f"of so many sensors no lag above {self._span(self.rows.lag)}")
+        return "\n".join(lines)
 
     def facts(self) -> dict[str, object]:
         """Return all of it for programs."""
@@ -121,6 +129,7 @@ class Findings:
             "made": self.rows.made,
             "kept": self.rows.kept,
             "left": self.rows.left,
+            "lag": self.rows.lag,
             "relations": [self._fields(row) for row in self.rows],
         }
 
@@ -291,7 +300,9 @@ def learned_from(
             how = f"threshold {threshold}"
     known = known_order(columns.sensorium.names, conditions)
     rows = tabulate(columns, snapshot, every, on_progress, known, limits)
-    return Findings(source, readings, how, rows, births, regular_period(readings))
+    asked = limits.lag if snapshot is None else 0
+    period = regular_period(readings)
+    return Findings(source, readings, how, rows, births, asked, period)
 
 
 def check_room(sensors: int) -> None:

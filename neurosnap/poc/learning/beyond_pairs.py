@@ -108,14 +108,15 @@ def beyond_pairs(
         counts: Of all pairs.
         codes: ``(P,)``: what the rule tells of each pair.
         given: ``(P,)``: what holds whatever is read.
-        limits: What to look for.
+        limits: What to look for; a lag as `longest_lag` returns it.
 
     Returns:
         It; `codes` without what holds nearly at once, and better late; and how many
         sets of literals were passed over, being too many.
     """
-    lags = find_lags(columns, limits.lag) if limits.lag else []
-    late = _late(columns, counts, codes, lags)
+    if limits == (1, 0):
+        return [], codes, 0
+    late = _late(columns, counts, codes, find_lags(columns, limits.lag))
     codes = codes & ~codes_of((one.implication for one in late), len(codes))
     reach = _reach(codes | given, columns)
     short = {*shortest((one.lag for one in late if one.lag), reach, limits.lag)}

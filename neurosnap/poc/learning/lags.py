@@ -72,23 +72,30 @@ class Lag(NamedTuple):
         return (a, b ^ 1) if self.first else (b, a ^ 1)
 
 
+def longest_lag(columns: Columns, asked: int) -> int:
+    """Return the longest lag that can be looked for: less than asked of many sensors.
+
+    A search looks at some words only.
+    """
+    words = int(columns.on.shape[1])
+    literals = 2 * len(columns.on)
+    return min(asked, _WORK // max(1, 2 * literals * (literals - 2) * words))
+
+
 def find_lags(columns: Columns, longest: int) -> list[Lag]:
     """Return what holds late and not at once, at most one lag of each two literals.
 
     Args:
         columns: The readings.
-        longest: The longest lag that is looked for, up to `LONGEST`; a shorter one of
-            very many sensors, as the search looks at `_WORK` words.
+        longest: The longest lag that is looked for, as `longest_lag` returns it.
 
     Returns:
         O(N² T) time.
     """
     literals, words = 2 * len(columns.on), columns.on.shape[1]
-    asked = literals * (literals - 2)
-    if not words or not asked:
+    if not longest or not words:
         return []
-    longest = min(longest, _WORK // (2 * asked * words))
-    needed = evidence_for(2 * longest * asked)
+    needed = evidence_for(2 * longest * literals * (literals - 2))
     every = np.stack([columns.on, columns.off], axis=1).reshape(literals, words)
     best = np.zeros((2, literals, literals), np.int8)
     spectra = spectra_of(columns.on, columns.off)

@@ -68,7 +68,7 @@ def find_exclusions(
 
     Args:
         columns: The readings.
-        most: Premises at most: 2 or 3.
+        most: Premises at most: 1, 2 or 3.
         reach: ``(2N, 2N)``: what implies what, reflexive. Of sets that follow from
             others by it none is returned.
 
@@ -76,6 +76,8 @@ def find_exclusions(
         Those with most evidence first, and how many sets the search passed over, being
         too many: those with least evidence. O(N³ T / 64) time, up to `_WORK`.
     """
+    if most < 2:
+        return [], 0
     found: list[Exclusion] = []
     spectra = spectra_of(columns.on, columns.off)
     # Of all ticks; of those at which others were read it is asked of what is found.

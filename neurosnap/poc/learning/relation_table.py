@@ -25,7 +25,7 @@ from neurosnap.poc.learning.beyond_pairs import (
 )
 from neurosnap.poc.learning.columns import Columns, span
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
-from neurosnap.poc.learning.lags import USUAL
+from neurosnap.poc.learning.lags import USUAL, longest_lag
 from neurosnap.poc.learning.pair_occasions import OnProgress, PairCounts, count_pairs
 from neurosnap.poc.learning.pairs import codes_of, leads, pair_of, rows_of
 from neurosnap.poc.learning.relation_rule import CODES, judge, keeps, promises
@@ -154,6 +154,8 @@ class Relations(list[Relation]):
     """Those that failed there no more often than the first half promised."""
     left: int = 0
     """Sets of literals that the search for premises passed over, being too many."""
+    lag: int = 0
+    """The longest lag that was looked for, in ticks; less than asked of too many."""
 
 
 def tabulate(
@@ -187,6 +189,8 @@ def tabulate(
     given = codes_of(known, count * (count - 1) // 2)
     told, beyond = Relations(), list[Beyond]()
     if snapshot is None:
+        told.lag = longest_lag(columns, limits.lag)
+        limits = limits._replace(lag=told.lag)
         half = _first_half(columns, given, limits)
         # What is counted of the first half is not counted again.
         counts = count_pairs(columns, on_progress, (half.words, half.counts))
@@ -289,7 +293,9 @@ def implications(
     frame = pandas.DataFrame(
         {name: [getattr(row, name) for row in rows] for name in fields}
     )
-    frame.attrs.update(made=rows.made, kept=rows.kept, left=rows.left)
+    frame.attrs.update(
+        {name: getattr(rows, name) for name in ("made", "kept", "left", "lag")}
+    )
     return frame
 
 

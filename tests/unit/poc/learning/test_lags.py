@@ -9,7 +9,14 @@ from numpy.typing import NDArray
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.beyond_pairs import Limits
 from neurosnap.poc.learning.columns import Columns
-from neurosnap.poc.learning.lags import Lag, bits_of, find_lags, shortest, waits
+from neurosnap.poc.learning.lags import (
+    Lag,
+    bits_of,
+    find_lags,
+    longest_lag,
+    shortest,
+    waits,
+)
 from neurosnap.poc.learning.relation_table import Relation, tabulate
 from neurosnap.poc.order.literal_sets import from_words
 from tests.support.planted import planted
@@ -152,6 +159,14 @@ def test_waits_are_counted_from_where_the_answer_is_awaited() -> None:
     columns = Columns.of(np.array([first, then]).T)
     assert waits(columns, Lag(3, 0, 3, True)) == (2, 3, 3)
     assert waits(columns, Lag(3, 0, 1, True)) == (0, 0, 0)
+
+
+def test_of_too_many_sensors_shorter_lags_are_looked_for_and_that_is_said() -> None:
+    table = CHANCE(9).random((64, 3000)) < 0.5
+    assert longest_lag(Columns.of(table[:, :1000]), 63) == 63
+    wide = longest_lag(Columns.of(np.repeat(table, 20, axis=0)), 63)
+    assert wide < 63
+    assert wide * 2 * 6000 * 5998 * 20 <= 1 << 35
 
 
 @pytest.mark.parametrize(("premises", "lag"), [(0, 1), (4, 1), (1, -1), (1, 64)])

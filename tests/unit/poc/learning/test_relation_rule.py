@@ -132,7 +132,8 @@ def test_a_table_in_python_is_a_data_frame_if_it_can_be_one(
     frame = neurosnap.implications(wanted.table, names=names)
     assert list(frame) == [field.name for field in dataclasses.fields(Relation)]
     assert frame["a"] == [row.a for row in rows]
-    assert frame.attrs == {"made": rows.made, "kept": rows.kept, "left": 0}
+    counted = {"made": rows.made, "kept": rows.kept, "left": 0, "lag": 32}
+    assert frame.attrs == counted
     assert rows.made > 30
 
 
