@@ -121,13 +121,14 @@ class News(msgspec.Struct, frozen=True):
     """When it was, seconds since 1970."""
     sensor: str
     alarm: Alarm | None
-    """None if the sensor is well again."""
+    """None if it is over: the sensor agrees with the others again, or what it reads has
+    been taken for normal."""
     zone: str
     """The home's time zone."""
 
     def line(self) -> str:
         """Return the text of the alarm in one line."""
-        said = f"{self.sensor}: well again" if self.alarm is None else self.alarm.line()
+        said = f"{self.sensor}: alarm over" if self.alarm is None else self.alarm.line()
         return f"{told(self.at, self.zone)}  {said}"
 
 

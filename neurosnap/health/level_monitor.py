@@ -55,6 +55,10 @@ HEARD = 0.5
 _WEEK = 7 * 86400.0
 _ACCEPTED = 2 * _WEEK
 """Seconds after which what an alarm is about is how the machine is now."""
+_NOVEL = 0.1
+"""The share of the time between two alarms of the budget that is learned before any is
+raised. What a machine does for the first time, such as a first stop halfway, no tail
+foretells; so promised is no more than this. It was chosen without data."""
 _CHECKED = 1024
 """Steps after which it is seen anew what the budget allows."""
 
@@ -253,6 +257,8 @@ class LevelMonitor:
         alarm, usual = start + mean * shape * np.maximum(far, 0), start.copy()
         alarm[shape == 0] = usual[shape == 0] = np.inf
         alarm[:, ~self.known & ~self._any(~heard)] = np.inf
+        if self._seen * self._step < _NOVEL * _WEEK / self._budget:
+            alarm[:] = np.inf
         count = alarm.shape[1]
         bad, learned = np.zeros(count, np.bool_), np.ones(count, np.bool_)
         bad[self._bad()] = True

@@ -74,7 +74,7 @@ def test_a_recording_is_watched_with_its_alarms_and_their_ends(
     lines = call("watch", home_log).stdout.splitlines()
     for each in alarms:
         assert [line for line in lines if line.endswith(f"UTC  {each['line']}")]
-    well = [line for line in lines if line.endswith(": well again")]
+    well = [line for line in lines if line.endswith(": alarm over")]
     assert len(well) == sum(
         each["ended"] is not None and each["became"] is None for each in alarms
     )

@@ -67,6 +67,16 @@ def test_what_lasts_for_two_weeks_is_how_the_machine_is() -> None:
     assert ended == ["belt"]
 
 
+@pytest.mark.parametrize(("alarms", "told"), [("1/week", []), ("1/day", ["belt"])])
+def test_no_alarm_is_raised_before_as_much_was_learned_as_the_budget_asks_for(
+    alarms: str, told: list[str]
+) -> None:
+    on, other = machine(14 * HOUR, 1), machine(14 * HOUR, 2)
+    on[10 * HOUR :, BELT] = other[10 * HOUR :, BELT]
+    begun, _ = watched(on, alarms)
+    assert [alarm.sensor for alarm in begun] == told
+
+
 def test_a_sensor_that_is_not_heard_is_told_even_if_it_never_changed() -> None:
     on = machine(LEARNED + HOUR, 1)
     known = np.ones_like(on)

@@ -20,7 +20,7 @@ def test_an_alarm_is_news_once_and_so_is_its_end() -> None:
     assert not list(news(standing(11, hall), standing(12, hall)))
     (ended,) = news(standing(12, hall), standing(13))
     assert ended.alarm is None
-    assert ended.line() == "Thu 01 Jan 1970 02:10 UTC  hall: well again"
+    assert ended.line() == "Thu 01 Jan 1970 02:10 UTC  hall: alarm over"
 
 
 def test_an_alarm_that_becomes_another_is_one_more() -> None:
@@ -42,7 +42,7 @@ def test_a_reader_tells_nothing_again_that_was_in_force_before_it_came() -> None
     (line,) = reader.lines(standing(13, hall, door))
     assert "  door: why; " in line
     (line,) = reader.lines(standing(20, door))
-    assert line.endswith("  hall: well again")
+    assert line.endswith("  hall: alarm over")
     assert list(reader.lines(standing(21, door))) == []
     (line,) = reader.lines(standing(22, door, known=3))
     assert line.endswith("; 3 of 3 sensors known")

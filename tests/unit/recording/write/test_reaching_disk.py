@@ -133,10 +133,16 @@ def test_a_sync_that_failed_is_told_and_not_tried_again(
 ) -> None:
     log, fsync = tmp_path / "log.mcap", os.fsync
     rule = r"^log: must reach the disk, got Input/output error for '.*log\.mcap'"
-    saving = FsyncThread()
+    saving, tried = FsyncThread(), threading.Event()
+
+    def fails(descriptor: int) -> None:
+        tried.set()
+        full(descriptor)
+
     with Writer(log) as writer:
-        monkeypatch.setattr(os, "fsync", full)
+        monkeypatch.setattr(os, "fsync", fails)
         saving.sync([writer])
+        assert tried.wait(30)  # the thread's turn may be late
         monkeypatch.setattr(os, "fsync", fsync)
         with pytest.raises(RecordingError, match=rule):
             saving.close()
