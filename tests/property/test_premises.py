@@ -142,3 +142,17 @@ def test_a_row_says_what_its_premises_explain_and_how_often_it_was_tested() -> N
     alone = occasions(belt & ~gate & off), occasions(gate & ~belt & off)
     assert (row.premises, row.explains) == (2, min(alone))
     assert (row.ticks, row.since, row.last_failure) == (2400, 1, None)
+
+
+def test_of_the_ways_to_say_it_one_is_told_that_was_tested_often() -> None:
+    """On eight occasions b and c are on, and a as well; else it is never on with c."""
+    chance = np.random.default_rng(5)
+    a, b, c = chance.random((3, 4000)) < 0.4
+    a &= ~c
+    b &= ~c
+    some = np.flatnonzero(c)[::200]
+    a[some] = b[some] = True
+    columns = Columns.of(np.stack([a, b, c], axis=1), ["a", "b", "c"])
+    rows = [row for row in tabulate(columns, limits=Limits(2, 0)) if row.premises > 1]
+    assert {row.sentence for row in rows} == {"a* ∧ c implies b*", "b* ∧ c implies a*"}
+    assert all(row.at_most < 0.01 for row in rows)

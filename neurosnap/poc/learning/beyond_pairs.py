@@ -162,7 +162,7 @@ def _oriented(columns: Columns, literals: tuple[int, ...]) -> Beyond | None:
     """Return what a set of literals that exclude each other says, as an implication.
 
     Of those that promise enough it is the one with the fewest literals that say off,
-    then the one that promises most; None if none does.
+    then the one that promises most; of those that never failed another, if none does.
     """
     ways = []
     for k, last in enumerate(literals):
@@ -179,7 +179,7 @@ def _oriented(columns: Columns, literals: tuple[int, ...]) -> Beyond | None:
             ]
             explains = min(runs(each & columns.ticks_of(last)) for each in without)
             found = Beyond(rest, last ^ 1, None, counts, most, explains)
-            ways.append((stars, most, k, found))
+            ways.append((most > PROMISE, stars, most, k, found))
     return min(ways)[-1] if ways else None
 
 
