@@ -205,9 +205,8 @@ class _Clock:
             self._last = now
         if due is not None:
             self._row(due)
-        return Readings(
-            self._columns.columns(), self._times, said=self._said, wanted=self._wanted
-        )
+        made = self._columns.columns(), self._times
+        return Readings(*made, said=self._said, wanted=self._wanted, every=self._every)
 
     def _read(self, column: int, reader: Reader, name: str, value: object) -> None:
         try:

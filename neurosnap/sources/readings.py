@@ -31,6 +31,8 @@ class Readings:
     none, or they are not known."""
     wanted: Wanted = _ALL
     """Which sensors they are of, and how each was read."""
+    every: float = 0.0
+    """Seconds from row to row, where a clock made them; else 0."""
 
     def moment(self, tick: int) -> str:
         """Return when a tick from 1 on was; nothing, if that is not known."""
@@ -106,12 +108,9 @@ def _parse_date(text: str) -> float:
 
 
 def regular_period(readings: Readings) -> float:
-    """Return the seconds from reading to reading, if nearly all are as far apart.
-
-    Else 0, as without times.
-    """
-    if readings.times is None or len(readings.times) < 2:
-        return 0.0
+    """Return the seconds from one to the next, if nearly all are as far apart, or 0."""
+    if readings.every or readings.times is None or len(readings.times) < 2:
+        return readings.every
     try:
         gaps = np.diff(seconds_of(readings))
     except InvalidValueError:

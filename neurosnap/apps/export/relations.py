@@ -195,7 +195,7 @@ class Findings:
     def _span(self, ticks: int) -> str:
         """Return how long some ticks are."""
         if self.period:
-            return f"{ticks * self.period:.6g} s"
+            return f"{round(ticks * self.period, 3):g} s"
         return f"{ticks} tick{'s' * (ticks != 1)}"
 
     def _tick(self, tick: int) -> str:

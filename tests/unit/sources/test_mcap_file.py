@@ -25,7 +25,7 @@ from neurosnap.sources.bag_records import is_bag
 from neurosnap.sources.conditions import parse_condition
 from neurosnap.sources.open import open_source, settle
 from neurosnap.sources.open_readings import open_readings
-from neurosnap.sources.readings import Readings
+from neurosnap.sources.readings import Readings, regular_period
 from neurosnap.sources.ros2.message_types import stock_types
 from neurosnap.sources.wanted import Wanted
 from tests.support.command_line import call, happy
@@ -106,6 +106,7 @@ def test_rows_are_what_was_said_last_and_what_is_too_old_is_unknown(
     assert readings.times[0] == "1970-01-01 00:00:02Z"
     slower = open_readings(str(path), Wanted(("/a",), every=3.0))
     assert shown(slower) == {"/a.on": "0101"}
+    assert (regular_period(readings), regular_period(slower)) == (1.0, 3.0)
 
 
 def test_topics_signals_and_conditions_are_chosen(tmp_path: Path) -> None:
