@@ -135,17 +135,12 @@ def _odd_sets(
     literals = np.empty((_ROOM + (1 << size) * len(columns.on), size), np.int64)
     values = np.empty((len(literals), 2))
     best, of_best, start, left = literals[:0], values[:0], 0, 0
+    # Where all smaller sets are there, each set comes from one of them.
+    every = len(begun) == math.comb(len(columns.on), size - 1)
+    table = columns.on, columns.off, for_one
     while start < len(begun):
-        start, count = _search(
-            (columns.on, columns.off, for_one),
-            begun,
-            start,
-            size <= 3,
-            needed,
-            literals,
-            values,
-        )
-        # The same set comes once for each of its sensors that was the last.
+        start, count = _search(table, begun, start, every, needed, literals, values)
+        # Else the same set may come once for each of its sensors.
         both = np.concatenate([best, np.sort(literals[:count], axis=1)])
         best, first = np.unique(both, axis=0, return_index=True)
         of_best = np.concatenate([of_best, values[:count]])[first]
