@@ -58,7 +58,7 @@ _ACCEPTED = 2 * _WEEK
 _NOVEL = 0.1
 """The share of the time between two alarms of the budget that is learned before any is
 raised. What a machine does for the first time, such as a first stop halfway, no tail
-foretells; so promised is no more than this. It was chosen without data."""
+foretells. The rule comes from a simulated plant; the share was not fitted to it."""
 _CHECKED = 1024
 """Steps after which it is seen anew what the budget allows."""
 
