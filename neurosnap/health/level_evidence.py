@@ -292,9 +292,8 @@ def note_peaks(evidence: Floats, counted: Flags, peaks: Peaks) -> None:
 @njit(nogil=True)
 def is_well(signal: int, evidence: LevelEvidence, bounds: Bounds) -> bool:
     """Return whether an alarm about a signal is over."""
-    turned: bool = evidence.turns[signal] >= bounds.turns[signal]
-    calm: bool = evidence.calm[signal] >= bounds.ends[signal]
-    return turned and calm
+    turned = evidence.turns[signal] >= bounds.turns[signal]
+    return bool(turned and evidence.calm[signal] >= bounds.ends[signal])
 
 
 @njit(nogil=True)

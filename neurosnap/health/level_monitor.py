@@ -116,6 +116,7 @@ class LevelMonitor:
         self._bounds = np.searchsorted(np.array(signals), np.arange(count + 1))
         self._budget = parse_budget(alarms)
         self._step = step
+        self._lasting = round(_ACCEPTED / step)
         self._seen = 0
         self.turns = np.zeros(len(signals), np.int64)
         """How often each sensor changed, from one step to the next."""
@@ -172,7 +173,7 @@ class LevelMonitor:
             if not heard.any():
                 at += 1
                 continue
-            stop = self._stop(levels.known, at)
+            stop = self._stop(levels.known, at, number)
             some = Levels(levels.on[at:stop], levels.known[at:stop])
             went = stop - at
             if self._model is None:
@@ -190,13 +191,15 @@ class LevelMonitor:
                 self._limits = None
         return changes
 
-    def _stop(self, known: Floats, at: int) -> int:
+    def _stop(self, known: Floats, at: int, number: int) -> int:
         """Return how far steps can be judged by the same bounds and regression.
 
         It depends on the numbers of the steps, and not on how many are given at once.
         """
         left = min(self._next() - self._seen, _CHECKED - self._seen % _CHECKED)
-        some = known[at : at + left] > 0
+        for alarm in self._alarms.values():
+            left = min(left, alarm.at + self._lasting + 1 - number - at)
+        some = known[at : at + max(1, left)] > 0
         other = (some != some[0]).any(1).nonzero()[0]
         return at + (int(other[0]) if len(other) else len(some))
 
@@ -265,7 +268,7 @@ class LevelMonitor:
         alarm[:, bad | model.mask(heard, self._bad()).unsure] = np.inf
         learned[[*self._alarms]] = False
         within, turns = np.full(count, len(WINDOWS)), np.zeros(count, np.int64)
-        ends = np.full(count, round(_ACCEPTED / self._step))
+        ends = np.full(count, self._lasting)
         for signal, alarmed in self._alarms.items():
             within[signal] = max(1, alarmed.window)
             ends[signal] = max(_CALM, WINDOWS[alarmed.window])
@@ -281,8 +284,7 @@ class LevelMonitor:
         for signal in self._bad():
             alarm = {**self._accepted, **self._alarms}[signal]
             calm = is_well(signal, self._evidence, bounds)
-            lasts = (last - alarm.at) * self._step >= _ACCEPTED
-            if signal in self._alarms and (calm or lasts):
+            if signal in self._alarms and (calm or last - alarm.at >= self._lasting):
                 changes.append(LevelChange(last, self._alarms.pop(signal), False))
                 if not calm:
                     self._accepted[signal] = alarm

@@ -9,7 +9,6 @@ from neurosnap.health.alarm import Alarm, AlarmProgress, SensorHealth, lasted, t
 from neurosnap.health.level_evidence import Levels
 from neurosnap.health.level_monitor import HEARD, TURNS, LevelAlarm, LevelMonitor
 
-Flags = NDArray[np.bool_]
 _APART = 0.1
 """Share of the time by which a level is more or less than expected, to be told so."""
 _MOST = 2

@@ -62,9 +62,9 @@ def test_what_breaks_beside_it_is_found_too() -> None:
 def test_what_lasts_for_two_weeks_is_how_the_machine_is() -> None:
     on, other = machine(40 * 8640, 1), machine(40 * 8640, 2)
     on[LEARNED:, BELT] = other[LEARNED:, BELT]
-    begun, ended = watched(on)
-    assert [alarm.sensor for alarm in begun] == ["belt"]
-    assert ended == ["belt"]
+    begun, ended = LevelMonitor(range(6), "1/week", 10.0).follow(levels(on), 0)
+    assert SENSORS[begun.alarm.sensor] == "belt"
+    assert (begun.alarm, ended.step) == (ended.alarm, begun.step + 14 * 8640)
 
 
 @pytest.mark.parametrize(("alarms", "told"), [("1/week", []), ("1/day", ["belt"])])
