@@ -33,7 +33,7 @@ from neurosnap.poc.learning.relation_rule import (
     divergence,
     evidence_for,
     exclusions,
-    spectra_of,
+    ticks_for_one,
 )
 from neurosnap.poc.order.literal_set_kernels import population
 from neurosnap.poc.order.literal_sets import Words, from_words
@@ -92,20 +92,12 @@ def find_lags(columns: Columns, longest: int) -> list[Lag]:
     Returns:
         O(N² T) time.
     """
-    literals, words = 2 * len(columns.on), columns.on.shape[1]
-    if not longest or not words:
-        return []
+    literals = 2 * len(columns.on)
     needed = evidence_for(2 * longest * literals * (literals - 2))
-    every = np.stack([columns.on, columns.off], axis=1).reshape(literals, words)
-    best = np.zeros((2, literals, literals), np.int8)
-    spectra = spectra_of(columns.on, columns.off)
-    for_one = np.maximum(spectra @ spectra.T, 1)
-    _search((every, for_one), columns.ticks, needed, longest, best)
-    first, throughout, end = best.nonzero()
-    ticks = best[first, throughout, end]
-    proposed = np.stack([throughout, end, ticks, 1 - first], axis=1).tolist()
-    candidates = [Lag(u, x, k, bool(side)) for u, x, k, side in proposed]
-    candidates = [lag for lag in candidates if _explains(columns, lag, longest)]
+    best = proposed(columns, longest, needed, ticks_for_one(columns))
+    found = zip(np.argwhere(best).tolist(), best[best > 0].tolist(), strict=True)
+    every = (Lag(u, x, ticks, not last) for (last, u, x), ticks in found)
+    candidates = [lag for lag in every if explains(columns, lag, longest)]
     judged = exclusions(bits_of(columns, lag) for lag in candidates)
     chosen: dict[frozenset[int], tuple[bool, int, bool, float, Lag]] = {}
     for place in np.flatnonzero(judged.holds(needed)).tolist():
@@ -116,7 +108,30 @@ def find_lags(columns: Columns, longest: int) -> list[Lag]:
     return sorted(lag for *_, lag in chosen.values())
 
 
-def _explains(columns: Columns, lag: Lag, longest: int) -> bool:
+def proposed(
+    columns: Columns, longest: int, needed: float, for_one: NDArray[np.float32]
+) -> NDArray[np.int8]:
+    """Return the lags that are worth to be judged.
+
+    Args:
+        columns: The readings.
+        longest: The longest lag.
+        needed: The evidence, in nats.
+        for_one: ``(N, N)``: how many ticks of two sensors are worth one.
+
+    Returns:
+        ``(2, 2N, 2N)``: the ticks of the window throughout which the former literal is
+        read, with the latter at its first tick, or its last; 0 for none.
+    """
+    literals, words = 2 * len(columns.on), columns.on.shape[1]
+    best = np.zeros((2, literals, literals), np.int8)
+    if longest and words:
+        every = np.stack([columns.on, columns.off], axis=1).reshape(literals, words)
+        _search((every, for_one), columns.ticks, needed, longest, best)
+    return best
+
+
+def explains(columns: Columns, lag: Lag, longest: int) -> bool:
     """Return whether it is the lag that explains exceptions, and no flipped readings.
 
     Flipped readings are left out by a window and by its mirror image alike: as likely
@@ -151,18 +166,19 @@ def bits_of(columns: Columns, lag: Lag) -> tuple[Words, Words, Words, Words]:
         Those with the literal at their end, and with its opposite; those throughout
         which the other was read, and those with its opposite somewhere.
     """
-    yes, no = columns.ticks_of(lag.end), columns.ticks_of(lag.end ^ 1)
-    whole, broken = (columns.ticks_of(lag.throughout ^ k) for k in (0, 1))
-    moved_whole, moved_broken = whole, broken
-    for _ in range(lag.ticks):
-        moved_whole, moved_broken = later(moved_whole), later(moved_broken)
-        whole, broken = whole & moved_whole, broken | moved_broken
-        if lag.first:
-            yes, no = later(yes), later(no)
+    bits = np.array([columns.ticks_of(lag.end ^ k) for k in (0, 1)])
+    other = [columns.ticks_of(lag.throughout), ~columns.ticks_of(lag.throughout ^ 1)]
+    kept, wide = np.array(other), 1
+    while left := min(wide, lag.ticks + 1 - wide):
+        kept &= later(kept, left)
+        wide += left
+    if lag.first:
+        bits = later(bits, lag.ticks)
     # A window that begins before the table is none.
-    inside = np.full_like(whole, ~np.uint64(0))
-    inside[:1] = ~np.uint64(0) << np.uint64(lag.ticks)
-    return yes & inside, no & inside, whole & inside, broken & inside
+    inside = np.full_like(kept[0], ~np.uint64(0))
+    inside[:1] <<= np.uint64(lag.ticks)
+    yes, no = bits & inside
+    return yes, no, kept[0] & inside, ~kept[1] & inside
 
 
 def runs(ticks: Words) -> int:
@@ -170,10 +186,10 @@ def runs(ticks: Words) -> int:
     return int(np.bitwise_count(ticks & ~later(ticks)).sum())
 
 
-def later(ticks: Words) -> Words:
-    """Return sets of ticks, ``(..., W)``, each tick one later."""
-    moved: Words = ticks << _ONE
-    moved[..., 1:] |= ticks[..., :-1] >> np.uint64(63)
+def later(ticks: Words, by: int = 1) -> Words:
+    """Return sets of ticks, ``(..., W)``, each tick later by some, at most 63."""
+    moved: Words = ticks << np.uint64(by)
+    moved[..., 1:] |= ticks[..., :-1] >> np.uint64(64 - by)
     return moved
 
 
@@ -200,32 +216,44 @@ def _search(
     literals, words = every.shape
     windows = np.empty((longest + 1, words), np.uint64)
     wide = np.empty(longest + 1)
-    failed = np.empty((2, longest + 1))
+    failed = np.zeros((2, longest + 1))
     for u in range(literals):
         _widen(every[u], windows, wide)
         for x in range(literals):
-            if x >> 1 == u >> 1:
-                continue
             here = every[x]
             times = np.uint64(0)
             for w in range(words):
                 times += population(here[w])
-            for k in range(longest + 1):
-                at_first = at_last = np.uint64(0)
-                up, down = np.uint64(k), np.uint64(64 - k)
-                if k:
-                    at_first += population(windows[k, 0] & here[0] << up)
-                for w in range(1, words if k else 0):
-                    moved = here[w] << up | here[w - 1] >> down
-                    at_first += population(windows[k, w] & moved)
-                for w in range(words):
-                    at_last += population(windows[k, w] & here[w])
-                failed[0, k], failed[1, k] = at_first if k else at_last, at_last
+            if x >> 1 == u >> 1 or times == ticks:
+                continue
             least = needed * for_one[u >> 1, x >> 1]
-            for side in range(2):
-                best[side, u, x] = _chosen(
-                    failed[side], failed[1 - side], float(times), wide, ticks, least
-                )
+            for every_one in (False, True):
+                at_first = at_last = np.uint64(0)
+                for k in range(longest, 0, -1):
+                    # A shorter window fails as often, at least.
+                    if every_one or k < 8 or (longest - k) % 4 == 0:
+                        at_first, at_last = _failed(windows, here, k)
+                    failed[0, k], failed[1, k] = at_first, at_last
+                for side in range(2):
+                    mirrored = failed[1 - side] if every_one else wide
+                    best[side, u, x] = _chosen(
+                        failed[side], mirrored, float(times), wide, ticks, least
+                    )
+                if not best[:, u, x].any():
+                    break
+
+
+@njit()
+def _failed(windows: Words, here: Words, k: int) -> tuple[np.uint64, np.uint64]:
+    """Return at how many windows a literal is at their first tick, and at the last."""
+    up, down = np.uint64(k), np.uint64(64 - k)
+    at_first = population(windows[k, 0] & here[0] << up)
+    at_last = population(windows[k, 0] & here[0])
+    for w in range(1, windows.shape[1]):
+        moved = here[w] << up | here[w - 1] >> down
+        at_first += population(windows[k, w] & moved)
+        at_last += population(windows[k, w] & here[w])
+    return at_first, at_last
 
 
 @njit()
@@ -266,7 +294,7 @@ def _chosen(
     """
     evidence = np.zeros(len(failed))
     for k in range(1, len(failed)):
-        few = failed[k] * ticks <= (1 - LEAST_H) * times * wide[k]
+        few = failed[k] * ticks < (1 - LEAST_H) * times * wide[k]
         if few and failed[k] < mirrored[k]:
             evidence[k] = max(
                 times * divergence(failed[k] / times, wide[k] / ticks),

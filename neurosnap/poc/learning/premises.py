@@ -30,7 +30,7 @@ from neurosnap.poc.learning.relation_rule import (
     divergence,
     evidence_for,
     exclusions,
-    spectra_of,
+    ticks_for_one,
 )
 from neurosnap.poc.order.literal_set_kernels import population
 from neurosnap.poc.order.literal_sets import Words
@@ -79,13 +79,10 @@ def find_exclusions(
     if most < 2:
         return [], 0
     found: list[Exclusion] = []
-    spectra = spectra_of(columns.on, columns.off)
-    # Of all ticks; of those at which others were read it is asked of what is found.
-    for_one = np.maximum(spectra @ spectra.T, 1)
-    begun, left = _pairs(columns, for_one)
+    begun, left = _pairs(columns)
     for size in range(3, most + 2):
         needed = evidence_for((1 << size) * math.comb(len(columns.on), size))
-        odd = _odd_sets(columns, for_one, begun, size, needed / _EASIER)
+        odd = _odd_sets(columns, begun, size, needed / _EASIER)
         left += odd.left
         sure = [*_sure(columns, odd.literals[odd.h >= LEAST_H], needed)]
         found += sure
@@ -107,7 +104,7 @@ class _Odd(NamedTuple):
     """How many more there are, with less evidence."""
 
 
-def _pairs(columns: Columns, for_one: NDArray[np.float32]) -> tuple[Numbers, int]:
+def _pairs(columns: Columns) -> tuple[Numbers, int]:
     """Return the pairs of sensors to begin with, and how many are passed over.
 
     All, if they are few enough; else those that are rare by no accident, and too often
@@ -118,26 +115,21 @@ def _pairs(columns: Columns, for_one: NDArray[np.float32]) -> tuple[Numbers, int
     if 8 * math.comb(sensors, 3) * words <= _WORK:
         return np.stack(np.tril_indices(sensors, -1), axis=1), 0
     single = np.arange(sensors)[:, np.newaxis]
-    odd = _odd_sets(columns, for_one, single, 2, evidence_for(4 * every))
+    odd = _odd_sets(columns, single, 2, evidence_for(4 * every))
     failing = np.unique(odd.literals[odd.h < LEAST_H] >> 1, axis=0)
     most = _WORK // (8 * sensors * words)
     return failing[:most], odd.left + max(0, len(failing) - most)
 
 
-def _odd_sets(
-    columns: Columns,
-    for_one: NDArray[np.float32],
-    begun: Numbers,
-    size: int,
-    needed: float,
-) -> _Odd:
+def _odd_sets(columns: Columns, begun: Numbers, size: int, needed: float) -> _Odd:
     """Return the sets that a sensor more makes, rare by no accident, up to `_KEPT`."""
     literals = np.empty((_ROOM + (1 << size) * len(columns.on), size), np.int64)
     values = np.empty((len(literals), 2))
     best, of_best, start, left = literals[:0], values[:0], 0, 0
     # Where all smaller sets are there, each set comes from one of them.
     every = len(begun) == math.comb(len(columns.on), size - 1)
-    table = columns.on, columns.off, for_one
+    # Of all ticks; of those at which others were read it is asked of what is found.
+    table = columns.on, columns.off, ticks_for_one(columns)
     while start < len(begun):
         start, count = _search(table, begun, start, every, needed, literals, values)
         # Else the same set may come once for each of its sensors.

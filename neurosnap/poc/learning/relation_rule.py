@@ -36,6 +36,7 @@ implies the other.
 import math
 from collections.abc import Iterable
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +74,10 @@ CODES = (4, 1, 2, 8)
 `neurosnap.poc.learning.pairs`."""
 
 
+_for_one: WeakKeyDictionary[Columns, NDArray[np.float32]] = WeakKeyDictionary()
+"""What `ticks_for_one` returned, as long as the readings are there."""
+
+
 class Judged(NamedTuple):
     """The verdict of the rule on each pair."""
 
@@ -94,8 +99,7 @@ def judge(columns: Columns, counts: PairCounts, known: Flags | None = None) -> J
     Returns:
         O(N²) time and space.
     """
-    spectra = spectra_of(columns.on, columns.off)
-    for_one = np.maximum(spectra @ spectra.T, 1)
+    worth = ticks_for_one(columns)
     pairs = counts.ticks.shape[1]
     judged = Judged(np.zeros(pairs, np.uint8), np.zeros(pairs, np.bool_))
     tested = pairs if known is None else pairs - int(known.sum())
@@ -106,7 +110,8 @@ def judge(columns: Columns, counts: PairCounts, known: Flags | None = None) -> J
         ticks = counts.ticks[:, some].astype(np.float64)
         runs = counts.occasions[:, some].astype(np.float64)
         with np.errstate(divide="ignore", invalid="ignore"):
-            codes, near = _judge_some(for_one[i[some], j[some]], ticks, runs, needed)
+            of_some = worth[i[some], j[some]].astype(np.float64)
+            codes, near = _judge_some(of_some, ticks, runs, needed)
         judged.codes[some], judged.near[some] = codes, near
     return judged
 
@@ -212,6 +217,14 @@ def exclusions(literals: Iterable[tuple[Words, Words, Words, Words]]) -> Exclusi
     with np.errstate(divide="ignore", invalid="ignore"):
         evidence, h = _odd(np.array(worth), of_ticks, of_runs, 0)
         return Exclusions(evidence, h, _promised(of_ticks, of_runs, 0), counts)
+
+
+def ticks_for_one(columns: Columns) -> NDArray[np.float32]:
+    """Return how many ticks of two sensors are worth one, ``(N, N)``; they are kept."""
+    if columns not in _for_one:
+        spectra = spectra_of(columns.on, columns.off)
+        _for_one[columns] = np.maximum(spectra @ spectra.T, 1)
+    return _for_one[columns]
 
 
 def spectra_of(on: Words, off: Words) -> NDArray[np.float32]:

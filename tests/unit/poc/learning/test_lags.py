@@ -11,9 +11,11 @@ from neurosnap.poc.learning.beyond_pairs import Limits
 from neurosnap.poc.learning.columns import Columns
 from neurosnap.poc.learning.lags import (
     Lag,
+    _chosen,
     bits_of,
     find_lags,
     longest_lag,
+    proposed,
     shortest,
     waits,
 )
@@ -136,6 +138,22 @@ def test_flipped_readings_are_no_lag(hold: float) -> None:
         wanted = planted(seed, noise, sensors=92, hold=hold)
         rows = tabulate(Columns.of(wanted.table), limits=ALONE)
         assert not [row.sentence for row in rows if row.within]
+
+
+def test_a_search_passes_no_lag_over() -> None:
+    first = slow(11, 2000, 0.9)
+    columns = Columns.of(np.stack([first, late(first, 9), late(first, 13)], axis=1))
+    found = proposed(columns, 30, 415.0, np.ones((3, 3), np.float32))
+    for side, u, x in np.argwhere(found >= 0):
+        lags = [[Lag(u, x, k, end) for k in range(31)] for end in (side == 0, side > 0)]
+        bits = np.array([[bits_of(columns, lag) for lag in some] for some in lags])
+        ends, whole = bits[:, :, 0], bits[:, :, 2]
+        both = np.bitwise_count(ends & whole).sum(axis=-1).astype(float)
+        wide = np.bitwise_count(whole[0]).sum(axis=-1).astype(float)
+        times = float(np.bitwise_count(columns.ticks_of(x)).sum())
+        told = _chosen(both[0], both[1], times, wide, 2000, 415.0)
+        assert found[side, u, x] == told * (u >> 1 != x >> 1)
+    assert {4, 9} <= {*found.ravel().tolist()}
 
 
 def test_independent_sensors_answer_nothing() -> None:
