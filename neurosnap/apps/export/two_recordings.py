@@ -88,7 +88,7 @@ class Contrast:
         """Return the cells of a row, in the order of `HEADS`."""
         what, word = visible(row.relation), "failed " if row.b else ""
         if row.change in ("later", "sooner"):
-            what += f" (half by {row.within}, now by {row.within_new})"
+            what += f" (lag {row.within}, now {row.within_new})"
         before = f"{word}{row.failed} of {row.tested}"
         now = f"{word}{row.failed_new} of {row.tested_new}"
         return row.change, what, before, now, f"{row.chance:.1g}"

@@ -4,12 +4,13 @@ Three kinds of questions are asked, each in both directions:
 
 - of each two sensors and each joint reading whether it comes oftener on the occasions
   on which it could (`neurosnap.poc.learning.pair_occasions`);
-- of each two literals, and of each time, whether the second follows the first in that
-  time less often (`neurosnap.poc.learning.delays`);
+- of each two literals, and of each lag, whether that fails oftener where one of them
+  begins (`neurosnap.poc.learning.lags`; of what holds at once the lag is 0);
 - of each sensor whether it is on, or comes on, more.
 
-Of the first two only what a relation says, in either table, is told; but all that could
-be asked is counted. An answer is told if chance would tell any in less than `CHANCE` of
+Of the first two only what either table tells is asked; but all that could be is
+counted. So what tells it promises nothing, and of a periodic sensor each run is worth
+a tick at least. An answer is told if chance would tell any in less than `CHANCE` of
 such pairs of tables, all questions together (Bonferroni; each kind has a third). How
 often chance gives it is the larger of two bounds (`two_samples`):
 
@@ -19,7 +20,7 @@ often chance gives it is the larger of two bounds (`two_samples`):
   one.
 
 A relation is tested from both of its sides, and must differ by both: where a machine is
-only used more than before, one of the two shifts by itself. What follows has one side.
+only used more than before, one of the two shifts by itself. A lag has one side.
 
 Suspected first is the sensor that most of the evidence is about, then the one that most
 of the rest is about. Of two that are equal it is the one that is odd by itself, or that
@@ -37,22 +38,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.poc.learning.columns import Columns
-from neurosnap.poc.learning.delays import (
-    ANSWERS,
-    LONGEST,
-    Waits,
-    count_waits,
+from neurosnap.poc.learning.lags import (
+    USUAL,
+    Lag,
+    bits_of,
+    explains,
     later,
-    occasions,
+    longest_lag,
+    proposed,
 )
-from neurosnap.poc.learning.pair_occasions import OnProgress, count_pairs
-from neurosnap.poc.learning.pairs import codes_of
-from neurosnap.poc.learning.relation_rule import CODES, LEAST_H, judge
+from neurosnap.poc.learning.pair_occasions import OnProgress, PairCounts, count_pairs
+from neurosnap.poc.learning.pairs import codes_of, pair_of, rows_of
+from neurosnap.poc.learning.relation_rule import (
+    CODES,
+    evidence_for,
+    judge,
+    ticks_for_one,
+)
 from neurosnap.poc.learning.two_samples import by_stretches, by_trials
-from neurosnap.poc.order.literal_sets import Words, to_words
+from neurosnap.poc.order.literal_sets import Words, from_words
 
+Codes: TypeAlias = NDArray[np.uint8]
 Ints: TypeAlias = NDArray[np.int64]
-Flags: TypeAlias = NDArray[np.bool_]
 Tables: TypeAlias = tuple[Columns, Columns]
 Told: TypeAlias = dict[frozenset[str], int]
 """The fewest tests, in either table, of what relates two sensors."""
@@ -60,13 +67,14 @@ CHANCE = 0.05
 """Pairs of tables of an unchanged machine of which anything is told, at most."""
 FEW = 10
 """Fewer tests of a relation than these say nothing."""
-_FAILING = 0.5
-"""The largest share of its occasions on which one literal does not follow another."""
+_NEVER = USUAL + 1
+"""The lag of what is not told."""
 _NEEDED = -math.log(CHANCE)
 _KINDS = 3
 _STRETCHES = 32
-_STEP, _ROOM = 64, 1 << 22
-"""Sensors whose waits are counted at a time; fewer, if there are more counts then."""
+_MORE, _STRETCH = 4, 8
+"""How much more a search for lags may look at than one that `learn` makes; and in what
+stretches, in words of 64 ticks, if that is too little for all readings."""
 _ENOUGH = 10.0
 """The evidence that a row counts for in a suspicion, at most: many rows say more."""
 _NAMES = {3: "the same", 4: "never together", 12: "opposite"}
@@ -100,8 +108,8 @@ class Difference:
     """The same of the second table."""
     failed_new: int
     within: int | None
-    """The ticks in which at least half of the answers come; None where they do not, or
-    none is awaited."""
+    """The lag with which the first table tells it, in ticks; None: it does not, or the
+    question is whether both are read at once."""
     within_new: int | None
     chance: float
     """The share of pairs of tables of an unchanged machine, at most, in which anything
@@ -146,21 +154,28 @@ def compare_tables(
         on_progress: Told how many pairs of each are counted.
 
     Returns:
-        O(N² T / 64) time, and what `neurosnap.poc.learning.delays` takes.
+        O(N² T) time, as `find_lags` takes it; of too many, some ticks are searched.
     """
-    tables, sensors = (first, second), len(first.sensorium)
-    given = codes_of(known, sensors * (sensors - 1) // 2) > 0
+    tables, names = (first, second), first.sensorium.names
+    pairs = len(names) * (len(names) - 1) // 2
+    given = codes_of(known, pairs)
+    counts = [count_pairs(table, on_progress) for table in tables]
+    judged = [
+        judge(table, count, given > 0, _worth(table)).codes
+        for table, count in zip(tables, counts, strict=True)
+    ]
+    codes = np.where(given, np.uint8(0), np.array(judged))
     told: Told = {}
     found: dict[frozenset[str], list[Difference]] = {}
     odd: dict[str, float] = {}
+    at_once = _at_once(counts, codes, len(names))
+    asked = at_once, _late(tables, at_once, codes, given)
     for row in chain(
-        _levels(tables, given, told, on_progress),
-        _waits(tables, given, told),
-        _own(tables),
+        *(_differing(tables, each, codes, told) for each in asked), _own(tables)
     ):
         if not row.b:
             # Asked about this sensor alone, chance has less evidence.
-            alone = row.evidence + _free(4 * sensors)
+            alone = row.evidence + _free(4 * len(names))
             odd[row.a] = max(alone, odd.get(row.a, _NEEDED))
         if row.chance < CHANCE:
             found.setdefault(row.sensors, []).append(row)
@@ -170,90 +185,174 @@ def compare_tables(
     return Differences(rows, [*_suspects(rows, intact, odd)], len(told), few)
 
 
+class _Asked(NamedTuple):
+    """What is asked of both tables."""
+
+    lags: list[Lag]
+    """``M``: readings that exclude each other."""
+    spans: Ints
+    """``(2, M)``: the lag with which each table tells that."""
+    failed: Ints
+    """``(2, 2, M)``: how often both are read, from the side of the one at the end, and
+    of the other; in each table."""
+    tested: Ints
+    """``(2, 2, M)``: how often that could be."""
+    begins: bool
+    """Whether it could only where a reading begins. Then each side is a question."""
+
+
+def _at_once(counts: Sequence[PairCounts], codes: Codes, sensors: int) -> _Asked:
+    """Return what relations exclude at once."""
+    ends = np.stack(np.tril_indices(sensors, -1))
+    lags, spans, runs = list[Lag](), [], []
+    for cell, code in enumerate(CODES):
+        says = codes & code > 0
+        pairs = np.flatnonzero(says.any(axis=0))
+        for i, j in ends[:, pairs].T.tolist():
+            lags.append(Lag(2 * i + (cell >> 1), 2 * j + (cell & 1), 0, True))
+        spans.append(np.where(says[:, pairs], 0, _NEVER))
+        of_each = np.array([each.occasions[:, pairs] for each in counts], np.int64)
+        runs.append(of_each[:, [cell, cell ^ 1, cell ^ 2]])
+    failed, *passed = np.concatenate(runs, axis=-1).swapaxes(0, 1)
+    twice, told = np.array([failed, failed]), np.concatenate(spans, axis=-1)
+    return _Asked(lags, told, twice, twice + np.array(passed), begins=False)
+
+
+def _late(tables: Tables, at_once: _Asked, codes: Codes, given: Codes) -> _Asked:
+    """Return what either table tells at once, or late, where a reading begins."""
+    literals = 2 * len(tables[0].on)
+    needed = evidence_for(2 * USUAL * literals * (literals - 2))
+    found = (proposed(_some(each), USUAL, needed, _worth(each)) for each in tables)
+    spans = np.array([*found])
+    spans[spans == 0] = _NEVER
+    for span, some in zip(spans, codes, strict=True):
+        implied = from_words(rows_of(some, literals // 2), literals)
+        span[(span == _NEVER) & implied[:, np.arange(literals) ^ 1]] = 0
+    known = rows_of(np.where(given, np.uint8(15), given), literals // 2)
+    spans[:, :, from_words(known, literals)] = _NEVER
+    late = (spans % _NEVER > 0).any(axis=0)
+    # What comes later fails within the shorter of both times.
+    shortest = np.column_stack([np.argwhere(late), spans.min(axis=0)[late]]).tolist()
+    lags = [*at_once.lags, *(Lag(u, x, k, not last) for last, u, x, k in shortest)]
+    counts = [
+        np.bitwise_count(_sets(table, lag, begins=True)).sum(axis=-1)
+        for table in tables
+        for lag in lags
+    ]
+    shape = 2, len(lags), 2, 2
+    failed, tested = np.array(counts, np.int64).reshape(shape).transpose(2, 3, 0, 1)
+    told = np.concatenate([at_once.spans, spans[:, late]], axis=1)
+    return _Asked(lags, told, failed, tested, begins=True)
+
+
+def _some(table: Columns) -> Columns:
+    """Return all readings, or of too many some stretches, evenly spread."""
+    each = max(1, USUAL // max(1, _MORE * longest_lag(table, USUAL)))
+    words = np.flatnonzero(np.arange(table.on.shape[1]) // _STRETCH % each == 0)
+    on, off = (np.take(bits, words, axis=1) for bits in (table.on, table.off))
+    return Columns(table.sensorium, min(table.ticks, 64 * len(words)), on, off)
+
+
+def _worth(table: Columns) -> NDArray[np.float32]:
+    """Return how many ticks of two sensors are worth one; of a run one is, at least."""
+    begun = np.bitwise_count(table.on & later(table.off)).sum(axis=1, dtype=np.int64)
+    run = (table.ticks / np.maximum(2 * begun, 1)).astype(np.float32)
+    worth: NDArray[np.float32] = np.maximum.outer(run, run)
+    return np.minimum(ticks_for_one(table), worth)
+
+
+def _sets(table: Columns, lag: Lag, *, begins: bool) -> tuple[Words, Words]:
+    """Return at which ticks two readings come together, and at which they could.
+
+    ``(2, W)`` each: from the side of the one at the end, and of the other.
+    """
+    bits = np.array(bits_of(table, lag))
+    here, gone = bits[::2], bits[1::2]
+    asked = here & later(gone) if begins else here
+    return asked & here[::-1], asked & (here | gone)[::-1]
+
+
+def _differing(
+    tables: Tables, asked: _Asked, codes: Codes, told: Told
+) -> Iterator[Difference]:
+    """Yield what comes more or less often; `told` gets the pairs that are related."""
+    names, questions = tables[0].sensorium.names, 8 * codes.shape[1]
+    free = _free(questions * (8 * _NEVER if asked.begins else 1))
+    least = asked.tested.min(axis=(0, 1)).tolist()
+    for lag, count in zip(asked.lags, least, strict=True):
+        both = frozenset(names[literal >> 1] for literal in lag[:2])
+        told[both] = max(told.get(both, 0), count)
+    sure = np.array([*map(by_trials, asked.failed, asked.tested)]) - free
+    if not asked.begins:
+        sure = sure.min(axis=0, keepdims=True)
+    for side, way, place in np.argwhere(sure > _NEEDED).tolist():
+        lag, spans = asked.lags[place], asked.spans[:, place].tolist()
+        if change := _changed(tables, lag, spans, way):
+            sets = [_sets(table, lag, begins=asked.begins) for table in tables]
+            by_tests = asked.tested[:, :, place].min(axis=1).argsort()
+            sides = [side] if asked.begins else by_tests.tolist()
+            asked_of = [[(both[k], tests[k]) for both, tests in sets] for k in sides]
+            spread = min(_spread(each, way) for each in asked_of)
+            evidence = min(float(sure[side, way, place]), spread - free)
+            said = codes[int(spans[0] > 0), pair_of(*lag[:2])]
+            sentence = _sentence(lag, names, 0 if lag.ticks else int(said))
+            a, b = (names[literal >> 1] for literal in lag.implication)
+            counted = asked.tested, asked.failed
+            tested, failed = (each[sides[0], :, place] for each in counted)
+            within = spans if asked.begins else [_NEVER, _NEVER]
+            yield _row(evidence, (change, sentence, a, b), tested, failed, within)
+
+
 def _row(
     evidence: float,
     about: tuple[str, str, str, str],
     tested: Ints,
     failed: Ints,
-    within: tuple[int, int] = (LONGEST + 1, LONGEST + 1),
+    within: Sequence[int] = (_NEVER, _NEVER),
 ) -> Difference:
     """Return a row of what it says, of the counts in both tables, and of the times."""
     n, lost, n_new, lost_new = np.stack([tested, failed], axis=1).ravel().tolist()
-    before, now = (ticks if ticks <= LONGEST else None for ticks in within)
+    before, now = (ticks if ticks < _NEVER else None for ticks in within)
     chance = math.exp(-evidence)
     return Difference(*about, n, lost, n_new, lost_new, before, now, chance)
 
 
-def _levels(
-    tables: Tables, given: Flags, told: Told, on_progress: OnProgress | None
-) -> Iterator[Difference]:
-    """Yield what relations exclude, where that comes more or less often.
-
-    Args:
-        tables: Both.
-        given: ``(P,)``: the pairs whose relation is known.
-        told: Gets the pairs that are related.
-        on_progress: Told how many pairs of each table are counted.
-    """
-    names = tables[0].sensorium.names
-    counts = [count_pairs(table, on_progress) for table in tables]
-    judged = [judge(*each, given).codes for each in zip(tables, counts, strict=True)]
-    codes = np.where(given, np.uint8(0), np.array(judged))
-    ends = np.stack(np.tril_indices(len(names), -1), axis=1)
-    free = _free(8 * len(given))
-    for cell, code in enumerate(CODES):
-        says = codes & code > 0
-        pairs = np.flatnonzero(says.any(axis=0))
-        runs = np.array([each.occasions[:, pairs] for each in counts], np.int64)
-        failed = runs[:, cell]
-        sides = np.array([failed + runs[:, cell ^ other] for other in (1, 2)])
-        _note(told, names, ends[pairs], sides.min(axis=(0, 1)))
-        sure = np.min([by_trials(failed, tested) for tested in sides], axis=0) - free
-        for way, place in np.argwhere(sure > _NEEDED).tolist():
-            pair = pairs[place]
-            i, j = ends[pair].tolist()
-            change = _CHANGES[says[0, pair], says[1, pair]][way]
-            spread = _level_spread(
-                tables, (2 * i + (cell >> 1), 2 * j + (cell & 1)), way
-            )
-            if change:
-                side = sides[:, :, place].min(axis=1).argmin()
-                said = int(codes[0 if says[0, pair] else 1, pair])
-                a, b = (names[i], names[j]) if said == 1 else (names[j], names[i])
-                evidence = min(float(sure[way, place]), spread - free)
-                counted = sides[side, :, place], failed[:, place]
-                about = change, _sentence(said, a, b), a, b
-                yield _row(evidence, about, *counted)
+def _changed(tables: Tables, lag: Lag, spans: Sequence[int], way: int) -> str:
+    """Return what becomes of what is told within so many ticks, or never."""
+    before, now = spans
+    if before == now or _NEVER in spans:
+        return _CHANGES[before < _NEVER, now < _NEVER][way]
+    for table, ticks in zip(tables, spans, strict=True):
+        if ticks and not explains(table, lag._replace(ticks=ticks), USUAL):
+            return _CHANGES[True, True][way]
+    if (now > before) == (way == 0):
+        return "later" if now > before else "sooner"
+    return ""  # it comes later, and more come in that time
 
 
-def _sentence(code: int, a: str, b: str) -> str:
+def _sentence(lag: Lag, names: Sequence[str], code: int) -> str:
+    """Return in words what relates two literals; `code`: or their sensors, at once."""
+    a, b = lag.implication
+    if code in _NAMES:
+        first, second = (names[sensor] for sensor in sorted((a >> 1, b >> 1)))
+        return f"{first} and {second}: {_NAMES[code]}"
     if code == 8:
-        return f"at least one of {a} and {b}"
-    return f"{a} and {b}: {_NAMES[code]}" if code in _NAMES else f"{a} implies {b}"
-
-
-def _note(told: Told, names: Sequence[str], pairs: Ints, tests: Ints) -> None:
-    """Note that pairs of sensors, ``(n, 2)``, are related, and by how many tests."""
-    for (i, j), count in zip(pairs.tolist(), tests.tolist(), strict=True):
-        both = frozenset((names[i], names[j]))
-        told[both] = max(told.get(both, 0), count)
+        return f"at least one of {names[a >> 1]} and {names[b >> 1]}"
+    within = lag.ticks and lag.first
+    if back := a & b & 1 and not within:
+        a, b = b ^ 1, a ^ 1
+    first, second = (names[literal >> 1] + "*" * (literal & 1) for literal in (a, b))
+    ticks = f"{lag.ticks} tick{'s' * (lag.ticks > 1)}"
+    if within:
+        return f"{first} implies {second} within {ticks}"
+    if back and lag.ticks:
+        return f"{first} only within {ticks} after {second}"
+    return f"{first}{f' for {ticks}' * (lag.ticks > 0)} implies {second}"
 
 
 def _free(questions: int) -> float:
     """Return the evidence that chance has for one of so many questions of a kind."""
     return math.log(_KINDS * max(questions, 1))
-
-
-def _level_spread(tables: Tables, failing: tuple[int, int], way: int) -> float:
-    """Return how surely two literals are read together oftener, while either is."""
-    sure = []
-    for a, b in (failing, failing[::-1]):
-        asked = []
-        for table in tables:
-            here, there = table.ticks_of(a), table.ticks_of(b)
-            asked.append((here & there, here & (there | table.ticks_of(b ^ 1))))
-        sure.append(_spread(asked, way))
-    return min(sure)
 
 
 def _spread(asked: Sequence[tuple[Words, Words]], way: int) -> float:
@@ -273,114 +372,6 @@ def _spread(asked: Sequence[tuple[Words, Words]], way: int) -> float:
     return by_stretches(failed, tested)
 
 
-def _waits(tables: Tables, given: Flags, told: Told) -> Iterator[Difference]:
-    """Yield the answers that come later, sooner, more or less often.
-
-    Args:
-        tables: Both.
-        given: ``(P,)``: the pairs whose relation is known.
-        told: Gets the pairs that are related.
-    """
-    names, kinds = tables[0].sensorium.names, len(ANSWERS)
-    free = _free(2 * (LONGEST + 1) * 4 * kinds * len(given))
-    skipped = np.eye(len(names), dtype=np.bool_)
-    skipped[np.tril_indices(len(names), -1)] = given
-    step = max(1, min(_STEP, _ROOM // (2 * kinds * LONGEST * len(names))))
-    begun = [occasions(table) for table in tables]
-    for start in range(0, len(names), step):
-        some = slice(start, min(start + step, len(names)))
-        waits = [
-            count_waits(table, some, each)
-            for table, each in zip(tables, begun, strict=True)
-        ]
-        may = ~(skipped | skipped.T)[:, some].repeat(2, axis=0).repeat(kinds, axis=1)
-        within = np.array([_within(each, may, free) for each in waits])
-        asked = np.argwhere((within <= LONGEST).any(axis=0))
-        ends = asked // (2, kinds) + (0, start)
-        counts = np.array([each.counts[asked[:, 0], asked[:, 1]] for each in waits])
-        tested, failed = _late(counts.astype(np.int64))
-        _note(told, names, ends, tested[..., 0].min(axis=0))
-        flat = by_trials(failed.reshape(2, -1), tested.reshape(2, -1))
-        sure = flat.reshape(failed.shape) - free
-        for way, place in np.argwhere(sure.max(axis=-1) > _NEEDED).tolist():
-            ticks = int(sure[way, place].argmax())
-            literal, answer = asked[place].tolist()
-            spans = int(within[0, literal, answer]), int(within[1, literal, answer])
-            if change := _changed_wait(*spans, way):
-                a, b = (names[sensor] for sensor in ends[place])
-                said = (
-                    f"{a} {ANSWERS[2 + literal % 2]}, then {b} {ANSWERS[answer % kinds]}"
-                    f" {_span(ticks)}"
-                )
-                sets = [
-                    _late_at(each[literal], some.each[:, answer], ticks)
-                    for each, some in zip(begun, waits, strict=True)
-                ]
-                spread = _spread(sets, way)
-                evidence = min(float(sure[way, place, ticks]), spread - free)
-                counted = tested[:, place, ticks], failed[:, place, ticks]
-                yield _row(evidence, (change, said, a, b), *counted, spans)
-
-
-def _late(counts: Ints) -> tuple[Ints, Ints]:
-    """Return occasions, and those not followed within each time, of counts of waits."""
-    tested = counts.sum(axis=-1, keepdims=True)
-    failed = tested - counts.cumsum(axis=-1)[..., :-1]
-    return np.broadcast_to(tested, failed.shape), failed
-
-
-def _within(waits: Waits, may: Flags, free: float) -> Ints:
-    """Return in how many ticks literals follow others, above `LONGEST` if they do not.
-
-    They follow once at least half of the occasions are followed, at most half as many
-    as of all ticks are not, and that is no accident.
-
-    Args:
-        waits: Of one table.
-        may: ``(2N, M)``: what is asked for.
-        free: As `_free` returns it.
-
-    Returns:
-        ``(2N, M)``.
-    """
-    tested, failed = _late(waits.counts.astype(np.int64))
-    ticks, late = _late(waits.usual)
-    usual = late / np.maximum(ticks, 1)
-    most = np.minimum(_FAILING, (1 - LEAST_H) * usual)
-    follows = may[..., np.newaxis] & (tested > 0) & (failed <= most * tested)
-    places = np.nonzero(follows)
-    of, lost = tested[places], failed[places]
-    rest, gone = ticks[places[1:]] - of, late[places[1:]] - lost
-    sure = by_trials(np.array([lost, gone]), np.array([of, rest]))[0] - free
-    follows[places] = sure > _NEEDED
-    found: Ints = np.where(follows.any(axis=-1), follows.argmax(axis=-1), LONGEST + 1)
-    return found
-
-
-def _changed_wait(before: int, now: int, way: int) -> str:
-    """Return what becomes of an answer, by the times of `_within`."""
-    if before == now or max(before, now) > LONGEST:
-        return _CHANGES[before <= LONGEST, now <= LONGEST][way]
-    if (now > before) == (way == 0):
-        return "later" if now > before else "sooner"
-    return ""  # it comes later, and more come in that time
-
-
-def _span(ticks: int) -> str:
-    return f"within {ticks} tick{'s' * (ticks > 1)}" if ticks else "at once"
-
-
-def _late_at(
-    begun: NDArray[np.intp], waits: NDArray[np.uint8], ticks: int
-) -> tuple[Words, Words]:
-    """Return the occasions, as sets of ticks, without an answer in time, and all."""
-    known = begun[waits[begun] <= LONGEST + 1]
-    sets = np.zeros((2, len(waits)), np.bool_)
-    sets[0, known[waits[known] > ticks]] = True
-    sets[1, known] = True
-    return to_words(sets[0]), to_words(sets[1])
-
-
 def _own(tables: Tables) -> Iterator[Difference]:
     """Yield how surely each sensor is on, or comes on, more or less, however little."""
     names = tables[0].sensorium.names
@@ -394,8 +385,8 @@ def _own(tables: Tables) -> Iterator[Difference]:
     runs = np.array([_count(each).sum(axis=0) for each in starts])
     share = np.rint(runs * times_on / np.maximum(ticks, 1)).astype(np.int64)
     for answer, sets, times, failed, tested in (
-        (ANSWERS[0], on, times_on, share, runs),
-        (ANSWERS[2], comes, times_comes, times_comes, ticks),
+        ("is on", on, times_on, share, runs),
+        ("comes on", comes, times_comes, times_comes, ticks),
     ):
         sure = by_trials(failed, tested)
         for way, sensor in np.argwhere(sure > 0).tolist():

@@ -88,18 +88,25 @@ class Judged(NamedTuple):
     """``(P,)``: whether they are near copies or near opposites, and not exact ones."""
 
 
-def judge(columns: Columns, counts: PairCounts, known: Flags | None = None) -> Judged:
+def judge(
+    columns: Columns,
+    counts: PairCounts,
+    known: Flags | None = None,
+    worth: NDArray[np.float32] | None = None,
+) -> Judged:
     """Apply the rule to all pairs.
 
     Args:
         columns: The readings.
         counts: Their counts.
         known: ``(P,)``, the pairs whose relation is no question; they are not tested.
+        worth: ``(N, N)``: how many ticks of two sensors are worth one; if None, what
+            `ticks_for_one` returns.
 
     Returns:
         O(N²) time and space.
     """
-    worth = ticks_for_one(columns)
+    worth = ticks_for_one(columns) if worth is None else worth
     pairs = counts.ticks.shape[1]
     judged = Judged(np.zeros(pairs, np.uint8), np.zeros(pairs, np.bool_))
     tested = pairs if known is None else pairs - int(known.sum())

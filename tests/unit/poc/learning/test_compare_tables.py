@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from neurosnap.poc.learning import lags
 from neurosnap.poc.learning.columns import Columns
 from neurosnap.poc.learning.compare_tables import Differences, compare_tables
-from neurosnap.poc.learning.delays import ANSWERS, LONGEST, count_waits, occasions
 from neurosnap.poc.learning.two_samples import by_stretches, by_trials
 from tests.support.changed import KINDS, recorded_twice
 from tests.support.exhaustive import rows
@@ -70,7 +70,7 @@ def differ(good: np.ndarray, new: np.ndarray) -> Differences:
 
 def test_what_is_told_has_its_support_in_both() -> None:
     good, new = motor(6000, 0), motor(4000, 1, delay=5)
-    new[::7, 2] = new[::7, 0]
+    new[::7, 2], new[::9, 1] = new[::7, 0], np.nan
     found = differ(good, new)
     lamp = next(row for row in found.rows if row.sensors == {"s0", "s2"})
     assert (lamp.change, lamp.relation) == ("lost", "s0 and s2: opposite")
@@ -78,6 +78,7 @@ def test_what_is_told_has_its_support_in_both() -> None:
     assert lamp.tested == np.sum(np.diff(good[:, 0]) > 0) + (good[0, 0] == 1)
     belt = next(row for row in found.rows if row.sensors == {"s0", "s1"})
     assert (belt.change, belt.within, belt.within_new) == ("later", 2, 5)
+    assert belt.relation == "s0 for 2 ticks implies s1"
     assert belt.failed == 0
     assert belt.failed_new == belt.tested_new > 50
     assert all(row.chance < 0.05 for row in found.rows)
@@ -103,7 +104,7 @@ def test_an_unknown_reading_is_no_evidence() -> None:
 
 def test_what_is_known_beforehand_is_not_asked() -> None:
     good, new = motor(6000, 0)[:, :3:2], motor(6000, 1)[:, :3:2]
-    new[::7, 1] = new[::7, 0]
+    good[:3000, 1], new[:, 1] = np.roll(good[:3000, 1], 1), np.roll(new[:, 1], 6)
     tables = Columns.of(good), Columns.of(new)
     opposite = [(0, 3), (2, 1), (1, 2), (3, 0)]
     pairs = [row for row in compare_tables(*tables, opposite).rows if row.b]
@@ -142,31 +143,12 @@ def test_of_two_the_one_with_fewer_relations_left_is_suspected() -> None:
     assert found.suspects == ["s2"]
 
 
-def test_waits_are_those_of_a_loop() -> None:
-    chance = np.random.default_rng(3)
-    table = (chance.random((700, 3)) < [0.3, 0.1, 0.02]).astype(float)
-    table[chance.random(table.shape) < 0.01] = np.nan
-    columns = Columns.of(table)
-    found = count_waits(columns, slice(1, 3), occasions(columns))
-    for literal in range(6):
-        on, before = table[:, literal >> 1], literal & 1
-        for place in range(2 * len(ANSWERS)):
-            sensor, answer = 1 + place // 4, place % 4
-            said = table[:, sensor] == (answer + 1) % 2
-            if answer > 1:  # only where it changes to that
-                said[1:] &= table[:-1, sensor] == answer % 2
-                said[0] = False
-            counts = [0] * (LONGEST + 2)
-            for tick in range(1, 700):
-                if on[tick] != 1 - before or on[tick - 1] != before:
-                    continue
-                ahead = slice(tick, tick + LONGEST + 1)
-                stops = np.flatnonzero(said[ahead] | np.isnan(table[ahead, sensor]))
-                if len(stops):
-                    counts[stops[0]] += bool(said[ahead][stops[0]])
-                elif tick + LONGEST < 700:
-                    counts[-1] += 1
-            assert found.counts[literal, place].tolist() == counts
+def test_of_too_many_some_are_searched(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lags, "_WORK", 15_000)
+    rows = differ(motor(9000, 0), motor(9000, 1, delay=5)).rows
+    [belt] = [row for row in rows if row.sensors == {"s0", "s1"}]
+    assert (belt.change, belt.within_new) == ("later", 5)
+    assert belt.relation == "s0* implies s1* within 2 ticks"
 
 
 @pytest.mark.parametrize("first", [(0, 80), (3, 40), (30, 31), (0, 1)])
