@@ -354,6 +354,9 @@ def _counts(
             counts[sender] = max(counts.get(sender, 0), recorded.sequence + 1)
     if stretch is not recording:
         kept = stretch.sequences()
+        # What is missing before it has numbers, too, which are not given again.
+        for sender, first in kept.first.items() if stretch.begins else ():
+            counts[sender] = max(counts.get(sender, 0), first)
     gaps = kept.gaps(_begun_after(recording))
     for sender, ranges in gaps.items():
         if stretch.begins and ranges[0][0] == kept.first.get(sender, 0):

@@ -28,7 +28,12 @@ from tests.golden.drive import drive, record
 from tests.golden.scenarios import rows
 from tests.support.course import course
 from tests.support.recorded_messages import assert_true_run
-from tests.support.rewritten_recordings import changing, flipped, rewritten
+from tests.support.rewritten_recordings import (
+    changing,
+    flipped,
+    rewritten,
+    write_again,
+)
 from tests.support.scripted_sources import Scripted
 from tests.support.split_runs import EVERY, SMALL, TICKS, SplitRun, made, silenced
 
@@ -67,6 +72,33 @@ def test_a_key_frame_counts_once_every_cell_has_reported_on_a_later_wave(
     monkeypatch.setattr(module, "_reported", lambda _: last_waves)
     found = module._start(recording, None)
     assert (0 if found is None else found.frame.tick) == start
+
+
+def test_what_damage_took_keeps_its_number(tmp_path: Path) -> None:
+    """Else another message gets it, and nothing shows that one is missing."""
+    whole, log = tmp_path / "whole.mcap", tmp_path / "log.mcap"
+    record(drive(OPTIONS, Scripted(ROWS)), OPTIONS, whole)
+    recording = Recording.open(whole)
+    write_again(recording, log, recording.messages(), chunk=1)
+    frame = next(
+        one.sequence
+        for one in recording.messages(("keyframe",))
+        if isinstance(one.message, wire.KeyFrame) and one.message.tick == 20
+    )
+    (file,) = Recording.open_file(log).files
+    # The last of the tick before the key-frame.
+    lost = next(
+        chunk
+        for chunk in file.layout.chunks
+        for one in file.chunk(chunk).of_topic("reached")
+        if one.sequence == frame - 1
+    )
+    data = bytearray(log.read_bytes())
+    data[lost.offset + lost.packed // 2] ^= 1
+    log.write_bytes(data)
+    _, past = find_resume_point(log, 20)
+    assert past.tick == 20
+    assert past.counts["coordinator"] == frame
 
 
 # In its last file ---------------------------------------------------------------------
