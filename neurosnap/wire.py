@@ -23,7 +23,7 @@ import msgspec
 
 from neurosnap.errors import MessageError
 
-SCHEMA = 11
+SCHEMA = 12
 ROOT = "neurosnap"
 LARGEST_KEYFRAME = 1 << 26
 """Bytes of a key-frame, at most, which no other message may pass either."""
@@ -433,10 +433,15 @@ class Decision(_Message, frozen=True, omit_defaults=True):
     """The reason, for people."""
     born: Annotated[int, msgspec.Meta(ge=-1, le=_LARGEST)] = -1
     """The number of the sensor that is grown; -1: none is."""
-    context: Natural = 0
-    """The action of its context."""
+    context: Annotated[int, msgspec.Meta(ge=-1, le=_LARGEST)] = 0
+    """The action of its context; -1: none, it is about the last ticks."""
     literals: Naturals = ()
-    """The literals that must have been in the state before, ascending."""
+    """The literals that must have been in the state before, ascending; without an
+    action, that must have been read at each of some ticks."""
+    since: Natural = 0
+    """The first of these, in ticks before this one."""
+    until: Natural = 0
+    """The last of these."""
     history: Natural = 0
     """How many ticks its weights come from."""
     weights: bytes = b""

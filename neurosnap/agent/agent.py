@@ -76,7 +76,6 @@ class Agent:
         self._mind = Mind(snapshot, policy, memory)
         self._own = Sensorium(body.own)
         self._senses = Senses(body)
-        self._known: NDArray[np.bool_] | None = None  # of the last own readings
         self._seed, self._states = 0, STATES
 
     @classmethod
@@ -315,17 +314,14 @@ class Agent:
     ) -> Sensed:
         """Return the whole observation, for `follow`; arguments are those of `act`."""
         own, sure = self._own.observation(bits), self._checked(known)
-        step = (-1 if begins else self.decision.action, self.state)
-        observation = self._senses.observe(own, *step)
-        known = self._senses.known(sure, *step, self._known)
-        self._known = sure
-        return Sensed(observation, known, begins)
+        step = self.decision.action, self.state, begins
+        return Sensed(*self._senses.observe(own, sure, *step), begins)
 
     def follow(self, seen: Sensed) -> Decision:
         """Learn from what was sensed, and decide."""
         steps = tick(self._mind, seen)
         if answered(steps, lambda asked: answered_at_once(asked, self._mind, seen)):
-            self._senses = Senses(self.body)
+            self._senses.fit(self.body)
         return self.decision
 
     def consequences(self, action: int | str) -> NDArray[np.bool_]:

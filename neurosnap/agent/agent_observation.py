@@ -1,13 +1,19 @@
-"""The observation of an agent: its world's sensors, its actions, actions in context.
+"""The observation of an agent: its world's sensors, its actions, and what is grown.
 
-`Contexts` says which contexts hold in a state, and of which one can tell.
+`Contexts` says which contexts hold in a state, and of which one can tell; `Windows`
+which windows of the last ticks do.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
-from neurosnap.sensorium import complement
+from neurosnap.poc.learning.reading_history import History
+from neurosnap.sensorium import complement, selection
+
+_ONE, _NEWEST = np.uint64(1), np.uint64(63)
+Readings = tuple[NDArray[np.bool_], NDArray[np.bool_] | None]
+"""Which sensors are on, and which readings are known; None if all are."""
 
 
 class Contexts:
@@ -20,12 +26,13 @@ class Contexts:
 
     def __init__(self, body: Body) -> None:
         free = body.room - len(body.grown)
-        actions = [action for action, _ in (*body.context, *body.grown)]
+        actions = [each[0] for each in (*body.context, *body.grown)]
         self.action = np.array([*actions, *(0 for _ in range(free))], np.intp)
         self._free = np.zeros(free, np.bool_)
         self._single = np.array([literal for _, literal in body.context], np.intp)
-        self._grown = np.array([a for _, many in body.grown for a in many], np.intp)
-        ends = np.cumsum([len(many) for _, many in body.grown])
+        many = [each.literals for each in body.grown]
+        self._grown = np.array([a for each in many for a in each], np.intp)
+        ends = np.cumsum([len(each) for each in many])
         self._starts = np.concatenate(([0], ends))[: len(body.grown)].astype(np.intp)
         self.in_use = np.ones(len(self.action), np.bool_)
         self.in_use[len(actions) :] = False
@@ -64,53 +71,98 @@ class Contexts:
         return np.asarray(tells & self.in_use, np.bool_)
 
 
-class Senses:
-    """Makes an agent's observation from its world's readings and its last action."""
+class Windows:
+    """Keeps the last readings of a world's own sensors, and reads windows of them.
 
-    def __init__(self, body: Body) -> None:
+    What came before a beginning is unknown.
+
+    Args:
+        body: Its grown sensors are windows.
+        history: What was read before.
+    """
+
+    def __init__(self, body: Body, history: History | None) -> None:
+        # By literal, as `History.last_ticks` returns it.
+        self._read = np.zeros(2 * len(body.own), np.uint64)
+        if history is not None:
+            self._read = history.last_ticks(np.arange(2 * len(body.own)))
+        self.fit(body)
+
+    def fit(self, body: Body) -> None:
+        """Go on with a body that has grown, or retired, a sensor."""
+        every = [(a, each) for each in body.grown for a in each.literals]
+        self._literals = np.array([a for a, _ in every], np.intp)
+        ticks = [(1 << 64 - each.until) - (1 << 63 - each.since) for _, each in every]
+        self._ticks = np.array(ticks, np.uint64)
+        ends = np.cumsum([0, *(len(each.literals) for each in body.grown)])
+        self._starts = ends[:-1].astype(np.intp)
+        self._unread = list(body.retired)
+        self._room = body.room
+
+    def observe(
+        self, bits: NDArray[np.bool_], known: NDArray[np.bool_] | None, begins: bool
+    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Add readings, ``(n,)``, and return those of the windows, ``(room,)``.
+
+        Returns:
+            Which are on, and which are known: on iff all was read so, off if the
+            complement of anything was.
+        """
+        self._read = np.zeros_like(self._read) if begins else self._read >> _ONE
+        self._read |= selection(bits, known).astype(np.uint64) << _NEWEST
+        whole = self._read[self._literals] & self._ticks == self._ticks
+        broken = self._read[self._literals ^ 1] & self._ticks != 0
+        on, sure = np.zeros((2, self._room), np.bool_)
+        if len(self._starts):
+            grown = slice(len(self._starts))
+            on[grown] = np.logical_and.reduceat(whole, self._starts)
+            sure[grown] = on[grown] | np.logical_or.reduceat(broken, self._starts)
+            on[self._unread] = sure[self._unread] = False
+        return on, sure
+
+
+class Senses:
+    """Makes an agent's observations from its world's readings and its last actions.
+
+    Args:
+        body: What is sensed.
+        known: ``(n,)``, which of the world's own readings were known last; None: all.
+        history: The readings before, where windows are grown.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        known: NDArray[np.bool_] | None = None,
+        history: History | None = None,
+    ) -> None:
+        self._known = known
+        windows = body.room and not body.context
+        self._windows = Windows(body, history) if windows else None
+        self.fit(body)
+
+    def fit(self, body: Body) -> None:
+        """Go on with a body that has grown, or retired, a sensor."""
         own, felt = len(body.own), len(body.actions) * body.senses_actions
         self._own = slice(0, own)
         self._felt = slice(own, own + felt)
         self._contexts = Contexts(body)
-        self._contextual = slice(own + felt, own + felt + len(self._contexts.action))
-        self._count = self._contextual.stop
+        self._count = body.count
+        self._contextual = slice(own + felt, self._count)
         self.looks_back = bool(felt or body.context)
         """Whether an observation depends on the step before it."""
+        if self._windows is not None:
+            self._windows.fit(body)
 
     def observe(
         self,
         bits: NDArray[np.bool_],
+        own: NDArray[np.bool_] | None = None,
         action: int = -1,
         state: NDArray[np.bool_] | None = None,
-    ) -> NDArray[np.bool_]:
-        """Return the whole observation: ``(N,)``.
-
-        Args:
-            bits: What the world's own sensors read.
-            action: The one taken in the step that has just ended; -1 at the beginning,
-                when none was and no action or contextual sensor is on.
-            state: ``(2N,)``, recorded before that step; None at the beginning.
-        """
-        observation = np.zeros(self._count, np.bool_)
-        observation[self._own] = bits
-        if action >= 0 and state is not None:
-            if self._felt.start < self._felt.stop:
-                observation[self._felt.start + action] = True
-            np.logical_and(
-                self._contexts.action == action,
-                self._contexts.hold(state),
-                out=observation[self._contextual],
-            )
-        return observation
-
-    def known(
-        self,
-        own: NDArray[np.bool_] | None,
-        action: int = -1,
-        state: NDArray[np.bool_] | None = None,
-        before: NDArray[np.bool_] | None = None,
-    ) -> NDArray[np.bool_] | None:
-        """Return which readings are known: ``(N,)``; None if all are.
+        begins: bool = False,
+    ) -> Readings:
+        """Return the whole observation: ``(N,)``, and which of it is known.
 
         Actions always are. ``α∧a`` is known where ``α`` was not taken, for then it is
         off; where a literal of the sensor was in the state before, even if only because
@@ -120,18 +172,31 @@ class Senses:
         retired, or is still to be grown, is unknown.
 
         Args:
-            own: ``(n,)``, which readings of the world's own sensors are known; if None,
-                all.
-            action: As in `observe`.
-            state: As in `observe`.
-            before: As `own`, when `state` was recorded.
+            bits: What the world's own sensors read.
+            own: ``(n,)``, which of these readings are known; if None, all.
+            action: The one taken in the step that has just ended; -1: none was.
+            state: ``(2N,)``, recorded before that step; None at the beginning.
+            begins: It follows no step: no action or contextual sensor is on.
         """
+        observation = np.zeros(self._count, np.bool_)
         known = np.ones(self._count, np.bool_)
+        observation[self._own] = bits
         if own is not None:
             known[self._own] = own
-        if action >= 0 and state is not None and before is not None:
-            told = self._contexts.told(state, before)
-            known[self._contextual] = told | (self._contexts.action != action)
-        if not self._contexts.in_use.all():
+        step = None if action < 0 or begins else state
+        if step is not None and self._felt.start < self._felt.stop:
+            observation[self._felt.start + action] = True
+        before, self._known = self._known, own
+        if self._windows is not None:
+            read = self._windows.observe(observation[self._own], own, begins)
+            observation[self._contextual], known[self._contextual] = read
+        else:
+            taken = self._contexts.action == action
+            if step is not None:
+                holds = self._contexts.hold(step)
+                np.logical_and(taken, holds, out=observation[self._contextual])
+            if step is not None and before is not None:
+                told = self._contexts.told(step, before)
+                known[self._contextual] = told | ~taken
             known[self._contextual] &= self._contexts.in_use
-        return None if known.all() else known
+        return observation, None if known.all() else known

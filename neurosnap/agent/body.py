@@ -11,6 +11,10 @@ taken after ``β`` was taken where ``b`` held. A body gets these sensors one by 
 it lives. It has room for so many from the start, behind all other sensors: no number
 ever changes, and what is not grown yet reads nothing.
 
+A body whose actions are not sensed in context grows *windows*, each on iff some
+literals were read at each of some ticks: ``a₁∧…∧aₖ`` now, ``a`` for the last 3 ticks
+and this one, or ``a`` 3 ticks ago.
+
 References:
     [GK] "Algorithm: Computing the consequences of an action", eqn:context, where a
     context may be of any sensor. Grown sensors are not the paper's, which names them as
@@ -18,21 +22,19 @@ References:
 """
 
 import functools
-from collections import Counter
 from collections.abc import Sequence
-from itertools import pairwise
-from typing import TypeAlias
+from itertools import count, pairwise
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap.agent.growth_in_decisions import Context
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import Sensorium
 
-Context: TypeAlias = tuple[int, tuple[int, ...]]
-"""A contextual sensor: an action, and literals, ascending: of the world's own sensors,
-or that an action or a single contextual sensor was on."""
+OLDEST = 63
+"""How many ticks back a window may begin."""
 
 
 # dict: names are derived once.
@@ -41,8 +43,8 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
 
     The sensors stand in this order. A contextual sensor is called ``action&sensor``,
     or ``action&~sensor`` where its literal is a complement; a grown one has all its
-    literals in its name, as in ``left&row<1&(up&~ice)``, and a number if it is grown
-    again.
+    literals in its name, as in ``left&row<1&(up&~ice)``, or ``belt for 3 ticks``, and a
+    number if it is grown again.
 
     Raises:
         InvalidValueError: Two sensors have the same name, or a context names an action
@@ -99,7 +101,11 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             rule = f"must be at most {self.room}, for which there is room"
             raise InvalidValueError("grown", rule, len(self.grown))
         single = set(self.context)
-        for action, literals in self.grown:
+        for context in self.grown:
+            action, literals, since, until = context
+            if not self.context:
+                self._check_window(context)
+                continue
             ascends = all(a >> 1 < b >> 1 for a, b in pairwise(literals))
             now, before = self.split(literals)
             if len(now) + 2 * len(before) < 2 or not ascends:
@@ -111,9 +117,22 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             if any(a & 1 or a >= 2 * self.first_grown for a in before):
                 rule = "must say of the step before what was on, of what is not grown"
                 raise InvalidValueError("grown", rule, (action, literals))
-            if not 0 <= action < len(self.actions):
-                rule = f"must be of one of {len(self.actions)} actions"
-                raise InvalidValueError("grown", rule, (action, literals))
+            if not 0 <= action < len(self.actions) or since or until:
+                rule = f"must be of one of {len(self.actions)} actions, and no window"
+                raise InvalidValueError("grown", rule, context)
+
+    def _check_window(self, window: Context) -> None:
+        action, literals, since, until = window
+        ascends = all(a >> 1 < b >> 1 for a, b in pairwise(literals))
+        own = all(0 <= a < 2 * len(self.own) for a in literals)
+        if not (ascends and own and len(literals) + since > 1 and action < 0):
+            rule = (
+                "must be of own literals, ascending, of no action, several or of past"
+            )
+            raise InvalidValueError("grown", rule, window)
+        if not 0 <= until <= since <= OLDEST:
+            rule = f"must begin up to {OLDEST} ticks ago, and not end before it begins"
+            raise InvalidValueError("grown", rule, window)
 
     @classmethod
     def full(
@@ -160,8 +179,11 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
 
         Examples:
             >>> body = Body.full(["door", "dark"], ["push"], room=2)
-            >>> body.grow((0, (0, 3))).sensors[-2:]
+            >>> body.grow(Context(0, (0, 3))).sensors[-2:]
             ('push&door&~dark', 'grown 2')
+            >>> body = Body(own=("belt", "gate"), room=2).grow(Context(-1, (0, 3)))
+            >>> body.grow(Context(-1, (1,), since=3)).sensors[-2:]
+            ('belt&~gate', '~belt for 3 ticks')
         """
         return msgspec.structs.replace(self, grown=(*self.grown, context))
 
@@ -218,9 +240,12 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     def members(self, context: Context) -> list[int]:
         """Return the literals of a step that make a context, but for those before it.
 
-        They are the action, if it is sensed, and its single contexts.
+        They are the action, if it is sensed, and its single contexts; of a window the
+        literals, if it ends now.
         """
-        action, literals = context
+        if context.action < 0:
+            return list(context.literals) if not context.until else []
+        action, literals, *_ = context
         now, _ = self.split(literals)
         first = self.first_grown - len(self.context)
         felt = [2 * (len(self.own) + action)] if self.senses_actions else []
@@ -239,29 +264,37 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         members = self.members(context)
         if state[[a ^ 1 for a in members]].any():
             return False
-        _, before = self.split(context[1])
-        return True if state[members].all() and not before else None
+        _, before = self.split(context.literals)
+        told = not (before or context.since)
+        return True if told and state[members].all() else None
 
     @functools.cached_property
     def sensors(self) -> tuple[str, ...]:
         """The names of all sensors, in order."""
         felt = self.actions if self.senses_actions else ()
-        single = (self._name((action, (a,))) for action, a in self.context)
-        times = Counter[Context]()
-        grown = []
+        single = (self._name(Context(action, (a,))) for action, a in self.context)
+        names = [*self.own, *felt, *single]
         for context in self.grown:
-            times[context] += 1
-            again = f"#{times[context]}" if times[context] > 1 else ""
-            grown.append(self._name(context) + again)
-        free = (f"grown {place + 1}" for place in range(len(grown), self.room))
-        return (*self.own, *felt, *single, *grown, *free)
+            name = self._name(context)
+            ways = (f"{name}#{k}" if k > 1 else name for k in count(1))
+            names.append(next(way for way in ways if way not in names))
+        free = (f"grown {place + 1}" for place in range(len(self.grown), self.room))
+        return (*names, *free)
 
     def _name(self, context: Context) -> str:
-        action, literals = context
+        action, literals, since, until = context
         now, before = self.split(literals)
+        done = (self.actions[action],) if action >= 0 else ()
         named = (f"{'~' * (a & 1)}{self.own[a >> 1]}" for a in now)
         told = (f"({self._before(a >> 1)})" for a in before)
-        return "&".join((self.actions[action], *named, *told))
+        name = "&".join((*done, *named, *told))
+        if not since:
+            return name
+        ticks = f"{since} tick{'s' * (since > 1)}"
+        if not until:
+            return f"{name} for {ticks}"
+        ended = f" to {until}" * (until < since)
+        return f"{name} {since}{ended} tick{'s' * (since > 1)} ago"
 
     def _before(self, sensor: int) -> str:
         """Return the name of an action or of a single contextual sensor."""
@@ -270,7 +303,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         if place < len(felt):
             return felt[place]
         action, literal = self.context[place - len(felt)]
-        return self._name((action, (literal,)))
+        return self._name(Context(action, (literal,)))
 
     @property
     def looked_at(self) -> NDArray[np.bool_]:
@@ -280,8 +313,8 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         sensor looks at.
         """
         mask = self.position
-        for _, literals in self.in_use:
-            mask[list(self.split(literals)[1])] = True
+        for context in self.in_use:
+            mask[list(self.split(context.literals)[1])] = True
         return mask
 
     @property

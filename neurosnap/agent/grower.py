@@ -24,8 +24,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.agent.body import Body, Context
-from neurosnap.errors import InvalidValueError
+from neurosnap.agent.body import Body
+from neurosnap.agent.growth_in_decisions import Context
 from neurosnap.poc.learning.archive import Arrays, entry, rows_in
 from neurosnap.poc.learning.history_questions import (
     Count,
@@ -113,7 +113,7 @@ class _Candidate(msgspec.Struct):
 
     @property
     def context(self) -> Context:
-        return self.action, self.literals
+        return Context(self.action, self.literals)
 
 
 class Grower:
@@ -125,15 +125,9 @@ class Grower:
 
     Attributes:
         hopeless: ``(actions, own literals)``: which results seem to be left to chance.
-
-    Raises:
-        InvalidValueError: The body's actions are not sensed in context.
     """
 
     def __init__(self, body: Body) -> None:
-        if not body.context:
-            rule = "must come with actions sensed in context"
-            raise InvalidValueError("grow", rule, body.actions)
         self._own = len(body.own)
         self._room = body.room
         self.fit(body)
@@ -265,7 +259,7 @@ class Grower:
             return
         # A sensor that is on in just this context may be there.
         single = len(literals) < 2 and all(a < 2 * self._own for a in literals)
-        if not single and (action, literals) not in self._grown:
+        if not single and Context(action, literals) not in self._grown:
             trials = self._trials[action, result]
             trials.append(_Candidate(action, literals, result))
 

@@ -7,13 +7,20 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.actions import Actions, guaranteed
-from neurosnap.agent.body import Body, Context
+from neurosnap.agent.body import Body
 from neurosnap.agent.grower import Grower
+from neurosnap.agent.growth_in_decisions import Context
+from neurosnap.agent.window_grower import WindowGrower
 from neurosnap.errors import MessageError
 from neurosnap.poc.learning.archive import Arrays
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.learning.history_questions import Question, Search
-from neurosnap.poc.learning.reading_history import History, Newborn, conjunction
+from neurosnap.poc.learning.reading_history import (
+    History,
+    Newborn,
+    conjunction,
+    window,
+)
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import selection
@@ -23,7 +30,10 @@ _EVERY = 8  # ticks from one look at whether a sensor is needed to the next
 
 
 class Growth:
-    """Finds the next sensor to grow or to retire, by what each action led to.
+    """Finds the next sensor to grow or to retire.
+
+    By what each action led to; or, where actions are not sensed, by what relates the
+    readings.
 
     Args:
         body: What is sensed and done, with room for what is grown.
@@ -32,12 +42,10 @@ class Growth:
         history: The last readings of every sensor.
         changes: What the decision of the tick under way says of growth, by field.
 
-    Raises:
-        InvalidValueError: As for `Grower`.
     """
 
     def __init__(self, body: Body) -> None:
-        self._grower = Grower(body)
+        self._grower = Grower(body) if body.context else WindowGrower(body)
         self.history = History(len(body.sensors), wire.HISTORY)
         self._own = len(body.own)
         self._body = body
@@ -51,7 +59,9 @@ class Growth:
     @property
     def hopeless(self) -> NDArray[np.bool_]:
         """``(actions, 2n)``: which results seem to be left to chance."""
-        return self._grower.hopeless
+        if isinstance(self._grower, Grower):
+            return self._grower.hopeless
+        return np.zeros((len(self._body.actions), 2 * self._own), np.bool_)
 
     def notice(
         self,
@@ -62,7 +72,7 @@ class Growth:
         known: NDArray[np.bool_] | None,
         snapshot: Snapshot,
     ) -> Search[None]:
-        """Record an observation, and prepare what the decision on it says.
+        """Prepare what the decision on an observation says.
 
         One sensor is grown at most, or one retires.
 
@@ -70,17 +80,19 @@ class Growth:
             action: That of the step that has ended; -1: none was.
             state: ``(2N,)``, recorded before it.
             foretold: ``(2n,)``, what the action guaranteed of the world's own sensors.
-            observation: ``(N,)``; it is learned by now.
+            observation: ``(N,)``; it is learned by now, and in the history.
             known: ``(N,)``, which of it is known; if None, all.
             snapshot: Weighs what is born.
         """
-        self.history.record(observation, known)
         self.changes = {}
-        due, tick = None, self.history.tick
-        if action >= 0:
+        due: Context | None = None
+        if isinstance(self._grower, WindowGrower):
+            due = yield from self._grower.find(self.history, snapshot)
+        elif action >= 0:
             before = self.hopeless[action]
             came = selection(observation, known)[: 2 * self._own]
-            due = yield from self._grower.notice(action, state, foretold, came, tick)
+            step = action, state, foretold, came
+            due = yield from self._grower.notice(*step, self.history.tick)
             if (given_up := self.hopeless[action] & ~before).any():
                 self.changes["chance"] = tuple(np.flatnonzero(given_up).tolist())
         if due is None:
@@ -88,19 +100,25 @@ class Growth:
         else:
             yield from self._bear(due, snapshot)
 
-    def _bear(self, due: Context, snapshot: Snapshot) -> Search[None]:
+    def _bear(self, context: Context, snapshot: Snapshot) -> Search[None]:
         """Find out what a sensor would have read, and what its weights would be."""
-        body, (action, literals) = self._body, due
-        sensor, now = body.first_grown + len(body.grown), body.members(due)
-        _, before = body.split(literals)
-        asked = dict.fromkeys(b for a in (*now, *before) for b in (a, a ^ 1))
+        body, history = self._body, self.history
+        sensor = body.first_grown + len(body.grown)
+        members, (_, before) = body.members(context), body.split(context.literals)
+        if context.action < 0:
+            members = list(context.literals)
+        asked = dict.fromkeys(b for a in (*members, *before) for b in (a, a ^ 1))
         read = (yield Question(readings=tuple(asked))).readings
-        on, off = conjunction(read, now, before, self.history.tick)
-        self.history.on[:, sensor], self.history.off[:, sensor] = on, off
-        ticks = self.history.ticks
+        if context.action < 0:
+            span = context.since, context.until
+            on, off = window(read, members, span, history.begun, history.tick)
+        else:
+            on, off = conjunction(read, members, before, history.tick)
         unread = [body.first_grown + place for place in body.retired]
-        newborn = yield from snapshot.newborn(sensor, ticks, on, off, unread)
-        self.changes |= {"born": sensor, "context": action, "literals": literals}
+        newborn = yield from snapshot.newborn(sensor, history.ticks, on, off, unread)
+        history.on[:, sensor], history.off[:, sensor] = on, off
+        names = "context", "literals", "since", "until"
+        self.changes |= {"born": sensor} | dict(zip(names, context, strict=True))
         self.changes |= birth_fields(newborn, snapshot)
 
     def _retire(self, snapshot: Snapshot) -> Search[None]:
@@ -159,31 +177,32 @@ def birth_fields(newborn: Newborn, snapshot: Snapshot) -> dict[str, int | bytes]
 def is_needless(body: Body, place: int, snapshot: Snapshot) -> Search[bool]:
     """Tell whether a grown sensor, by its place among these, is to retire.
 
-    What it guarantees of the world's own sensors, a part of its context guarantees as
-    well. Or each of these was guaranteed, whenever it was on, by some other sensor that
-    was on, too: so several wide contexts take the place of a narrow one that came
-    first. If they do not where the agent has not been yet, that is a surprise, and it
-    is grown again. It costs some `PocGraph.up`, and rings of the history.
+    What it guarantees of the world's own sensors, or a window of any, a part of its
+    context guarantees as well. Or, but for windows, each of these was guaranteed,
+    whenever it was on, by some other sensor that was on, too: so several wide contexts
+    take the place of a narrow one that came first. If they do not where the agent has
+    not been yet, that is a surprise, and it is grown again. It costs some
+    `PocGraph.up`, and rings of the history.
     """
     graph = snapshot.poc_graph()
     alone = _guarantees_alone(body, place, graph)
-    if alone:
+    if alone and body.context:
         alone = yield from _not_covered(body, place, alone, graph, snapshot)
     return not alone
 
 
 def _guarantees_alone(body: Body, place: int, graph: PocGraph) -> list[int]:
     """Return what a grown sensor guarantees that no part of its context does."""
-    action, literals = body.grown[place]
-    first = 2 * body.first_grown
-    part = body.members(body.grown[place])
-    for other, (which, fewer) in enumerate(body.grown):
-        smaller = which == action and set(fewer) < set(literals)
-        if smaller and other not in body.retired:
+    context, first = body.grown[place], 2 * body.first_grown
+    part = body.members(context)
+    for other, smaller in enumerate(body.grown):
+        if other not in {place, *body.retired} and context.includes(smaller):
             part.append(first + 2 * other)
     closures = graph.up([first + 2 * place]), graph.up(part)
-    whole, rest = guaranteed(closures)[:, : 2 * len(body.own)]
-    return np.flatnonzero(whole & ~rest).tolist()
+    whole, rest = guaranteed(closures)
+    whole[first + 2 * place] = False
+    read = 2 * len(body.own) if body.context else len(whole)
+    return np.flatnonzero(whole[:read] & ~rest[:read]).tolist()
 
 
 def _not_covered(
@@ -199,7 +218,7 @@ def _not_covered(
     """
     mine = 2 * (body.first_grown + place)
     actions = Actions(body)
-    may_be_on = actions.signal(body.grown[place][0], actions.in_use)
+    may_be_on = actions.signal(body.grown[place].action, actions.in_use)
     others = [a for a in may_be_on if a != mine]
     by: dict[int, list[int]] = {}
     for result in results:

@@ -1,10 +1,12 @@
 """Reads from a decision which sensors were grown and which were retired.
 
+`Context` is what makes a grown sensor be on.
+
 Cell processes import this module: it needs neither numpy nor numba.
 """
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 
@@ -13,6 +15,30 @@ from neurosnap.wire import Decision
 
 if TYPE_CHECKING:
     from neurosnap.agent.body import Body
+
+
+class Context(NamedTuple):
+    """What makes a grown sensor be on: an action where literals held, or a window.
+
+    A *window* takes no action: it is on iff all its literals were read at each of some
+    of the last ticks.
+    """
+
+    action: int
+    """The action that was taken; -1: it is a window."""
+    literals: tuple[int, ...]
+    """Ascending: of the world's own sensors; or that an action or a single contextual
+    sensor was on."""
+    since: int = 0
+    """How many ticks before this one a window begins."""
+    until: int = 0
+    """How many before this one it ends."""
+
+    def includes(self, other: "Context") -> bool:
+        """Return whether it is on only if another one of the same action is, too."""
+        wider = self.since >= other.since and self.until <= other.until
+        same = self.action == other.action
+        return same and wider and {*self.literals} >= {*other.literals}
 
 
 class Changed(msgspec.Struct, frozen=True):
@@ -35,6 +61,12 @@ def changes_in(decision: Decision, body: "Body") -> Iterator[Changed]:
             yield Changed(decision.tick, sensor, body.sensors[sensor], retires)
 
 
+def context_in(decision: Decision) -> Context:
+    """Return the context of the sensor that a decision grows."""
+    window = decision.since, decision.until
+    return Context(decision.context, decision.literals, *window)
+
+
 def body_after(body: "Body", decision: Decision) -> "Body":
     """Return the body that is read from the observation on that follows a decision.
 
@@ -47,7 +79,7 @@ def body_after(body: "Body", decision: Decision) -> "Body":
         raise MessageError(f"decision: born: {rule}, got {decision.born}")
     try:
         if decision.born >= 0:
-            body = body.grow((decision.context, decision.literals))
+            body = body.grow(context_in(decision))
         if decision.retires >= 0:
             body = body.retire(decision.retires - body.first_grown)
     except InvalidValueError as error:

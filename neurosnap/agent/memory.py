@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.actions import Actions, guaranteed
-from neurosnap.agent.body import Body, Context
+from neurosnap.agent.body import Body
 from neurosnap.agent.experience import Experience
 from neurosnap.agent.growth import Growth, apply_change
-from neurosnap.agent.growth_in_decisions import body_after
+from neurosnap.agent.growth_in_decisions import Context, body_after
 from neurosnap.poc.learning.archive import (
     Arrays,
     entry,
@@ -44,7 +44,7 @@ class AgentMemory:
         decision: The last one that was followed.
 
     Raises:
-        InvalidValueError: The body has room, and its actions are not sensed in context.
+        InvalidValueError: A policy cannot imagine with such a body.
     """
 
     def __init__(self, body: Body, imagines: bool = False) -> None:
@@ -53,12 +53,16 @@ class AgentMemory:
         self.decision = Decision(0, -1, "the run begins")
         self._growth = Growth(body) if body.room else None
         self._begins = False  # the observation whose state is to come
-        self._actions = None if self.is_empty else Actions(body)
+        self._actions = self._of(body)
+
+    def _of(self, body: Body) -> Actions | None:
+        """Return the actions of a body, if anything follows from them."""
+        return None if self.is_empty or not body.context else Actions(body)
 
     @property
     def chance(self) -> dict[str, tuple[str, ...]]:
         """Return by action which of the world's own sensors it leaves to chance."""
-        if self._growth is None:
+        if self._growth is None or not self.body.context:
             return {}
         pairs = self._growth.hopeless.reshape(len(self.body.actions), -1, 2)
         return {
@@ -96,8 +100,8 @@ class AgentMemory:
                 born.
 
         Returns:
-            What is to be done once the observation is learned and before `settle`: it
-            goes into the history of the readings, and that is asked.
+            What is to be done once the observation is learned and before `settle`: the
+            history of the readings, which has it by now, is asked.
         """
         own, told, state = 2 * len(self.body.own), self.experience, snapshot.state
         foretold = np.zeros(own, np.bool_)
@@ -113,6 +117,7 @@ class AgentMemory:
         self._begins = begins
         if self._growth is None:
             return nothing()
+        self._growth.history.record(observation, known, begins)
         step = (-1 if begins else action, state)
         return self._growth.notice(*step, foretold, observation, known, snapshot)
 
@@ -147,7 +152,7 @@ class AgentMemory:
             return False
         self.body = body
         apply_change(body, decision, snapshot)
-        self._actions = Actions(body)
+        self._actions = self._of(body)
         if self._growth is not None:
             self._growth.fit(body)
         if self.experience is not None:
@@ -178,7 +183,7 @@ class AgentMemory:
         arrays = unpack_arrays(data)
         followed = _followed_in(arrays)
         self.decision, self.body = followed.decision, followed.body(self.body)
-        self._actions = Actions(self.body)
+        self._actions = self._of(self.body)
         if self.experience is not None:
             self.experience.restore(arrays)
             self.experience.looked_at = self.body.looked_at

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from neurosnap import wire
+from neurosnap.agent.growth_in_decisions import Context
 
 if TYPE_CHECKING:
     from neurosnap.agent.body import Body
@@ -33,7 +34,7 @@ class ResumePoint(msgspec.Struct, frozen=True):
     """Which of the files of the run the recording is, from 0."""
     begins: int = 0
     """The tick of the key-frame that file begins with; 0: it begins with the run."""
-    grown: tuple[tuple[int, tuple[int, ...]], ...] = ()
+    grown: tuple[Context, ...] = ()
     """The contexts of the sensors that were grown before that tick's decision."""
     retired: tuple[int, ...] = ()
     """The places among them of those that are read no more."""

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from neurosnap import wire
 from neurosnap.agent.agent_observation import Senses
+from neurosnap.agent.body import OLDEST
 from neurosnap.agent.growth_in_decisions import body_after
 from neurosnap.errors import InvalidValueError, MessageError, ShapeError
 from neurosnap.protocol.resume_point import seen_after
@@ -43,14 +44,13 @@ class World:
         self._source = source
         if past is not None:
             body = past.body(body)
-        self._body, self._senses = body, Senses(body)
+        self._body, self._senses = body, Senses(body, known)
         self._actions = len(body.actions)
         self._literals = 2 * len(body.sensors)
         self._tick = 0  # of the last observation
         self._answered = -1  # the tick of the last decision taken up
         self._state: NDArray[np.bool_] | None = None
         self._recorded = 0  # the tick of that state
-        self._known = known  # of the last own readings
         self._began = past is not None
         if past is not None:
             self._resume(past)
@@ -61,10 +61,13 @@ class World:
             for tick in range(1, past.tick + 1):
                 if tick > 1:
                     seen = self._source.step(past.actions[tick - 2])
-                if seen is not None and 0 < first <= tick:
+                if seen is None:
+                    continue
+                if 0 < first <= tick:
                     known = b"" if seen.known is None else pack(seen.known)
                     checksum = seen_after(checksum, pack(_bits(seen)), known)
-            self._known = None if seen is None else seen.known
+                if past.tick - tick <= OLDEST:  # no window looks further back
+                    self._senses.observe(_bits(seen), seen.known, begins=seen.begins)
             is_file = not (self._actions or self._body.room)
             if first and is_file and checksum != expected:
                 rule = f"must have read at ticks {first} to {past.tick} as recorded"
@@ -106,7 +109,8 @@ class World:
                     raise MessageError(f"decision: {rule}, got {got}")
                 body = body_after(self._body, message)
                 if body is not self._body:
-                    self._body, self._senses = body, Senses(body)
+                    self._body = body
+                    self._senses.fit(body)
                 self._answered = message.tick
                 return message
             case _:
@@ -131,12 +135,11 @@ class World:
             raise InvalidValueError(name, "must be 1 at least", 0)
         self._began = True
         self._tick += 1
-        step = (-1 if seen.begins else decision.action, self._state)
-        known = self._senses.known(seen.known, *step, self._known)
-        self._known = seen.known
+        step = decision.action, self._state, seen.begins
+        bits, known = self._senses.observe(_bits(seen), seen.known, *step)
         return wire.Observation(
             tick=self._tick,
-            bits=pack(self._senses.observe(_bits(seen), *step)),
+            bits=pack(bits),
             begins=seen.begins,
             known=b"" if known is None else pack(known),
             cut=seen.cut and self._tick > 1,

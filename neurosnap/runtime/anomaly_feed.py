@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Self, TypeAlias
 
 from neurosnap import wire
-from neurosnap.agent.growth_in_decisions import Changed, changes_in
+from neurosnap.agent.growth_in_decisions import Changed, changes_in, context_in
 from neurosnap.errors import InvalidValueError, MessageError, SwarmError
 from neurosnap.fabric.wait_for_events import wait_any
 from neurosnap.fabric.zenoh.discovery import FoundSwarm
@@ -277,6 +277,5 @@ def _changes(decision: wire.Decision, births: Births) -> Iterator[Changed]:
     if decision.born < births.body.size:
         yield from changes_in(decision, births.body)
         return
-    context = decision.context, decision.literals
-    body = births.first.grow(context)
+    body = births.first.grow(context_in(decision))
     yield Changed(decision.tick, decision.born, body.sensors[body.first_grown])

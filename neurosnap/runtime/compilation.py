@@ -27,8 +27,10 @@ from neurosnap.system.compiled import cache_folder
 _ALIKE = ("snapshot", "threshold", "cells", "learning", "watch")
 """The options that say what is compiled."""
 _LONG = 86_400.0  # seconds: nothing is late while it compiles
-_READINGS = "a,b,c\n0,0,0\n1,1,0\n0,1,\n1,1,1\n0,0,1\n1,1,0\n"
+_HEAD, _ROWS = "a,b,c\n", "0,0,0\n1,1,0\n0,1,\n1,1,1\n0,0,1\n1,1,0\n"
 """Implications come and go, and one reading is unknown."""
+_REPEATS = 12
+"""So often, where windows are grown: until the first search for one."""
 
 
 class CompileJob(msgspec.Struct, frozen=True):
@@ -44,9 +46,11 @@ class CompileJob(msgspec.Struct, frozen=True):
                 warm()
             else:
                 table = Path(folder) / "readings.csv"
-                await asyncio.to_thread(table.write_text, _READINGS)
+                grows = _grows_windows(self.options)
+                text = _HEAD + _ROWS * (_REPEATS if grows else 1)
+                await asyncio.to_thread(table.write_text, text)
                 like = {name: getattr(self.options, name) for name in _ALIKE}
-                body = Body(own=("a", "b", "c"))
+                body = Body(own=("a", "b", "c"), room=int(grows))
                 like |= {"source": str(table), "body": body, "deadline": _LONG}
                 request = RunRequest(RunOptions(**like), site=Site(patience=_LONG))
                 jobs, site = jobs_of(request), request.site
@@ -79,11 +83,18 @@ async def compile_first(options: RunOptions | None, stop: asyncio.Event) -> None
     note.touch()
 
 
+def _grows_windows(options: RunOptions) -> bool:
+    return options.body.room > 0 and not options.body.context
+
+
 def _made_from(options: RunOptions | None) -> str:
     """Return a digest of all that makes compiled code another one."""
     compiler = find_spec("numba")
     files = list(Path(__file__).parents[1].rglob("*.py"))
     files.append(Path(str(compiler and compiler.origin)))
     changed = sorted((str(path), path.stat().st_mtime_ns) for path in files)
-    kind = options and [getattr(options, name) for name in _ALIKE]
+    kind = options and [
+        _grows_windows(options),
+        *(getattr(options, name) for name in _ALIKE),
+    ]
     return sha256(repr([kind, os.uname(), changed]).encode()).hexdigest()[:16]

@@ -18,18 +18,11 @@ def body_of(source: Source, agent: AgentKind, room: int = 0) -> Body:
     Args:
         source: What there is to sense and to do.
         agent: The kind of agent.
-        room: How many sensors it may grow.
-
-    Raises:
-        InvalidValueError: It is to grow sensors and is a walker, or has no actions.
+        room: How many sensors may be grown: of a walker's, windows of the last ticks.
     """
-    if room and (agent == "walker" or not source.actions):
-        raise InvalidValueError(
-            "grow", "must go with an agent that senses actions", room
-        )
     own, orders, actions = source.sensors, source.orders, source.actions
     if agent == "walker":
-        return Body(own=own, orders=orders, actions=actions)
+        return Body(own=own, orders=orders, actions=actions, room=room)
     return Body.full(own, actions, orders, room)
 
 

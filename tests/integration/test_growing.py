@@ -134,7 +134,7 @@ def test_in_a_t_maze_what_was_seen_at_the_start_tells_where_to_turn(seed: int) -
     maze = t_maze()
     agent = explored(maze, 600, seed)
     assert len(agent.body.in_use) <= 20
-    assert any(agent.body.split(literals)[1] for _, literals in agent.body.in_use)
+    assert any(agent.body.split(one.literals)[1] for one in agent.body.in_use)
     taken = [
         sent(agent, maze, "food", start, 50 + k) for k in range(5) for start in (0, 1)
     ]

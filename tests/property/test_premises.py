@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from neurosnap.poc.learning import premises
 from neurosnap.poc.learning.beyond_pairs import Limits
 from neurosnap.poc.learning.columns import Columns
 from neurosnap.poc.learning.premises import find_exclusions
@@ -159,17 +158,15 @@ def test_of_the_ways_to_say_it_one_is_told_that_was_tested_often() -> None:
     assert all(row.at_most < 0.01 for row in rows)
 
 
-def test_of_too_many_sensors_it_goes_on_from_pairs_that_fail(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_of_too_many_sensors_it_goes_on_from_pairs_that_fail() -> None:
     """Whichever of the three sensors comes last."""
     for order in itertools.permutations(range(3)):
         table = np.random.default_rng(6).random((3000, 12)) < 0.5
         a, b, last = (3 * place + 1 for place in order)
         table[:, last] |= table[:, a] & table[:, b]
         columns, reach = Columns.of(table), np.eye(24, dtype=np.bool_)
-        monkeypatch.setattr(premises, "_WORK", 8 * 12 * columns.on.shape[1] * 10)
-        sets, _ = find_exclusions(columns, 2, reach)
+        work = 8 * 12 * (columns.on.shape[1] + 64) * 10
+        sets, _ = find_exclusions(columns, 2, reach, work=work)
         assert [one.literals for one in sets] == [
             tuple(sorted((2 * a, 2 * b, 2 * last + 1)))
         ]

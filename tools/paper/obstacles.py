@@ -101,7 +101,7 @@ def _learned(world: World) -> bytes:
             after = int(world.moves[action, before])
             state[: 2 * len(world.fields)] = complete(world.fields[:, before])
             bits = world.sense(after, before)
-            snapshot.learn(senses.observe(bits, action, state))
+            snapshot.learn(senses.observe(bits, None, action, state)[0])
     return snapshot.to_bytes()
 
 

@@ -152,14 +152,14 @@ def random_options(
 ) -> RunOptions:
     """Draw a run of 5 to 25 ticks in cells or among workers.
 
-    It has 2 to 8 sensors; or 26 and more, and up to 50 ticks, where some are grown.
+    It has 2 to 8 sensors; where some are grown 26 and more, or up to 132 ticks.
     One in ten does, unless it is to be `growing`.
     """
     kind = 1.0 if growing else chance.random()
     if kind < 0.4:
         made = _readings(chance, folder)
     else:
-        made = _path(chance) if kind < 0.9 else _growing(chance)
+        made = _path(chance) if kind < 0.9 else _growing(chance, folder)
     sensors, grows = len(made.sensors), made.body.room > 0
     empirical = chance.random() < (0.8 if grows else 0.5)
     cells = chance.choice(["process", "worker"])
@@ -237,7 +237,16 @@ def _path(chance: random.Random) -> RunOptions:
     )
 
 
-def _growing(chance: random.Random) -> RunOptions:
-    """A lamp: what it takes to light it is grown after some 20 to 40 ticks."""
+def _growing(chance: random.Random, folder: Path) -> RunOptions:
+    """A lamp: what it takes to light it is grown after some 20 to 40 ticks.
+
+    Or readings of two switches and a lamp: what lights it is grown after 128.
+    """
     room = chance.randint(1, 3)
+    if chance.random() < 0.5:
+        rows = [[chance.random() < 0.6 for _ in range(2)] for _ in range(132)]
+        table = "".join(f"{a:d},{b:d},{a and b:d}\n" for a, b in rows)
+        path = written(folder, f"a,b,lit\n{table}")
+        body = Body(own=("a", "b", "lit"), room=room)
+        return RunOptions(source=str(path), body=body, ticks=chance.randint(128, 132))
     return lamp_options(grow=room, ticks=chance.randint(40, 50))

@@ -51,7 +51,7 @@ def truth(options: RunOptions, came: Sequence[Observed] = ()) -> Truth:
     source = source_of(options)
     memory, snapshot = options.new_memory(), options.new_snapshot()
     mind = Mind(snapshot, options.new_policy(memory), memory)
-    before = None
+    senses = Senses(memory.body)
     for number in range(1, options.ticks + 1):
         found.said["decision"].append(msgspec.structs.astuple(mind.decision))
         action = mind.decision.action
@@ -59,12 +59,10 @@ def truth(options: RunOptions, came: Sequence[Observed] = ()) -> Truth:
         seen = came[number - 1] if came else seen
         if seen is None:
             break
-        step = -1 if seen.begins else action, snapshot.state
         read = seen.bits if seen.known is None else seen.bits & seen.known
-        senses = Senses(memory.body)
-        observed = senses.observe(read, *step)
-        known = senses.known(seen.known, *step, before)
-        before = seen.known
+        senses.fit(memory.body)
+        step = action, snapshot.state, seen.begins
+        observed, known = senses.observe(read, seen.known, *step)
         mask = b"" if known is None else pack(known)
         said = number, pack(observed), mask, seen.begins
         found.said["observation"].append((*said, *_received(seen)))

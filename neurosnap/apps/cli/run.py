@@ -46,7 +46,7 @@ _EXAMPLE = "Example: neurosnap run neurosnap/Path-v0 --ticks 300 --out a.mcap"
 
 @app.command(epilog=_EXAMPLE, rich_help_panel=LEARN)
 @with_run_options(
-    *("ticks", "seed", "agent", "target", "snapshot", "threshold"),
+    *("ticks", "seed", "agent", "target", "grow", "snapshot", "threshold"),
     *("cells", "workers", "elsewhere", "out", "listen", "connect", "tls"),
 )
 def run(

@@ -55,9 +55,11 @@ class AgentTable(_options("agent"), frozen=True, kw_only=True):  # type: ignore[
     grow: Annotated[
         int,
         option(
-            "How many sensors the agent may grow from what surprises it: each stands for"
-            " an action where several sensations hold. Each has a cell from the start."
-            " Not for a walker.",
+            "How many sensors may be grown. An agent's stand for an action where several"
+            " sensations hold, from what surprises it. Without one, a sensor stands for"
+            " several readings at once, or for some that last or are past, from what"
+            " relates them. Each has a cell from the start.",
+            flag="grow",
             unit="SENSORS",
             ge=0,
         ),

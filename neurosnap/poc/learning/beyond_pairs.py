@@ -29,6 +29,7 @@ from neurosnap.poc.learning.premises import MOST, find_exclusions
 from neurosnap.poc.learning.relation_rule import (
     LEAST_H,
     PROMISE,
+    WORK,
     exclusions,
     promises,
 )
@@ -46,6 +47,10 @@ class Limits(NamedTuple):
     """The most; 1: only what two sensors say."""
     lag: int = USUAL
     """The longest, in ticks; 0: only what holds at once."""
+    shares: int = 1
+    """Of the accidents that are allowed this search has one share of so many."""
+    work: int = WORK
+    """Words of 64 ticks that a search looks at, about."""
 
     @classmethod
     def of(cls, premises: int, lag: int) -> "Limits":
@@ -114,14 +119,14 @@ def beyond_pairs(
         It; `codes` without what holds nearly at once, and better late; and how many
         sets of literals were passed over, being too many.
     """
-    if limits == (1, 0):
+    if limits[:2] == (1, 0):
         return [], codes, 0
-    late = _late(columns, counts, codes, find_lags(columns, limits.lag))
+    late = _late(columns, counts, codes, find_lags(columns, *limits[1:3]))
     codes = codes & ~codes_of((one.implication for one in late), len(codes))
     reach = _reach(codes | given, columns)
     short = {*shortest((one.lag for one in late if one.lag), reach, limits.lag)}
     found = [one for one in late if one.lag in short]
-    sets, left = find_exclusions(columns, limits.premises, reach)
+    sets, left = find_exclusions(columns, limits.premises, reach, *limits[2:])
     oriented = (_oriented(columns, one.literals) for one in sets)
     return [*found, *filter(None, oriented)], codes, left
 

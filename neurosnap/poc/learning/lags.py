@@ -29,6 +29,7 @@ from neurosnap.poc.learning.columns import Columns
 from neurosnap.poc.learning.relation_rule import (
     LEAST_H,
     ONE_SIDED,
+    WORK,
     Floats,
     divergence,
     evidence_for,
@@ -43,8 +44,6 @@ LONGEST = 63
 """The longest lag that can be asked for, in ticks."""
 USUAL = 32
 """The longest that is looked for, unless another is asked for."""
-_WORK = 1 << 35
-"""Words of 64 ticks that a search looks at; some seconds."""
 _AS_SURE = 0.97
 """The share of the evidence that a wider window keeps at least; and it must not be less
 sure by more than `ONE_SIDED`. Chosen on planted lags with up to 2 % of flipped bits."""
@@ -72,28 +71,29 @@ class Lag(NamedTuple):
         return (a, b ^ 1) if self.first else (b, a ^ 1)
 
 
-def longest_lag(columns: Columns, asked: int) -> int:
+def longest_lag(columns: Columns, asked: int, work: int = WORK) -> int:
     """Return the longest lag that can be looked for: less than asked of many sensors.
 
     A search looks at some words only.
     """
     words = int(columns.on.shape[1])
     literals = 2 * len(columns.on)
-    return min(asked, _WORK // max(1, 2 * literals * (literals - 2) * words))
+    return min(asked, work // max(1, 2 * literals * (literals - 2) * words))
 
 
-def find_lags(columns: Columns, longest: int) -> list[Lag]:
+def find_lags(columns: Columns, longest: int, shares: int = 1) -> list[Lag]:
     """Return what holds late and not at once, at most one lag of each two literals.
 
     Args:
         columns: The readings.
         longest: The longest lag that is looked for, as `longest_lag` returns it.
+        shares: It has one share of so many of the accidents that are allowed.
 
     Returns:
         O(N² T) time.
     """
     literals = 2 * len(columns.on)
-    needed = evidence_for(2 * longest * literals * (literals - 2))
+    needed = evidence_for(2 * shares * longest * literals * (literals - 2))
     best = proposed(columns, longest, needed, ticks_for_one(columns))
     found = zip(np.argwhere(best).tolist(), best[best > 0].tolist(), strict=True)
     every = (Lag(u, x, ticks, not last) for (last, u, x), ticks in found)

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from neurosnap.poc.learning.columns import Columns
 from neurosnap.poc.learning.relation_rule import (
     LEAST_H,
+    WORK,
     Floats,
     divergence,
     evidence_for,
@@ -40,8 +41,8 @@ Literals: TypeAlias = tuple[int, ...]
 Numbers: TypeAlias = NDArray[np.int64]
 MOST = 3
 """Premises at most."""
-_WORK = 1 << 35
-"""Words of 64 ticks that a search looks at; some seconds."""
+_ASIDE = 64
+"""Words of 64 ticks that take as long as what is counted of a set besides."""
 _BEGUN = 0.1
 """The least H of a set that the search goes on from."""
 _EASIER = 3
@@ -62,7 +63,11 @@ class Exclusion(NamedTuple):
 
 
 def find_exclusions(
-    columns: Columns, most: int, reach: NDArray[np.bool_]
+    columns: Columns,
+    most: int,
+    reach: NDArray[np.bool_],
+    shares: int = 1,
+    work: int = WORK,
 ) -> tuple[list[Exclusion], int]:
     """Return the sets of three literals, or four, that the readings exclude.
 
@@ -71,17 +76,20 @@ def find_exclusions(
         most: Premises at most: 1, 2 or 3.
         reach: ``(2N, 2N)``: what implies what, reflexive. Of sets that follow from
             others by it none is returned.
+        shares: It has one share of so many of the accidents that are allowed.
+        work: Words of 64 ticks to look at, about.
 
     Returns:
         Those with most evidence first, and how many sets the search passed over, being
-        too many: those with least evidence. O(N³ T / 64) time, up to `_WORK`.
+        too many: those with least evidence. O(N³ T / 64) time, up to `work`.
     """
     if most < 2:
         return [], 0
     found: list[Exclusion] = []
-    begun, left = _pairs(columns)
+    begun, left = _pairs(columns, work)
     for size in range(3, most + 2):
-        needed = evidence_for((1 << size) * math.comb(len(columns.on), size))
+        sets = (1 << size) * math.comb(len(columns.on), size)
+        needed = evidence_for(shares * sets)
         odd = _odd_sets(columns, begun, size, needed / _EASIER)
         left += odd.left
         sure = [*_sure(columns, odd.literals[odd.h >= LEAST_H], needed)]
@@ -104,7 +112,7 @@ class _Odd(NamedTuple):
     """How many more there are, with less evidence."""
 
 
-def _pairs(columns: Columns) -> tuple[Numbers, int]:
+def _pairs(columns: Columns, work: int) -> tuple[Numbers, int]:
     """Return the pairs of sensors to begin with, and how many are passed over.
 
     All, if they are few enough; else those that are rare by no accident, and too often
@@ -112,12 +120,13 @@ def _pairs(columns: Columns) -> tuple[Numbers, int]:
     """
     sensors, words = columns.on.shape
     every = math.comb(sensors, 2)
-    if 8 * math.comb(sensors, 3) * words <= _WORK:
+    a_sensor = 8 * (words + _ASIDE)
+    if math.comb(sensors, 3) * a_sensor <= work:
         return np.stack(np.tril_indices(sensors, -1), axis=1), 0
     single = np.arange(sensors)[:, np.newaxis]
     odd = _odd_sets(columns, single, 2, evidence_for(4 * every))
     failing = np.unique(odd.literals[odd.h < LEAST_H] >> 1, axis=0)
-    most = _WORK // (8 * sensors * words)
+    most = work // (sensors * a_sensor)
     return failing[:most], odd.left + max(0, len(failing) - most)
 
 

@@ -46,6 +46,7 @@ class History:
     Attributes:
         on: ``(W, N)``: the ticks at which each sensor read on.
         off: ``(W, N)``: at which it read off.
+        begun: ``(W,)``: the ticks that follow none, as a trajectory begins at them.
         tick: The last tick it holds, counted from 1; 0: none.
 
     Raises:
@@ -58,6 +59,7 @@ class History:
             raise InvalidValueError("history", rule, length)
         self.on: Words = np.zeros((length // 64, sensors), np.uint64)
         self.off = self.on.copy()
+        self.begun: Words = np.zeros(length // 64, np.uint64)
         self.tick = 0
 
     @property
@@ -71,9 +73,15 @@ class History:
         return min(self.tick, self.length)
 
     def record(
-        self, bits: NDArray[np.bool_], known: NDArray[np.bool_] | None = None
+        self,
+        bits: NDArray[np.bool_],
+        known: NDArray[np.bool_] | None = None,
+        begins: bool = False,
     ) -> None:
-        """Record an observation, ``(N,)``, in the place of the oldest. O(N) time."""
+        """Record an observation, ``(N,)``, in the place of the oldest. O(N) time.
+
+        It `begins` a trajectory if it does not follow the one before.
+        """
         word, place = self.tick // 64 % len(self.on), np.uint64(self.tick % 64)
         off = ~bits
         if known is not None:
@@ -82,6 +90,8 @@ class History:
             row = ring[word]
             row &= ~(_ONE << place)
             row |= flags.astype(np.uint64) << place
+        self.begun[word] &= ~(_ONE << place)
+        self.begun[word] |= np.uint64(begins) << place
         self.tick += 1
 
     def ticks_of(self, literal: int) -> Words:
@@ -95,6 +105,22 @@ class History:
         if off.any():
             rings[:, off] = self.off[:, sensors[off]]
         return rings
+
+    def last_ticks(self, literals: NDArray[np.int64]) -> Words:
+        """Return ``(n,)``, at which of the last 64 ticks each literal was read.
+
+        Bit ``63 - k`` stands for ``k`` ticks ago; ticks before the last beginning are
+        left out.
+        """
+        word, place = divmod((self.tick - 1) % self.length, 64)
+        newest, older = np.uint64(63 - place), np.uint64(place)
+        both = self.rings(literals), self.begun[:, np.newaxis]
+        read, begun = (
+            ring[word] << newest | (ring[word - 1] >> older) >> _ONE for ring in both
+        )
+        first = max(int(begun[0]).bit_length() - 1, 0)
+        kept: Words = read >> np.uint64(first) << np.uint64(first)
+        return kept
 
     def latest(self, ticks: int) -> Words:
         """Return ``(W,)``, so many of the last ticks. O(W) time."""
@@ -148,7 +174,8 @@ class History:
 
     def arrays(self) -> Arrays:
         """Return its whole state as arrays, by name."""
-        return {"on": self.on, "off": self.off, "next": np.array(self.tick, np.int64)}
+        rings = {"on": self.on, "off": self.off, "begun": self.begun}
+        return rings | {"next": np.array(self.tick, np.int64)}
 
     @classmethod
     def from_arrays(cls, arrays: Arrays, sensors: int) -> Self:
@@ -161,6 +188,7 @@ class History:
         history = cls(sensors, 64 * words)
         history.on[:] = entry(arrays, "on", (words, sensors), np.uint64)
         history.off[:] = entry(arrays, "off", (words, sensors), np.uint64)
+        history.begun[:] = entry(arrays, "begun", (words,), np.uint64)
         history.tick = entry(arrays, "next", (), np.int64).item()
         if history.tick < 0 or (history.on & history.off).any():
             raise ValueError("on, off: must exclude each other")
@@ -181,6 +209,39 @@ def preceding(ring: Words, ticks: int) -> Words:
     ring = _without_oldest(ring.copy(), ticks)
     earlier: Words = (ring >> _ONE) | np.roll(ring << _TOP, -1, axis=0)
     return earlier
+
+
+def window(
+    read: Mapping[int, Words],
+    literals: Sequence[int],
+    span: tuple[int, int],
+    begun: Words,
+    ticks: int,
+) -> tuple[Words, Words]:
+    """Return when a sensor was on, and off, that is on iff all was read for a while.
+
+    Args:
+        read: The ticks at which each of the literals, and of their complements, was.
+        literals: Those.
+        span: From how many ticks ago, and to how many.
+        begun: ``(W,)``: the ticks that follow none.
+        ticks: How many there were so far.
+
+    Returns:
+        ``(W,)`` each.
+    """
+    since, until = span
+    whole, broken = ([read[a ^ k] for a in literals] for k in (0, 1))
+    moved = np.bitwise_and.reduce(whole), np.bitwise_or.reduce(broken)
+    on, off = ~np.zeros_like(begun), np.zeros_like(begun)
+    for ago in range(since + 1):
+        if ago >= until:
+            on, off = on & moved[0], off | moved[1]
+        moved = (
+            following(moved[0], ticks) & ~begun,
+            following(moved[1], ticks) & ~begun,
+        )
+    return on, off
 
 
 def _without_oldest(ring: Words, ticks: int) -> Words:

@@ -61,6 +61,8 @@ KAPPA = 0.75
 """The least kappa of near copies."""
 ONE_SIDED = 0.001
 """How unlikely it must be that flips explain a difference, to call it one-sided."""
+WORK = 1 << 35
+"""Words of 64 ticks that a search beyond pairs looks at; some seconds."""
 _SURE = 1.645
 """Standard deviations of a normal variable that it exceeds once in twenty times."""
 _STRETCH = 1 << 16

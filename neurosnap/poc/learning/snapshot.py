@@ -323,6 +323,17 @@ class Snapshot(abc.ABC):
         squares[:, list(unread)], codes[list(unread)] = self._weights.start, 0
         return Newborn(ticks, squares, codes)
 
+    def code_of(self, square: NDArray[np.uint32], sensor: int) -> int:
+        """Return what would follow from a newborn's joint readings with a sensor.
+
+        Args:
+            square: ``(4,)``: at how many ticks each was, as in `Newborn`.
+            sensor: One that is there.
+        """
+        counts = np.zeros((4, sensor + 1), np.uint32)
+        counts[:, sensor] = square
+        return int(self._judge_newborn(counts, int(square.sum()))[1][sensor])
+
     def grow(
         self, sensor: int, name: str, newborn: Newborn, reads: bool | None
     ) -> None:

@@ -90,7 +90,7 @@ class Replay:
             else:
                 self.core = Coordinator.from_key_frame(self.options, frame, bands)
             known = b"" if frame is None else frame.known
-            self._known = unpack(known, self.options.body.count) if known else None
+            told = unpack(known, self.options.body.count) if known else None
         except ValueError as error:
             raise RecordingError(
                 f"{recording.path}: keyframe: must be of this run, got {error}"
@@ -98,8 +98,10 @@ class Replay:
         self.workers = _workers(self.options, frame, bands)
         self.first = self.core.tick
         self._start = start
-        self._body = self.options.body
-        self._senses = Senses(self._body)
+        memory, own = self.core.memory, len(self.options.body.own)
+        self._body = memory.body
+        told = None if told is None else told[:own]
+        self._senses = Senses(memory.body, told, memory.history)
         self.compared = dict.fromkeys(_OUTPUTS, 0)
         self.complete = recording.whole
         self._closing = recording.closing
@@ -376,15 +378,12 @@ class Replay:
             raise DifferenceError(f"tick {tick}: /observation: {error}") from error
         memory = self.core.memory
         if memory.body is not self._body:
-            self._body, self._senses = memory.body, Senses(memory.body)
+            self._body = memory.body
+            self._senses.fit(memory.body)
         own = slice(len(self.options.body.own))
-        action = -1 if observation.begins else self.core.decision.action
-        step = action, self.core.snapshot.state
-        before = None if self._known is None else self._known[own]
-        derived = selection(
-            self._senses.observe(bits[own], *step),
-            self._senses.known(None if known is None else known[own], *step, before),
-        )
+        step = self.core.decision.action, self.core.snapshot.state, observation.begins
+        sure = None if known is None else known[own]
+        derived = selection(*self._senses.observe(bits[own], sure, *step))
         self._observed = selection(bits, known)
         differs = derived != self._observed
         if differs.any():
@@ -393,7 +392,6 @@ class Replay:
                 f"tick {tick}: /observation: {wrong} does not follow from the decision and"
                 f" the state of tick {tick - 1}"
             )
-        self._known = known
 
     def _learn(self, learn: wire.Learn) -> None:
         """Let workers learn, as they were told to."""

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from neurosnap.agent.actions import Actions
 from neurosnap.agent.agent_observation import Senses
-from neurosnap.agent.body import Body, Context
+from neurosnap.agent.body import Body
+from neurosnap.agent.growth_in_decisions import Context
 from neurosnap.errors import InvalidValueError
 
 
@@ -120,7 +121,8 @@ class TestSenses:
                 return False if before[literal // 2] else None
             return on != bool(literal % 2)
 
-        senses, own = Senses(body), np.array(now, np.bool_)
+        own, was_known = np.array(now, np.bool_), np.array(before, np.bool_)
+        senses = Senses(body)
         assert senses.looks_back == (len(body.sensors) > count)
         # At the beginning no action and no context is on, and all of that is known.
         for taken in range(-1, len(body.actions)):
@@ -129,10 +131,10 @@ class TestSenses:
             expected += felt if body.senses_actions else []
             for action, literal in body.context:  # of a conjunction, one off decides
                 expected.append(was(literal) if action == taken else False)
-            known = senses.known(own, taken, state, np.array(before, np.bool_))
+            senses = Senses(body, was_known)
+            seen, known = senses.observe(own, own, taken, state)
             told = np.ones(len(expected), np.bool_) if known is None else known
             assert told.tolist() == [value is not None for value in expected]
-            seen = senses.observe(own, taken, state)
             assert seen.tolist() == [value is True for value in expected]
 
 
@@ -144,11 +146,11 @@ FIRST = GROWING.first_grown
 
 def test_a_grown_sensor_stands_behind_all_others_and_says_what_it_is() -> None:
     assert GROWING.sensors[FIRST:] == ("grown 1", "grown 2", "grown 3", "grown 4")
-    body = GROWING.grow((0, (0, 3))).grow((1, (1, 2, 5)))
+    body = GROWING.grow(Context(0, (0, 3))).grow(Context(1, (1, 2, 5)))
     assert body.sensors[:FIRST] == GROWING.sensors[:FIRST]
     assert body.sensors[FIRST:] == ("x&a&~b", "y&~a&b&~c", "grown 3", "grown 4")
     assert body.first_grown == FIRST
-    assert body.in_use == body.grown == ((0, (0, 3)), (1, (1, 2, 5)))
+    assert body.in_use == body.grown == (Context(0, (0, 3)), Context(1, (1, 2, 5)))
     assert not body.position[2 * FIRST :].any()
     assert (body.looked_at == body.position).all()
 
@@ -160,7 +162,7 @@ def single(name: str) -> int:
 
 def test_one_may_tell_of_the_step_before_what_was_done_and_where() -> None:
     last = single("y&~c")
-    body = GROWING.grow((0, (0, last))).grow((1, (single("x"),)))
+    body = GROWING.grow(Context(0, (0, last))).grow(Context(1, (single("x"),)))
     assert body.sensors[FIRST : FIRST + 2] == ("x&a&(y&~c)", "y&(x)")
     assert set(np.flatnonzero(body.looked_at & ~body.position)) == {last, single("x")}
     assert not body.retire(0).looked_at[last]
@@ -169,17 +171,17 @@ def test_one_may_tell_of_the_step_before_what_was_done_and_where() -> None:
     state = np.zeros(2 * len(body.sensors), np.bool_)
     state[[single("x"), single("x&a")]] = True
     assert body.reading(body.grown[0], state) is None  # of the step before it says less
-    assert body.reading((0, (0, 3)), state) is None
+    assert body.reading(Context(0, (0, 3)), state) is None
     state[single("x&~b") + 1] = True
-    assert body.reading((0, (0, 3)), state) is False
+    assert body.reading(Context(0, (0, 3)), state) is False
     state[[single("x&~b"), single("x&~b") + 1]] = True, False
-    assert body.reading((0, (0, 3)), state) is True
+    assert body.reading(Context(0, (0, 3)), state) is True
 
 
 def test_one_that_is_grown_again_is_another_sensor() -> None:
-    body = GROWING.grow((0, (0, 3))).retire(0).grow((0, (0, 3)))
+    body = GROWING.grow(Context(0, (0, 3))).retire(0).grow(Context(0, (0, 3)))
     assert body.sensors[FIRST : FIRST + 2] == ("x&a&~b", "x&a&~b#2")
-    assert body.in_use == ((0, (0, 3)),)
+    assert body.in_use == (Context(0, (0, 3)),)
     assert body.retired == (0,)
 
 
@@ -198,18 +200,20 @@ def test_one_that_is_grown_again_is_another_sensor() -> None:
         ((2, (0, 2)), "must be of literals that are sensed in the action's context"),
     ],
 )
-def test_what_cannot_be_grown_is_refused(context: Context, rule: str) -> None:
+def test_what_cannot_be_grown_is_refused(
+    context: tuple[int, tuple[int, ...]], rule: str
+) -> None:
     with pytest.raises(InvalidValueError, match=re.escape(f"grown: {rule}")):
-        GROWING.grow(context)
+        GROWING.grow(Context(*context))
 
 
 def test_no_more_grow_than_there_is_room_for_and_only_those_retire() -> None:
     body = Body.full(["a", "b"], ["x"], room=1)
     with pytest.raises(InvalidValueError, match=r"^retired: must be places in 0 grown"):
         body.retire(0)
-    full = body.grow((0, (0, 2)))
+    full = body.grow(Context(0, (0, 2)))
     with pytest.raises(InvalidValueError, match=r"^grown: must be at most 1, for whic"):
-        full.grow((0, (0, 3)))
+        full.grow(Context(0, (0, 3)))
 
 
 @st.composite
@@ -224,7 +228,7 @@ def grown_bodies(draw: st.DrawFn) -> Body:
             *(2 * s + draw(st.integers(0, 1)) for s in chosen),
             *(2 * s for s in sorted(last)),
         )
-        body = body.grow((draw(st.integers(0, 1)), literals))
+        body = body.grow(Context(draw(st.integers(0, 1)), literals))
     for place in range(len(body.grown)):
         body = body.retire(place) if draw(st.booleans()) else body
     return body
@@ -251,14 +255,12 @@ def test_it_reads_what_the_single_ones_read_together(
     rng = np.random.default_rng(seed)
     for sensor in range(len(GROWING.own), FIRST):  # of the step before
         state[2 * sensor : 2 * sensor + 2] = rng.permutation(2) * rng.integers(2)
-    senses, read = Senses(body), np.array(bits)
-    before = np.array(known)
-    observed = senses.observe(read, action, state)
-    told = senses.known(None, action, state, before)
+    senses = Senses(body, np.array(known))
+    observed, told = senses.observe(np.array(bits), None, action, state)
     told = np.ones(len(body.sensors), np.bool_) if told is None else told
     assert not told[FIRST + len(body.grown) :].any()
     sensors = {pair: len(body.own) + 2 + k for k, pair in enumerate(body.context)}
-    for place, (which, literals) in enumerate(body.grown):
+    for place, (which, literals, *_) in enumerate(body.grown):
         own, last = body.split(literals)
         members = [sensors[which, literal] for literal in own]
         held = all(state[literal] for literal in last)
@@ -285,7 +287,7 @@ def test_an_action_switches_on_those_that_hold(body: Body, now: list[bool]) -> N
     for action, signal in enumerate(Actions(body).signals(state)):
         expected = {
             2 * (FIRST + place)
-            for place, (which, literals) in enumerate(body.grown)
+            for place, (which, literals, *_) in enumerate(body.grown)
             if which == action
             and place not in body.retired
             and all(state[literal] for literal in literals)

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from neurosnap.agent.agent_observation import Senses
-from neurosnap.agent.body import Body, Context
+from neurosnap.agent.body import Body
 from neurosnap.agent.grower import LONGEST, Grower
+from neurosnap.agent.growth_in_decisions import Context
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.history_questions import answered
 from neurosnap.poc.learning.reading_history import History
@@ -44,7 +45,7 @@ class Watched:
         """
         state = np.zeros(2 * len(self.body.sensors), np.bool_)
         state[: 2 * len(NAMES)] = complete(bits(before))
-        observation = self.senses.observe(bits(after), action, state)
+        observation = self.senses.observe(bits(after), None, action, state)[0]
         self.history.record(observation)
         foretold = np.zeros(2 * len(NAMES), np.bool_)
         foretold[[2 * NAMES.index(name) for name in said.split()]] = True
@@ -68,9 +69,8 @@ def bits(names: str) -> Bits:
 
 def grown(*names: str, action: int = 0) -> Context:
     """Return a context by the names of its literals."""
-    return action, tuple(
-        sorted(2 * NAMES.index(one.rstrip("*")) + one.endswith("*") for one in names)
-    )
+    literals = (2 * NAMES.index(one.rstrip("*")) + one.endswith("*") for one in names)
+    return Context(action, tuple(sorted(literals)))
 
 
 BEFORE = ("", "a", "b", "a b", "c", "a c", "b c", "a b c")
@@ -85,7 +85,7 @@ def test_what_two_sensations_guarantee_together_is_grown_while_there_is_room() -
             watched.show(before, came)
     assert grown("a", "b") in many.births
     # Nothing else comes of one sensation, and of what has none it takes no cover.
-    assert all(len(literals) > 1 for _, literals in many.births)
+    assert all(len(literals) > 1 for _, literals, *_ in many.births)
     assert len(many.births) > 1
     assert few.births == many.births[:1]
 
@@ -149,7 +149,7 @@ def test_a_cover_holds_at_no_counterexample_and_needs_all_its_literals(
         now = set(np.flatnonzero(complete(bits(before))).tolist())
         came = set(np.flatnonzero(complete(bits(after))).tolist())
         seen.append((now, came, action))
-        for which, literals in set(watched.trials()) - known:
+        for which, literals, *_ in set(watched.trials()) - known:
             assert which == action
             assert 1 < len(literals) <= LONGEST
             assert set(literals) <= now

@@ -3,9 +3,12 @@
 from types import SimpleNamespace
 from typing import Any
 
+import pytest
+
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body
 from neurosnap.agent.growth import Growth, is_needless
+from neurosnap.agent.growth_in_decisions import Context
 from neurosnap.poc.learning.history_questions import Search, answered
 from neurosnap.poc.learning.reading_history import History
 from neurosnap.poc.learning.snapshot import Snapshot
@@ -43,12 +46,12 @@ def needless(
     at which it was `ever` on, some are no longer in the history.
     """
     own, mine = len(body.own), body.first_grown + place
-    action, literals = body.grown[place]
+    action, literals, *_ = body.grown[place]
     singles = [k for k, (which, _) in enumerate(body.context) if which == action]
     first = body.first_grown - len(body.context)
     grown = [
         other
-        for other, (which, _) in enumerate(body.grown)
+        for other, (which, *_) in enumerate(body.grown)
         if which == action and other != place and other not in body.retired
     ]
     part = [2 * (own + action)]
@@ -120,9 +123,39 @@ def test_they_are_those_that_others_make_needless() -> None:
     assert looked > len(why)
 
 
+@pytest.mark.parametrize(
+    ("believed", "needless"),
+    [
+        ([("short", "c"), ("long", "c")], (False, True)),
+        ([("long", "c")], (True, False)),
+        ([("a", "c"), ("short", "c"), ("long", "c")], (True, True)),
+        ([("short", "ago*"), ("long", "ago*")], (False, True)),
+        ([], (True, True)),
+    ],
+)
+def test_a_window_is_needless_if_a_part_of_it_will_do(
+    believed: list[tuple[str, str]], needless: tuple[bool, bool]
+) -> None:
+    body = Body(own=("a", "b", "c"), room=3)
+    for context in (
+        Context(-1, (0,), since=1),
+        Context(-1, (0,), since=3),
+        Context(-1, (2,), since=3, until=3),
+    ):
+        body = body.grow(context)
+    literal = {"a": 0, "c": 4, "short": 6, "long": 8, "ago*": 11}
+    always = [("short", "a"), ("long", "a"), ("long", "short")]
+    edges = [(literal[a], literal[b]) for a, b in (*always, *believed)]
+    graph = PocGraph.from_implications(len(body.sensors), edges)
+    snapshot: Any = SimpleNamespace(poc_graph=lambda: graph)
+    answer = History(len(body.sensors), 64).answer
+    found = [answered(is_needless(body, place, snapshot), answer) for place in (0, 1)]
+    assert tuple(found) == needless
+
+
 def test_one_that_retired_makes_no_other_needless() -> None:
     body = Body.full(["a", "b", "c", "hit"], ["go"], room=2)
-    body = body.grow((0, (0, 2))).grow((0, (0, 2, 4)))
+    body = body.grow(Context(0, (0, 2))).grow(Context(0, (0, 2, 4)))
     first, hit = 2 * body.first_grown, 2 * body.own.index("hit")
     graph = PocGraph.from_implications(
         len(body.sensors), [(first, hit), (first + 2, hit)]

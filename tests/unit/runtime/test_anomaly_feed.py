@@ -7,7 +7,7 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
-from neurosnap.agent.growth_in_decisions import Changed
+from neurosnap.agent.growth_in_decisions import Changed, Context
 from neurosnap.agent.memory import AgentMemory
 from neurosnap.fabric.protocol import Handler
 from neurosnap.fabric.zenoh.discovery import FoundSwarm
@@ -94,7 +94,7 @@ async def test_births_are_told_also_by_who_came_after_the_first() -> None:
     body = Body.full(["door", "dark"], ["push"], room=4)
     first = body.size
     memory = AgentMemory(body)
-    memory.body = body.grow((0, (0, 2))).grow((0, (1, 3)))
+    memory.body = body.grow(Context(0, (0, 2))).grow(Context(0, (1, 3)))
     frame = wire.KeyFrame(7, b"", agent=memory.to_bytes())
     early: list[wire.Message] = [
         grown(6, (1, 3), first + 1),

@@ -1,5 +1,7 @@
 """The sensors a run has grown, read from its decisions and key-frames."""
 
+import random
+from itertools import pairwise
 from pathlib import Path
 
 import msgspec
@@ -7,15 +9,21 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
+from neurosnap.agent.growth_in_decisions import Context
 from neurosnap.agent.memory import AgentMemory
 from neurosnap.apps.cli.recording_info import describe, render
 from neurosnap.errors import RecordingError
-from neurosnap.protocol.run_options import SMALLEST
+from neurosnap.protocol.run_options import SMALLEST, CellKind, RunOptions
 from neurosnap.recording.read.recording import Recording
+from neurosnap.recording.replay.find_resume_point import find_resume_point
 from neurosnap.recording.replay.grown_sensors import Births, RecordedBirth, births_of
-from tests.support.inline_runs import recorded_run
+from neurosnap.recording.replay.verify import verify
+from tests.golden.drive import drive, record
+from tests.support.course import course
+from tests.support.inline_runs import record_scripted, recorded_run
 from tests.support.lamp import BIRTH, GROWN, lamp_options
 from tests.support.rewritten_recordings import changing, rewritten
+from tests.support.scripted_sources import Scripted
 
 BODY = Body.full(["door", "dark"], ["push"], room=3)
 FIRST = BODY.size
@@ -61,12 +69,12 @@ def test_each_birth_is_listed_with_its_tick_and_history() -> None:
 def test_the_last_tick_of_a_run_is_known_from_its_key_frame() -> None:
     births = Births(BODY)
     births.follow(wire.Decision(1, 0, ""))
-    births.follow(frame(2, BODY.grow((0, ONE))))
+    births.follow(frame(2, BODY.grow(Context(0, ONE))))
     assert shown(births) == [(2, FIRST, "push&door&dark", None, True, None)]
 
 
 def test_behind_a_gap_it_goes_on_from_the_next_key_frame() -> None:
-    grown = BODY.grow((0, ONE)).grow((0, TWO))
+    grown = BODY.grow(Context(0, ONE)).grow(Context(0, TWO))
     births = Births(BODY)
     births.follow(wire.Decision(1, 0, ""))
     births.follow(birth(9, TWO, FIRST + 1))  # what was grown before it is missing
@@ -115,3 +123,35 @@ def test_a_key_frame_that_holds_no_agent_is_named(log: Path, tmp_path: Path) -> 
     wrong = rewritten(log, tmp_path / "wrong.mcap", change)
     with pytest.raises(RecordingError, match="key-frame of tick 10: must hold an agen"):
         births_of(Recording.open(wrong))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cells", ["process", "worker"])
+@pytest.mark.parametrize("until", [126, 128, 129])
+def test_windows_grow_in_a_swarm_that_is_killed_as_in_one_that_is_not(
+    cells: CellKind, until: int, tmp_path: Path
+) -> None:
+    chance = random.Random(1)
+    rows = [[chance.random() < 0.6 for _ in range(2)] for _ in range(140)]
+    for before, row in pairwise([[False], *rows]):
+        row += [row[0] and row[1], row[0] and before[0]]
+    options = RunOptions(
+        source="scripted",
+        body=Body(own=("s0", "s1", "s2", "s3"), room=3),
+        ticks=140,
+        threshold=0.01,
+        cells=cells,
+        workers=2,
+        keyframe_every=16,
+    )
+    whole, killed, log = (tmp_path / f"{k}.mcap" for k in range(3))
+    record_scripted(Scripted(rows), options, whole)
+    grown = [each.name for each in births_of(Recording.open(whole)).listed]
+    assert grown == ["s0 for 1 tick", "s0&s1"]
+    record(drive(options, Scripted(rows), until=until), options, killed)
+    _, past = find_resume_point(killed, until)
+    assert past.tick == until
+    record_scripted(Scripted(rows), options, log, past)
+    assert course(log) == course(whole)
+    verdict = verify(log)
+    assert (verdict.difference, verdict.complete, verdict.ticks) == (None, True, 140)

@@ -11,6 +11,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
+from neurosnap.agent.growth_in_decisions import Context
 from neurosnap.errors import FabricError, InvalidValueError
 from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.protocol.resume_point import ResumePoint
@@ -159,7 +160,7 @@ def test_grown_sensors_are_called_by_their_formulas_once_they_are_born(
     before: int,
 ) -> None:
     body = Body.full(["door", "dark"], ["push"], room=2)
-    first, contexts = body.first_grown, ((0, (0, 2)), (0, (0, 3)))
+    first, contexts = body.first_grown, (Context(0, (0, 2)), Context(0, (0, 3)))
     past = ResumePoint("log", 3, (), b"", {}, (3,), grown=contexts[:before])
     publisher = Anomalies()
     listener = StatusListener(publisher, past.body(body))  # type: ignore[arg-type]
