@@ -215,8 +215,7 @@ class Occasions:
             if history.tick * self._sensors >= _MOST_READINGS:
                 return
             if history.tick + 1 == history.length:  # it is never to come round
-                history.on = np.concatenate([history.on, np.zeros_like(history.on)])
-                history.off = np.concatenate([history.off, np.zeros_like(history.off)])
+                history.double()
             on, off = (none if ticks is None else ticks.literals(tick)).reshape(-1, 2).T
             history.record(on, on | off)
 

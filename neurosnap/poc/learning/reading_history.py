@@ -94,6 +94,13 @@ class History:
         self.begun[word] |= np.uint64(begins) << place
         self.tick += 1
 
+    def double(self) -> None:
+        """Keep twice as many ticks, before it has come round."""
+        self.on, self.off, self.begun = (
+            np.concatenate([ring, np.zeros_like(ring)])
+            for ring in (self.on, self.off, self.begun)
+        )
+
     def ticks_of(self, literal: int) -> Words:
         """Return ``(W,)``, the ticks at which `literal` was read."""
         return (self.off if literal & 1 else self.on)[:, literal >> 1]
