@@ -112,6 +112,7 @@ async def test_a_cell_can_neither_listen_to_others_nor_pass_for_them(
             await end.confirm()
         spy.publish(PULSE)
         await everything.wait_for(PULSE)  # behind all that it asked for
+        await allowed.wait_for(PULSE)  # another's message may overtake it
         for end in (cell, ears):
             await end.announce()
             await seen.wait((end.who, True))

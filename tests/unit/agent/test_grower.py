@@ -1,6 +1,5 @@
 """Which sensors are grown: covers of counterexamples, tested before use."""
 
-import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +12,6 @@ from neurosnap.agent.agent_observation import Senses
 from neurosnap.agent.body import Body
 from neurosnap.agent.grower import LONGEST, Grower
 from neurosnap.agent.growth_in_decisions import Context
-from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.history_questions import answered
 from neurosnap.poc.learning.reading_history import History
 from neurosnap.sensorium import complete
@@ -176,9 +174,3 @@ def _covers(
         which == action and result ^ 1 in came and set(literals) <= before
         for before, came, which in seen
     )
-
-
-def test_actions_must_be_sensed_in_context() -> None:
-    rule = "grow: must come with actions sensed in context"
-    with pytest.raises(InvalidValueError, match=re.escape(rule)):
-        Grower(Body(own=("a",), actions=("go",)))

@@ -1,13 +1,15 @@
 """What a machine changed is found, and what chance changed is not."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
 
-from neurosnap.poc.learning import lags
+from neurosnap.poc.learning import compare_tables as module
 from neurosnap.poc.learning.columns import Columns
 from neurosnap.poc.learning.compare_tables import Differences, compare_tables
+from neurosnap.poc.learning.lags import longest_lag
 from neurosnap.poc.learning.two_samples import by_stretches, by_trials
 from tests.support.changed import KINDS, recorded_twice
 from tests.support.exhaustive import rows
@@ -18,7 +20,7 @@ TOLD = {
     "removed": {"lost", "less"},
     "added": {"gained", "more", "less", "lost"},
     "later": {"later", "weaker", "lost"},
-    "flips": {"weaker", "lost", "more", "later"},
+    "flips": {"weaker", "stronger", "lost", "more", "later"},
 }
 """What may be said first of the sensors that a change was planted on."""
 
@@ -144,7 +146,8 @@ def test_of_two_the_one_with_fewer_relations_left_is_suspected() -> None:
 
 
 def test_of_too_many_some_are_searched(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(lags, "_WORK", 15_000)
+    few = partial(longest_lag, work=15_000)
+    monkeypatch.setattr(module, "longest_lag", few)
     rows = differ(motor(9000, 0), motor(9000, 1, delay=5)).rows
     [belt] = [row for row in rows if row.sensors == {"s0", "s1"}]
     assert (belt.change, belt.within_new) == ("later", 5)
