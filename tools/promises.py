@@ -4,12 +4,14 @@
 The tables are those that scikit-learn brings, and statsmodels where that is installed,
 or files; and planted ones. Rows are halved at random, again for each seed. A relation
 is told of the first half and looked up in the second. Then it counts how many planted
-premises and lags are found, and what is told of independent sensors.
+premises and lags are found, by `learn` and by a run that grows windows, and what is
+told of independent sensors.
 """
 
 import argparse
 import sys
 import tempfile
+import time
 from collections import Counter
 from collections.abc import Iterator
 from importlib import import_module
@@ -21,6 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap.agent.growth_in_decisions import Context
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.beyond_pairs import Beyond, Limits, beyond_pairs
 from neurosnap.poc.learning.columns import Columns
@@ -32,6 +35,7 @@ from neurosnap.sources.cuts import known_order
 from neurosnap.sources.open_readings import open_readings
 from neurosnap.sources.wanted import Wanted
 from tests.support.planted import planted
+from tests.support.watching import Watching
 
 EXPECTED = 20
 """What never fails is missed if so many failures were to be expected by chance."""
@@ -193,20 +197,26 @@ def report_planted(tables: int) -> None:
                 codes = judge(columns, counts).codes
                 given = np.zeros_like(codes)
                 told, *_ = beyond_pairs(columns, counts, codes, given, Limits(3))
-                found.update(held_against(told, rules))
+                found.update(held_against(sets_of(told), rules))
                 found["tables"] += bool(told) or bool(codes.any())
             print(f"{make.__name__:16}{flips:8}", *(f"{found[k]:8}" for k in PLANTED))
 
 
-def held_against(told: list[Beyond], rules: list[Planted]) -> Iterator[str]:
-    """Yield what is to be counted of what is told of a table."""
-    sets = {}
-    for one in told:
-        literals = frozenset(
+def sets_of(told: list[Beyond]) -> dict[frozenset[tuple[int, int]], int]:
+    """Return the literals of each that exclude each other, and the lag."""
+    return {
+        frozenset(
             (literal >> 1, literal & 1)
             for literal in (*one.premises, one.conclusion ^ 1)
-        )
-        sets[literals] = one.lag.ticks if one.lag else 0
+        ): one.lag.ticks if one.lag else 0
+        for one in told
+    }
+
+
+def held_against(
+    sets: dict[frozenset[tuple[int, int]], int], rules: list[Planted]
+) -> Iterator[str]:
+    """Yield what is to be counted of what is told of a table."""
     for size, literals, lag in rules:
         yield f"of {size}"
         if literals not in sets:
@@ -220,11 +230,52 @@ def held_against(told: list[Beyond], rules: list[Planted]) -> Iterator[str]:
             yield "else"
 
 
+def report_grown(tables: int) -> None:
+    """Print how much of the same a run grows, row by row, with room for 40 windows."""
+    print(f"\n{'grown in a run':24}", *(f"{head:>8}" for head in PLANTED), " seconds")
+    for make in with_premises, with_lags, independent:
+        found, began = Counter[str](), time.process_time()
+        for seed in range(tables):
+            table, rules = make(seed, 0.0)
+            watching = Watching(table.shape[1], 40)
+            watching.show(table)
+            found.update(held_against(excluded(watching), rules))
+            found["tables"] += bool(watching.grown)
+        took = (time.process_time() - began) / max(1, tables)
+        row = (f"{found[k]:8}" for k in PLANTED)
+        print(f"{make.__name__:24}", *row, f"{took:8.1f}", flush=True)
+
+
+def excluded(watching: Watching) -> dict[frozenset[tuple[int, int]], int]:
+    """Return what each window excludes by the order: the literals, and the lag."""
+    body, graph = watching.mind.memory.body, watching.mind.snapshot.poc_graph()
+    windows = {
+        2 * (body.first_grown + place): window
+        for place, window in enumerate(body.grown)
+        if place not in body.retired
+    }
+    single = {a: Context(-1, (a,)) for a in range(2 * len(body.own))}
+    points = {a: w for a, w in windows.items() if w.since == w.until}
+    points |= {
+        a + 1: w._replace(literals=(w.literals[0] ^ 1,)) for a, w in points.items()
+    }
+    return {
+        frozenset((a >> 1, a & 1) for a in (*window.literals, *other.literals)): max(
+            window.since, other.since
+        )
+        for place, window in windows.items()
+        for above in [graph.up([place])]
+        for a, other in (single | points).items()
+        if above[a ^ 1] and not {*window.literals} & {*other.literals}
+    }
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("files", nargs="*", type=Path, metavar="FILE")
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--planted", type=int, default=100, help="planted tables")
+    parser.add_argument("--grown", type=int, default=10, help="those of a run")
     given = parser.parse_args()
     print(f"{'':16}", *(f"{head:>8}" for head in HEADS))
     with tempfile.TemporaryDirectory() as folder:
@@ -248,6 +299,7 @@ def main() -> None:
         found += measured(Columns.of(made.table), [], seed)
     print(f"{'planted':16}", *(f"{found[head]:8}" for head in HEADS))
     report_planted(given.planted)
+    report_grown(given.grown)
 
 
 if __name__ == "__main__":

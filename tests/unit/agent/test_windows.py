@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Sequence
-from functools import partial
 
 import numpy as np
 import pytest
@@ -13,21 +12,16 @@ from numpy.typing import NDArray
 from neurosnap.agent.agent_observation import Senses
 from neurosnap.agent.body import OLDEST, Body
 from neurosnap.agent.growth_in_decisions import Context
-from neurosnap.agent.memory import AgentMemory
 from neurosnap.agent.policy import EXACT
-from neurosnap.agent.policy_kinds import Walker
-from neurosnap.agent.tick import Mind, Sensed, answered_at_once, tick
 from neurosnap.agent.window_grower import _follows, _search_at
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.columns import Columns
-from neurosnap.poc.learning.empirical import EmpiricalSnapshot
-from neurosnap.poc.learning.history_questions import answered
 from neurosnap.poc.learning.lags import find_lags
 from neurosnap.poc.learning.premises import find_exclusions
 from neurosnap.poc.learning.reading_history import History, window
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.sensorium import Sensorium
-from neurosnap.wire import HISTORY, Decision
+from neurosnap.wire import HISTORY
+from tests.support.watching import Watching
 
 Bits = NDArray[np.bool_]
 OWN = ("a", "b", "c")
@@ -154,39 +148,6 @@ def test_their_names_say_what_they_are() -> None:
 
 
 # Which windows are grown -------------------------------------------------------------
-
-
-class Watching:
-    """A mind that is shown rows of readings, and acts on nothing."""
-
-    def __init__(
-        self, sensors: int, room: int, threshold: float | str = "auto"
-    ) -> None:
-        self.own = tuple(f"s{k}" for k in range(sensors))
-        body = Body(own=self.own, room=room)
-        snapshot = EmpiricalSnapshot(Sensorium(body.sensors), threshold)
-        self.mind = Mind(snapshot, Walker(0, 0), AgentMemory(body))
-        self.senses = Senses(body)
-        self.decisions: list[Decision] = []
-
-    def show(self, rows: NDArray[np.bool_]) -> None:
-        for row in rows:
-            sensed = Sensed(*self.senses.observe(row))
-            steps = tick(self.mind, sensed)
-            answer = partial(answered_at_once, mind=self.mind, sensed=sensed)
-            if answered(steps, answer):
-                self.senses.fit(self.mind.memory.body)
-            self.decisions.append(self.mind.decision)
-
-    @property
-    def grown(self) -> list[str]:
-        body = self.mind.memory.body
-        return list(body.sensors[body.first_grown : body.size])
-
-    @property
-    def retired(self) -> list[str]:
-        body = self.mind.memory.body
-        return [body.sensors[body.first_grown + place] for place in body.retired]
 
 
 def held(rng: np.random.Generator, ticks: int, sensors: int) -> Bits:
