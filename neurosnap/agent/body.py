@@ -226,6 +226,13 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         retired = {self.first_grown + place for place in self.retired}
         return tuple(sensor for sensor in range(self.size) if sensor not in retired)
 
+    def read_for(self, sensor: int) -> tuple[int, ...]:
+        """Return the world's own sensors that a window reads; another's own number."""
+        place = sensor - self.first_grown
+        if self.context or not 0 <= place < len(self.grown):
+            return (sensor,)
+        return tuple(a >> 1 for a in self.grown[place].literals)
+
     def split(
         self, literals: tuple[int, ...]
     ) -> tuple[tuple[int, ...], tuple[int, ...]]:

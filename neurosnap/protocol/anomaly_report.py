@@ -6,6 +6,7 @@ from typing import Any
 import msgspec
 
 from neurosnap import wire
+from neurosnap.agent.body import Body
 from neurosnap.errors import MessageError
 from neurosnap.sensorium import visible
 
@@ -98,12 +99,15 @@ class NamedAnomaly(msgspec.Struct, frozen=True):
     """What was read against which rule, and how often that was so before."""
 
 
-def named_anomaly(anomaly: wire.Anomaly, sensors: Sequence[str]) -> NamedAnomaly:
+def named_anomaly(anomaly: wire.Anomaly, body: Body) -> NamedAnomaly:
     """Return an anomaly with names in place of numbers; its support is not checked.
+
+    Where a window may be wrong the sensors that it reads may be.
 
     Raises:
         MessageError: It is no anomaly of such sensors.
     """
+    sensors = body.sensors
     named = (
         *(2 * sensor for sensor in (*anomaly.culprits, *anomaly.candidates)),
         *(a for link in anomaly.links for a in (link.source, link.target)),
@@ -111,14 +115,18 @@ def named_anomaly(anomaly: wire.Anomaly, sensors: Sequence[str]) -> NamedAnomaly
     if max(named, default=0) >= 2 * len(sensors):
         raise MessageError(f"anomaly: must be of {len(sensors)} sensors, got another")
 
+    def wrong(several: Sequence[int]) -> tuple[str, ...]:
+        read = (own for each in several for own in body.read_for(each))
+        return tuple(dict.fromkeys(sensors[own] for own in read))
+
     def name(literal: int) -> str:
         return sensors[literal >> 1] + "*" * (literal & 1)
 
     return NamedAnomaly(
         tick=anomaly.tick,
         since=anomaly.since,
-        culprits=tuple(sensors[each] for each in anomaly.culprits),
-        candidates=tuple(sensors[each] for each in anomaly.candidates),
+        culprits=wrong(anomaly.culprits),
+        candidates=wrong(anomaly.candidates),
         exact=anomaly.exact,
         broken=tuple(
             Link(

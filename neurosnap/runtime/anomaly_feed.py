@@ -54,12 +54,12 @@ def _anomalies_and_births(
     recording: Recording, support: int
 ) -> Iterator[tuple[int, NamedAnomaly | Changed]]:
     births = births_of(recording)
-    sensors, changes = births.body.sensors, births.changes()
+    changes = births.changes()
     for anomaly in recording.all("anomaly", wire.Anomaly):
         while changes and changes[0].tick < anomaly.tick:
             yield changes[0].tick, changes.pop(0)
         if (rest := with_support(anomaly, support)) is not None:
-            yield anomaly.tick, named_anomaly(rest, sensors)
+            yield anomaly.tick, named_anomaly(rest, births.body)
     yield from ((change.tick, change) for change in changes)
 
 
@@ -216,7 +216,7 @@ class _Incarnation:
                 case wire.Anomaly():
                     rest = with_support(message, self._least)
                     if rest is not None:
-                        self._report(named_anomaly(rest, births.body.sensors))
+                        self._report(named_anomaly(rest, births.body))
                 case wire.Decision():
                     births.follow(message)
                     for change in _changes(message, births):

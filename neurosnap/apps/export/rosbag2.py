@@ -24,6 +24,7 @@ import msgspec
 from mcap.writer import CompressionType, Writer
 
 from neurosnap import wire
+from neurosnap.agent.body import Body
 from neurosnap.apps.export.table import Exported, Table
 from neurosnap.apps.new_files import placed_folder
 from neurosnap.errors import RecordingError
@@ -106,7 +107,7 @@ def write_bag(recording: Recording, out: Path) -> Exported:
         path = draft / f"{out.stem}_0.mcap"
         with path.open("wb") as file:
             bag = _Bag(file, path.name, sensors)
-            anomalies = _Anomalies(recording, body.sensors)
+            anomalies = _Anomalies(recording, body)
             for tick in ticks(recording):
                 count += 1
                 incomplete += not tick.known
@@ -138,9 +139,9 @@ class _Anomalies:
     Those that rest on fewer occasions than the run asks for are none.
     """
 
-    def __init__(self, recording: Recording, sensors: Sequence[str]) -> None:
+    def __init__(self, recording: Recording, body: Body) -> None:
         self._left = recording.all("anomaly", wire.Anomaly)
-        self._support, self._sensors = recording.options.support, sensors
+        self._support, self._body = recording.options.support, body
         self._next = next(self._left, None)
 
     def at(self, tick: int) -> dict[str, Any] | None:
@@ -152,7 +153,7 @@ class _Anomalies:
         found = with_support(self._next, self._support)
         if found is None:
             return None
-        return anomaly_record(named_anomaly(found, self._sensors))
+        return anomaly_record(named_anomaly(found, self._body))
 
 
 class _Bag:

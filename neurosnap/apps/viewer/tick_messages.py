@@ -118,7 +118,7 @@ class Ticks:
         return api.AnomalyView(
             culprits=list(told.culprits),
             others=[each for each in told.candidates if each not in told.culprits],
-            sentence=named_anomaly(told, body.sensors).sentence,
+            sentence=named_anomaly(told, body).sentence,
             rule=None if rule is None else (rule.source, rule.target),
         )
 

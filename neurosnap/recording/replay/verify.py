@@ -234,7 +234,7 @@ def _reported(anomaly: wire.Anomaly | None, options: RunOptions, body: Body) -> 
     if rest is None:
         return ""
     plain = msgspec.structs.replace(rest, numbers=())
-    return report.anomaly_line(report.named_anomaly(plain, body.sensors))
+    return report.anomaly_line(report.named_anomaly(plain, body))
 
 
 def _believed(

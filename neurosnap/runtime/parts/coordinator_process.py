@@ -127,8 +127,8 @@ class _Reports:
             case wire.Anomaly():
                 told = with_support(message, self._support)
                 if told is not None:
-                    names = self._core.memory.body.sensors
-                    self._reporter.found(named_anomaly(told, names))
+                    body = self._core.memory.body
+                    self._reporter.found(named_anomaly(told, body))
             case _:
                 pass
 

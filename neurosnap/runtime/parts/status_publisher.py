@@ -84,7 +84,7 @@ class StatusListener:
                 rest = with_support(message, self._support)
                 if rest is not None:
                     self._wrong, self._calm = tick, False
-                    record = named_anomaly(rest, self._body.sensors)
+                    record = named_anomaly(rest, self._body)
                     self._publisher.anomaly(anomaly_record(record))
             case wire.Decision():
                 self._publisher.decision(message)

@@ -6,6 +6,8 @@ import msgspec
 import pytest
 
 from neurosnap import wire
+from neurosnap.agent.body import Body
+from neurosnap.agent.growth_in_decisions import Context
 from neurosnap.errors import MessageError
 from neurosnap.protocol.anomaly_report import (
     Link,
@@ -15,6 +17,7 @@ from neurosnap.protocol.anomaly_report import (
 )
 
 NAMES = ("door", "motion", "light")
+BODY = Body(own=NAMES)
 LINKS = ((0, 0, 2, 1.0, 0.0, 1), (0, 2, 1, 2.0, 0.0, 2), (1, 4, 3, 3.0, 0.0, 3))
 
 
@@ -38,7 +41,7 @@ def rests_on(*occasions: int) -> wire.Anomaly:
 
 
 def test_it_says_which_implications_break_and_what_speaks_for_them() -> None:
-    said = named_anomaly(rests_on(), NAMES)
+    said = named_anomaly(rests_on(), BODY)
     assert (said.tick, said.since, said.exact, said.more) == (9, 9, True, 68)
     assert said.broken[0] == Link("door -> motion", 1.0, 0.0, 1)
     assert [link.implication for link in said.broken[1:]] == [
@@ -92,7 +95,7 @@ def test_one_sentence_says_what_was_read_and_how_often_that_was_so(
         for number, a, b, against, occasions in links
     ]
     anomaly = msgspec.structs.replace(rests_on(), links=tuple(weighed), **given)
-    assert anomaly_line(named_anomaly(anomaly, NAMES)) == f"tick 9: {line}"
+    assert anomaly_line(named_anomaly(anomaly, BODY)) == f"tick 9: {line}"
 
 
 @pytest.mark.parametrize(
@@ -106,7 +109,7 @@ def test_one_sentence_says_what_was_read_and_how_often_that_was_so(
 )
 def test_one_that_cannot_be_is_refused(changes: dict[str, object]) -> None:
     with pytest.raises(MessageError, match="anomaly: must"):
-        named_anomaly(msgspec.structs.replace(rests_on(), **changes), NAMES)
+        named_anomaly(msgspec.structs.replace(rests_on(), **changes), BODY)
 
 
 def test_what_rests_on_its_weakest_link_is_told_with_support_alone() -> None:
@@ -116,7 +119,7 @@ def test_what_rests_on_its_weakest_link_is_told_with_support_alone() -> None:
     assert rest is not None
     assert rest.links == anomaly.links[2:]
     assert (rest.culprits, rest.candidates, rest.implications) == ((2,), (1, 2), 1)
-    (link,) = named_anomaly(rest, NAMES).broken
+    (link,) = named_anomaly(rest, BODY).broken
     assert (link.implication, link.occasions) == ("light -> motion*", 5)
     assert with_support(anomaly, 6) is None
 
@@ -133,10 +136,22 @@ def test_a_rule_that_breaks_too_often_is_told_once_and_when_it_returns() -> None
             links[n] = msgspec.structs.replace(links[n], worn=each, retired=at)
         anomaly = msgspec.structs.replace(rests_on(), links=tuple(links))
         rest = with_support(anomaly, support)
-        return "" if rest is None else named_anomaly(rest, NAMES).sentence
+        return "" if rest is None else named_anomaly(rest, BODY).sentence
 
     words = "no longer go together as they did: drift, or a changed plant?"
     assert f"; since tick 3 door and motion {words}" in told(9)
     assert f"3 door and motion (2 more pairs, too) {words}" in told(9, since=(5, 3, 4))
     assert told(0).endswith("; door and motion had gone together again for long")
     assert (told(8)[:8], told(8, 6), told(8, 0)[:7]) == ("light is", "", "door is")
+
+
+def test_where_a_window_may_be_wrong_its_sensors_may_be() -> None:
+    body = (
+        Body(own=NAMES, room=2)
+        .grow(Context(-1, (0,), since=2))
+        .grow(Context(-1, (1, 4)))
+    )
+    changes = {"culprits": (3,), "candidates": (3, 1, 4)}
+    told = named_anomaly(msgspec.structs.replace(rests_on(), **changes), body)
+    assert told.culprits == ("door",)
+    assert told.candidates == ("door", "motion", "light")

@@ -247,7 +247,7 @@ def test_a_frame_tells_its_anomaly_as_watch_does(log: Path) -> None:
             continue
         assert frame.anomaly is not None
         anomaly = found[frame.tick]
-        words = named_anomaly(anomaly, view.options.sensors)
+        words = named_anomaly(anomaly, view.options.body)
         assert frame.anomaly.sentence == words.sentence
         assert frame.anomaly.culprits == list(anomaly.culprits)
         both = {*frame.anomaly.culprits, *frame.anomaly.others}
