@@ -55,10 +55,10 @@ class AgentTable(_options("agent"), frozen=True, kw_only=True):  # type: ignore[
     grow: Annotated[
         int,
         option(
-            "How many sensors may be grown. An agent's stand for an action where several"
-            " sensations hold, from what surprises it. Without one, a sensor stands for"
-            " several readings at once, or for some that last or are past, from what"
-            " relates them. Each has a cell from the start.",
+            "How many sensors may be grown. Each stands for several readings at once, or"
+            " for one that lasts or is past, from what relates them; where an agent"
+            " chooses its actions, for an action where several sensations hold, from"
+            " what surprises it. Each has a cell from the start.",
             flag="grow",
             unit="SENSORS",
             ge=0,
