@@ -186,6 +186,16 @@ def test_what_relates_the_readings_is_grown_and_implies_it() -> None:
     assert set(born) <= {256, 512, 1024, 2048}
 
 
+def test_a_wait_that_never_failed_is_told_and_not_a_shorter_one_that_did() -> None:
+    rng = np.random.default_rng(2015)
+    rows = held(rng, 4096, 20)
+    plant(rows, rng)
+    lags = [
+        lag for lag in find_lags(Columns.of(rows), 32) if lag.implication == (4, 36)
+    ]
+    assert [(lag.throughout, lag.ticks) for lag in lags] == [(4, 4)]
+
+
 def test_what_comes_within_some_ticks_is_two_windows_that_exclude_each_other() -> None:
     rng = np.random.default_rng(0)
     rows = held(rng, 2100, 4)
