@@ -168,8 +168,8 @@ class Senses:
         off; where a literal of the sensor was in the state before, even if only because
         something implied it; and where the sensor's reading was known then. (If that
         was contradicted, neither literal was in the state, and ``α∧a`` is off.) One of
-        several literals is on or off as the single ones are that make it; one that has
-        retired, or is still to be grown, is unknown.
+        several literals is on or off as the single ones are that make it; a window as
+        the last readings are; one that has retired, or is to be grown, is unknown.
 
         Args:
             bits: What the world's own sensors read.

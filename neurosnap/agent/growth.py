@@ -104,12 +104,11 @@ class Growth:
         """Find out what a sensor would have read, and what its weights would be."""
         body, history = self._body, self.history
         sensor = body.first_grown + len(body.grown)
-        members, (_, before) = body.members(context), body.split(context.literals)
-        if context.action < 0:
-            members = list(context.literals)
+        is_window, (_, before) = context.action < 0, body.split(context.literals)
+        members = list(context.literals) if is_window else body.members(context)
         asked = dict.fromkeys(b for a in (*members, *before) for b in (a, a ^ 1))
         read = (yield Question(readings=tuple(asked))).readings
-        if context.action < 0:
+        if is_window:
             span = context.since, context.until
             on, off = window(read, members, span, history.begun, history.tick)
         else:

@@ -44,7 +44,8 @@ class AgentMemory:
         decision: The last one that was followed.
 
     Raises:
-        InvalidValueError: A policy cannot imagine with such a body.
+        InvalidValueError: It imagines, or grows, and senses actions of which there are
+            none.
     """
 
     def __init__(self, body: Body, imagines: bool = False) -> None:
@@ -57,7 +58,7 @@ class AgentMemory:
 
     def _of(self, body: Body) -> Actions | None:
         """Return the actions of a body, if anything follows from them."""
-        return None if self.is_empty or not body.context else Actions(body)
+        return None if self.is_empty or not body.senses_actions else Actions(body)
 
     @property
     def chance(self) -> dict[str, tuple[str, ...]]:

@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from neurosnap.agent.agent import Agent
+from neurosnap.agent.body import Body
 from neurosnap.agent.memory import AgentMemory, body_in
 from neurosnap.poc.learning.archive import pack_arrays, unpack_arrays
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
+from neurosnap.sensorium import Sensorium
 from world.toy_text import frozen_lake
 
 
@@ -57,3 +60,15 @@ def test_what_is_missing_or_wrong_or_of_another_body_is_an_error(
         refused(explorer, pack_arrays(more), "^trials: ")
     for data in (b"", b"no archive"):
         refused(explorer, data)
+
+
+def test_an_action_that_is_sensed_in_no_context_is_tried_all_the_same() -> None:
+    body = Body(own=("moved",), orders=(1,), actions=("go",), senses_actions=True)
+    memory = AgentMemory(body, imagines=True)
+    snapshot = EmpiricalSnapshot(Sensorium(body.sensors))
+    for both in (False, True):
+        snapshot.observe(np.array([both, both]))
+    memory.observe(0, False, np.array([False, True]), None, snapshot)
+    assert memory.experience is not None
+    # What it was to lead to did not come.
+    assert memory.experience.surprises[0].tolist() == [1, 1]
