@@ -4,17 +4,19 @@
 The tables are those that scikit-learn brings, and statsmodels where that is installed,
 or files; and planted ones. Rows are halved at random, again for each seed. A relation
 is told of the first half and looked up in the second. Then it counts how many planted
-premises and lags are found, by `learn` and by a run that grows windows, and what is
-told of independent sensors.
+premises and lags are found, by `learn` and by a run that grows windows, what is told
+of independent sensors, and how often the search for premises goes on from a parity.
 """
 
 import argparse
+import math
 import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 # Run as a file, its folder is on the path and the project's is not.
@@ -25,12 +27,14 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.growth_in_decisions import Context
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.learning.beyond_pairs import Beyond, Limits, beyond_pairs
+from neurosnap.poc.learning.beyond_pairs import Limits, beyond_pairs
 from neurosnap.poc.learning.columns import Columns
 from neurosnap.poc.learning.pair_occasions import count_pairs
 from neurosnap.poc.learning.pairs import codes_of, pair_of
-from neurosnap.poc.learning.relation_rule import judge
+from neurosnap.poc.learning.premises import _EASIER, _odd_sets, _pairs
+from neurosnap.poc.learning.relation_rule import WORK, evidence_for, judge
 from neurosnap.poc.learning.relation_table import Relation, tabulate
+from neurosnap.sensorium import Sensorium
 from neurosnap.sources.cuts import known_order
 from neurosnap.sources.open_readings import open_readings
 from neurosnap.sources.wanted import Wanted
@@ -42,75 +46,69 @@ EXPECTED = 20
 SKLEARN = ["iris", "wine", "breast_cancer", "diabetes", "digits"]
 STATSMODELS = ["anes96", "fair", "modechoice", "randhie", "star98"]
 ROWS = 5000
-PLANTED = ["of 0", "missed 0", "of 1", "missed 1", "of 2", "missed 2"]
-PLANTED += ["of 3", "missed 3", "off", "else", "tables"]
+BEYOND = ["of 0", "missed 0", "of 1", "missed 1", "of 2", "missed 2"]
+BEYOND += ["of 3", "missed 3", "off", "else", "tables", "ms each"]
 """Late copies (0), answers with jitter (1), premises (2 and 3); with another lag than
 was planted; about other sensors; tables of which anything is told."""
-Planted = tuple[int, frozenset[tuple[int, int]], int]
-"""Its kind, the literals that exclude each other, 1 for off, and the lag."""
+Rule = tuple[int, frozenset[int], int]
+"""Its kind, the literals that exclude each other, and the lag."""
+Made = tuple[NDArray[np.bool_], list[Rule]]
+Maker = Callable[[int, float], Made]
+Sets = dict[frozenset[int], int]
+Tell = Callable[[NDArray[np.bool_]], tuple[Sets, bool]]
 HEADS = ["told", "kept", "trivial", "never", "right", "strictly", "there", "missed"]
 
 
 def shipped(folder: Path) -> Iterator[Path]:
     """Write the tables that packages bring as files; yield these."""
     for name in SKLEARN:
-        found = getattr(import_module("sklearn.datasets"), f"load_{name}")(
-            as_frame=True
-        )
-        cuts = (0, 7) if name == "digits" else (None,)
-        for cut in cuts:
+        load = getattr(import_module("sklearn.datasets"), f"load_{name}")
+        found = load(as_frame=True)
+        for cut in (0, 7) if name == "digits" else (None,):
             frame = found.frame if cut is None else (found.data > cut).astype(int)
-            file = folder / (name if cut is None else f"{name}>{cut}")
-            frame.to_csv(file.with_suffix(".csv"), index=False)
-            yield file.with_suffix(".csv")
-    for name in STATSMODELS:
-        try:
-            module = import_module(f"statsmodels.datasets.{name}")
-        except ImportError:
-            return
+            file = folder / (f"{name}.csv" if cut is None else f"{name}>{cut}.csv")
+            frame.to_csv(file, index=False)
+            yield file
+    for name in STATSMODELS if find_spec("statsmodels") else ():
+        module = import_module(f"statsmodels.datasets.{name}")
         module.load_pandas().data.to_csv(folder / f"{name}.csv", index=False)
         yield folder / f"{name}.csv"
 
 
-def against(row: Relation, names: dict[str, int]) -> list[tuple[int, int]]:
+def against(row: Relation, sensors: Sensorium) -> list[tuple[int, int]]:
     """Return the pairs of literals that must not be together, by a relation."""
-    a, b = 2 * names[row.a], 2 * names[row.b]
-    kind = row.relation.removeprefix("nearly ")
+    a, b = sensors.literal(row.a), sensors.literal(row.b)
     ends = {
         "implies": [(0, 1)],
         "never together": [(0, 0)],
         "at least one of": [(1, 1)],
         "the same": [(0, 1), (1, 0)],
         "opposite": [(0, 0), (1, 1)],
-    }[kind]
+    }[row.relation.removeprefix("nearly ")]
     return [(a + first, b + second) for first, second in ends]
 
 
 def joint(table: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return in how many rows each two literals are together, ``(2N, 2N)``."""
-    literals = np.empty((len(table), 2 * table.shape[1]))
-    literals[:, ::2], literals[:, 1::2] = table == 1, table == 0
+    literals = np.stack([table == 1, table == 0], 2).reshape(len(table), -1) * 1.0
     return literals.T @ literals
 
 
 def measured(columns: Columns, known: list[tuple[int, int]], seed: int) -> Counter[str]:
     """Return how many relations of one half of the rows are what in the other."""
-    sensors, names = range(len(columns.sensorium)), columns.sensorium.names
-    table = np.stack(
-        [np.where(columns.known(k), columns.reading(k), np.nan) for k in sensors], 1
-    )
+    sensors = range(len(columns.sensorium))
+    reads = [np.where(columns.known(k), columns.reading(k), np.nan) for k in sensors]
+    table = np.stack(reads, axis=1)
     order = np.random.default_rng(seed).permutation(len(table))
     halves = [table[np.sort(half)] for half in np.array_split(order, 2)]
     first, second = map(joint, halves)
     # Rows that are halved at random are in no order, and say nothing of lags.
-    rows = tabulate(
-        Columns.of(halves[0], names), every=True, known=known, limits=Limits(1, 0)
-    )
+    half, limits = Columns.of(halves[0], columns.sensorium.names), Limits(1, 0)
+    rows = tabulate(half, every=True, known=known, limits=limits)
     given = codes_of(known, len(sensors) * (len(sensors) - 1) // 2)
-    places = {name: place for place, name in enumerate(names)}
     found, told = Counter[str](), set[tuple[int, int]]()
     for row in rows:
-        pairs = against(row, places)
+        pairs = against(row, columns.sensorium)
         if given[pair_of(*pairs[0])]:
             continue
         told |= {*pairs, *((b, a) for a, b in pairs)}
@@ -142,7 +140,7 @@ def held(chance: np.random.Generator, rate: float, hold: float) -> NDArray[np.bo
     return taken[np.maximum.accumulate(last)]
 
 
-def with_premises(seed: int, flips: float) -> tuple[NDArray[np.bool_], list[Planted]]:
+def with_premises(seed: int, flips: float) -> Made:
     """Return a table with rules of two and three premises, and what is to be told."""
     chance = np.random.default_rng(seed)
     sensors = (100, 200)[seed % 2]
@@ -152,12 +150,12 @@ def with_premises(seed: int, flips: float) -> tuple[NDArray[np.bool_], list[Plan
         mine = [places.pop() for _ in range(size)]
         signs, last = chance.integers(0, 2, size), places.pop()
         table[:, last] |= (table[:, mine] != signs).all(axis=1)
-        literals = {*zip(mine, signs.tolist(), strict=True), (last, 1)}
-        rules.append((size, frozenset(literals), 0))
+        literals = frozenset((2 * np.array(mine) + signs).tolist())
+        rules.append((size, literals | {2 * last + 1}, 0))
     return table ^ (chance.random(table.shape) < flips), rules
 
 
-def with_lags(seed: int, flips: float) -> tuple[NDArray[np.bool_], list[Planted]]:
+def with_lags(seed: int, flips: float) -> Made:
     """Return a table with answers that come late, with jitter, and late copies."""
     chance = np.random.default_rng(seed)
     table = np.array(
@@ -172,50 +170,73 @@ def with_lags(seed: int, flips: float) -> tuple[NDArray[np.bool_], list[Planted]
         asked = np.flatnonzero(table[:, a])
         answered = asked + lag + chance.integers(0, jitter + 1, len(asked))
         table[answered[answered < ROWS], b] = True
-        literals = frozenset(((a, 0), (b, 1)))
-        rules.append((kind % 2, literals, int(lag + jitter)))
+        rules.append((kind % 2, frozenset((2 * a, 2 * b + 1)), int(lag + jitter)))
     return table ^ (chance.random(table.shape) < flips), rules
 
 
-def independent(seed: int, _: float) -> tuple[NDArray[np.bool_], list[Planted]]:
+def independent(seed: int, _: float) -> Made:
     """Return a table in which nothing is to be told."""
     chance = np.random.default_rng(seed)
     rates, hold = chance.uniform(0.02, 0.98, 100), (0, 0.5, 0.9)[seed % 3]
     return np.array([held(chance, rate, hold) for rate in rates]).T, []
 
 
-def report_planted(tables: int) -> None:
+def with_parity(seed: int, flips: float) -> Made:
+    """Return a table whose last sensor is the parity of two, where not flipped."""
+    chance = np.random.default_rng(seed)
+    table = chance.random((ROWS, 13)) < 0.5
+    a, b = chance.permutation(12)[:2].tolist()
+    table[:, 12] = table[:, a] ^ table[:, b] ^ (chance.random(ROWS) < flips)
+    never = (0, 0, 24), (0, 1, 25), (1, 0, 25), (1, 1, 24)
+    return table, [(2, frozenset((2 * a + x, 2 * b + y, z)), 0) for x, y, z in never]
+
+
+def say(name: str, cells: Iterable[object]) -> None:
+    print(name, *(f"{cell:>8}" for cell in cells), flush=True)
+
+
+def report(tell: Tell, makers: list[Maker], tables: int, flips: list[float]) -> None:
     """Print how much of what is planted beyond pairs is told, and what else."""
-    print(f"\n{'':16}{'flips':>8}", *(f"{head:>8}" for head in PLANTED))
-    for make in with_premises, with_lags, independent:
-        for flips in (0.0,) if make is independent else (0.0, 0.005, 0.01, 0.02):
-            found = Counter[str]()
+    say(f"\n{tell.__name__:16}{'flips':>8}", BEYOND)
+    for make in makers:
+        for share in flips if make is not independent else [0.0]:
+            found, began = Counter[str](), time.process_time()
             for seed in range(tables):
-                table, rules = make(seed, flips)
-                columns = Columns.of(table)
-                counts = count_pairs(columns)
-                codes = judge(columns, counts).codes
-                given = np.zeros_like(codes)
-                told, *_ = beyond_pairs(columns, counts, codes, given, Limits(3))
-                found.update(held_against(sets_of(told), rules))
-                found["tables"] += bool(told) or bool(codes.any())
-            print(f"{make.__name__:16}{flips:8}", *(f"{found[k]:8}" for k in PLANTED))
+                table, rules = make(seed, share)
+                told, anything = tell(table)
+                found.update(held_against(told, rules))
+                found["tables"] += anything
+            found["ms each"] = int(1e3 * (time.process_time() - began) / (tables or 1))
+            say(f"{make.__name__:16}{share:8}", (found[head] for head in BEYOND))
 
 
-def sets_of(told: list[Beyond]) -> dict[frozenset[tuple[int, int]], int]:
-    """Return the literals of each that exclude each other, and the lag."""
-    return {
-        frozenset(
-            (literal >> 1, literal & 1)
-            for literal in (*one.premises, one.conclusion ^ 1)
-        ): one.lag.ticks if one.lag else 0
-        for one in told
-    }
+def told_of(table: NDArray[np.bool_]) -> tuple[Sets, bool]:
+    """Return what `learn` tells beyond pairs, and whether it tells anything."""
+    columns = Columns.of(table)
+    counts = count_pairs(columns)
+    codes = judge(columns, counts).codes
+    told, *_ = beyond_pairs(columns, counts, codes, np.zeros_like(codes), Limits(3))
+    sets = [frozenset((*one.premises, one.conclusion ^ 1)) for one in told]
+    lags = [one.lag.ticks if one.lag else 0 for one in told]
+    return dict(zip(sets, lags, strict=True)), bool(told) or bool(codes.any())
 
 
-def held_against(
-    sets: dict[frozenset[tuple[int, int]], int], rules: list[Planted]
-) -> Iterator[str]:
+def gone_on_from(table: NDArray[np.bool_]) -> tuple[Sets, bool]:
+    """Return the sets of three from which the search for three premises goes on."""
+    columns = Columns.of(table)
+    needed = evidence_for(8 * math.comb(table.shape[1], 3)) / _EASIER
+    odd = _odd_sets(columns, _pairs(columns, WORK)[0], 3, needed).literals.tolist()
+    return dict.fromkeys(map(frozenset, odd), 0), bool(odd)
+
+
+def grown(table: NDArray[np.bool_]) -> tuple[Sets, bool]:
+    """Return what a run grows row by row, with room for 40 windows."""
+    watching = Watching(table.shape[1], 40)
+    watching.show(table)
+    return excluded(watching), bool(watching.grown)
+
+
+def held_against(sets: Sets, rules: list[Rule]) -> Iterator[str]:
     """Yield what is to be counted of what is told of a table."""
     for size, literals, lag in rules:
         yield f"of {size}"
@@ -223,36 +244,18 @@ def held_against(
             yield f"missed {size}"
         elif sets[literals] != lag:
             yield "off"
-    sensors = [{sensor for sensor, _ in literals} for _, literals, _ in rules]
+    either = [{*literals, *(a ^ 1 for a in literals)} for _, literals, _ in rules]
     for literals in sets:
-        about = {sensor for sensor, _ in literals}
-        if not any(about <= each for each in sensors):
+        if not any(literals <= each for each in either):
             yield "else"
 
 
-def report_grown(tables: int) -> None:
-    """Print how much of the same a run grows, row by row, with room for 40 windows."""
-    print(f"\n{'grown in a run':24}", *(f"{head:>8}" for head in PLANTED), " seconds")
-    for make in with_premises, with_lags, independent:
-        found, began = Counter[str](), time.process_time()
-        for seed in range(tables):
-            table, rules = make(seed, 0.0)
-            watching = Watching(table.shape[1], 40)
-            watching.show(table)
-            found.update(held_against(excluded(watching), rules))
-            found["tables"] += bool(watching.grown)
-        took = (time.process_time() - began) / max(1, tables)
-        row = (f"{found[k]:8}" for k in PLANTED)
-        print(f"{make.__name__:24}", *row, f"{took:8.1f}", flush=True)
-
-
-def excluded(watching: Watching) -> dict[frozenset[tuple[int, int]], int]:
+def excluded(watching: Watching) -> Sets:
     """Return what each window excludes by the order: the literals, and the lag."""
     body, graph = watching.mind.memory.body, watching.mind.snapshot.poc_graph()
+    born = enumerate(body.grown)
     windows = {
-        2 * (body.first_grown + place): window
-        for place, window in enumerate(body.grown)
-        if place not in body.retired
+        2 * (body.first_grown + k): one for k, one in born if k not in body.retired
     }
     single = {a: Context(-1, (a,)) for a in range(2 * len(body.own))}
     points = {a: w for a, w in windows.items() if w.since == w.until}
@@ -260,9 +263,7 @@ def excluded(watching: Watching) -> dict[frozenset[tuple[int, int]], int]:
         a + 1: w._replace(literals=(w.literals[0] ^ 1,)) for a, w in points.items()
     }
     return {
-        frozenset((a >> 1, a & 1) for a in (*window.literals, *other.literals)): max(
-            window.since, other.since
-        )
+        frozenset((*window.literals, *other.literals)): max(window.since, other.since)
         for place, window in windows.items()
         for above in [graph.up([place])]
         for a, other in (single | points).items()
@@ -277,7 +278,7 @@ def main() -> None:
     parser.add_argument("--planted", type=int, default=100, help="planted tables")
     parser.add_argument("--grown", type=int, default=10, help="those of a run")
     given = parser.parse_args()
-    print(f"{'':16}", *(f"{head:>8}" for head in HEADS))
+    say(f"{'':16}", HEADS)
     with tempfile.TemporaryDirectory() as folder:
         for file in given.files or shipped(Path(folder)):
             try:
@@ -286,20 +287,19 @@ def main() -> None:
                 sys.exit(str(error))
             conditions = read.wanted.every_condition()
             known = list(known_order(read.columns.sensorium.names, conditions))
-            found = Counter[str]()
-            for seed in range(given.seeds):
-                found += measured(read.columns, known, seed)
-            print(
-                f"{file.stem:16}", *(f"{found[head]:8}" for head in HEADS), flush=True
-            )
+            each = (measured(read.columns, known, k) for k in range(given.seeds))
+            found = sum(each, Counter[str]())
+            say(f"{file.stem:16}", (found[head] for head in HEADS))
     found = Counter[str]()
     for seed in range(given.planted):
         noise = (0, 0.001, 0.005, 0.01, 0.02)[seed % 5]
         made = planted(seed, noise, hold=(0, 0.5)[seed // 5 % 2])
         found += measured(Columns.of(made.table), [], seed)
-    print(f"{'planted':16}", *(f"{found[head]:8}" for head in HEADS))
-    report_planted(given.planted)
-    report_grown(given.grown)
+    say(f"{'planted':16}", (found[head] for head in HEADS))
+    makers: list[Maker] = [with_premises, with_lags, independent]
+    report(told_of, makers, given.planted, [0.0, 0.005, 0.01, 0.02])
+    report(gone_on_from, [with_parity], given.planted, [0.4])
+    report(grown, makers, given.grown, [0.0])
 
 
 if __name__ == "__main__":
