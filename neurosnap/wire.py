@@ -23,7 +23,7 @@ import msgspec
 
 from neurosnap.errors import MessageError
 
-SCHEMA = 12
+SCHEMA = 13
 ROOT = "neurosnap"
 LARGEST_KEYFRAME = 1 << 26
 """Bytes of a key-frame, at most, which no other message may pass either."""
@@ -403,9 +403,10 @@ class Anomaly(_Message, frozen=True, omit_defaults=True):
     since: Numbered
     """The tick it began at; the ticks between are of the same anomaly."""
     culprits: Naturals
-    """The fewest sensors that can be wrong, and of such sets the likeliest."""
+    """The fewest sensors that can be wrong, and of such sets the likeliest; the most
+    suspect first."""
     candidates: Naturals
-    """Sensors that are in one of the smallest such sets."""
+    """Sensors that are in one of the smallest such sets; the most suspect first."""
     exact: bool
     """Whether the search for them was complete."""
     implications: Natural

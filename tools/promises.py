@@ -5,7 +5,8 @@ The tables are those that scikit-learn brings, and statsmodels where that is ins
 or files; and planted ones. Rows are halved at random, again for each seed. A relation
 is told of the first half and looked up in the second. Then it counts how many planted
 premises and lags are found, by `learn` and by a run that grows windows, what is told
-of independent sensors, and how often the search for premises goes on from a parity.
+of independent sensors, how often the search for premises goes on from a parity, and how
+soon a flipped bit of a row is named.
 """
 
 import argparse
@@ -29,12 +30,17 @@ from neurosnap.agent.growth_in_decisions import Context
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.beyond_pairs import Limits, beyond_pairs
 from neurosnap.poc.learning.columns import Columns
+from neurosnap.poc.learning.empirical import EmpiricalSnapshot
+from neurosnap.poc.learning.odd_reading import oddness
 from neurosnap.poc.learning.pair_occasions import count_pairs
 from neurosnap.poc.learning.pairs import codes_of, pair_of
 from neurosnap.poc.learning.premises import _EASIER, _odd_sets, _pairs
+from neurosnap.poc.learning.reading_history import History
 from neurosnap.poc.learning.relation_rule import WORK, evidence_for, judge
 from neurosnap.poc.learning.relation_table import Relation, tabulate
-from neurosnap.sensorium import Sensorium
+from neurosnap.poc.order.graph import PocGraph
+from neurosnap.protocol.anomaly_detector import AnomalyDetector
+from neurosnap.sensorium import Sensorium, selection
 from neurosnap.sources.cuts import known_order
 from neurosnap.sources.open_readings import open_readings
 from neurosnap.sources.wanted import Wanted
@@ -271,6 +277,73 @@ def excluded(watching: Watching) -> Sets:
     }
 
 
+def fitted(good: NDArray[np.bool_], new: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return by how much each reading misses a logistic regression on all others."""
+    regression = import_module("sklearn.linear_model").LogisticRegression
+    missed = np.zeros(new.shape)
+    for k, own in enumerate(good.T):
+        likely = own.mean()
+        if 0 < likely < 1:
+            made = regression(max_iter=1000).fit(np.delete(good, k, axis=1), own)
+            likely = made.predict_proba(np.delete(new, k, axis=1))[:, 1]
+        missed[:, k] = np.abs(likely - new[:, k])
+    return missed
+
+
+def named(
+    good: NDArray[np.bool_], new: NDArray[np.bool_], flipped: NDArray[np.int64]
+) -> Iterator[tuple[int, ...]]:
+    """Yield the rank of each row's flipped bit as a run names it, 0 if it says nothing.
+
+    Then those by how odd each reading is, and by a logistic regression. A run has
+    learned other rows; what it does not name comes after what it names, by oddness.
+    """
+    sensors = np.arange(new.shape[1])
+    snapshot, history = EmpiricalSnapshot(len(sensors), "auto"), History(64, 8192)
+    detector = AnomalyDetector(len(sensors), support=10)
+    for bits in good:
+        detector.watch(history.tick, PocGraph.from_implications(64, []), bits)
+        snapshot.learn(bits)
+        history.record(bits)
+    graph, missed = snapshot.poc_graph(), fitted(good, new)
+    for row, (bits, at) in enumerate(zip(new, flipped.tolist(), strict=True)):
+        odd = oddness(history, sensors, selection(bits, None))
+        ranks = [int((each > each[at]).sum()) + 1 for each in (odd, missed[row])]
+        told = detector.watch(10_000 * (row + 1), graph, bits)
+        names = [*told.culprits, *told.candidates] if told else []
+        names = [*dict.fromkeys([*names, *np.argsort(-odd).tolist()])]
+        yield told is not None and names.index(at) + 1, *ranks
+
+
+def report_flipped(seeds: int) -> None:
+    """Print how soon one flipped bit of a row of digits is named, of 64."""
+    heads = [
+        "rows",
+        "broken",
+        "first",
+        "rank",
+        "odd",
+        "logistic",
+        "all: odd",
+        "logistic",
+    ]
+    say(f"\n{'a flipped bit':16}", heads)
+    table = import_module("sklearn.datasets").load_digits().data
+    for cut in 0, 7:
+        found = list[tuple[int, ...]]()
+        for seed in range(seeds):
+            chance = np.random.default_rng(seed)
+            good, new = np.array_split(chance.permutation(table > cut), 2)
+            flipped = chance.integers(0, new.shape[1], len(new))
+            new[np.arange(len(new)), flipped] ^= True
+            found += named(good, new, flipped)
+        every = np.array(found)
+        there = every[every[:, 0] > 0]
+        means = (f"{each:.2f}" for each in (*there.mean(0), *every[:, 1:].mean(0)))
+        first = (there[:, 0] == 1).sum()
+        say(f"{f'digits>{cut}':16}", [len(every), len(there), first, *means])
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("files", nargs="*", type=Path, metavar="FILE")
@@ -296,6 +369,7 @@ def main() -> None:
         made = planted(seed, noise, hold=(0, 0.5)[seed // 5 % 2])
         found += measured(Columns.of(made.table), [], seed)
     say(f"{'planted':16}", (found[head] for head in HEADS))
+    report_flipped(given.seeds)
     makers: list[Maker] = [with_premises, with_lags, independent]
     report(told_of, makers, given.planted, [0.0, 0.005, 0.01, 0.02])
     report(gone_on_from, [with_parity], given.planted, [0.4])

@@ -19,7 +19,7 @@ vertices are masks, as in `neurosnap.poc.order.literal_sets`.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from itertools import pairwise
@@ -59,9 +59,9 @@ class Contradiction:
     more: int
     """For how many such implications, at least, none is listed."""
     culprits: tuple[int, ...]
-    """Sensors, ascending: the fewest to leave out that the rest is coherent."""
+    """The fewest sensors to leave out that the rest is coherent, most suspect first."""
     candidates: tuple[int, ...]
-    """Sensors, ascending: all that are in some such set of the fewest."""
+    """All that are in some such set of the fewest, most suspect first."""
     exact: bool
     """Whether the search was complete. If not, leaving out the culprits helps and
     leaving out fewer of them does not, but others may do with fewer; and candidates
@@ -76,7 +76,7 @@ class Contradiction:
 def contradiction(
     graph: PocGraph,
     observed: Literals,
-    suspicion: NDArray[np.float64],
+    suspicion: Callable[[Ints], NDArray[np.float64]],
     *,
     patience: int = PATIENCE,
 ) -> Contradiction:
@@ -85,8 +85,9 @@ def contradiction(
     Args:
         graph: The order.
         observed: A *-selection: one literal of every sensor that has a reading.
-        suspicion: ``(N,)``, finite: of several smallest sets of culprits, the one with
-            the largest sum is returned; of several of those, the first in order.
+        suspicion: How suspect some sensors are, ``(n,)`` and finite: of several
+            smallest sets of culprits, the one with the largest sum is returned; of
+            several of those, the first in order.
         patience: As for `smallest_cover`: beyond it, culprits are found greedily.
 
     Cost:
@@ -95,10 +96,10 @@ def contradiction(
 
     Examples:
         >>> g = PocGraph.from_implications(3, [(0, 2), (2, 4)])
-        >>> found = contradiction(g, [0, 3, 5], np.zeros(3))
+        >>> found = contradiction(g, [0, 3, 5], np.zeros_like)
         >>> found.chains, found.culprits
         (((0, 2),), (0,))
-        >>> contradiction(g, [0, 5], np.zeros(3)).chains
+        >>> contradiction(g, [0, 5], np.zeros_like).chains
         ((0, 2, 4),)
     """
     seen = as_literals("observed", observed, len(graph))
@@ -111,7 +112,13 @@ def contradiction(
     mask = sum(1 << v for v, around in enumerate(neighbours) if around >> v & 1)
     left = [0 if mask >> v & 1 else n & ~mask for v, n in enumerate(neighbours)]
     sensors = clashing >> 1
-    cover = smallest_cover(left, suspicion[sensors], patience)
+    worth = suspicion(sensors)
+    cover = smallest_cover(left, worth, patience)
+    suspects = np.argsort(-worth, kind="stable").tolist()
+
+    def named(some: int) -> tuple[int, ...]:
+        return tuple(int(sensors[v]) for v in suspects if some >> v & 1)
+
     edges = graph.wire_list("hasse")
     literals, ends, more = shortest_chains(
         np.searchsorted(edges, np.arange(len(graph) + 1) << 32),
@@ -125,8 +132,8 @@ def contradiction(
     return Contradiction(
         chains=tuple(tuple(way[low:high]) for low, high in pairwise(stops)),
         more=int(more),
-        culprits=tuple(sensors[list(members(mask | cover.chosen))].tolist()),
-        candidates=tuple(sensors[list(members(mask | cover.candidates))].tolist()),
+        culprits=named(mask | cover.chosen),
+        candidates=named(mask | cover.candidates),
         exact=cover.exact,
     )
 

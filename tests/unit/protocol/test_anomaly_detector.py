@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 CHAIN = PocGraph.from_implications(3, [(0, 2), (2, 4)])
 FREE = PocGraph.from_implications(3, [])
+FREE4 = PocGraph.from_implications(4, [])
 
 
 def read(*bits: int) -> "NDArray[np.bool_]":
@@ -69,7 +70,8 @@ def test_the_broken_implication_comes_with_its_evidence() -> None:
     weights = evidence.both, evidence.against, evidence.since
     assert found.links == (wire.WeighedLink(0, 0, 2, *weights),)
     assert found.implications == 1
-    assert (found.candidates, len(found.culprits), found.exact) == ((0, 1), 1, True)
+    assert ({*found.candidates}, len(found.culprits)) == ({0, 1}, 1)
+    assert found.exact
 
 
 def test_through_what_was_not_read_it_follows_from_several_links() -> None:
@@ -105,7 +107,19 @@ def test_the_likeliest_of_several_is_the_culprit(
 ) -> None:
     *_, found = found_in(*before, (1, 0, 1))
     assert found is not None
-    assert (found.culprits, found.candidates) == ((culprit,), (0, 1))
+    assert (found.culprits, found.candidates) == ((culprit,), (culprit, 1 - culprit))
+
+
+def test_of_two_it_is_the_one_that_others_do_not_bear_out() -> None:
+    detector = AnomalyDetector(4, support=1)
+    # All but the last go together, and the last says nothing.
+    for tick in range(40):
+        detector.watch(tick, FREE4, read(*[tick % 2] * 3, tick % 3 == 0))
+    rule = PocGraph.from_implications(4, [(0, 2)])
+    for bits, culprit in ((1, 0, 1, 1), 1), ((1, 0, 0, 1), 0):
+        found = detector.watch(40, rule, read(*bits))
+        assert found is not None
+        assert found.candidates == (culprit, 1 - culprit)
 
 
 def test_blame_fades() -> None:
