@@ -20,7 +20,7 @@ from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.beyond_pairs import USUAL_LIMITS, Limits
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.learning.pair_occasions import OnProgress
-from neurosnap.poc.learning.relation_table import Relation, Relations, tabulate
+from neurosnap.poc.learning.relation_table import Relation, Relations, span_of, tabulate
 from neurosnap.poc.order.graph import PocGraph
 from neurosnap.recording.format.records import MAGIC
 from neurosnap.recording.read.recorded_readings import readings_of
@@ -116,7 +116,8 @@ class Findings:
                 f"passed over, being too many: {self.rows.left} sets of sensors"
             )
         if self.rows.lag < self.lag:
-            lines.append(f"of so many sensors no lag above {self._span(self.rows.lag)}")
+            most = span_of(self.rows.lag, self.period)
+            lines.append(f"of so many sensors no lag above {most}")
         return "\n".join(lines)
 
     def facts(self) -> dict[str, object]:
@@ -165,7 +166,7 @@ class Findings:
         if form_of(out) == ".csv":
             times = ["since_time", "last_failure_time"]
             timed = times if self.readings.times is not None else []
-            names = [*Relation.__dataclass_fields__, *timed]
+            names = [*Relation.__dataclass_fields__, "sentence", *timed]
             text = csv_of(names, map(self._fields, self.rows))
         else:
             cells = map(self.cells, self.rows)
@@ -175,8 +176,8 @@ class Findings:
             draft.write_text(text, encoding="utf-8")
 
     def _fields(self, row: Relation) -> dict[str, object]:
-        """Return the attributes of a row, and the moments of its ticks, if known."""
-        fields = asdict(row)
+        """Return a row, its sentence, and the moments of its ticks, if known."""
+        fields = {**asdict(row), "sentence": self._said(row)}
         if self.readings.times is not None:
             fields["since_time"] = self.readings.moment(row.since)
             fields["last_failure_time"] = self.readings.moment(row.last_failure or 0)
@@ -186,17 +187,11 @@ class Findings:
         """Return a row in words, with how long it takes, and what it explains."""
         notes = []
         if row.usual and row.usual != row.within:
-            notes.append(f"usually {self._span(row.usual)}")
+            notes.append(f"usually {span_of(row.usual, self.period)}")
         if row.explains > 0:
             notes.append(f"explains {row.explains}")
-        said = row.said(self._span(row.within))
+        said = row.said(self.period)
         return f"{said} ({', '.join(notes)})" if notes else said
-
-    def _span(self, ticks: int) -> str:
-        """Return how long some ticks are."""
-        if self.period:
-            return f"{round(ticks * self.period, 3):g} s"
-        return f"{ticks} tick{'s' * (ticks != 1)}"
 
     def _tick(self, tick: int) -> str:
         moment = visible(self.readings.moment(tick))

@@ -31,7 +31,7 @@ from neurosnap.sensorium import Sensorium, visible
 from neurosnap.sources.conditions import Condition
 from neurosnap.sources.cuts import known_order
 from neurosnap.sources.open_readings import settled
-from neurosnap.sources.readings import Readings
+from neurosnap.sources.readings import Readings, regular_period
 from neurosnap.sources.wanted import Wanted
 
 HEADS = ("change", "what", "before", "now", "by chance")
@@ -86,12 +86,10 @@ class Contrast:
 
     def cells(self, row: Difference) -> tuple[str, ...]:
         """Return the cells of a row, in the order of `HEADS`."""
-        what, word = visible(row.relation), "failed " if row.b else ""
-        if row.change in ("later", "sooner"):
-            what += f" (lag {row.within}, now {row.within_new})"
+        word = "failed " if row.b else ""
         before = f"{word}{row.failed} of {row.tested}"
         now = f"{word}{row.failed_new} of {row.tested_new}"
-        return row.change, what, before, now, f"{row.chance:.1g}"
+        return row.change, visible(row.relation), before, now, f"{row.chance:.1g}"
 
     def write(self, out: Path, *, force: bool, reads: Sequence[Path]) -> None:
         """Write all of it; as `Findings.write`, which reads one file."""
@@ -141,8 +139,8 @@ def contrast(
             for all their pairs.
         RecordingError: A recording is damaged.
     """
-    (first, conditions), (second, _) = map(_read, found)
-    tables = first, second
+    (first, conditions, one), (second, _, other) = map(_read, found)
+    tables, period = (first, second), one * (one == other)
     there = [table.sensorium.names for table in tables]
     both = [name for name in there[0] if name in set(there[1])]
     if not both:
@@ -160,15 +158,17 @@ def contrast(
         len(both),
         (alone[0], alone[1]),
         compare_tables(
-            shared[0], shared[1], known_order(both, conditions), on_progress
+            shared[0], shared[1], known_order(both, conditions), on_progress, period
         ),
     )
 
 
-def _read(found: Recording | Readings) -> tuple[Columns, Mapping[str, Condition]]:
-    """Return readings, and when the sensors are on that are conditions."""
+def _read(
+    found: Recording | Readings,
+) -> tuple[Columns, Mapping[str, Condition], float]:
+    """Return readings, when the sensors are on that are conditions, and the period."""
     if not isinstance(found, Recording):
-        return found.columns, found.wanted.every_condition()
+        return found.columns, found.wanted.every_condition(), regular_period(found)
     tick, snapshot = snapshot_at(found)
     readings = readings_of(found, snapshot.sensorium, tick)
-    return readings.columns, found.options.conditions
+    return readings.columns, found.options.conditions, regular_period(readings)

@@ -55,6 +55,7 @@ from neurosnap.poc.learning.relation_rule import (
     judge,
     ticks_for_one,
 )
+from neurosnap.poc.learning.relation_table import at_once, in_time, in_words, span_of
 from neurosnap.poc.learning.two_samples import by_stretches, by_trials
 from neurosnap.poc.order.literal_sets import Words, from_words
 
@@ -77,7 +78,6 @@ _MORE, _STRETCH = 4, 8
 stretches, in words of 64 ticks, if that is too little for all readings."""
 _ENOUGH = 10.0
 """The evidence that a row counts for in a suspicion, at most: many rows say more."""
-_NAMES = {3: "the same", 4: "never together", 12: "opposite"}
 _CHANGES = {
     (True, False): ("lost", ""),
     (True, True): ("weaker", "stronger"),
@@ -95,7 +95,7 @@ class Difference:
     """``lost``, ``weaker``, ``later``, ``gained``, ``stronger`` or ``sooner`` of two
     sensors; ``more`` or ``less`` of one."""
     relation: str
-    """What that is, in words."""
+    """What that is, in words; of what is later or sooner with both lags."""
     a: str
     """A sensor."""
     b: str
@@ -144,6 +144,7 @@ def compare_tables(
     second: Columns,
     known: Iterable[tuple[int, int]] = (),
     on_progress: OnProgress | None = None,
+    period: float = 0.0,
 ) -> Differences:
     """Return what differs between two tables of the same sensors, in the same order.
 
@@ -152,6 +153,7 @@ def compare_tables(
         second: What is held against it.
         known: Pairs of literals, ``a -> b``, that hold whatever is read.
         on_progress: Told how many pairs of each are counted.
+        period: Seconds from tick to tick; 0: not always as many, or not known.
 
     Returns:
         O(N² T) time, as `find_lags` takes it; of too many, some ticks are searched.
@@ -168,10 +170,11 @@ def compare_tables(
     told: Told = {}
     found: dict[frozenset[str], list[Difference]] = {}
     odd: dict[str, float] = {}
-    at_once = _at_once(counts, codes, len(names))
-    asked = at_once, _late(tables, at_once, codes, given)
+    here = _at_once(counts, codes, len(names))
+    asked = here, _late(tables, here, codes, given)
     for row in chain(
-        *(_differing(tables, each, codes, told) for each in asked), _own(tables)
+        *(_differing(tables, each, codes, told, period) for each in asked),
+        _own(tables),
     ):
         if not row.b:
             # Asked about this sensor alone, chance has less evidence.
@@ -273,7 +276,7 @@ def _sets(table: Columns, lag: Lag, *, begins: bool) -> tuple[Words, Words]:
 
 
 def _differing(
-    tables: Tables, asked: _Asked, codes: Codes, told: Told
+    tables: Tables, asked: _Asked, codes: Codes, told: Told, period: float
 ) -> Iterator[Difference]:
     """Yield what comes more or less often; `told` gets the pairs that are related."""
     names, questions = tables[0].sensorium.names, 8 * codes.shape[1]
@@ -294,13 +297,18 @@ def _differing(
             asked_of = [[(both[k], tests[k]) for both, tests in sets] for k in sides]
             spread = min(_spread(each, way) for each in asked_of)
             evidence = min(float(sure[side, way, place]), spread - free)
-            said = codes[int(spans[0] > 0), pair_of(*lag[:2])]
-            sentence = _sentence(lag, names, 0 if lag.ticks else int(said))
-            a, b = (names[literal >> 1] for literal in lag.implication)
+            a, b = lag.implication
+            code = int(codes[int(spans[0] > 0), pair_of(a, b)])
+            said = in_time(lag, names) if lag.ticks else at_once(code, (a, b), names)
+            what = in_words(*said, span_of(lag.ticks, period))
+            if change in ("later", "sooner"):
+                before, now = (span_of(ticks, period) for ticks in spans)
+                what += f" (lag {before}, now {now})"
+            about = change, what, names[a >> 1], names[b >> 1]
             counted = asked.tested, asked.failed
             tested, failed = (each[sides[0], :, place] for each in counted)
             within = spans if asked.begins else [_NEVER, _NEVER]
-            yield _row(evidence, (change, sentence, a, b), tested, failed, within)
+            yield _row(evidence, about, tested, failed, within)
 
 
 def _row(
@@ -328,26 +336,6 @@ def _changed(tables: Tables, lag: Lag, spans: Sequence[int], way: int) -> str:
     if (now > before) == (way == 0):
         return "later" if now > before else "sooner"
     return ""  # it comes later, and more come in that time
-
-
-def _sentence(lag: Lag, names: Sequence[str], code: int) -> str:
-    """Return in words what relates two literals; `code`: or their sensors, at once."""
-    a, b = lag.implication
-    if code in _NAMES:
-        first, second = (names[sensor] for sensor in sorted((a >> 1, b >> 1)))
-        return f"{first} and {second}: {_NAMES[code]}"
-    if code == 8:
-        return f"at least one of {names[a >> 1]} and {names[b >> 1]}"
-    within = lag.ticks and lag.first
-    if back := a & b & 1 and not within:
-        a, b = b ^ 1, a ^ 1
-    first, second = (names[literal >> 1] + "*" * (literal & 1) for literal in (a, b))
-    ticks = f"{lag.ticks} tick{'s' * (lag.ticks > 1)}"
-    if within:
-        return f"{first} implies {second} within {ticks}"
-    if back and lag.ticks:
-        return f"{first} only within {ticks} after {second}"
-    return f"{first}{f' for {ticks}' * (lag.ticks > 0)} implies {second}"
 
 
 def _free(questions: int) -> float:

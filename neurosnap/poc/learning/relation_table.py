@@ -11,7 +11,7 @@ are rows of what is beyond pairs at one instant (`neurosnap.poc.learning.beyond_
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from neurosnap.poc.learning.beyond_pairs import (
 )
 from neurosnap.poc.learning.columns import Columns, span
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
-from neurosnap.poc.learning.lags import USUAL, longest_lag
+from neurosnap.poc.learning.lags import USUAL, Lag, longest_lag
 from neurosnap.poc.learning.pair_occasions import OnProgress, PairCounts, count_pairs
 from neurosnap.poc.learning.pairs import codes_of, leads, pair_of, rows_of
 from neurosnap.poc.learning.relation_rule import CODES, judge, keeps, promises
@@ -49,6 +49,8 @@ Kind: TypeAlias = Literal[
     "nearly opposite",
 ]
 
+Said: TypeAlias = tuple[Kind, str, str, bool]
+"""A kind, two readings, and whether the first must last for what comes to come."""
 _TESTS: dict[int, tuple[Kind, bool, tuple[int, int], tuple[int, int]]] = {
     1: ("implies", False, (1, 0), (1, 3)),
     2: ("implies", True, (2, 0), (2, 3)),
@@ -59,16 +61,6 @@ _TESTS: dict[int, tuple[Kind, bool, tuple[int, int], tuple[int, int]]] = {
 }
 """Of each code of a pair of sensors ``j < i``: its name; whether it is told of ``j``
 first; and of its two tests the joint readings that fail and that pass."""
-_NEARLY: dict[Kind, Kind] = {
-    "implies": "nearly implies",
-    "never together": "nearly never together",
-    "at least one of": "nearly at least one of",
-    "implies late": "nearly implies late",
-    "only after": "nearly only after",
-    "the same": "nearly the same",
-    "opposite": "nearly opposite",
-}
-"""What relations are called that have failed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,21 +119,46 @@ class Relation:
         """The relation in words."""
         return self.said()
 
-    def said(self, within: str = "") -> str:
-        """Return the relation in words; `within` is its time, if not in ticks."""
-        ticks = within or f"{self.within} tick{'s' * (self.within != 1)}"
-        nearly = "nearly " if self.relation.startswith("nearly") else ""
-        if self.relation.endswith("late"):
-            if self.lasting:
-                return f"{self.a} for {ticks} {nearly}implies {self.b}"
-            return f"{self.a} {nearly}implies {self.b} within {ticks}"
-        if self.relation.endswith("only after"):
-            return f"{self.a} {nearly}only within {ticks} after {self.b}"
-        if self.relation.endswith("implies"):
-            return f"{self.a} {self.relation} {self.b}"
-        if self.relation.endswith("at least one of"):
-            return f"{self.relation} {self.a} and {self.b}"
-        return f"{self.a} and {self.b}: {self.relation}"
+    def said(self, period: float = 0.0) -> str:
+        """Return the relation in words, its time as `span_of` does."""
+        time = span_of(self.within, period)
+        return in_words(self.relation, self.a, self.b, self.lasting, time)
+
+
+def in_words(relation: Kind, a: str, b: str, lasting: bool, time: str) -> str:
+    """Return a relation of two readings in the words that all reports have for it."""
+    word = relation.removesuffix(" late").removesuffix(" after")
+    if word.endswith("implies"):
+        held = f" for {time}" if lasting else ""
+        late = "" if lasting or word == relation else f" within {time}"
+        return f"{a}{held} {word} {b}{late}"
+    if word.endswith("only"):
+        return f"{a} {word} within {time} after {b}"
+    if relation.endswith("at least one of"):
+        return f"{relation} {a} and {b}"
+    return f"{a} and {b}: {relation}"
+
+
+def span_of(ticks: int, period: float = 0.0) -> str:
+    """Return how long some ticks are, if each takes as many seconds; 0: in ticks."""
+    if period:
+        return f"{round(ticks * period, 3):g} s"
+    return f"{ticks} tick{'s' * (ticks != 1)}"
+
+
+def at_once(code: int, pair: tuple[int, int], names: Sequence[str]) -> Said:
+    """Return what the code of a pair says, given by any literals of its sensors."""
+    kind, swapped, *_ = _TESTS[code]
+    a, b = (names[one >> 1] for one in sorted(pair, reverse=not swapped))
+    return kind, a, b, False
+
+
+def in_time(lag: Lag, names: Sequence[str]) -> Said:
+    """Return what a lag says."""
+    a, b = (names[one >> 1] + "*" * (one & 1) for one in lag.implication)
+    if not lag.first and a.endswith("*") and b.endswith("*"):
+        return "only after", b[:-1], a[:-1], False
+    return "implies late", a, b, not lag.first
 
 
 class Relations(list[Relation]):
@@ -384,35 +401,27 @@ class _Found:
         """Return the row of two related sensors, given by any of their literals."""
         i, j = max(a, b) >> 1, min(a, b) >> 1
         pair, columns = pair_of(a, b), self._columns
-        kind, swapped, *tests = _TESTS[int(self._codes[pair])]
+        code = int(self._codes[pair])
         counts = PairCounts(*(each[:, pair] for each in self._counts))
         bits = columns.on[i], columns.off[i], columns.on[j], columns.off[j]
-        names = self._names[j if swapped else i], self._names[i if swapped else j]
-        return _with_evidence(
-            kind, names, counts, bits, tests, float(self._at_most[pair])
-        )
+        tests, most = _TESTS[code][2:], float(self._at_most[pair])
+        kind, *names, _ = at_once(code, (a, b), self._names)
+        return _with_evidence(kind, names, counts, bits, tests, most)
 
     def beyond(self, one: Beyond) -> Relation:
         """Return the row of what is beyond pairs at one instant."""
-        kind: Kind = "implies"
-        tests = [(0, 1), (0, 2)]
-        a, b = " ∧ ".join(map(self._name, one.premises)), self._name(one.conclusion)
-        lag = one.lag
-        if lag is not None:
-            kind = "implies late"
-            if not lag.first:
-                tests.reverse()
-            if not lag.first and one.premises[0] & one.conclusion & 1:
-                kind, tests = "only after", tests[::-1]
-                a, b = b[:-1], a[:-1]
+        both = " ∧ ".join(map(self._name, one.premises))
+        said: Said = "implies", both, self._name(one.conclusion), False
+        kind, a, b, lasting = in_time(one.lag, self._names) if one.lag else said
+        tests = [(0, 2), (0, 1)] if lasting else [(0, 1), (0, 2)]
         bits = one.bits(self._columns)
         row = _with_evidence(kind, (a, b), one.counts, bits, tests, one.most)
         soonest, usual, _ = one.waits
         return replace(
             row,
             premises=len(one.premises),
-            within=lag.ticks if lag else 0,
-            lasting=bool(lag and not lag.first and kind == "implies late"),
+            within=one.lag.ticks if one.lag else 0,
+            lasting=lasting,
             soonest=soonest,
             usual=usual,
             explains=one.explains,
@@ -424,7 +433,7 @@ class _Found:
 
 def _with_evidence(
     kind: Kind,
-    names: tuple[str, str],
+    names: Sequence[str],
     counts: PairCounts,
     bits: Four,
     tests: Sequence[tuple[int, int]],
@@ -450,7 +459,7 @@ def _with_evidence(
     last = max(span(joint[cell])[1] for cell in failures)
     firsts = [first for first in (span(each)[0] for each in joint) if first]
     return Relation(
-        relation=_NEARLY.get(kind, kind) if wrong else kind,
+        relation=cast("Kind", f"nearly {kind}") if wrong else kind,
         a=names[0],
         b=names[1],
         tested=tested[0],

@@ -66,8 +66,8 @@ def motor(ticks: int, seed: int, delay: int = 2) -> np.ndarray:
     return np.stack([on, np.roll(on, delay), 1 - on, other], axis=1)
 
 
-def differ(good: np.ndarray, new: np.ndarray) -> Differences:
-    return compare_tables(Columns.of(good), Columns.of(new))
+def differ(good: np.ndarray, new: np.ndarray, *, period: float = 0) -> Differences:
+    return compare_tables(Columns.of(good), Columns.of(new), period=period)
 
 
 def test_what_is_told_has_its_support_in_both() -> None:
@@ -80,7 +80,7 @@ def test_what_is_told_has_its_support_in_both() -> None:
     assert lamp.tested == np.sum(np.diff(good[:, 0]) > 0) + (good[0, 0] == 1)
     belt = next(row for row in found.rows if row.sensors == {"s0", "s1"})
     assert (belt.change, belt.within, belt.within_new) == ("later", 2, 5)
-    assert belt.relation == "s0 for 2 ticks implies s1"
+    assert belt.relation == "s0 for 2 ticks implies s1 (lag 2 ticks, now 5 ticks)"
     assert belt.failed == 0
     assert belt.failed_new == belt.tested_new > 50
     assert all(row.chance < 0.05 for row in found.rows)
@@ -140,7 +140,7 @@ def test_of_two_the_one_with_fewer_relations_left_is_suspected() -> None:
         a, b = chance.random((2, 4000))
         tables.append(np.stack([a < 0.6, a < 0.3, (a > 0.3) & (b < 0.4)], axis=1))
     tables[1][:, 2] = chance.permutation(tables[1][:, 2])
-    found = differ(*tables)
+    found = differ(tables[0], tables[1])
     assert [row.relation for row in found.rows] == ["s1 and s2: never together"]
     assert found.suspects == ["s2"]
 
@@ -148,10 +148,10 @@ def test_of_two_the_one_with_fewer_relations_left_is_suspected() -> None:
 def test_of_too_many_some_are_searched(monkeypatch: pytest.MonkeyPatch) -> None:
     few = partial(longest_lag, work=15_000)
     monkeypatch.setattr(module, "longest_lag", few)
-    rows = differ(motor(9000, 0), motor(9000, 1, delay=5)).rows
+    rows = differ(motor(9000, 0), motor(9000, 1, delay=5), period=0.5).rows
     [belt] = [row for row in rows if row.sensors == {"s0", "s1"}]
     assert (belt.change, belt.within_new) == ("later", 5)
-    assert belt.relation == "s0* implies s1* within 2 ticks"
+    assert belt.relation == "s0* implies s1* within 1 s (lag 1 s, now 2.5 s)"
 
 
 @pytest.mark.parametrize("first", [(0, 80), (3, 40), (30, 31), (0, 1)])
