@@ -24,6 +24,8 @@ class Raised(msgspec.Struct, frozen=True):
     """When the sensor was well again, or its next alarm began; None if in force."""
     became: str | None
     """The kind of that next alarm; None if there is none."""
+    usual: str | None = None
+    """Since when the sensor was as usual when it was well again; None of a home."""
 
 
 class HealthLog(msgspec.Struct, frozen=True):
@@ -40,8 +42,7 @@ class HealthLog(msgspec.Struct, frozen=True):
         for raised in self.alarms:
             yield f"{told(raised.alarm.at, raised.alarm.zone)}  {raised.line}{_end_of(raised)}"
         yield self.progress.line()
-        bad = sum(raised.ended is None for raised in self.alarms)
-        count = len(self.alarms)
+        count, bad = len(self.alarms), sum(each.ended is None for each in self.alarms)
         alarms = "1 alarm" if count == 1 else f"{count} alarms"
         yield f"{alarms}, {bad} in force (budget {self.budget})"
 
@@ -101,8 +102,7 @@ def follow(
         InvalidValueError: What the readings raise.
     """
     raised: list[Raised] = []
-    for each in readings:
-        at, on, known, begins, said = each
+    for at, on, known, begins, said in readings:
         for news in follower.observe(on, known, at, begins=begins, said=said):
             _end(raised, news)
             if (alarm := news.alarm) is not None:
@@ -116,14 +116,14 @@ def _end(raised: list[Raised], news: News) -> None:
     became = None if news.alarm is None else news.alarm.kind
     for place, each in enumerate(raised):
         if each.ended is None and each.alarm.sensor == news.sensor:
-            raised[place] = msgspec.structs.replace(
-                each, ended=told(news.at, news.zone), became=became
-            )
+            usual = None if news.usual is None else told(news.usual, news.zone)
+            ended = told(news.at, news.zone)
+            raised[place] = Raised(each.alarm, each.line, ended, became, usual)
 
 
 def _end_of(raised: Raised) -> str:
     if raised.ended is None:
         return ""
-    if raised.became is None:
-        return f" Well again {raised.ended}."
-    return f" Became {raised.became!r} {raised.ended}."
+    how = "Well again" if raised.became is None else f"Became {raised.became!r}"
+    since = "" if raised.usual is None else f", as usual since {raised.usual}"
+    return f" {how} {raised.ended}{since}."

@@ -125,10 +125,14 @@ class News(msgspec.Struct, frozen=True):
     been taken for normal."""
     zone: str
     """The home's time zone."""
+    usual: float | None = None
+    """Of one that is over, since when the sensor was as usual, if that is told."""
 
     def line(self) -> str:
         """Return the text of the alarm in one line."""
         said = f"{self.sensor}: alarm over" if self.alarm is None else self.alarm.line()
+        if self.usual is not None:
+            said += f", as usual since {told(self.usual, self.zone)}"
         return f"{told(self.at, self.zone)}  {said}"
 
 

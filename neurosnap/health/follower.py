@@ -7,7 +7,6 @@ it was on (`neurosnap.health.level_monitor`).
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol
 
 import numpy as np
 from msgspec.structs import replace
@@ -15,13 +14,11 @@ from numpy.typing import NDArray
 
 from neurosnap.health.alarm import (
     Alarm,
-    AlarmProgress,
     News,
-    SensorHealth,
     Standing,
 )
 from neurosnap.health.level_evidence import Levels
-from neurosnap.health.machine_monitor import MachineMonitor
+from neurosnap.health.machine_monitor import Judged, MachineMonitor
 from neurosnap.health.monitor import HealthMonitor
 from neurosnap.health.ten_minute_steps import STEP, Steps
 
@@ -53,18 +50,6 @@ def usual_step(times: Floats) -> float:
     usual = float(np.median(apart))
     alike = (np.abs(apart - usual) <= 0.01 * usual).mean()
     return max(1.0, round(usual, 3)) if usual < _QUICK or alike >= _REGULAR else 0.0
-
-
-class Monitor(Protocol):
-    """Judges steps."""
-
-    @property
-    def progress(self) -> AlarmProgress:
-        """How much is learned."""
-
-    @property
-    def sensors(self) -> list[SensorHealth]:
-        """How each sensor is."""
 
 
 class Follower:
@@ -100,15 +85,14 @@ class Follower:
         self._numbers, self._said = numbers, b""
         self._place = {name: sensor for sensor, name in enumerate(names)}
         count = len(names)
-        self._steps: _Steps
+        self._steps: _HomeSteps | _MachineSteps
+        self.monitor: HealthMonitor | MachineMonitor
         if step:
-            machine = MachineMonitor(names, alarms, zone, step, alike)
-            self._steps = _MachineSteps(machine, count, step)
-            self.monitor: Monitor = machine
+            self.monitor = MachineMonitor(names, alarms, zone, step, alike)
+            self._steps = _MachineSteps(self.monitor, count, step)
         else:
-            home = HealthMonitor(names, alarms, zone)
-            self._steps = _HomeSteps(home, count)
-            self.monitor = home
+            self.monitor = HealthMonitor(names, alarms, zone)
+            self._steps = _HomeSteps(self.monitor, count)
         self._step = step or float(STEP)
         self._at: float | None = None  # the last observation, or look at the clock
         self._number = 0  # of the step under way
@@ -175,7 +159,7 @@ class Follower:
                     for alarm in begun
                 ]
             self._number += 1
-            said += [News(end, name, None, self._zone) for name in well]
+            said += [News(end, name, None, self._zone, at) for name, at in well.items()]
             said += [News(end, alarm.sensor, alarm, self._zone) for alarm in begun]
             for name in (*well, *(alarm.sensor for alarm in begun)):
                 self._alarms.pop(name, None)
@@ -183,29 +167,6 @@ class Follower:
             self._at = max(self._at, end)
         self._at = max(self._at, now)
         return said
-
-
-Judged = tuple[list[Alarm], list[str]]
-"""The alarms that begin, and the sensors that are well again."""
-
-
-class _Steps(Protocol):
-    """Groups readings into steps, and has them judged.
-
-    Attributes:
-        until: From when on nothing is known if nothing is read, seconds since 1970.
-    """
-
-    until: float
-
-    def begin(self) -> None:
-        """Know nothing of the step under way so far."""
-
-    def read(self, on: Flags, known: Flags, at: float) -> None:
-        """Let the sensors read so from a time on."""
-
-    def over(self, number: int, end: float) -> Judged:
-        """End a step, and begin the next."""
 
 
 class _HomeSteps:
@@ -247,11 +208,16 @@ class _HomeSteps:
         self._came_on = np.zeros_like(self._came_on)
         self._longest = np.zeros_like(self._longest)
         self._valid = self._known.copy()
-        return self._monitor.follow(made, valid)
+        begun, well = self._monitor.follow(made, valid)
+        return begun, dict.fromkeys(well)
 
 
 class _MachineSteps:
-    """Steps of a machine: for which share of them each sensor was on, and known."""
+    """Steps of a machine: for which share of them each sensor was on, and known.
+
+    Attributes:
+        until: From when on nothing is known if nothing is read, seconds since 1970.
+    """
 
     def __init__(self, monitor: MachineMonitor, count: int, step: float) -> None:
         self._monitor = monitor
@@ -279,7 +245,7 @@ class _MachineSteps:
         on, known = self._seconds
         share = np.divide(on, known, out=np.zeros_like(on), where=known > 0)
         levels = Levels(share[None], np.minimum(known / self._step, 1.0)[None])
-        judged = self._monitor.follow(levels, number) if self._whole else ([], [])
+        judged = self._monitor.follow(levels, number) if self._whole else ([], {})
         self._seconds = np.zeros_like(self._seconds)
         self._whole = True
         return judged

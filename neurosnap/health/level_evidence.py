@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from neurosnap.health.level_model import FEATURES, Mask
+from neurosnap.health.level_model import FEATURES, LATELY, Mask
 from neurosnap.system.compiled import njit
 
 Floats = NDArray[np.float64]
@@ -29,8 +29,9 @@ TOP = 20
 """The peaks that tell how far evidence goes: so many, the largest."""
 TURN = 0.5
 """By how much a level changes that turns, from one step to the next."""
-_LATELY = 50.0
-"""Steps that the mean of the levels lately is over."""
+_LATELY, _FORGOTTEN = 50.0, 8.0
+"""Steps that the mean of the levels lately is over, and in which it is forgotten while
+the signal is in alarm."""
 
 
 class LevelEvidence(NamedTuple):
@@ -52,6 +53,8 @@ class LevelEvidence(NamedTuple):
     """``(W, N)``, for which share of the time each was known."""
     calm: Counts
     """``(S,)``, for how many steps the evidence has been as usual."""
+    odd: Counts
+    """``(S,)``, the last step at which it was not."""
     turns: Counts
     """``(S,)``, how often its sensors turned meanwhile."""
     last: Floats
@@ -69,6 +72,7 @@ class LevelEvidence(NamedTuple):
             np.zeros((windows, sensors)),
             np.zeros((windows, sensors)),
             np.ones((windows, sensors)),
+            np.zeros(signals, np.int64),
             np.zeros(signals, np.int64),
             np.zeros(signals, np.int64),
             np.zeros(sensors),
@@ -225,21 +229,27 @@ def note_levels(
     """Take note of what a sensor read, and by how much it missed the guess."""
     for w in range(WINDOWS.shape[0]):
         share = 1.0 / WINDOWS[w]
-        mean = evidence.read[w]
-        mean[sensor] += (read - mean[sensor]) * share
-        mean = evidence.guessed[w]
-        mean[sensor] += (read - missed - mean[sensor]) * share
-        mean = evidence.apart[w]
-        mean[sensor] += (abs(missed) - mean[sensor]) * share
+        for mean, value in (
+            (evidence.read[w], read),
+            (evidence.guessed[w], read - missed),
+            (evidence.apart[w], abs(missed)),
+        ):
+            mean[sensor] += (value - mean[sensor]) * share
 
 
 @njit(nogil=True)
-def judge(features: Floats, mask: Mask, evidence: LevelEvidence) -> None:
+def judge(
+    features: Floats, mask: Mask, learned: Flags, evidence: LevelEvidence
+) -> None:
     """Add a step to the evidence.
+
+    Of a signal in alarm the mean lately is drawn to what all others would have it: what
+    it read in a fault would speak against it long after.
 
     Args:
         features: ``(D,)``, not a number where unknown.
         mask: What is judged by; it leaves out what is unknown.
+        learned: ``(S,)``, the signals that are learned from.
         evidence: Updated.
     """
     far = np.zeros(features.shape[0])
@@ -256,8 +266,10 @@ def judge(features: Floats, mask: Mask, evidence: LevelEvidence) -> None:
             for j in range(low, high):
                 missed += mask.blocks[i, j] * far[j]
             unlikely += far[i] * missed
-            if i % FEATURES == 0 and not np.isnan(features[i]):
-                sensor = i // FEATURES
+            sensor, feature = i // FEATURES, i % FEATURES
+            if feature == LATELY and not (learned[signal] or np.isnan(features[i])):
+                evidence.lately[sensor] -= missed / _FORGOTTEN
+            if feature == 0 and not np.isnan(features[i]):
                 note_levels(sensor, features[i], missed, evidence)
                 turned = abs(features[i] - evidence.last[sensor]) >= TURN
                 evidence.turns[signal] += turned
@@ -309,8 +321,10 @@ def is_news(number: int, evidence: LevelEvidence, bounds: Bounds) -> bool:
                 calm = False
             if evidence.mean[w, s] > bounds.alarm[w, s] and not bounds.bad[s]:
                 news = True
-        evidence.calm[s] = evidence.calm[s] + 1 if calm else 0
-        evidence.turns[s] *= calm
+        evidence.calm[s] += 1
+        if not calm:
+            evidence.calm[s] = evidence.turns[s] = 0
+            evidence.odd[s] = number
         if bounds.bad[s] and is_well(s, evidence, bounds):
             news = True
     return news
@@ -347,7 +361,7 @@ def follow(
         left_out[low:high] = not bounds.learned[signal]
     for t in range(levels.on.shape[0]):
         features_of(levels.on[t], levels.known[t], evidence.lately, features)
-        judge(features, mask, evidence)
+        judge(features, mask, bounds.learned, evidence)
         note_peaks(evidence.mean, ~bounds.bad, peaks)
         learn_step(features, left_out, moments)
         for w in range(WINDOWS.shape[0]):

@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 FEATURES = 3
 """Of each sensor: its level, the level lately, and how much of the step it is known."""
-KNOWN = FEATURES - 1
+LATELY, KNOWN = 1, 2
 _RIDGE = 0.05
 """By which share each variance is taken to be larger than it was seen to be."""
 _SLACK = np.array([1e-3, 1e-3, 0.05])

@@ -50,6 +50,8 @@ where peaks look exponential, a machine does more than was seen."""
 _CALM, _AGREED = 32, 5
 """Steps that the evidence must be as usual for an alarm to end, and how often the
 sensor must have changed in them, at least: while nothing happens all agree."""
+_RELAPSE = 4
+"""How many times as many it takes for an alarm that came back within `_NOVEL`."""
 HEARD = 0.5
 """Share of the time that a sensor is known, which is told to be silent below it."""
 _WEEK = 7 * 86400.0
@@ -83,8 +85,8 @@ class LevelAlarm(NamedTuple):
     """For which share of that it was on."""
     guessed: float
     """For which share it should have been, by all others."""
-    apart: float
-    """How far its level was from the guess, in the mean."""
+    patience: int
+    """How many times as many steps as else it must be as usual for it to end."""
     others: tuple[int, ...]
     """The sensors that the guess rests on, the one that says most first."""
 
@@ -95,6 +97,8 @@ class LevelChange(NamedTuple):
     step: int
     alarm: LevelAlarm
     begins: bool
+    usual: int | None = None
+    """From which step on it was as usual, if it ends so."""
 
 
 class LevelMonitor:
@@ -117,6 +121,7 @@ class LevelMonitor:
         self._budget = parse_budget(alarms)
         self._step = step
         self._lasting = round(_ACCEPTED / step)
+        self._novel = _NOVEL * _WEEK / self._budget / step  # steps
         self._seen = 0
         self.turns = np.zeros(len(signals), np.int64)
         """How often each sensor changed, from one step to the next."""
@@ -128,6 +133,7 @@ class LevelMonitor:
         self._tails = np.zeros((len(WINDOWS), count, 4))
         self._alarms: dict[int, LevelAlarm] = {}
         self._accepted: dict[int, LevelAlarm] = {}
+        self._over: dict[int, LevelChange] = {}
         self._raised: list[int] = []
         self._limits: tuple[bytes, Bounds] | None = None
 
@@ -260,7 +266,7 @@ class LevelMonitor:
         alarm, usual = start + mean * shape * np.maximum(far, 0), start.copy()
         alarm[shape == 0] = usual[shape == 0] = np.inf
         alarm[:, ~self.known & ~self._any(~heard)] = np.inf
-        if self._seen * self._step < _NOVEL * _WEEK / self._budget:
+        if self._seen < self._novel:
             alarm[:] = np.inf
         count = alarm.shape[1]
         bad, learned = np.zeros(count, np.bool_), np.ones(count, np.bool_)
@@ -271,7 +277,8 @@ class LevelMonitor:
         ends = np.full(count, self._lasting)
         for signal, alarmed in self._alarms.items():
             within[signal] = max(1, alarmed.window)
-            ends[signal] = max(_CALM, WINDOWS[alarmed.window])
+            calm = alarmed.patience * max(_CALM, int(WINDOWS[alarmed.window]))
+            ends[signal] = min(calm, self._lasting)
             turns[signal] = _AGREED * (alarmed.known > HEARD)
         made = Bounds(alarm, usual, bad, learned, ends, turns, within)
         self._limits = heard.tobytes(), made
@@ -285,7 +292,10 @@ class LevelMonitor:
             alarm = {**self._accepted, **self._alarms}[signal]
             calm = is_well(signal, self._evidence, bounds)
             if signal in self._alarms and (calm or last - alarm.at >= self._lasting):
-                changes.append(LevelChange(last, self._alarms.pop(signal), False))
+                usual = int(self._evidence.odd[signal]) + 1 if calm else None
+                self._over[signal] = LevelChange(last, alarm, False, usual)
+                changes.append(self._over[signal])
+                del self._alarms[signal]
                 if not calm:
                     self._accepted[signal] = alarm
             elif calm:
@@ -313,6 +323,9 @@ class LevelMonitor:
         apart, known = evidence.apart[window], evidence.known[window]
         odd = np.maximum(apart, 1 - known)[low:high]
         sensor = int(low + odd.argmax())
+        patience, before = 1, self._over.get(signal)
+        if before is not None and last - before.step < self._novel:
+            patience = _RELAPSE * before.alarm.patience
         alarm = LevelAlarm(
             signal=signal,
             sensor=sensor,
@@ -323,12 +336,12 @@ class LevelMonitor:
             known=float(known[sensor] * heard[sensor]),
             read=float(evidence.read[window, sensor]),
             guessed=float(evidence.guessed[window, sensor]),
-            apart=float(apart[sensor]),
+            patience=patience,
             others=model.leaned_on(signal, self._bad()),
         )
         self._alarms[signal] = alarm
         self._raised.append(last)
-        evidence.calm[signal] = 0
+        evidence.calm[signal], evidence.odd[signal] = 0, last
         return alarm
 
     def _forget(self) -> None:

@@ -15,6 +15,11 @@ _MOST = 2
 """Others that are named."""
 
 
+Judged = tuple[list[Alarm], dict[str, float | None]]
+"""The alarms that begin, and of the sensors whose alarm is over since when they were as
+usual, seconds since 1970; None if what they read is taken for normal."""
+
+
 class MachineMonitor:
     """Monitors the health of a machine's sensors, step by step.
 
@@ -46,26 +51,24 @@ class MachineMonitor:
         self._step = step
         self._levels = LevelMonitor(self._of.tolist(), alarms, step)
 
-    def follow(self, levels: Levels, number: int) -> tuple[list[Alarm], list[str]]:
+    def follow(self, levels: Levels, number: int) -> Judged:
         """Judge the steps that come next.
 
         Args:
             levels: Of the sensors, in the order of their names.
             number: Of the first, in steps since 1970.
-
-        Returns:
-            The alarms that begin, and the sensors that are well again.
         """
         own = Levels(
             np.ascontiguousarray(levels.on[:, self._order]),
             np.ascontiguousarray(levels.known[:, self._order]),
         )
-        begun, well = [], []
-        for _, alarm, begins in self._levels.follow(own, number):
+        begun: list[Alarm] = []
+        well: dict[str, float | None] = {}
+        for _, alarm, begins, usual in self._levels.follow(own, number):
             if begins:
                 begun.append(self._alarm(alarm))
             else:
-                well.append(self._names[alarm.sensor])
+                well[self._names[alarm.sensor]] = usual and usual * self._step
         return begun, well
 
     @property

@@ -50,7 +50,7 @@ def test_an_alarm_that_becomes_another_is_over() -> None:
 
 
 SILENT, STUCK = alarm("silent", 10), alarm("stuck", 40)
-OVER = News(18600.0, "door", None, "UTC")
+OVER = News(18600.0, "door", None, "UTC", 17400.0)
 
 
 @pytest.mark.parametrize(
@@ -66,6 +66,9 @@ def test_an_alarm_ends_before_a_later_one_begins(said: list[list[News]]) -> None
     found = log_of(said)
     ends = [(each.ended, each.became) for each in found.alarms]
     assert ends == [(told(18600.0, "UTC"), None), (None, None)]
+    since = f", as usual since {told(17400.0, 'UTC')}"
+    assert next(found.lines()).endswith(f"{ends[0][0]}{since}.")
+    assert OVER.line().endswith(f"door: alarm over{since}")
 
 
 def test_an_alarm_tells_what_was_measured() -> None:

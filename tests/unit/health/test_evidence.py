@@ -58,15 +58,9 @@ def test_evidence_is_its_definition(
     trace, due = np.zeros((12, 1, len(KINDS))), np.zeros((12, 1))
     scales = np.array([[1.0], [2.0], [0.5], [3.0]])
     longest = np.linspace(0, 900, 12, dtype=np.float32)[:, None]
-    follow(
-        np.zeros((CLOCKS, 1)),
-        np.zeros((SUMS, 1)),
-        scales,
-        1e-3,
-        JudgedSteps(rates, heard, came_on, longest, np.ones((12, 1), np.bool_)),
-        trace,
-        due,
-    )
+    judged = JudgedSteps(rates, heard, came_on, longest, np.ones((12, 1), np.bool_))
+    clocks, sums = np.zeros((CLOCKS, 1)), np.zeros((SUMS, 1))
+    follow(clocks, sums, scales, 1e-3, judged, trace, due)
     expected = by_hand(rates[:, :, 0], heard[:, 0], came_on[:, 0], scales[:, 0])
     found = np.column_stack([trace[:, 0, :3], due])
     np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-9)
@@ -86,9 +80,7 @@ def test_peaks_are_the_largest_of_each_excursion_that_is_over(
 
 
 @given(
-    st.lists(st.floats(0.1, 50), max_size=40),
-    st.floats(0.5, 8),
-    st.floats(1e-4, 1e-1),
+    st.lists(st.floats(0.1, 50), max_size=40), st.floats(0.5, 8), st.floats(1e-4, 0.1)
 )
 def test_a_level_is_reached_as_often_as_it_says(
     seen: list[float], weeks: float, times: float

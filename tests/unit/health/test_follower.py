@@ -13,7 +13,7 @@ from neurosnap.health import follower as followers
 from neurosnap.health.alarm import Alarm
 from neurosnap.health.follower import Follower, usual_step
 from neurosnap.health.level_evidence import Levels
-from neurosnap.health.machine_monitor import MachineMonitor
+from neurosnap.health.machine_monitor import Judged, MachineMonitor
 from neurosnap.health.monitor import HealthMonitor
 from neurosnap.health.ten_minute_steps import STEP, Steps, steps_of
 
@@ -29,11 +29,11 @@ class KeptLevels(MachineMonitor):
         self.known: list[np.ndarray] = []
         self.numbers: list[int] = []
 
-    def follow(self, levels: Levels, number: int) -> tuple[list[Alarm], list[str]]:
+    def follow(self, levels: Levels, number: int) -> Judged:
         self.on += [*levels.on]
         self.known += [*levels.known]
         self.numbers.append(number)
-        return [], []
+        return [], {}
 
 
 def machine(count: int, step: float) -> tuple[Follower, KeptLevels]:

@@ -8,10 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from neurosnap.errors import InvalidValueError, ShapeError
-from neurosnap.health.alarm import Alarm
 from neurosnap.health.level_evidence import Levels
 from neurosnap.health.level_monitor import FIRST, LevelMonitor
-from neurosnap.health.machine_monitor import MachineMonitor
+from neurosnap.health.machine_monitor import Judged, MachineMonitor
 from tests.support.machine import BELT, FLOW, HOT, SENSORS, VALVE, levels, machine
 
 DAYS = 2
@@ -20,7 +19,7 @@ LEARNED = DAYS * 8640
 HOUR = 360
 
 
-def watched(on: np.ndarray, alarms: str = "1/week") -> tuple[list[Alarm], list[str]]:
+def watched(on: np.ndarray, alarms: str = "1/week") -> Judged:
     return MachineMonitor(SENSORS, alarms, "UTC", 10.0).follow(levels(on), 0)
 
 
@@ -47,7 +46,15 @@ def test_one_sensor_that_breaks_is_one_alarm_that_ends(sensor: int) -> None:
     assert alarm.sensor == SENSORS[sensor]
     assert 0 < alarm.at / 10 - LEARNED < HOUR
     assert alarm.since / 10 >= LEARNED - 1
-    assert ended == [SENSORS[sensor]]
+    assert [*ended] == [SENSORS[sensor]]
+    assert abs((ended[alarm.sensor] or 0.0) / 10 - LEARNED - 6 * HOUR) < 30
+
+
+def test_an_alarm_that_comes_back_soon_lasts_the_longer() -> None:
+    on, other = machine(LEARNED + 7200, 1), machine(LEARNED + 7200, 2)
+    for start in range(LEARNED, len(on), 720):  # broken for an hour, well for another
+        on[start : start + 360, BELT] = other[start : start + 360, BELT]
+    assert [alarm.sensor for alarm in watched(on)[0]] == ["belt"] * 3
 
 
 def test_what_breaks_beside_it_is_found_too() -> None:
@@ -64,7 +71,7 @@ def test_what_lasts_for_two_weeks_is_how_the_machine_is() -> None:
     on[LEARNED:, BELT] = other[LEARNED:, BELT]
     begun, ended = LevelMonitor(range(6), "1/week", 10.0).follow(levels(on), 0)
     assert SENSORS[begun.alarm.sensor] == "belt"
-    assert (begun.alarm, ended.step) == (ended.alarm, begun.step + 14 * 8640)
+    assert ended == (begun.step + 14 * 8640, begun.alarm, False, None)
 
 
 @pytest.mark.parametrize(("alarms", "told"), [("1/week", []), ("1/day", ["belt"])])
@@ -106,10 +113,8 @@ def test_steps_without_any_reading_are_left_out() -> None:
     on = machine(LEARNED, 1)
     known = np.ones_like(on)
     known[1000:9000] = 0
-    begun, _ = MachineMonitor(SENSORS, "1/week", "UTC", 10.0).follow(
-        Levels(on, known), 0
-    )
-    assert not begun
+    monitor = MachineMonitor(SENSORS, "1/week", "UTC", 10.0)
+    assert not monitor.follow(Levels(on, known), 0)[0]
 
 
 def test_a_signal_is_not_judged_by_sensors_of_its_own() -> None:
