@@ -11,8 +11,7 @@ against it, also where the search passes them over.
 
 Of three literals all sets are looked at, as long as they are few enough; a parity has
 no two literals that tell anything. Otherwise, and of four literals, it goes on from the
-sets that are rare by no accident, but not rare enough to be told: one literal more must
-tell their exceptions apart.
+sets that are rare by no accident: one literal more must tell their exceptions apart.
 """
 
 import math
@@ -60,6 +59,8 @@ class Exclusion(NamedTuple):
     """Ascending."""
     evidence: float
     """That each of them counts, in nats."""
+    failed: bool
+    """Whether they were ever read together."""
 
 
 def find_exclusions(
@@ -94,7 +95,7 @@ def find_exclusions(
         left += odd.left
         sure = [*_sure(columns, odd.literals[odd.h >= LEAST_H], needed)]
         found += sure
-        told = {one.literals for one in sure}
+        told = {one.literals for one in sure if not one.failed}
         failing = [not told & {tuple(one)} for one in odd.literals.tolist()]
         begun = np.unique(odd.literals[failing] >> 1, axis=0)
     found.sort(key=lambda one: (-one.evidence, one.literals))
@@ -255,13 +256,15 @@ def _least(
 
 def _sure(columns: Columns, sets: Numbers, needed: float) -> Iterator[Exclusion]:
     """Yield those of some sets of which the rule tells that each literal counts."""
-    least = np.full(len(sets), np.inf)
+    least, failed = np.full(len(sets), np.inf), np.zeros(len(sets), np.bool_)
     for two in combinations(range(sets.shape[1]), 2):
         left = np.flatnonzero(least >= needed)
         judged = exclusions(_among(columns, sets[left], two))
         least[left] = np.minimum(least[left], judged.evidence)
+        failed[left] = judged.counts.ticks[0] > 0
     for place in np.flatnonzero(least >= needed):
-        yield Exclusion(tuple(sets[place].tolist()), float(least[place]))
+        ever = bool(failed[place])
+        yield Exclusion(tuple(sets[place].tolist()), float(least[place]), ever)
 
 
 def _among(
@@ -281,8 +284,8 @@ def _covers(
 ) -> Iterator[Exclusion]:
     """Yield the sets that do not follow from another.
 
-    They do if each literal implies one of the other set. Of sets that follow from each
-    other the first stays.
+    They do if each literal implies one of the other set; what never failed does not
+    follow from what did. Of sets that follow from each other the first stays.
     """
     for size in sorted({len(one.literals) for one in found}):
         same = [one for one in found if len(one.literals) == size]
@@ -293,7 +296,7 @@ def _covers(
                 reach[np.ix_(table[:, k], table[:, o])] for k, o in enumerate(order)
             ]
             follows |= np.logical_and.reduce(steps)
-        mutual = follows & follows.T
-        follows &= ~np.triu(mutual)
-        left = np.flatnonzero(~follows.any(axis=1))
-        yield from (same[place] for place in left)
+        failed = np.array([one.failed for one in same])
+        follows &= failed[:, np.newaxis] | ~failed
+        left = ~(follows & ~np.triu(follows & follows.T)).any(axis=1)
+        yield from (same[place] for place in np.flatnonzero(left))
