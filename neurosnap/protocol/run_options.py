@@ -1,5 +1,6 @@
 """The options of a run: enough to repeat it; stored in its recording."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal, TypeAlias
 
@@ -42,6 +43,11 @@ FEW_CELLS = 64
 """Cells up to this number are a process each, unless told otherwise."""
 _BYTES_A_SENSOR = 64  # of a key-frame, its name and its last readings not counted
 _FRAME_BESIDE = 1 << 22  # bytes of a key-frame for all that does not grow with sensors
+
+_FEW = 100
+"""Sensors: with more, Python takes too long for what Numba would compile. What grows is
+searched for with all readings."""
+_BRIEFLY = 5.0  # seconds; to compile takes three times as long
 
 
 class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -437,6 +443,21 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
                 )
             case _:
                 return recorded_conditions(self.arguments)
+
+    @property
+    def interpreted(self) -> float:
+        """For how many seconds a coordinator compiles nothing; 0: it does at once.
+
+        Where few cells have a process each, a tick takes many times as long as what the
+        coordinator computes in it.
+        """
+        return math.inf if self.briefly and self.cells == "process" else 0.0
+
+    @property
+    def briefly(self) -> float:
+        """For how many seconds nothing is compiled to derive such a run again."""
+        few = len(self.sensors) <= _FEW and not self.body.room
+        return _BRIEFLY if few else 0.0
 
     def new_snapshot(self, share: range | None = None) -> Snapshot:
         """Return the snapshot the run starts with; a share is as of `Snapshot`.

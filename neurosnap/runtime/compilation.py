@@ -22,7 +22,7 @@ from neurosnap.runtime.launch import jobs_of, launch
 from neurosnap.runtime.parts.job import PartConnection, PartContext
 from neurosnap.runtime.request import RunRequest, Site
 from neurosnap.runtime.supervisor import Supervisor
-from neurosnap.system.compiled import cache_folder
+from neurosnap.system.compiled import cache_folder, interpreted
 
 _ALIKE = ("snapshot", "threshold", "cells", "learning", "watch")
 """The options that say what is compiled."""
@@ -54,7 +54,8 @@ class CompileJob(msgspec.Struct, frozen=True):
                 like |= {"source": str(table), "body": body, "deadline": _LONG}
                 request = RunRequest(RunOptions(**like), site=Site(patience=_LONG))
                 jobs, site = jobs_of(request), request.site
-                await launch(jobs, site, part.stop, starter=InlineTasks())
+                with interpreted(0.0):
+                    await launch(jobs, site, part.stop, starter=InlineTasks())
         part.reporter.done()
 
 

@@ -98,7 +98,8 @@ async def run(
         if request.past is not None and is_live(request.options.source):
             past = first_path(Path(request.past.log), request.past.part)
             holds.enter_context(held(journal_of(past), "journal"))
-        await compile_first(request.options, stop)
+        if not request.options.interpreted:
+            await compile_first(request.options, stop)
         return await run_journaled(request, work)
 
 

@@ -16,6 +16,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from hashlib import sha256
 from numbers import Number
 from pathlib import Path
@@ -32,19 +33,41 @@ _EVERY = 10.0  # seconds between two lines of progress
 _logger = logging.getLogger(__name__)
 _lock = threading.RLock()
 _kernels: "list[_Kernel[Any, Any]]" = []
+_left: float | None = None  # seconds for which kernels are interpreted
+_inside = False
 
 
-def njit(*, nogil: bool = False) -> Callable[[Callable[P, R]], Callable[P, R]]:
+def njit(
+    *, nogil: bool = False, plain: Callable[..., Any] | None = None
+) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Return a decorator that compiles a function at its first call, and keeps that.
 
     Args:
         nogil: Whether other threads may run meanwhile.
+        plain: What does the same where nothing is compiled; None: the function.
     """
 
     def compiled(function: Callable[P, R]) -> Callable[P, R]:
-        return _Kernel(function, nogil)
+        return _Kernel(function, nogil, plain or function)
 
     return compiled
+
+
+@contextmanager
+def interpreted(seconds: float) -> Iterator[None]:
+    """Let Python run what is not compiled yet, until that has taken so many seconds.
+
+    What follows is the same. For few sensors, or few ticks, it takes less time than to
+    compile. It holds for the whole process; within another it changes nothing.
+    """
+    global _left
+    before = _left
+    if _left is None:
+        _left = seconds
+    try:
+        yield
+    finally:
+        _left = before
 
 
 class _Kernel(Generic[P, R]):
@@ -54,15 +77,27 @@ class _Kernel(Generic[P, R]):
     and most verbs never need.
     """
 
-    def __init__(self, function: Callable[P, R], nogil: bool) -> None:
+    def __init__(
+        self, function: Callable[P, R], nogil: bool, plain: Callable[P, R]
+    ) -> None:
         functools.update_wrapper(self, function)
         self.function = function
+        self.plain = plain
         self._nogil = nogil
         self._dispatcher: Callable[P, R] | None = None
         _kernels.append(self)
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
-        return self.dispatcher()(*args, **kwargs)
+        global _left, _inside
+        if _inside:  # what called this is interpreted
+            return self.plain(*args, **kwargs)
+        if _left is None or _left <= 0:
+            return self.dispatcher()(*args, **kwargs)
+        _inside, began = True, time.perf_counter()
+        try:
+            return self.plain(*args, **kwargs)
+        finally:
+            _inside, _left = False, _left - (time.perf_counter() - began)
 
     def dispatcher(self) -> Callable[P, R]:
         """Return what Numba makes of the function; it compiles at the first call."""

@@ -30,6 +30,7 @@ from neurosnap.apps.cli.terminal_output import (
 )
 from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.runtime.network import Network
+from neurosnap.system.compiled import interpreted
 
 if TYPE_CHECKING:
     from neurosnap.recording.replay.verify import Verdict
@@ -258,7 +259,7 @@ def export(
             return
         recording = Recording.open(log)
         if ending == ".html":
-            with unwinding():
+            with unwinding(), interpreted(recording.options.briefly):
                 write_page(log, path, force=force)
             size = path.stat().st_size
             say(form, f"wrote {path} ({size / 1e6:.2f} MB), which opens in a browser")

@@ -122,7 +122,7 @@ def count_readings(
     for s in range(bits.shape[0]):
         turns[s] = 0
         if known[s]:
-            literal = 2 * s + 1 - bits[s]
+            literal = 2 * s + 1 - np.int64(bits[s])
             read[literal] += np.uint32(1)
             if last[s] == 1 - bits[s]:
                 ended[literal ^ 1] += np.uint32(1)

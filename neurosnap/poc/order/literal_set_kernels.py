@@ -11,7 +11,7 @@ _PAIRS, _QUADS = np.uint64(0x5555555555555555), np.uint64(0x3333333333333333)
 _NIBBLES, _OCTETS = np.uint64(0x0F0F0F0F0F0F0F0F), np.uint64(0x0101010101010101)
 
 
-@njit()
+@njit(plain=np.bitwise_count)
 def population(word: np.uint64) -> np.uint64:
     """Return how many bits of a word are set; LLVM makes one instruction of it."""
     word -= word >> _ONE & _PAIRS

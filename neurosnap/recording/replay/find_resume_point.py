@@ -39,6 +39,7 @@ from neurosnap.recording.replay.compare_derived import (
     start_of,
 )
 from neurosnap.sensorium import pack
+from neurosnap.system.compiled import interpreted
 
 _DATED = (
     wire.Pulse
@@ -195,9 +196,10 @@ def _derive(recording: Recording, most: int | None, lacks: bool = False) -> _Poi
     opens = bool(replay.first) and replay.first == recording.begins
     if opens:
         point = _Point(core.tick, core.totals.waves, pack(core.snapshot.state))
-    for tick in _ticks(replay, most):
-        # Here and not behind the last one: the core has gone on by then.
-        point = _Point(tick, core.totals.waves, pack(core.snapshot.state))
+    with interpreted(replay.options.briefly):
+        for tick in _ticks(replay, most):
+            # Here and not behind the last one: the core has gone on by then.
+            point = _Point(tick, core.totals.waves, pack(core.snapshot.state))
     if opens:
         _prove(recording)
     if point is None and replay.first:

@@ -32,6 +32,7 @@ from neurosnap.recording.read.stretches import stretches
 from neurosnap.recording.read.ticks import ticks
 from neurosnap.recording.replay.compare_derived import DifferenceError, Replay, start_of
 from neurosnap.sensorium import unpack, unpack_readings
+from neurosnap.system.compiled import interpreted
 
 _JUDGED = "alarms", "zone", "health_step"
 _WORDS = "unknown", "off", "on", "both"
@@ -87,19 +88,20 @@ def verify(path: Path, tick: int = 0) -> Verdict:
     count: Counter[str] = Counter()
     ranges: list[tuple[int, int]] = []
     difference, first = None, 0
-    for replay in _replays(recording, tick):
-        try:
-            for _ in replay.ticks():
-                pass
-        except DifferenceError as error:
-            difference = str(error)
-        count.update(replay.compared)
-        if not ranges:
-            first = replay.first
-        if replay.core.tick > replay.first:
-            ranges.append((replay.first + 1, replay.core.tick))
-        if difference is not None:
-            break
+    with interpreted(recording.options.briefly):
+        for replay in _replays(recording, tick):
+            try:
+                for _ in replay.ticks():
+                    pass
+            except DifferenceError as error:
+                difference = str(error)
+            count.update(replay.compared)
+            if not ranges:
+                first = replay.first
+            if replay.core.tick > replay.first:
+                ranges.append((replay.first + 1, replay.core.tick))
+            if difference is not None:
+                break
     return Verdict(
         files=len(recording.files),
         same=difference is None,

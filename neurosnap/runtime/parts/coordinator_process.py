@@ -22,7 +22,7 @@ from neurosnap.runtime.parts.coordinator_loop import Deadlines, run_coordinator
 from neurosnap.runtime.parts.job import PartContext, Reporter, WavesSoFar, take_part
 from neurosnap.runtime.recorded_source import recordable
 from neurosnap.sources.open import is_live
-from neurosnap.system.compiled import cache_folder
+from neurosnap.system.compiled import cache_folder, interpreted
 
 _SHOWN = 8  # names in an error
 _LEFTOVER = 15.0  # seconds those of an earlier swarm may take to go
@@ -154,6 +154,10 @@ class CoordinatorJob(msgspec.Struct, frozen=True):
             SwarmError: The swarm has a coordinator already, or parts of an earlier one
                 that do not leave; and as from `run_coordinator`.
         """
+        with interpreted(self.description.options.interpreted):
+            await self._conduct(part)
+
+    async def _conduct(self, part: PartContext) -> None:
         description, options = self.description, self.description.options
         # From `run_coordinator` on the core is used under the lock of its loop alone,
         # by the delivery threads and by the event loop.

@@ -1,6 +1,7 @@
 """A run's code is compiled once, by one process, before its parts start."""
 
 import asyncio
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -8,8 +9,11 @@ from types import SimpleNamespace
 from typing import Any, Self
 
 import pytest
+from msgspec.structs import replace
 
 from neurosnap.errors import NothingBegunError
+from neurosnap.protocol.run_options import RunOptions
+from neurosnap.recording.replay.verify import verify
 from neurosnap.runtime import compilation
 from neurosnap.runtime import run_with_restarts as runs
 from neurosnap.runtime.request import RunRequest
@@ -62,12 +66,16 @@ async def test_no_part_starts_before_all_is_compiled_and_it_is_compiled_once(
         return "done"
 
     monkeypatch.setattr(runs, "run_journaled", begin)
-    running = asyncio.create_task(runs.run(RunRequest(options_of(3)), asyncio.Event()))
+    cells = RunRequest(replace(options_of(3), cells="process"))
+    few = await runs.run(cells, asyncio.Event())
+    assert begun == [[]]
+    request = RunRequest(options_of(3))
+    running = asyncio.create_task(runs.run(request, asyncio.Event()))
     await compiler.begun.wait()
-    assert not begun
+    assert begun == [[]]
     compiler.ended.set()
-    assert await running == await runs.run(RunRequest(options_of(3)), asyncio.Event())
-    assert begun == [["compiler"], ["compiler"]]
+    assert await running == await runs.run(request, asyncio.Event()) == few
+    assert begun == [[], ["compiler"], ["compiler"]]
 
 
 async def test_a_stop_request_ends_it_and_the_next_run_compiles(
@@ -79,6 +87,35 @@ async def test_a_stop_request_ends_it_and_the_next_run_compiles(
         with pytest.raises(NothingBegunError):
             await compilation.compile_first(options_of(3), stop)
     assert compiler.started == ["compiler", "compiler"]
+
+
+@pytest.mark.slow
+@pytest.mark.zenoh
+@pytest.mark.parametrize("snapshot", ["empirical", "discounted"])
+def test_few_cells_need_no_compiler_and_say_the_same(
+    tmp_path: Path, snapshot: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log, cache = str(tmp_path / "a.mcap"), tmp_path / "cache"
+    flags = f"--set places=6 --ticks 90 --snapshot {snapshot} --out {log}"
+    for line in (
+        f"run neurosnap/Path-v0 {flags}",
+        f"verify {log}",
+        f"export {log} --out {log}.html",
+        f"resume {log} --ticks 99 --out {log[:-6]}b.mcap",
+    ):
+        done = subprocess.run(
+            [sys.executable, "-m", "neurosnap", *line.split()],
+            env=os.environ | {"NUMBA_CACHE_DIR": str(cache)},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+    made = {path.name.partition("-")[0] for path in cache.rglob("*.nbi")}
+    assert made <= {"chunk_index._walk"}  # to find where a run goes on
+    # What was compiled comes to the same.
+    monkeypatch.setattr(RunOptions, "briefly", 0.0)
+    assert verify(Path(log)).same
 
 
 REHEARSED = """
@@ -107,7 +144,8 @@ asyncio.run(CompileJob(options).run(part))
 before = signatures()
 assert before
 jobs = jobs_of(RunRequest(options))
-asyncio.run(launch(jobs, Site(), asyncio.Event(), starter=InlineTasks()))
+with compiled.interpreted(0.0):
+    asyncio.run(launch(jobs, Site(), asyncio.Event(), starter=InlineTasks()))
 assert signatures() == before, signatures() - before
 """
 

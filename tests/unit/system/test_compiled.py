@@ -6,10 +6,12 @@ import sys
 from collections.abc import Callable, Iterator
 from hashlib import sha256
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from neurosnap.system import compiled as compiled_code
+from neurosnap.system.compiled import interpreted, njit
 
 SOURCE = """
 from neurosnap.system.compiled import njit
@@ -86,7 +88,7 @@ def kept(
     """Return what tells whether the cache is used, and whether a function's part is."""
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    kernel = compiled_code._Kernel(len, nogil=False)
+    kernel = compiled_code._Kernel(len, False, len)
     compiled_code._kernels.remove(kernel)
     monkeypatch.setattr(compiled_code, "_made_of", lambda *_: [b"its source"])
 
@@ -135,6 +137,25 @@ def test_a_cache_that_is_a_link_is_not_used(
     (tmp_path / "elsewhere").mkdir(mode=0o700)
     (tmp_path / "neurosnap").symlink_to(tmp_path / "elsewhere")
     assert kept() == [False, False]
+
+
+def test_it_is_compiled_once_it_was_interpreted_for_long_enough(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clock = iter(range(100))
+    timer = SimpleNamespace(perf_counter=lambda: next(clock))
+    monkeypatch.setattr(compiled_code, "time", timer)
+    monkeypatch.setattr(
+        compiled_code._Kernel, "dispatcher", lambda _: lambda: "compiled"
+    )
+    inner = njit(plain=lambda: "plain")(lambda: "slow")
+    outer = njit()(inner)
+    with interpreted(2.0):
+        # An outer call takes a second, those within it count as part of it.
+        assert [outer(), outer(), inner()] == ["plain", "plain", "compiled"]
+    with interpreted(0.0), interpreted(2.0):
+        assert inner() == "compiled"
+    assert inner() == "compiled"
 
 
 @pytest.mark.slow
