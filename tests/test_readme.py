@@ -9,14 +9,12 @@ import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import gymnasium
 import pytest
-import typer
 
 import world
-from neurosnap.apps.cli import app
+from tests.support.command_line import whole_command
 from tests.support.commands import Command
 from tests.support.patience import PATIENCE
 
@@ -33,6 +31,7 @@ OF_A_CHECKOUT = re.compile(
 )
 """Imports of what no wheel has, or has by another name."""
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
+PROGRAM = whole_command()
 
 
 def name_of(page: Path) -> str:
@@ -222,7 +221,7 @@ def run_loaded(step: str, folder: Path) -> tuple[int, str, str]:
 
 def options(words: list[str]) -> set[str]:
     """Return the options of the command that `words`, after the program, begin with."""
-    command = whole_command()
+    command = PROGRAM
     for word in words:
         if not hasattr(command, "commands"):
             break
@@ -234,19 +233,13 @@ def options(words: list[str]) -> set[str]:
 @cache
 def all_options() -> frozenset[str]:
     """Return the options of every command."""
-    found, waiting = {"--help"}, [whole_command()]
+    found, waiting = {"--help"}, [PROGRAM]
     while waiting:
         command = waiting.pop()
         waiting += getattr(command, "commands", {}).values()
         for given in command.params:
             found.update(given.opts, given.secondary_opts)
     return frozenset(found)
-
-
-@cache
-def whole_command() -> Any:
-    """Return the program with all its verbs; to make it takes 50 ms."""
-    return typer.main.get_command(app)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)

@@ -45,7 +45,8 @@ def commands() -> str:
 
 def _verbs(name: str, group: Any) -> Iterator[str]:  # noqa: ANN401 - typer's own
     """Yield a section for each command of a group."""
-    for verb, command in group.commands.items():
+    for verb in group.list_commands(None):
+        command = group.get_command(None, verb)
         if hasattr(command, "commands"):
             yield from _verbs(f"{name} {verb}", command)
         else:

@@ -3,9 +3,18 @@
 import json
 from typing import Any
 
+import typer
 from typer.testing import CliRunner, Result
 
 from neurosnap.apps.cli import app
+
+
+def whole_command() -> Any:
+    """Return the program with all its verbs."""
+    program: Any = typer.main.get_command(app)
+    for verb in program.list_commands(None):
+        program.get_command(None, verb)
+    return program
 
 
 def call(*arguments: object, stdin: str | None = None) -> Result:

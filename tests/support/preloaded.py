@@ -10,7 +10,6 @@ from multiprocessing import forkserver
 
 import world
 from neurosnap.apps import cli
-from neurosnap.apps.cli import terminal_output
 from neurosnap.apps.config import prepare
 from neurosnap.depth import probe
 from neurosnap.recording.replay import find_resume_point, verify
@@ -23,6 +22,7 @@ from neurosnap.runtime.parts import (
     world_process,
 )
 from neurosnap.sources.mqtt import mqtt_source
+from tests.support.command_line import whole_command
 
 __all__ = [
     "cli",
@@ -36,12 +36,12 @@ __all__ = [
     "run_with_restarts",
     "service",
     "status_publisher",
-    "terminal_output",
     "verify",
     "worker_process",
     "world",
     "world_process",
 ]
+whole_command()
 
 
 def start() -> None:

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from neurosnap.apps.cli import app
 from neurosnap.apps.cli.errors_and_signals import (
-    RECORDINGS,
     Force,
     Format,
-    app,
     end_by,
     errors,
     run_async,
@@ -40,7 +39,7 @@ Out = Annotated[
 ]
 
 
-@app.command(rich_help_panel=RECORDINGS)
+@app.command()
 @with_parameters(**{name: (o.kind, o.parameter(name)) for name, o in _SWEEP.items()})
 def depth(
     context: typer.Context,

@@ -22,7 +22,6 @@ from neurosnap.errors import (
     NoRecordingError,
     NothingBegunError,
 )
-from neurosnap.system.distribution import version
 from neurosnap.system.signals import INTERRUPTED, heeded, quit_now, unheeded
 
 if TYPE_CHECKING:
@@ -33,42 +32,6 @@ LOST = 3
 _TWICE = 0.5
 """Seconds in which a second SIGINT is the first again: `timeout -s INT` sends it to the
 program and to its group."""
-LEARN = "Learn"
-RECORDINGS = "Recordings"
-WATCH = "Watch"
-SWARMS = "Swarms"
-SET_UP = "Set up"
-"""The panels of verbs in the help."""
-
-app = typer.Typer(
-    name="neurosnap",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
-
-
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        typer.echo(f"neurosnap {version()}")
-        raise typer.Exit
-
-
-@app.callback()
-def _main(
-    _version: Annotated[
-        bool,
-        typer.Option(
-            "--version",
-            callback=_print_version,
-            is_eager=True,
-            metavar=FLAG,
-            help="Print the version.",
-        ),
-    ] = False,
-) -> None:
-    """A distributed snapshot memory: one process per sensor, exchanging messages."""
-
 
 Log = Annotated[Path, typer.Argument(metavar="LOG", help="A recording (.mcap).")]
 Form: TypeAlias = Literal["text", "json"]

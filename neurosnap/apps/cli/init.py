@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import msgspec
 import typer
 
+from neurosnap.apps.cli import app
 from neurosnap.apps.cli.errors_and_signals import (
-    SET_UP,
     Force,
     Format,
-    app,
     convert,
     errors,
     run_async,
@@ -47,7 +46,7 @@ init = typer.Typer(
     help="Write what a swarm begins with: a TOML file from a broker's topics, or keys.",
     no_args_is_help=True,
 )
-app.add_typer(init, name="init", rich_help_panel=SET_UP)
+app.add_typer(init, name="init")
 
 
 @init.command(epilog=_EXAMPLE)
@@ -267,7 +266,7 @@ def keys(
         print_facts(form, made)
 
 
-@app.command(rich_help_panel=SET_UP)
+@app.command()
 def check(
     file: Annotated[
         Path,

@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from neurosnap.apps.cli import app
 from neurosnap.apps.cli.errors_and_signals import (
-    LEARN,
     LOST,
     Force,
     Format,
     OptionalTick,
-    app,
     end_by,
     errors,
     unwinding,
@@ -149,7 +148,7 @@ _with_choice = with_parameters(
 )
 
 
-@app.command(epilog=_EXAMPLE, rich_help_panel=LEARN)
+@app.command(epilog=_EXAMPLE)
 @_with_choice
 def learn(
     context: typer.Context,
@@ -212,7 +211,6 @@ def _lines(learned: "Findings") -> Iterator[str]:
 
 @app.command(
     epilog="Example: neurosnap compare good.csv new.csv --out changes.html",
-    rich_help_panel=LEARN,
 )
 @_with_choice
 def compare(
@@ -277,7 +275,6 @@ def _left(rows: int) -> Iterator[str]:
 
 @app.command(
     epilog="Example: neurosnap health home-assistant_v2.db --alarms 1/month",
-    rich_help_panel=LEARN,
 )
 @_with_choice
 def health(

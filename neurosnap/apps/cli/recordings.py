@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from neurosnap.apps.cli import app
 from neurosnap.apps.cli.errors_and_signals import (
     LOST,
-    RECORDINGS,
     Force,
     Format,
     Log,
-    app,
     convert,
     end_by,
     errors,
@@ -37,7 +36,7 @@ if TYPE_CHECKING:
     from neurosnap.recording.write.copying import Salvaged
 
 
-@app.command(rich_help_panel=RECORDINGS)
+@app.command()
 def info(log: Log, form: Format = "text") -> None:
     """Show what a recording holds, and what is missing from it.
 
@@ -64,7 +63,7 @@ def info(log: Log, form: Format = "text") -> None:
             raise typer.Exit(LOST)
 
 
-@app.command(epilog="Example: neurosnap verify a.mcap", rich_help_panel=RECORDINGS)
+@app.command(epilog="Example: neurosnap verify a.mcap")
 def verify(
     log: Log,
     begin: Annotated[
@@ -169,7 +168,7 @@ def _verdict_lines(found: "Verdict") -> Iterator[str]:
         yield "the recording is incomplete"
 
 
-@app.command(rich_help_panel=RECORDINGS)
+@app.command()
 def play(
     log: Log,
     rate: Annotated[
@@ -223,7 +222,7 @@ def play(
         end_by(recording)
 
 
-@app.command(rich_help_panel=RECORDINGS)
+@app.command()
 def export(
     log: Log,
     out: Annotated[

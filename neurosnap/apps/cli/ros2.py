@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from neurosnap.apps.cli import app
 from neurosnap.apps.cli.errors_and_signals import (
-    SET_UP,
     Force,
     Format,
-    app,
     convert,
     errors,
     run_async,
@@ -31,7 +30,7 @@ if TYPE_CHECKING:
     from neurosnap.sources.ros2.topic_survey import Ros2Survey
 
 ros2 = typer.Typer(help="Listen to the robots of ROS 2.", no_args_is_help=True)
-app.add_typer(ros2, name="ros2", rich_help_panel=SET_UP)
+app.add_typer(ros2, name="ros2")
 
 
 @ros2.callback()

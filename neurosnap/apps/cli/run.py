@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from neurosnap.apps.cli import app
 from neurosnap.apps.cli.errors_and_signals import (
-    LEARN,
     LOST,
     Format,
     Log,
-    app,
     errors,
     new_log,
     run_async,
@@ -44,7 +43,7 @@ if TYPE_CHECKING:
 _EXAMPLE = "Example: neurosnap run neurosnap/Path-v0 --ticks 300 --out a.mcap"
 
 
-@app.command(epilog=_EXAMPLE, rich_help_panel=LEARN)
+@app.command(epilog=_EXAMPLE)
 @with_run_options(
     *("ticks", "seed", "agent", "target", "grow", "snapshot", "threshold"),
     *("cells", "workers", "elsewhere", "out", "listen", "connect", "tls"),
@@ -85,7 +84,7 @@ def run(
         _end_by(outcome)
 
 
-@app.command(rich_help_panel=LEARN)
+@app.command()
 def resume(
     log: Log,
     source: Described = "",

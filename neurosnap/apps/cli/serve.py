@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import msgspec
 import typer
 
+from neurosnap.apps.cli import app
 from neurosnap.apps.cli.errors_and_signals import (
     LOST,
-    SWARMS,
     Connect,
     Format,
-    app,
     convert,
     errors,
     new_log,
@@ -57,7 +56,7 @@ serve = typer.Typer(
     " cells or coordinator.",
     no_args_is_help=True,
 )
-app.add_typer(serve, name="serve", rich_help_panel=SWARMS)
+app.add_typer(serve, name="serve")
 
 _HERE = "tcp/127.0.0.1:7447"
 _SESSIONS = 10_000

@@ -9,12 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import msgspec
 import typer
 
+from neurosnap.apps.cli import app
 from neurosnap.apps.cli.errors_and_signals import (
-    SWARMS,
-    WATCH,
     Form,
     Format,
-    app,
     convert,
     end_by,
     errors,
@@ -44,7 +42,7 @@ if TYPE_CHECKING:
     from neurosnap.runtime.registry import Note
 
 
-@app.command(rich_help_panel=WATCH)
+@app.command()
 @with_parameters(
     connect=(
         str,
@@ -157,7 +155,7 @@ def _report(told: "Fed", form: str) -> None:
         say(form, anomaly_line(told))
 
 
-@app.command(rich_help_panel=WATCH)
+@app.command()
 def view(
     what: Annotated[
         list[str] | None,
@@ -224,7 +222,7 @@ def _is_recording(what: str) -> bool:
     return what.lower().endswith(".mcap") or Path(what).is_file()
 
 
-@app.command(rich_help_panel=SWARMS)
+@app.command()
 def ps(form: Format = "text") -> None:
     """List the swarms that run on this machine.
 
@@ -254,7 +252,7 @@ def _lost(note: "Note") -> int:
     return lost_by(note.source, Statistics(kept.taken.received))
 
 
-@app.command(rich_help_panel=SWARMS)
+@app.command()
 def stop(
     swarm: Annotated[
         str | None,

@@ -1,12 +1,12 @@
 """Help is readable: every command and option is explained, and options are grouped."""
 
+import subprocess
+import sys
 from collections.abc import Iterator
 
 import pytest
-import typer
 from typer.core import TyperCommand, TyperGroup, TyperOption
 
-from neurosnap.apps.cli import app
 from neurosnap.apps.cli.run_flags import (
     AGENT,
     CELLS,
@@ -15,10 +15,10 @@ from neurosnap.apps.cli.run_flags import (
     RECORDING,
     SOURCE,
 )
-from tests.support.command_line import call, refused
+from tests.support.command_line import call, flat, refused, whole_command
 
 GROUPS = (SOURCE, AGENT, LEARNING, CELLS, RECORDING, NETWORK)
-GROUP = typer.main.get_command(app)
+GROUP = whole_command()
 
 
 def commands(group: object = GROUP, before: str = "") -> Iterator[tuple[str, object]]:
@@ -64,6 +64,14 @@ def test_the_options_of_a_run_stand_in_groups() -> None:
     assert defaults["--threshold"] == "auto; discounted, 0.000125"
 
 
+def test_the_help_of_all_has_what_each_verb_says_first() -> None:
+    text = flat(call("--help").stdout)
+    for verb in GROUP.list_commands(None):
+        command = GROUP.commands[verb]
+        said = (command.help or "").split("\n\n")[0]
+        assert f"{verb} {flat(said)}" in text
+
+
 @pytest.mark.parametrize(
     ("word", "said"),
     [
@@ -74,3 +82,10 @@ def test_the_options_of_a_run_stand_in_groups() -> None:
 def test_a_verb_that_does_not_exist_is_wrong_usage(word: str, said: str) -> None:
     assert said in refused(word)
     assert call().exit_code == 2
+
+
+@pytest.mark.slow
+def test_what_is_like_a_verb_is_suggested_before_any_is_imported() -> None:
+    program = [sys.executable, "-m", "neurosnap", "verfy"]
+    done = subprocess.run(program, capture_output=True, text=True, check=False)
+    assert "Did you mean 'verify'?" in flat(done.stderr)
