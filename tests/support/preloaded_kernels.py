@@ -17,9 +17,9 @@ from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.protocol import worker_kernels
 from neurosnap.recording.format import chunk_index
 
-for _kind in (EmpiricalSnapshot, DiscountedSnapshot):
+_snapshots = EmpiricalSnapshot(2), EmpiricalSnapshot(2, "auto"), DiscountedSnapshot(2)
+for _snapshot in _snapshots:
     for _known in (None, np.array([True, False])):
-        _snapshot = _kind(2)
         _snapshot.observe(np.array([True, False]), _known)
         _graph = _snapshot.poc_graph()
         _graph.wires("hasse")
