@@ -7,10 +7,13 @@ import subprocess
 import sys
 import tempfile
 import time
+from importlib.metadata import distribution
 from pathlib import Path
 
 import numpy as np
 from msgspec.structs import replace
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.replay.verify import verify as check
@@ -22,6 +25,7 @@ from tools.bench.report import Line, Sizes, ratio_of_pairs
 
 _SOURCE = "neurosnap/Path-v0"
 _START, _FIRST = 0.15, 1.2
+_NAMED = 6  # of the packages, the largest
 _RECORDING, _VERIFY = 1.15, 10.0
 _WORKERS = 2
 _KINDS: tuple[CellKind, ...] = ("process", "worker", "inline")
@@ -55,8 +59,18 @@ def start(sizes: Sizes) -> list[Line]:
                 )
                 times.append(time.perf_counter() - began)
     ratio = min(first) / min(later)
+    sizes_of = dict[str, int]()
+    _add_needed("neurosnap-uma", sizes_of)
+    total = sum(sizes_of.values())
+    largest = sorted(sizes_of, key=sizes_of.__getitem__)[: -_NAMED - 1 : -1]
     return [
         *lines,
+        Line(
+            f"a default install: {len(sizes_of)} packages",
+            f"{total / 1e6:.0f} MB",
+            ", ".join(f"{name} {sizes_of[name] / 1e6:.0f}" for name in largest),
+            figures={"packages": len(sizes_of), "bytes": total},
+        ),
         Line(
             f"a first run of 20 cells, {sizes.ticks} ticks",
             f"{min(first):.1f} s ({ratio:.2f} ×)",
@@ -66,6 +80,20 @@ def start(sizes: Sizes) -> list[Line]:
             {"seconds": min(first), "later_seconds": min(later), "ratio": ratio},
         ),
     ]
+
+
+def _add_needed(package: str, sizes: dict[str, int]) -> None:
+    """Add the sizes in bytes of a package and of all it needs without an extra."""
+    name = canonicalize_name(package)
+    if name in sizes:
+        return
+    found = distribution(name)
+    files = (Path(file.locate()) for file in found.files or ())
+    sizes[name] = sum(file.stat().st_size for file in files if file.is_file())
+    for text in found.requires or ():
+        one = Requirement(text)
+        if one.marker is None or one.marker.evaluate({"extra": ""}):
+            _add_needed(one.name, sizes)
 
 
 def _best(words: list[str]) -> float:
