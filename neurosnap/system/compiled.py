@@ -12,6 +12,7 @@ what was made of the former is not found.
 
 import functools
 import logging
+import math
 import os
 import threading
 import time
@@ -58,7 +59,8 @@ def interpreted(seconds: float) -> Iterator[None]:
     """Let Python run what is not compiled yet, until that has taken so many seconds.
 
     What follows is the same. For few sensors, or few ticks, it takes less time than to
-    compile. It holds for the whole process; within another it changes nothing.
+    compile. What was compiled before is loaded, unless nothing is ever to be compiled.
+    It holds for the whole process; within another it changes nothing.
     """
     global _left
     before = _left
@@ -91,13 +93,20 @@ class _Kernel(Generic[P, R]):
         global _left, _inside
         if _inside:  # what called this is interpreted
             return self.plain(*args, **kwargs)
-        if _left is None or _left <= 0:
+        if _left is None or _left <= 0 or (_left < math.inf and self.is_kept):
             return self.dispatcher()(*args, **kwargs)
         _inside, began = True, time.perf_counter()
         try:
             return self.plain(*args, **kwargs)
         finally:
             _inside, _left = False, _left - (time.perf_counter() - began)
+
+    @functools.cached_property
+    def is_kept(self) -> bool:
+        """Whether it was compiled before, so that it has only to be loaded."""
+        return (
+            any(Path(folder).rglob("*.nbi")) if (folder := _folder_of(self)) else False
+        )
 
     def dispatcher(self) -> Callable[P, R]:
         """Return what Numba makes of the function; it compiles at the first call."""

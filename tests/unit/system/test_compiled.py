@@ -1,5 +1,6 @@
 """Compiled code is cached in a folder of the user's own; a first start is announced."""
 
+import math
 import os
 import subprocess
 import sys
@@ -148,6 +149,7 @@ def test_it_is_compiled_once_it_was_interpreted_for_long_enough(
     monkeypatch.setattr(
         compiled_code._Kernel, "dispatcher", lambda _: lambda: "compiled"
     )
+    monkeypatch.setattr(compiled_code._Kernel, "is_kept", False)
     inner = njit(plain=lambda: "plain")(lambda: "slow")
     outer = njit()(inner)
     with interpreted(2.0):
@@ -156,6 +158,11 @@ def test_it_is_compiled_once_it_was_interpreted_for_long_enough(
     with interpreted(0.0), interpreted(2.0):
         assert inner() == "compiled"
     assert inner() == "compiled"
+    monkeypatch.setattr(compiled_code._Kernel, "is_kept", True)
+    with interpreted(2.0):
+        assert inner() == "compiled"
+    with interpreted(math.inf):
+        assert inner() == "plain"
 
 
 @pytest.mark.slow
