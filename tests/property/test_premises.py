@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from neurosnap.poc.learning.beyond_pairs import Limits
 from neurosnap.poc.learning.columns import Columns
-from neurosnap.poc.learning.premises import find_exclusions
+from neurosnap.poc.learning.premises import Exclusion, _covers, find_exclusions
 from neurosnap.poc.learning.relation_rule import evidence_for, exclusions
 from neurosnap.poc.learning.relation_table import tabulate
 from neurosnap.poc.order.literal_sets import to_words
@@ -76,7 +76,8 @@ def test_no_set_is_told_that_one_by_one_is_not_and_none_that_is_sure_is_missed(
 ) -> None:
     table = drawn(seed, 6, noise, unknown)
     sets, left = find_exclusions(Columns.of(table), 3, np.eye(12, dtype=np.bool_))
-    told = {one.literals: one.evidence for one in sets if not left}
+    told = {one.literals: one.evidence for one in sets}
+    assert not left
     for size, count in (3, 20), (4, 15):
         needed = evidence_for((1 << size) * count)
         every = by_one(table, size)
@@ -106,7 +107,37 @@ def test_a_parity_is_told_though_no_two_sensors_have_a_relation() -> None:
     chance = np.random.default_rng(2)
     table = chance.random((3000, 12)) < 0.5
     table[:, 7] = table[:, 3] ^ table[:, 5]
-    assert len(tabulate(Columns.of(table), limits=Limits(2, 0))) == 4
+    rows = tabulate(Columns.of(table), limits=Limits(2, 0))
+    # Each literal of the four sets may be the one that is implied.
+    never = {
+        frozenset(each) for each in ((6, 10, 14), (6, 11, 15), (7, 10, 15), (7, 11, 14))
+    }
+    place = {f"s{k}{star}": 2 * k + bool(star) for k in (3, 5, 7) for star in ("", "*")}
+    told = [[*row.a.split(" ∧ "), row.b] for row in rows]
+    assert len(told) == 4
+    assert {frozenset((place[a], place[b], place[c] ^ 1)) for a, b, c in told} == never
+
+
+@pytest.mark.parametrize("mutual", [False, True])
+@pytest.mark.parametrize(
+    ("failed", "left"),
+    [
+        ((False, False), [0]),
+        ((True, True), [0]),
+        ((True, False), [0, 1]),  # what never failed follows from nothing that did
+        ((False, True), [0]),
+    ],
+)
+def test_what_never_failed_does_not_follow_from_what_did(
+    failed: tuple[bool, bool], left: list[int], *, mutual: bool
+) -> None:
+    reach = np.eye(8, dtype=np.bool_)
+    reach[4, 2], reach[2, 4] = True, mutual  # so the second set follows from the first
+    literals = (0, 2, 7), (0, 4, 7)
+    found = [Exclusion(literals[k], 9.0, failed[k]) for k in (0, 1)]
+    if mutual and failed == (True, False):
+        left = [1]  # and the first from the second
+    assert [*_covers(found, reach)] == [found[k] for k in left]
 
 
 def test_what_fails_hides_no_premise_that_explains_it() -> None:
