@@ -45,8 +45,8 @@ _BYTES_A_SENSOR = 64  # of a key-frame, its name and its last readings not count
 _FRAME_BESIDE = 1 << 22  # bytes of a key-frame for all that does not grow with sensors
 
 _FEW = 100
-"""Sensors: with more, Python takes too long for what Numba would compile. What grows is
-searched for with all readings."""
+"""Sensors: with more, Python takes too long for what Numba would compile. So it does to
+search all readings for what may be grown, with however few."""
 _BRIEFLY = 5.0  # seconds; to compile takes three times as long
 
 

@@ -25,7 +25,7 @@ from rich.console import Console
 from tools.bench.report import HEAD, QUICK, Line, Sizes, markdown
 
 ROWS = {
-    "start": ("run", "the help, the version, and a first run beside a later one"),
+    "start": ("start", "the help, the version, and a first run beside a later one"),
     "spawn": ("swarm", "from the hub's start until every cell is wired; memory a cell"),
     "hop": ("swarm", "one hop of a wave along a chain, against bare Zenoh"),
     "recording": ("run", "a tick with the recorder and without"),

@@ -1,19 +1,11 @@
 """Measures whole runs: the cost of recording, verifying and each kind of cell."""
 
 import asyncio
-import os
-import resource
-import subprocess
-import sys
 import tempfile
-import time
-from importlib.metadata import distribution
 from pathlib import Path
 
 import numpy as np
 from msgspec.structs import replace
-from packaging.requirements import Requirement
-from packaging.utils import canonicalize_name
 
 from neurosnap.protocol.run_options import CellKind, RunOptions
 from neurosnap.recording.replay.verify import verify as check
@@ -25,89 +17,9 @@ from tests.support.sources import written
 from tools.bench.report import Line, Sizes, ratio_of_pairs
 
 _SOURCE = "neurosnap/Path-v0"
-_START, _FIRST = 0.15, 1.2
-_NAMED = 6  # of the packages, the largest
 _RECORDING, _VERIFY = 1.15, 10.0
 _WORKERS = 2
 _KINDS: tuple[CellKind, ...] = ("process", "worker", "inline")
-
-
-def start(sizes: Sizes) -> list[Line]:
-    """Time what a newcomer waits for: the help, and a first run beside a later one."""
-    lines = []
-    bare = _best([sys.executable, "-c", "pass"])
-    for words in ["-c", "import neurosnap"], ["-m", "neurosnap", "--help"]:
-        took = _best([sys.executable, *words])
-        lines.append(
-            Line(
-                f"python {' '.join(words)}: processor time",
-                f"{took * 1e3:.0f} ms",
-                f"python alone {bare * 1e3:.0f} ms",
-                f"≤ {_START * 1e3:g} ms",
-                took <= _START,
-                {"seconds": took, "bare_seconds": bare},
-            )
-        )
-    first, later = list[float](), list[float]()
-    program = [sys.executable, "-m", "neurosnap", "run", _SOURCE]
-    for _ in range(sizes.pairs):
-        with tempfile.TemporaryDirectory(prefix="bench-") as folder:
-            for times in first, later:
-                log = f"{folder}/{len(times)}-{len(first)}.mcap"
-                began = time.perf_counter()
-                _processor_time(
-                    [*program, "--ticks", f"{sizes.ticks}", "--out", log], folder
-                )
-                times.append(time.perf_counter() - began)
-    ratio = min(first) / min(later)
-    sizes_of = dict[str, int]()
-    _add_needed("neurosnap-uma", sizes_of)
-    total = sum(sizes_of.values())
-    largest = sorted(sizes_of, key=sizes_of.__getitem__)[: -_NAMED - 1 : -1]
-    return [
-        *lines,
-        Line(
-            f"a default install: {len(sizes_of)} packages",
-            f"{total / 1e6:.0f} MB",
-            ", ".join(f"{name} {sizes_of[name] / 1e6:.0f}" for name in largest),
-            figures={"packages": len(sizes_of), "bytes": total},
-        ),
-        Line(
-            f"a first run of 20 cells, {sizes.ticks} ticks",
-            f"{min(first):.1f} s ({ratio:.2f} ×)",
-            f"a later one {min(later):.1f} s",
-            "≤ 1.2 ×",
-            ratio <= _FIRST,
-            {"seconds": min(first), "later_seconds": min(later), "ratio": ratio},
-        ),
-    ]
-
-
-def _add_needed(package: str, sizes: dict[str, int]) -> None:
-    """Add the sizes in bytes of a package and of all it needs without an extra."""
-    name = canonicalize_name(package)
-    if name in sizes:
-        return
-    found = distribution(name)
-    files = (Path(file.locate()) for file in found.files or ())
-    sizes[name] = sum(file.stat().st_size for file in files if file.is_file())
-    for text in found.requires or ():
-        one = Requirement(text)
-        if one.marker is None or one.marker.evaluate({"extra": ""}):
-            _add_needed(one.name, sizes)
-
-
-def _best(words: list[str]) -> float:
-    return min(_processor_time(words) for _ in range(5))
-
-
-def _processor_time(words: list[str], cache: str = "") -> float:
-    """Return the processor time of a command; what it compiles is kept in `cache`."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    keeps = {"NUMBA_CACHE_DIR": cache} if cache else {}
-    subprocess.run(words, check=True, capture_output=True, env=os.environ | keeps)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def recording(sizes: Sizes) -> list[Line]:
