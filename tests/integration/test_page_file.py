@@ -47,7 +47,7 @@ async def test_a_file_does_what_the_page_does(broken_log: Path, tmp_path: Path) 
         # What was over time.
         await go_to(page, BROKEN)
         await page.click("#tab-raster")
-        await page.focus("#raster canvas")
+        await page.focus("#raster canvas[aria-label]")  # drawn: keys are taken
         await page.keyboard.press("ArrowRight")
         await expect(page.locator("#raster")).to_contain_text("a, tick 26: o")
         await page.click("#tab-compare")
