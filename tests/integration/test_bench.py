@@ -5,6 +5,7 @@ import math
 
 import pytest
 
+from tests.support.mosquitto import needs_mosquitto
 from tools.bench import __main__ as bench
 from tools.browser import NO_BROWSER, chromium
 
@@ -20,6 +21,7 @@ needs_browser = pytest.mark.skipif(chromium() is None, reason=NO_BROWSER)
             marks=[
                 *([] if name == "observe" else [pytest.mark.exhaustive]),
                 *([needs_browser] if name in ("page", "seek") else []),
+                *([needs_mosquitto] if name == "mqtt" else []),
             ],
         )
         for name in bench.ROWS

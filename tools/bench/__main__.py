@@ -13,7 +13,7 @@ import json
 import os
 import platform
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib import import_module
 from pathlib import Path
 
@@ -36,6 +36,10 @@ ROWS = {
     "verify": ("run", "verify of a recording, against the run that made it"),
     "messages": ("messages", "messages of other programs (MCAP), read and cut"),
     "live": ("messages", "messages of ROS 2 by their type, in a live run"),
+    "mqtt": ("field", "2,000 readings a second by MQTT, one a message"),
+    "stdin": ("field", "so by standard input, each of one sensor"),
+    "zenoh": ("field", "so over Zenoh"),
+    "ros2": ("field", "so by messages of ROS 2"),
     "bag": ("messages", "the memory that a large bag takes"),
     "page": ("page", "ticks a second that the page shows"),
     "seek": ("page", "a far tick on the page"),
@@ -55,15 +59,20 @@ def main(arguments: list[str] | None = None) -> None:
         "--only", nargs="+", choices=ROWS, default=tuple(ROWS), help="rows to measure"
     )
     parser.add_argument("--quick", action="store_true", help="small sizes, as a trial")
+    parser.add_argument(
+        "--field", type=float, help="seconds that the field rows send for, each"
+    )
     parser.add_argument("--json", action="store_true", help="add one object, last")
     given = parser.parse_args(arguments)
     # The table alone goes to stdout.
     waiting = Console(stderr=True)
+    sizes = QUICK if given.quick else Sizes()
+    sizes = replace(sizes, field=given.field or sizes.field)
     print(f"{markdown(HEAD)}\n{markdown(('---',) * len(HEAD))}")
     rows: dict[str, list[Line]] = {}
     for name in given.only:
         with waiting.status(name):
-            rows[name] = measure(name, QUICK if given.quick else Sizes())
+            rows[name] = measure(name, sizes)
         for line in rows[name]:
             print(markdown(line.cells()), flush=True)
     if given.json:

@@ -34,6 +34,8 @@ class Sizes:
     """Sensors of the page row: more than it draws each by itself unless asked to."""
     bag: int = 10**9
     """Bytes of a bag."""
+    field: float = 10.0
+    """Seconds for which a run is fed from outside."""
     batches: int = 9
     """Times that a batch of observations is timed."""
 
@@ -50,6 +52,7 @@ QUICK = Sizes(
     foretold=(70,),
     crowd=170,
     bag=10**6,
+    field=2.0,
     batches=2,
 )
 """Enough to see that each row works; what is measured means nothing."""

@@ -47,7 +47,7 @@ class Gauge:
         self.tick = tick
         if tick and not self._moving.is_set():
             self._moving.set()
-            self.samples.append((tick, _resident()))
+            self.samples.append((tick, resident(psutil.Process())))
 
     async def watch(self, seconds: float) -> None:
         """Look again and again, until so long after the first tick."""
@@ -56,7 +56,7 @@ class Gauge:
             async with asyncio.timeout(None if np.isinf(seconds) else seconds):
                 while True:
                     await asyncio.sleep(self._pause)
-                    self.samples.append((self.tick, _resident()))
+                    self.samples.append((self.tick, resident(psutil.Process())))
 
     def memory(self) -> dict[str, Memory]:
         """Return what each process had, from a tenth of the run on."""
@@ -78,11 +78,10 @@ class Gauge:
         return measured
 
 
-def _resident() -> dict[str, int]:
-    """Return the bytes in memory by kind of process."""
-    me = psutil.Process()
-    found = {"launcher": me.memory_info().rss}
-    for who, process in parts_of(me):
+def resident(launcher: psutil.Process) -> dict[str, int]:
+    """Return the bytes in memory of a launcher and its parts, by kind of process."""
+    found = {"launcher": launcher.memory_info().rss}
+    for who, process in parts_of(launcher):
         kind = who.partition("/")[0]
         with suppress(psutil.NoSuchProcess):
             found[kind] = found.get(kind, 0) + process.memory_info().rss

@@ -50,6 +50,8 @@ ROS2 = "ros2:"
 """A message of ROS 2 for each: what is published while nothing listens is lost."""
 _NAMES = [f"bit{place}" for place in range(BITS)]
 _SIZE = 1 << BITS
+_ALL = ("max_queued_messages 0",)
+"""Of a broker: it would drop what more than 1,000 others wait before."""
 _STILL = 3.0  # seconds in which nothing is written once nothing comes
 _AHEAD = 1000  # messages not yet acknowledged; a client silently drops what is too many
 _WATCHDOG = 100_000  # microseconds; progress is told twice as often
@@ -81,9 +83,12 @@ async def feed(
         How many readings it was fed, its exit code, and what it counted. What it says
         on stderr, but for restarts, is passed on.
     """
-    with _service_manager() as (manager, address), _outside(by, log.parent) as outside:
+    with (
+        _service_manager() as (manager, address),
+        outside(by, log.parent, *_ALL) as way,
+    ):
         process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "neurosnap", "run", *outside.source),
+            *(sys.executable, "-m", "neurosnap", "run", *way.source),
             *("--out", str(log), "--format", "json", *flags),
             stdin=PIPE,
             stdout=PIPE,
@@ -99,7 +104,7 @@ async def feed(
             async with asyncio.TaskGroup() as group:
                 hunting = group.create_task(killer.hunt(psutil.Process(process.pid)))
                 telling = group.create_task(process.stdout.read())
-                feeding = group.create_task(_feed(process, outside, rate, hunting, log))
+                feeding = group.create_task(_feed(process, way, rate, hunting, log))
                 async for raw in process.stderr:
                     line = raw.decode().rstrip()
                     if restart := _RESTART.fullmatch(line):
@@ -117,7 +122,7 @@ async def feed(
     return feeding.result(), code, facts.get("readings", {})
 
 
-class _Outside(NamedTuple):
+class Outside(NamedTuple):
     """Where readings come from: how the run is told of it, and how they are sent."""
 
     source: tuple[str, ...]
@@ -127,13 +132,13 @@ class _Outside(NamedTuple):
 
 async def _feed(
     process: Process,
-    outside: _Outside,
+    way: Outside,
     rate: float,
     hunting: "asyncio.Task[None]",
     log: Path,
 ) -> int:
     """Send readings until the hunt is over, and return how many."""
-    send = await asyncio.to_thread(outside.connect, process)
+    send = await asyncio.to_thread(way.connect, process)
     began, number = time.monotonic(), 0
     with suppress(ConnectionError):
         while not hunting.done():
@@ -143,7 +148,7 @@ async def _feed(
             if process.stdin is not None:
                 await process.stdin.drain()
             await asyncio.sleep(began + number / rate - time.monotonic())
-    if outside.source[0] != "-":
+    if way.source[0] != "-":
         await _all_taken_in(log)
         with suppress(ProcessLookupError):
             process.send_signal(signal.SIGINT)
@@ -161,10 +166,11 @@ async def _all_taken_in(log: Path) -> None:
 
 
 @contextmanager
-def _outside(by: str, folder: Path) -> Iterator[_Outside]:
+def outside(by: str, folder: Path, *of_broker: str) -> Iterator[Outside]:
+    """Yield where a run gets its readings, by what `feed` takes; configure a broker."""
     sensors = ("--set", f"sensors={','.join(_NAMES)}")
     if by == "-":
-        yield _Outside(("-", *sensors), _by_pipe)
+        yield Outside(("-", *sensors), _by_pipe)
     elif by == ROS2:
         at, file = f"tcp/127.0.0.1:{free_port()}", folder / "soak.toml"
         fields = [f"/soak.data[{place}]" for place in range(BITS)]
@@ -172,14 +178,13 @@ def _outside(by: str, folder: Path) -> Iterator[_Outside]:
             f'[source]\nkind="ros2"\nrouter="{at}"\nbins=0\nsensors={fields}\n'
         )
         with zenoh.open(configuration("router", listen__endpoints=[at])):
-            yield _Outside((str(file),), lambda _: _by_ros2(at))
+            yield Outside((str(file),), lambda _: _by_ros2(at))
     elif by != "mqtt:":
         at = f"tcp/127.0.0.1:{free_port()}"
         source = ("zenoh:", *sensors, "--listen", at, "--swarm", "soak")
-        yield _Outside(source, lambda _: _over_zenoh(at, singly=by == SINGLY))
+        yield Outside(source, lambda _: _over_zenoh(at, singly=by == SINGLY))
     else:
-        # It would drop what more than 1,000 others wait before.
-        with started(folder, "allow_anonymous true", "max_queued_messages 0") as broker:
+        with started(folder, "allow_anonymous true", *of_broker) as broker:
             one = '{{name="{0}", topic="soak", field="{0}", on=["1"], off=["0"]}}'
             file = folder / "soak.toml"
             file.write_text(
@@ -187,7 +192,7 @@ def _outside(by: str, folder: Path) -> Iterator[_Outside]:
                 f"sensors=[{','.join(map(one.format, _NAMES))}]\n"
                 'publish={prefix="said"}\n'
             )
-            yield _Outside(
+            yield Outside(
                 (str(file),),
                 lambda _: _by_broker(broker.port, "soak", "said/world/status"),
             )
