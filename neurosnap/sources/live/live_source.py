@@ -44,6 +44,9 @@ from neurosnap.sources.protocol import Observed
 
 WAITING = 1 << 16
 """Readings that may wait for their tick: half a minute of 2,000 a second."""
+CHANGES = 64
+"""Rows that wait at most where a change becomes one: further ones are joined, as they
+are between two ticks."""
 ROOM = 1024
 """Readings that wait when a feeder that can hold its writer back does so."""
 SLOW = 30
@@ -240,11 +243,7 @@ class LiveSource:
         seen = self._latest.observation(now)
         patience = self._patience(seen, now)
         self._sensitive = True
-        if not self._is_change(seen) or self.is_full:
-            return None
-        if len(self._waiting) >= WAITING:
-            rule = f"must wait for fewer than {WAITING} others, joined with the next"
-            self._refusals.refuse(f"change: {rule}")
+        if not self._is_change(seen) or self.is_full or len(self._waiting) >= CHANGES:
             return None
         if patience == 0:
             self._write_row(*seen)

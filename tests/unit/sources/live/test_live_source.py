@@ -20,7 +20,7 @@ from neurosnap.sources.live.latest_or_late import (
     ClockMapping,
     LatestReadings,
 )
-from neurosnap.sources.live.live_source import ROOM, SLOW, LiveSource
+from neurosnap.sources.live.live_source import CHANGES, ROOM, SLOW, LiveSource
 from neurosnap.sources.live.tick_schedule import Clocked, OnChange, TickSchedule
 from neurosnap.sources.protocol import Observed
 from neurosnap.wire import Outage, Received
@@ -604,7 +604,7 @@ def test_what_was_known_at_the_tick_is_told(kept: Kept) -> None:
     assert source.resume_after(2) is None
 
 
-FLOOD = [(number + 1.0, number % 2 == 1) for number in range(2 * ROOM)]
+FLOOD = [(number + 1.0, number % 2 == 1) for number in range(2 * CHANGES)]
 
 
 @pytest.mark.parametrize(
@@ -613,7 +613,7 @@ FLOOD = [(number + 1.0, number % 2 == 1) for number in range(2 * ROOM)]
         # Each change, within the limits of the schedule.
         (OnChange(), [(1.0, False), (2.0, True), (2.0, True), (2.0, False)], [2, 3, 2]),
         (Clocked(0.1), [(50.0, False)], [2]),  # ticks do not pile up
-        (OnChange(), FLOOD, [2, 3] * (ROOM // 2)),  # nor do changes without end
+        (OnChange(), FLOOD, [2, 3] * (CHANGES // 2)),  # nor do changes without end
     ],
 )
 def test_changes_that_nobody_asks_for_are_kept(
@@ -629,7 +629,7 @@ def test_changes_that_nobody_asks_for_are_kept(
     assert taken(source, 1) == bits(3)
     for moment, on in puts:
         time.at(moment, lambda on=on: source.receive({"door": on}))  # type: ignore[misc]
-    time.at(3.0 * ROOM, source.wake_reader)
+    time.at(3.0 * CHANGES, source.wake_reader)
     source.keep_changes()
     assert kept.rows() == 1 + len(kept_)
     source.resume_after(1)
