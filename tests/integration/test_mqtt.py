@@ -103,6 +103,29 @@ async def test_what_the_broker_kept_is_the_first_reading(broker: Mosquitto) -> N
             assert found == {"door": False, "warm": False, "phone": True}
 
 
+async def test_a_broker_drops_nothing_for_a_run_that_is_behind(
+    broker: Mosquitto, tmp_path: Path
+) -> None:
+    """As it does of more than 1,000 messages that it has to queue."""
+    sensors = [MqttSensor(name=name, topic=f"house/{name}") for name in ("door", "end")]
+    table, journal = (
+        options(broker.options, *sensors),
+        Journal(tmp_path, ["door", "end"]),
+    )
+    async with peer(broker, f"{PREFIX}/world/status") as other:
+        with closing(mqtt_source(table, journal=journal)) as source:
+            source.resume_after(0)
+            source._start()
+            await heard(other, f"{PREFIX}/world/status", b"online")
+            with source._condition:  # so that it receives nothing meanwhile
+                for number in range(3000):
+                    word = "ON" if number % 2 else "OFF"
+                    await other.publish("house/door", word, qos=1)
+            await other.publish("house/end", "ON", qos=1)
+            await until(source, lambda r: r["end"] is True)
+            assert source.statistics().received.total == 3001
+
+
 async def test_an_action_is_published_and_doing_nothing_is_not(
     broker: Mosquitto,
 ) -> None:

@@ -50,7 +50,9 @@ KEPT = 12 * 3600
 """Seconds for which a broker keeps what a session misses."""
 _REFUSED = {134, 135}  # name or password; paho says so for 4 and 5 of MQTT 3.1.1, too
 _OLD = 132  # the version of MQTT is not spoken; paho says so for 1 of MQTT 3.1.1, too
-_UNDERWAY = 20  # messages not acknowledged, if the broker heeds it
+_UNDERWAY = 1 << 15
+"""Messages not acknowledged, if the broker heeds it: few others wait, of more it drops
+some. So these are how far a run may fall behind: 16 s of 2,000 a second."""
 _ANSWER = 5.0  # seconds a broker may be silent that owes an answer
 _DRAIN = 2.0  # seconds an orderly end may take to send what waits
 _SILENCE = 30  # seconds after which each side asks whether the other is there
