@@ -15,13 +15,15 @@ import os
 import shutil
 import zlib
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from itertools import chain, count
 from pathlib import Path
 from typing import Self
 
 import msgspec
+from mcap.data_stream import RecordBuilder
+from mcap.records import ChunkIndex
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 
@@ -102,6 +104,8 @@ class Writer:
             compression=CompressionType.ZSTD if packs else CompressionType.NONE,
             enable_data_crcs=True,
         )
+        # Under this name the library collects them; under another it goes on to.
+        vars(self._mcap)["_Writer__chunk_indices"] = _ChunkIndexes()
         self._mcap.start(PROFILE, f"neurosnap {version()}")
         self._channels = self._register()
 
@@ -418,6 +422,24 @@ class Writer:
             f"log: must take what is recorded, got {error.strerror}"
             f" for {str(self.path)!r}"
         )
+
+
+class _ChunkIndexes:
+    """The index of all chunks, packed: as objects they take eight times the memory."""
+
+    def __init__(self) -> None:
+        self._packed = RecordBuilder()
+
+    def append(self, index: ChunkIndex) -> None:
+        """Add the next chunk."""
+        index.write(self._packed)
+
+    def __iter__(self) -> Iterator[Self]:
+        yield self
+
+    def write(self, summary: RecordBuilder) -> None:
+        """Write all to a summary, as a single index would be."""
+        summary.write(self._packed.end())
 
 
 def _create(path: Path) -> int:

@@ -1,4 +1,6 @@
 import resource
+import tracemalloc
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,6 +14,7 @@ from neurosnap.errors import InvalidValueError, RecordingError
 from neurosnap.recording.format.chunk_index import index_chunk
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.read.recording import Recording
+from neurosnap.recording.write import writer
 from neurosnap.recording.write.writer import Writer
 from tests.support.recordings import EACH, NOW, delivered, record, sent_by, traffic
 
@@ -27,6 +30,32 @@ def no_file_beyond(size: int) -> Iterator[None]:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_what_is_kept_of_each_chunk_is_little_and_in_the_index(
+    log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writer, "_RECENT", 1)  # these are bounded
+    each, numbers = [*delivered(EACH.values())], Counter[str]()
+    with Writer(log) as new:
+        new.start({})
+        tracemalloc.start()
+        for number in range(400):
+            if number == 100:
+                before, _ = tracemalloc.get_traced_memory()
+            for one in each:
+                sender = wire.decode(one.key, one.payload).sender
+                new.add(one._replace(sequence=numbers[sender]), NOW)
+                numbers[sender] += 1
+            new.flush()
+        grown = tracemalloc.get_traced_memory()[0] - before
+        tracemalloc.stop()
+        new.finish({}, {})
+    assert grown / 300 < 1000  # its index alone was 3 kB
+    with log.open("rb") as file:
+        summary = make_reader(file, validate_crcs=True).get_summary()
+    assert summary is not None
+    assert len(summary.chunk_indexes) == 400
 
 
 def test_any_mcap_reader_reads_it(log: Path) -> None:
