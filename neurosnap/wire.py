@@ -23,7 +23,7 @@ import msgspec
 
 from neurosnap.errors import MessageError
 
-SCHEMA = 13
+SCHEMA = 14
 ROOT = "neurosnap"
 LARGEST_KEYFRAME = 1 << 26
 """Bytes of a key-frame, at most, which no other message may pass either."""
@@ -129,6 +129,10 @@ class Observation(_Message, frozen=True, omit_defaults=True):
     said: bytes = b""
     """The last number of each signal that sensors compare, in the order of its first
     sensor: float32, little endian, NaN where it is unknown."""
+    due: Moment = 0
+    """Since when a live source had it to give, if for too long; 0: it was not."""
+    waiting: Count = 0
+    """How many it had to give behind it then."""
 
 
 class Wiring(_Message, frozen=True):

@@ -147,6 +147,8 @@ class World:
             outages=seen.outages,
             at=seen.at,
             said=seen.said,
+            due=seen.due,
+            waiting=seen.waiting,
         )
 
 

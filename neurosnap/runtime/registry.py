@@ -41,6 +41,8 @@ class Note(msgspec.Struct, frozen=True, kw_only=True):
     """Where its hub listens."""
     log: str
     """Where it is recorded; empty if it is not."""
+    behind: str = ""
+    """How far it is behind its readings; empty if it is not."""
 
 
 @contextmanager
@@ -96,6 +98,16 @@ def held(path: Path, name: str, patience: float = 0.0) -> Iterator[None]:
             time.sleep(_AGAIN)
         hold.listen()
         yield
+
+
+def note_behind(behind: str) -> None:
+    """Note how far the swarms of this process are behind; empty if they are not."""
+    with suppress(OSError, SwarmError):  # no reason to end a run
+        for note in swarms():
+            if note.pid == os.getpid() and note.behind != behind:
+                path = _own_folder() / f"{note.swarm}-{note.pid}{_ENTRY}"
+                told = msgspec.structs.replace(note, behind=behind)
+                replace_file(path, msgspec.json.encode(told))
 
 
 def _name(path: Path) -> str:

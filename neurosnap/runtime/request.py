@@ -16,6 +16,7 @@ from neurosnap.protocol.coordinator import Totals
 from neurosnap.protocol.option_declaration import option
 from neurosnap.protocol.resume_point import ResumePoint
 from neurosnap.protocol.run_options import CellKind, RunOptions
+from neurosnap.protocol.tick_times import Behind
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.recording.read.recording import part_path
 from neurosnap.runtime.child_processes import ChildProcesses
@@ -277,6 +278,8 @@ class Outcome(msgspec.Struct, kw_only=True):
     """How many of the readings are in none of the ticks."""
     health: Standing | None = None
     """Final health of the sensors of the home; None if they were not monitored."""
+    behind: Behind | None = None
+    """The tick that was furthest behind its readings; None if none was."""
 
     @property
     def complete(self) -> bool:

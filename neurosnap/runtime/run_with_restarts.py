@@ -32,13 +32,15 @@ from neurosnap.errors import (
 )
 from neurosnap.fabric.wait_for_events import wait_any
 from neurosnap.protocol.resume_point import ResumePoint
+from neurosnap.protocol.tick_times import Behind, further
 from neurosnap.protocol.world import World
 from neurosnap.recording.read.recording import first_path, part_paths
 from neurosnap.recording.replay.find_resume_point import find_resume_point
 from neurosnap.runtime.compilation import compile_first
 from neurosnap.runtime.launch import new_swarm_id, run_incarnation
+from neurosnap.runtime.parts.job import WavesSoFar
 from neurosnap.runtime.recorded_source import Trust, reopened
-from neurosnap.runtime.registry import held
+from neurosnap.runtime.registry import held, note_behind
 from neurosnap.runtime.request import (
     SILENT,
     Outcome,
@@ -55,6 +57,7 @@ from neurosnap.sources.open import is_file, is_live, open_source
 MORE = 300
 """Ticks that a resumed run adds unless asked otherwise."""
 _LONGEST = 30.0  # seconds
+_NOTED = 1.0  # seconds between two notes of how far behind a run is
 _OTHERS = 10.0  # seconds that the intake of a killed launcher may take to end
 
 
@@ -80,6 +83,19 @@ async def run(
         NeurosnapError: A part failed; the text names it. Whatever was recorded until
             then is readable.
     """
+    most: Behind | None = None
+    noted, upper = 0.0, watcher.on_waves
+
+    def follow(waves: WavesSoFar) -> None:
+        """Keep the most that any life was behind, and note what it is each second."""
+        nonlocal most, noted
+        most = further(most, waves.most)
+        if waves.most is not None and time.monotonic() - noted >= _NOTED:
+            noted = time.monotonic()
+            note_behind("" if waves.behind is None else waves.behind.line())
+        upper(waves)
+
+    watcher = replace(watcher, on_waves=follow)
 
     async def work(kept: RunRequest) -> Outcome:
         alone = kept.log is None or kept.options.cells == "inline"
@@ -100,7 +116,8 @@ async def run(
             holds.enter_context(held(journal_of(past), "journal"))
         if not request.options.interpreted:
             await compile_first(request.options, stop)
-        return await run_journaled(request, work)
+        outcome = await run_journaled(request, work)
+        return msgspec.structs.replace(outcome, behind=most) if most else outcome
 
 
 def resumed(log: Path, ticks: int | None = None, trusts: Trust = False) -> RunRequest:

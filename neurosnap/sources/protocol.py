@@ -37,6 +37,10 @@ class Observed(msgspec.Struct, frozen=True, eq=False):
     """When it was, as the data say, in seconds since 1970; 0: now."""
     said: bytes = b""
     """The numbers behind it; see `wire.Observation`."""
+    due: float = 0
+    """As in `wire.Observation`."""
+    waiting: int = 0
+    """Likewise."""
 
 
 class Source(Protocol):

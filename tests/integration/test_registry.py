@@ -121,7 +121,13 @@ def test_what_a_run_has_lost_is_listed_and_nothing_if_it_has_lost_nothing(
     ):
         assert [one["lost"] for one in happy("ps")["swarms"]] == [3, 0, 0]
         heads, *rows = (line.split()[2:] for line in call("ps").stdout.splitlines())
-    assert heads == ["source", "lost", "log"]
+        registry.note_behind("3.0 s behind")
+        assert all(
+            "3.0 s behind" in line for line in call("ps").stdout.splitlines()[1:]
+        )
+        registry.note_behind("")
+        assert "3.0 s behind" not in call("ps").stdout
+    assert heads == ["source", "lost", "behind", "log"]
     assert [row[:2] for row in rows] == [["zenoh:", "3"], ["-", str(whole)], ["-"]]
 
 

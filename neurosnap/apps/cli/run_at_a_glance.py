@@ -137,6 +137,8 @@ class Glance:
         yield "ticks", f"{waves.tick:,}{of}; {rate:.3g} a second{left}"
         if (silent := now - self._since) >= _SILENT:
             yield "silent", f"{silent:.0f} s since the last tick"
+        if waves.behind is not None:
+            yield "behind", waves.behind.line()
         yield "waves", f"{(waves.number - number) / seconds:.3g} a second"
         by_height = sorted(waves.deepest.items(), reverse=True)[:_HEIGHTS]
         at = ", ".join(f"{hops} at {height}" for height, hops in by_height)

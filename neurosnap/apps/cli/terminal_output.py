@@ -214,6 +214,8 @@ def outcome_lines(
         rows["grown"] = grown_text(totals.grown, totals.retired, left)
     if totals.faults:
         rows["faults"] = f"{totals.faults} messages dropped as bad or unexpected"
+    if outcome.behind is not None:
+        rows["behind"] = f"at tick {outcome.behind.tick} most: {outcome.behind.line()}"
     if outcome.restarts:
         rows["restarts"] = f"{outcome.restarts}, after a part had died"
     yield from fields(rows)

@@ -227,14 +227,15 @@ def ps(form: Format = "text") -> None:
     """List the swarms that run on this machine.
 
     Lost is how many readings of a recorded run had no tick although they should have; a
-    stretch in which it could not listen counts as one.
+    stretch in which it could not listen counts as one. Behind is for how long readings
+    waited for the last tick, if for too long, and which part takes most of a tick.
     """
     from neurosnap.runtime import registry
 
     with errors():
         notes = registry.swarms()
         swarms = [msgspec.structs.asdict(n) | {"lost": _lost(n)} for n in notes]
-        heads = ("swarm", "pid", "source", "lost", "log")
+        heads = ("swarm", "pid", "source", "lost", "behind", "log")
         rows = [[str(one[head] or "") for head in heads] for one in swarms]
         say(form, *(table([heads, *rows]) if rows else ["no swarm runs here"]))
         print_facts(form, {"swarms": swarms})

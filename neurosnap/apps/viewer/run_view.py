@@ -25,6 +25,7 @@ from neurosnap.apps.viewer.tick_messages import Ticks
 from neurosnap.apps.viewer.waves import Imagined, first_shown, in_order, plan_of
 from neurosnap.apps.viewer.world_scene import Scene
 from neurosnap.errors import InvalidValueError, MessageError, RecordingError, ShapeError
+from neurosnap.protocol.tick_times import Behind
 from neurosnap.recording.read.random_access_by_tick import TickIndex
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.replay.learn_again import Learning
@@ -308,7 +309,7 @@ class RunView:
             choice=choice,
             why="" if decision is None else decision.why,
             begins=observation is not None and observation.begins,
-            intake=_intake(observation, self.options.zone),
+            intake=_intake(observation, ticks.behind.get(tick), self.options.zone),
             incoherent=state.incoherent,
             depth=state.depth,
             longest=state.longest,
@@ -348,12 +349,16 @@ class RunView:
             raise RecordingError(f"{place}: /state: {error}") from error
 
 
-def _intake(observation: wire.Observation | None, zone: str) -> list[str]:
-    """Say what a live source had received by then, and when it did not listen."""
-    if observation is None or not (received := observation.received).total:
+def _intake(
+    observation: wire.Observation | None, behind: Behind | None, zone: str
+) -> list[str]:
+    """Say how late a tick is, what was received by then, and when it did not listen."""
+    if observation is None:
         return []
-    outages = [outage_line(outage, zone) for outage in observation.outages]
-    return [received_line(msgspec.structs.asdict(received)), *outages]
+    late = [] if behind is None else [behind.line()]
+    counts = msgspec.structs.asdict(observation.received)
+    came = [received_line(counts)] if observation.received.total else []
+    return [*late, *came, *(outage_line(each, zone) for each in observation.outages)]
 
 
 def _bits(literals: NDArray[np.bool_]) -> list[api.Bit]:

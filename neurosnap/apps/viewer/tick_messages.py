@@ -8,6 +8,7 @@ something is missing.
 
 from collections.abc import Iterator
 from contextlib import suppress
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ from neurosnap.protocol.anomaly_report import (
     with_support,
 )
 from neurosnap.protocol.run_options import RunOptions
+from neurosnap.protocol.tick_times import Behind, TickTimes
 from neurosnap.recording.read.chunk_messages import ChunkMessages
 from neurosnap.recording.read.random_access_by_tick import TickIndex
 from neurosnap.sensorium import selection, unpack, unpack_readings
@@ -70,6 +72,7 @@ class Ticks:
         self.reached: dict[int, wire.Reached] = {}
         """By wave; where reports on waves are read, these say more."""
         self._answers = answers
+        self._timed: list[tuple[int, wire.Message]] = []  # when sent
         self._literals: dict[int, NDArray[np.bool_]] = {}
         self._range = range(first, last + 1)
         self._sensors = len(options.sensors)
@@ -85,6 +88,13 @@ class Ticks:
         if seen is None or not (seen.at or not is_file(self.options.source)):
             return None
         return seen.at or self.sent[tick] / 1e9
+
+    @cached_property
+    def behind(self) -> dict[int, Behind]:
+        """How far ticks were behind their readings, of those that were."""
+        times, timed = TickTimes(), sorted(self._timed, key=lambda each: each[0])
+        told = (times.take(said, sent / 1e9) for sent, said in timed)
+        return {each.tick: each for each in told if each is not None}
 
     def literals(self, tick: int) -> NDArray[np.bool_]:
         """Return the literals observed at a tick: ``(2N,)``; none if that is unknown.
@@ -168,6 +178,11 @@ class Ticks:
 
     def _take(self, chunk: ChunkMessages) -> None:
         """Take over what a chunk has of these ticks."""
+        observed = chunk.all("observation", wire.Observation)
+        late = self._waves and any(each.due for each in observed)
+        for topic in ("observation", "wavestart", "state", "reached", "decision"):
+            timed = chunk.of_topic(topic) if late else ()
+            self._timed += ((sent, said) for said, _, _, sent, _ in timed)
         for seen, _, _, sent, _ in chunk.of_topic("observation"):
             if isinstance(seen, wire.Observation) and seen.tick in self._range:
                 self.observations.setdefault(seen.tick, seen)

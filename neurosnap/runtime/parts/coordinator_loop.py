@@ -90,7 +90,7 @@ async def run_coordinator(
         deadlines: How long it waits for what.
         on_progress: Called with the core's tick once the swarm is up, after each burst,
             and while nothing is over its deadline four times a second; on any thread.
-        on_said: Called with every message that is published, likewise.
+        on_said: Called with every message that is received and published, likewise.
 
     Returns:
         Seconds from the beginning to the end, the wait for the parts left out.
@@ -212,6 +212,7 @@ class _CoordinatorLoop:
                     if "/" not in message.who:  # without its cells no tick would end
                         self._publish(self._core.stop())
                 else:
+                    self._on_said(message)
                     self._publish(self._core.receive(message))
             if self._repeat:  # may have settled, and another waited for that
                 self._find_overdue()

@@ -5,6 +5,7 @@ of the hub and the id of the swarm, and no two parts can disagree about the run.
 """
 
 import asyncio
+import time
 from collections.abc import Collection
 
 import msgspec
@@ -17,6 +18,7 @@ from neurosnap.protocol.anomaly_report import named_anomaly, with_support
 from neurosnap.protocol.coordinator import Coordinator, Totals
 from neurosnap.protocol.resume_point import ResumePoint, first_number
 from neurosnap.protocol.run_options import RunOptions
+from neurosnap.protocol.tick_times import TickTimes
 from neurosnap.recording.replay.find_resume_point import restore
 from neurosnap.runtime.parts.coordinator_loop import Deadlines, run_coordinator
 from neurosnap.runtime.parts.job import PartContext, Reporter, WavesSoFar, take_part
@@ -115,14 +117,17 @@ class _Reports:
         self._core = core
         self._support = support
         self._reporter = reporter
-        self._waves = WavesSoFar()
+        self.waves = WavesSoFar()
+        self._times = TickTimes()
 
     def said(self, message: wire.Message) -> None:
-        """Note or report what the coordinator has just said."""
+        """Note or report what the coordinator has just heard or said."""
+        behind = self._times.take(message, time.time())
         match message:
             case wire.State() | wire.Reached():
-                self._waves.add(message)
+                self.waves.add(message)
             case wire.Decision():
+                self.waves.tell(behind)
                 self._reporter.changed(self._core.changes(message))
             case wire.Anomaly():
                 told = with_support(message, self._support)
@@ -134,7 +139,7 @@ class _Reports:
 
     def progress(self, tick: int) -> None:
         """Report how far the run is."""
-        self._reporter.progress(tick, self._waves)
+        self._reporter.progress(tick, self.waves)
 
 
 class CoordinatorJob(msgspec.Struct, frozen=True):
@@ -190,6 +195,7 @@ class CoordinatorJob(msgspec.Struct, frozen=True):
             learned = core.graph.implications(core.snapshot.sensorium)
             given = _named(options)
             named = [pair for pair in learned if pair not in given]
+            part.reporter.progress(core.tick, reports.waves, last=True)
             part.reporter.done(Result(core.totals, seconds, named))
 
 

@@ -23,6 +23,7 @@ from neurosnap.errors import MessageError, NeurosnapError, PartDiedError
 from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.protocol import Fabric
 from neurosnap.fabric.zenoh.zenoh_fabric import ZenohFabric
+from neurosnap.protocol.tick_times import Behind, further
 
 if TYPE_CHECKING:
     from neurosnap.fabric.in_memory import MemoryHub
@@ -48,6 +49,10 @@ class WavesSoFar(msgspec.Struct):
     """The height of the order, in implications."""
     deepest: dict[int, int] = {}
     """The most hops, by the height of what the waves began with."""
+    behind: Behind | None = None
+    """How far the last tick was behind its readings; None if it was not."""
+    most: Behind | None = None
+    """The tick that was furthest behind."""
 
     def add(self, settled: wire.State | wire.Reached) -> None:
         """Add a wave that has settled."""
@@ -55,6 +60,10 @@ class WavesSoFar(msgspec.Struct):
         self.depth, self.height = settled.depth, settled.height
         most = self.deepest.get(settled.longest, 0)
         self.deepest[settled.longest] = max(most, settled.depth)
+
+    def tell(self, behind: Behind | None) -> None:
+        """Note how far a tick was behind."""
+        self.behind, self.most = behind, further(self.most, behind)
 
 
 class Ready(msgspec.Struct, frozen=True, tag=True):
@@ -147,10 +156,12 @@ class Reporter:
         """Report that the part is up."""
         self._send(Ready(self._who))
 
-    def progress(self, tick: int, waves: WavesSoFar | None = None) -> None:
-        """Report the tick it has come to, unless one was reported a moment ago."""
+    def progress(
+        self, tick: int, waves: WavesSoFar | None = None, *, last: bool = False
+    ) -> None:
+        """Report the tick it has come to, unless it did a moment ago; but its last."""
         now = time.monotonic()
-        is_due = now >= self._next_progress
+        is_due = last or now >= self._next_progress
         if not is_due and not (self._every_tick and tick != self._tick):
             return
         self._tick = tick

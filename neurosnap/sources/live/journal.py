@@ -103,6 +103,10 @@ class JournalRow(msgspec.Struct, frozen=True, array_like=True, tag="row"):
     """When nothing was listened to since the row before."""
     said: bytes = b""
     """The numbers behind it; see `wire.Observation`."""
+    due: float = 0
+    """When it was there to be given; handed over, as in `wire.Observation`."""
+    waiting: int = 0
+    """Handed over, as in `wire.Observation`."""
 
     @classmethod
     def of(cls, seen: Observed, number: int = 0) -> Self:
@@ -115,6 +119,8 @@ class JournalRow(msgspec.Struct, frozen=True, array_like=True, tag="row"):
             seen.received,
             seen.outages,
             seen.said,
+            seen.due,
+            seen.waiting,
         )
 
     def observed(self, sensors: int) -> Observed:
@@ -129,6 +135,8 @@ class JournalRow(msgspec.Struct, frozen=True, array_like=True, tag="row"):
             self.received,
             self.outages,
             said=self.said,
+            due=self.due,
+            waiting=self.waiting,
         )
 
 

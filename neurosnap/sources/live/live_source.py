@@ -100,6 +100,7 @@ class LiveSource:
     live: bool = True
     discrete: bool = False
     length: int | None = None
+    _asked = 0.0  # when a swarm first asked for a row: nothing waited for it before
 
     def __init__(
         self,
@@ -204,6 +205,7 @@ class LiveSource:
             count = len(self.sensors)
             shown = None if before is None else before.observed(count)
             self._waiting = deque(rows)
+            self._asked = 0.0
             self._shown = rows[-1].observed(count) if rows else shown
             self._rows = self.journal.last
             self.given = tick
@@ -253,7 +255,8 @@ class LiveSource:
     def _write_row(self, bits: Bits, known: Bits) -> None:
         """Let a row wait; what the journal fails of, the next caller gets."""
         try:
-            self._waiting.append(JournalRow.of(self._row(bits, known)))
+            row = self._row(bits, known, self._wall())
+            self._waiting.append(JournalRow.of(row))
         except NeurosnapError as error:
             self._error = error
 
@@ -476,9 +479,14 @@ class LiveSource:
         if not self._started:
             self._start()
         with self._condition:
+            self._asked = self._asked or self._wall()
             shown = self._next()
             if shown is None:
                 return None
+            due = max(shown.due, self._asked)
+            late = self._wall() - due > self._schedule.slack
+            waiting = len(self._waiting) * late
+            shown = msgspec.structs.replace(shown, due=due * late, waiting=waiting)
             self._schedule.given(self._clock())
             self.given += 1
             self._condition.notify_all()  # there is room for one more
@@ -504,8 +512,8 @@ class LiveSource:
         )
         return not (same and np.array_equal(shown.bits, bits))
 
-    def _row(self, bits: Bits, known: Bits) -> Observed:
-        """Return the next row, once it is written down."""
+    def _row(self, bits: Bits, known: Bits, due: float) -> Observed:
+        """Return the next row, which was due then, once it is written down."""
         self._end_outage()  # a feeder may bring a row before it is known to have begun
         sure, begins = None if known.all() else known, self._fresh
         # What is live has no ends: what begins cut off what was before.
@@ -517,6 +525,7 @@ class LiveSource:
             self._received,
             self._outages,
             said=self.numbers.packed(sure),
+            due=due,
         )
         if self.journal is not None:
             self.journal.write(JournalRow.of(row))
@@ -555,7 +564,8 @@ class LiveSource:
             patience = self._patience(seen, now)
             if patience == 0:
                 self._note_pace(late)
-                return self._row(*seen)
+                due = self._schedule.due(now) if late else now
+                return self._row(*seen, self._wall() - now + due)
             if self._ended:
                 return None
             late = False

@@ -14,6 +14,10 @@ from neurosnap.errors import InvalidValueError
 Seconds: TypeAlias = Annotated[float, msgspec.Meta(gt=0, le=31_536_000)]
 
 
+SLACK = 1.0
+"""Seconds that a tick may be late."""
+
+
 class Clocked:
     """A tick every `interval` seconds, above 0, the first one at once.
 
@@ -25,6 +29,7 @@ class Clocked:
 
     def __init__(self, interval: float) -> None:
         self._interval = interval
+        self.slack = min(SLACK, interval / 2)
         self._began = 0.0
         self._next = 0
 
@@ -35,6 +40,10 @@ class Clocked:
     def wait(self, now: float, changed: bool) -> float | None:
         """Return the time left; whether anything `changed` does not matter."""
         return max(0.0, self._began + self._next * self._interval - now)
+
+    def due(self, now: float) -> float:
+        """Return since when a tick that is given now may have been due."""
+        return min(now, self._began + self._next * self._interval)
 
     def given(self, now: float) -> None:
         """Go on to the first tick due later than `now`, if one is due at all."""
@@ -61,6 +70,7 @@ class OnChange:
         self, min_interval: float = 0.0, max_interval: float | None = None
     ) -> None:
         self._least = min_interval
+        self.slack = min(SLACK, min_interval or SLACK)
         self._most = max_interval
         self._last: float | None = None
 
@@ -77,6 +87,10 @@ class OnChange:
             return 0.0 if changed else None
         span = self._least if changed else self._most
         return None if span is None else max(0.0, self._last + span - now)
+
+    def due(self, now: float) -> float:
+        """Return since when a tick that is given now may have been due."""
+        return now if self._last is None else min(now, self._last + self._least)
 
     def given(self, now: float) -> None:
         """Count both intervals from `now`."""

@@ -7,6 +7,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.apps.cli.run_at_a_glance import Glance
+from neurosnap.protocol.tick_times import Behind
 from neurosnap.protocol.worker_shares import hosts
 from neurosnap.runtime.parts.job import WavesSoFar
 from neurosnap.sources.live.journal import Journal, JournalRow, Taken, journal_of
@@ -66,6 +67,14 @@ def test_the_depth_stands_beside_the_height_the_highest_first(clock: Clock) -> N
     glance.waves(so_far)
     assert rows(glance)["depth"] == "3 hops; deepest by height: 4 at 5, 2 at 2"
     assert rows(glance)["height"] == "9, the longest chain of implications now"
+
+
+def test_how_far_it_is_behind_stands_there_while_it_is(clock: Clock) -> None:
+    glance = Glance(clock=clock)
+    glance.waves(waves(1, behind=Behind(1, 3.0, 0, "world", 0.5)))
+    assert rows(glance)["behind"] == "3.0 s behind; the world took 50% of the time"
+    glance.waves(waves(2))
+    assert "behind" not in rows(glance)
 
 
 def test_cells_that_are_not_there_are_named(clock: Clock) -> None:

@@ -13,6 +13,7 @@ from neurosnap.errors import NeurosnapError
 from neurosnap.protocol.anomaly_report import NamedAnomaly, anomaly_line
 from neurosnap.protocol.coordinator import Totals
 from neurosnap.protocol.run_options import RunOptions
+from neurosnap.protocol.tick_times import Behind
 from neurosnap.recording.format.completeness import Completeness
 from neurosnap.runtime.request import Outcome, Restart
 
@@ -49,6 +50,13 @@ def test_the_pace_is_that_of_the_ticks_that_were_made() -> None:
     assert "6 in 1.0 s (6 a second)" in "\n".join(told())
     gone_on = "\n".join(told(after=4, restarts=1))
     assert "6, 2 of them in 1.0 s (2 a second)" in gone_on
+
+
+def test_a_run_that_fell_behind_says_when_by_how_much_and_for_whom() -> None:
+    line = "at tick 4 most: 2.5 s behind, 7 ticks wait; the cells took 80% of the time"
+    behind = Behind(4, 2.5, 7, "cells", 0.8)
+    assert f"behind        {line}" in told(behind=behind)
+    assert not any("behind" in each for each in told())
 
 
 def test_a_name_cannot_turn_the_text_around() -> None:

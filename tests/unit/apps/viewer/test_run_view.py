@@ -4,6 +4,7 @@ import random
 from collections.abc import Callable
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -15,7 +16,14 @@ from neurosnap.poc.order.graph import PocGraph
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording
 from neurosnap.sensorium import complete, unpack
+from neurosnap.sources.protocol import Observed
 from tests.support.exhaustive import rows
+from tests.support.inline_runs import (
+    ACTIONS,
+    implying_rows,
+    recorded_run,
+    scripted_options,
+)
 from tests.support.recorded_messages import of_type
 from tests.support.recorded_runs import (
     TICKS,
@@ -29,6 +37,7 @@ from tests.support.recorded_runs import (
 )
 from tests.support.rewritten_recordings import spoil
 from tests.support.run_options import options_for
+from tests.support.scripted_sources import Scripted
 
 pytestmark = pytest.mark.slow
 
@@ -63,6 +72,31 @@ def small(log: Path, tmp_path_factory: pytest.TempPathFactory) -> bytes:
 @pytest.fixture(scope="module")
 def path_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return recorded(path_run(), tmp_path_factory.mktemp("path") / "run.mcap")
+
+
+class Late(Scripted):
+    """One of which each tick from the third on is late."""
+
+    def _show(self, *, begins: bool = False, cut: bool = False) -> Observed | None:
+        seen = super()._show(begins=begins, cut=cut)
+        if seen is None or self._next < 3:
+            return seen
+        return msgspec.structs.replace(seen, due=float(self._next), waiting=9)
+
+
+def test_a_tick_that_is_behind_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = Late(implying_rows(5, 1), ACTIONS)
+    opens = "neurosnap.runtime.parts.world_process.open_source"
+    monkeypatch.setattr(opens, lambda *_: source)
+    behind = recorded_run(scripted_options(5), tmp_path / "log").behind
+    assert behind is not None
+    assert (behind.tick, behind.waiting) == (3, 9)
+    assert behind.seconds > 1e9  # since 1970
+    said = [frame.intake for frame in RunView(tmp_path / "log").frames(1, 5)]
+    assert [len(lines) for lines in said] == [0, 0, 1, 1, 0]  # the last has no decision
+    assert " s behind, 9 ticks wait; the " in said[2][0]
 
 
 def edges_of(graph: api.Graph) -> frozenset[tuple[int, int]]:

@@ -197,6 +197,44 @@ def test_a_run_that_makes_up_for_a_restart_keeps_up(
     assert caplog.messages == []
 
 
+@pytest.mark.parametrize(
+    ("schedule", "busy", "behind"),
+    [
+        (Clocked(1.0), 0.9, [0, 0, 0]),
+        (Clocked(1.0), 1.4, [0, 0.8, 1.2]),  # of 1.4, 2.8 and 4.2, due at 1, 2 and 3
+        (Clocked(10.0), 12.0, [2, 4, 6]),  # a second is allowed, not half of ten
+        (OnChange(), 0.9, [0, 0, 0]),
+        (OnChange(), 1.5, [1.5, 1.5, 1.5]),
+        (OnChange(min_interval=0.5), 1.5, [1, 1, 1]),
+    ],
+)
+def test_a_tick_is_behind_by_how_long_it_was_due(
+    schedule: TickSchedule, busy: float, behind: list[float]
+) -> None:
+    time, found = FakeTime(), list[float]()
+    source = source_of(time, schedule)
+    source.receive({"door": True})
+    assert source.first() is not None
+    for turn in range(3):
+        time.at(time.now + 0.1, lambda on=turn % 2: source.receive({"door": bool(on)}))  # type: ignore[misc]
+        time.pass_until(time.now + busy)
+        seen = source.step(-1)
+        assert seen is not None
+        found.append(seen.due and EPOCH + time.now - seen.due)
+    assert found == pytest.approx(behind)
+
+
+def test_a_change_that_comes_while_it_is_waited_for_is_not_late() -> None:
+    time = FakeTime()
+    source = source_of(time, OnChange())
+    source.receive({"door": True})
+    assert source.first() is not None
+    time.at(50.0, lambda: source.receive({"door": False}))
+    seen = source.step(-1)
+    assert seen is not None
+    assert (time.now, seen.due, seen.waiting) == (50.0, 0, 0)
+
+
 def test_the_last_change_is_shown_at_the_end_whatever_the_pace() -> None:
     time = FakeTime()
     source = source_of(time, OnChange(min_interval=50.0))
@@ -634,6 +672,28 @@ def test_changes_that_nobody_asks_for_are_kept(
     assert kept.rows() == 1 + len(kept_)
     source.resume_after(1)
     assert taken(source, len(kept_)) == bits(*kept_)
+
+
+def test_whole_readings_wait_from_when_they_came_but_not_for_a_swarm(
+    kept: Kept,
+) -> None:
+    time = FakeTime(100.0)
+    source = kept.source(time=time)
+
+    def due(now: float) -> tuple[float, int]:
+        time.pass_until(now)
+        seen = source.step(0) if source.given else source.first()
+        assert seen is not None
+        return seen.due, seen.waiting
+
+    source.resume_after(0)
+    give(source, 1, 2, 3)
+    time.at(201.0, lambda: give(source, 1))
+    assert [due(200.0), due(200.5)] == [(0, 0), (0, 0)]  # none asked until 200
+    assert [due(203.0), due(204.0)] == [(200.0, 1), (201.0, 0)]
+    time.pass_until(300.0)
+    source.resume_after(1)  # another swarm goes on, after a death
+    assert [due(300.0), due(302.0)] == [(0, 0), (300.0, 1)]
 
 
 def test_an_action_is_carried_out_once_however_often_it_is_decided(kept: Kept) -> None:
