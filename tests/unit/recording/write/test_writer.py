@@ -40,6 +40,7 @@ def test_what_is_kept_of_each_chunk_is_little_and_in_the_index(
     with Writer(log) as new:
         new.start({})
         tracemalloc.start()
+        before = 0
         for number in range(400):
             if number == 100:
                 before, _ = tracemalloc.get_traced_memory()
