@@ -12,6 +12,7 @@ from neurosnap.poc.order.contradiction import (
     CHAINS,
     PATIENCE,
     Cover,
+    conflicts,
     contradiction,
     smallest_cover,
 )
@@ -224,3 +225,17 @@ def test_many_broken_implications_are_counted_and_not_all_listed() -> None:
     found = contradiction(order, seen, np.zeros_like)
     assert (len(found.chains), found.more) == (CHAINS, wide * wide - CHAINS)
     assert len(found.culprits) == wide
+
+
+def test_conflicts_are_found_among_many_literals() -> None:
+    # Sensors below 5 rule out all that follow; others are in conflict with few.
+    many = 700
+    broken = [(2 * a, 2 * b + 1) for a in range(5) for b in range(5, many)]
+    broken += [(2 * a, 2 * a + 3) for a in range(5, many - 1, 7)]
+    graph = PocGraph.from_implications(many, broken)
+    clashing = 2 * np.arange(many)
+    wanted = [0] * many
+    for a, b in broken:
+        wanted[a >> 1] |= 1 << (b >> 1)
+        wanted[b >> 1] |= 1 << (a >> 1)
+    assert conflicts(graph, clashing) == wanted

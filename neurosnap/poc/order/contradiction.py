@@ -29,7 +29,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.poc.order.graph import PocGraph
-from neurosnap.poc.order.literal_sets import Literals, as_literals, from_mask, members
+from neurosnap.poc.order.literal_sets import (
+    Literals,
+    as_literals,
+    from_mask,
+    from_words,
+    members,
+    to_words,
+)
 from neurosnap.sensorium import complement
 from neurosnap.system.compiled import njit
 
@@ -40,6 +47,7 @@ CHAINS = 1_024
 """The most chains that are listed."""
 _LOOKS = 20_000  # literals looked at on the way of chains
 _ROWS = 256  # literals that clash whose conflicts are found at a time
+_MANY = 0.1  # share of words with conflicts, beyond which all are looked at
 Ints = NDArray[np.int64]
 
 
@@ -335,12 +343,20 @@ def conflicts(graph: PocGraph, clashing: NDArray[np.int64]) -> list[int]:
 
     ``(k,)``, ascending: each is below the complement of another. O(k²) time.
     """
-    octets, bits = (clashing ^ 1) >> 3, ((clashing ^ 1) & 7).astype(np.uint8)
-    closed, masks = graph.closed.view(np.uint8), list[int]()
+    denied = np.zeros(len(graph), np.bool_)
+    denied[clashing ^ 1] = True
+    words, place, masks = to_words(denied), np.cumsum(denied) - 1, list[int]()
     for start in range(0, len(clashing), _ROWS):
-        block = closed[np.ix_(clashing[start : start + _ROWS], octets)] >> bits & 1
+        rows = graph.closed[clashing[start : start + _ROWS]] & words
+        row, word = rows.nonzero()
+        if len(row) > rows.size * _MANY:
+            block = from_words(rows, len(graph))[:, denied]
+        else:  # as a rule most are in conflict with a few only
+            block = np.zeros((len(rows), len(clashing)), np.bool_)
+            at, bit = from_words(rows[row, word][:, None], 64).nonzero()
+            block[row[at], place[64 * word[at] + bit]] = True
         packed = np.packbits(block, axis=1, bitorder="little")
-        masks += (int.from_bytes(row.tobytes(), "little") for row in packed)
+        masks += (int.from_bytes(each.tobytes(), "little") for each in packed)
     return masks
 
 
