@@ -49,11 +49,9 @@ CHANGES = 64
 are between two ticks."""
 ROOM = 1024
 """Readings that wait when a feeder that can hold its writer back does so."""
-SLOW = 30
-"""Ticks in a row that are due before they are asked for, when the run is too slow."""
 _SLOW = (
-    "source: readings come faster than this run makes ticks (run it with --cells inline,"
-    " or with a longer interval or min_interval)"
+    "source: a tick is late (if that goes on: `neurosnap ps` says by how much, and for whom;"
+    " --cells inline is fastest, or take a longer interval or min_interval)"
 )
 
 _logger = logging.getLogger(__name__)
@@ -154,8 +152,7 @@ class LiveSource:
         self._deaf = None if journal is None else journal.deaf  # since when, and why
         self._listening = False
         self._heard = False  # a feeder that says when it listens has done so
-        self._late = self._behind = 0  # ticks in a row that were; what waited at first
-        self._slow = False  # it was said
+        self._slow = False  # that it is too slow was said
 
     def first(self) -> Observed | None:
         """Start the feeder, unless it is on its way, and wait as `step` does."""
@@ -485,6 +482,9 @@ class LiveSource:
                 return None
             due = max(shown.due, self._asked)
             late = self._wall() - due > self._schedule.slack
+            if late and not self._slow:
+                self._slow = True
+                _logger.warning(_SLOW)
             waiting = len(self._waiting) * late
             shown = msgspec.structs.replace(shown, due=due * late, waiting=waiting)
             self._schedule.given(self._clock())
@@ -555,7 +555,6 @@ class LiveSource:
         turn, late = self._turn, True
         while not self._closed and turn == self._turn:
             if self._waiting:
-                self._note_pace(late)
                 return self._waiting.popleft().observed(len(self.sensors))
             if self._error is not None:
                 raise self._error
@@ -563,7 +562,6 @@ class LiveSource:
             seen = self._latest.observation(now)
             patience = self._patience(seen, now)
             if patience == 0:
-                self._note_pace(late)
                 due = self._schedule.due(now) if late else now
                 return self._row(*seen, self._wall() - now + due)
             if self._ended:
@@ -571,21 +569,6 @@ class LiveSource:
             late = False
             self._wait(now, patience)
         return None
-
-    def _note_pace(self, late: bool) -> None:
-        """Say once if the run cannot keep up, and not if it makes up for a restart.
-
-        Args:
-            late: A tick was due before it was asked for.
-        """
-        self._late = self._late + 1 if late and not self._ended else 0
-        if self._late <= 1:
-            self._behind = len(self._waiting)
-        elif self._late > SLOW:
-            self._late = 0
-            if len(self._waiting) >= self._behind and not self._slow:
-                self._slow = True
-                _logger.warning(_SLOW)
 
     def _wait(self, now: float, patience: float | None) -> None:
         """Wait until what is known may change, `patience` seconds at most."""

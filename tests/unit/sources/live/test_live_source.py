@@ -20,7 +20,7 @@ from neurosnap.sources.live.latest_or_late import (
     ClockMapping,
     LatestReadings,
 )
-from neurosnap.sources.live.live_source import CHANGES, ROOM, SLOW, LiveSource
+from neurosnap.sources.live.live_source import CHANGES, ROOM, LiveSource
 from neurosnap.sources.live.tick_schedule import Clocked, OnChange, TickSchedule
 from neurosnap.sources.protocol import Observed
 from neurosnap.wire import Outage, Received
@@ -179,7 +179,7 @@ def test_a_run_that_cannot_keep_up_is_told_so_once(
     source = source_of(time, Clocked(1.0))
     source.receive({"door": True})
     source.first()
-    for _ in range(3 * SLOW):
+    for _ in range(90):
         time.pass_until(time.now + busy)
         source.step(-1)
     assert sum("--cells inline" in line for line in caplog.messages) == told
@@ -189,10 +189,10 @@ def test_a_run_that_makes_up_for_a_restart_keeps_up(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     source = source_of(FakeTime(), OnChange())
-    for number in range(3 * SLOW):
+    for number in range(90):
         source.receive_whole([number % 2 == 0, True])
     source.first()
-    for _ in range(3 * SLOW - 1):
+    for _ in range(89):
         source.step(-1)
     assert caplog.messages == []
 
