@@ -195,7 +195,8 @@ class CoordinatorJob(msgspec.Struct, frozen=True):
             learned = core.graph.implications(core.snapshot.sensorium)
             given = _named(options)
             named = [pair for pair in learned if pair not in given]
-            part.reporter.progress(core.tick, reports.waves, last=True)
+            if reports.waves.number:  # it has begun
+                part.reporter.progress(core.tick, reports.waves, last=True)
             part.reporter.done(Result(core.totals, seconds, named))
 
 
