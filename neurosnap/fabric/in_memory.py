@@ -12,7 +12,7 @@ import contextlib
 import functools
 import time
 from collections import defaultdict, deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Self
 
 import zenoh
@@ -223,7 +223,12 @@ class MemoryFabric:
             self._hub.listen(self.who, key, handler)
 
     async def subscribe(
-        self, keys: Sequence[str], handler: Handler, *, poll: float | None = None
+        self,
+        keys: Sequence[str],
+        handler: Handler,
+        *,
+        poll: float | None = None,
+        light: Callable[[], bool] | None = None,
     ) -> None:
         """Hand every message under `keys` to `handler`; there is no waiting here."""
         self.listen(keys, handler)

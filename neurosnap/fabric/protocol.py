@@ -35,7 +35,12 @@ class Fabric(Protocol):
         """
 
     async def subscribe(
-        self, keys: Sequence[str], handler: Handler, *, poll: float | None = None
+        self,
+        keys: Sequence[str],
+        handler: Handler,
+        *,
+        poll: float | None = None,
+        light: Callable[[], bool] | None = None,
     ) -> None:
         """Hand every message under `keys` to `handler`, in bursts.
 
@@ -48,6 +53,9 @@ class Fabric(Protocol):
                 who need throughput and not latency. On the event loop, always. Under
                 one key only: what is collected under each is apart from the others, so
                 no sender's order would be kept.
+            light: Tells that what the handler publishes next surely fits the queue of
+                what is sent. Then a swift fabric may call it on the thread that
+                receives, still one burst at a time, and no thread has to be woken.
         """
 
     async def announce(self) -> None:

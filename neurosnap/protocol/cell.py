@@ -32,6 +32,11 @@ from neurosnap.protocol.cell_and_worker_base import Host, check_number
 from neurosnap.protocol.cell_histories import PartHistory
 from neurosnap.protocol.wave_settling import DEEPEST, split_evenly
 
+LIGHT = 512
+"""Messages that a cell may send from the thread on which it receives. Twice as many, of
+half a kilobyte, fit the queue of a session: so that thread, which may be the one that
+empties the queue, never waits for room."""
+
 
 class _Wave(msgspec.Struct):
     """What a cell knows of one wave."""
@@ -61,6 +66,11 @@ class Cell(Host[_Wave, wire.Observation]):
         self._targets: dict[int, list[int]] = {each: [] for each in self._literals}
         self._history = PartHistory(self._who, range(cell, cell + 1))
         self._touched: dict[int, _Wave] = {}  # waves that owe a report
+
+    @property
+    def is_light(self) -> bool:
+        """Whether all that it may send next, beside what waits, is at most `LIGHT`."""
+        return self.waiting + sum(map(len, self._targets.values())) <= LIGHT
 
     def _receive(self, message: wire.Message) -> None:
         match message:

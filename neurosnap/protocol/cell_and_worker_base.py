@@ -138,6 +138,8 @@ class Host(Generic[W, T]):
         self._fence = 0  # the newest wave announced to all, as far as received
         self._remembered = 0  # pulses or batches of them, in all waves
         self._out: list[wire.Message] = []  # of the batch that is worked on
+        self.waiting = 0
+        """Messages sent that may not have left yet, at most."""
 
     def receive(self, batch: Iterable[wire.Message]) -> list[wire.Message]:
         """Receive `batch` and return what is to be sent for it, in order.
@@ -153,6 +155,7 @@ class Host(Generic[W, T]):
                 self._out.append(wire.Fault(self._who, str(error)))
         self._finish()
         out, self._out = self._out, []
+        self.waiting += len(out)
         return out
 
     def _receive(self, message: wire.Message) -> None:
@@ -202,6 +205,8 @@ class Host(Generic[W, T]):
             self._waves = left
             self._remembered = sum(len(wave.seen) for wave in left.values())
         self._settled_below, self._fence = below, fence
+        if start.settled_below == start.wave:
+            self.waiting = 0  # all waves before have settled: their reports have come
         return counts
 
     def _narrowed(self, start: wire.WaveStart) -> wire.WaveStart:

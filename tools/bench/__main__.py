@@ -28,6 +28,7 @@ ROWS = {
     "start": ("start", "the help, the version, and a first run beside a later one"),
     "spawn": ("swarm", "from the hub's start until every cell is wired; memory a cell"),
     "hop": ("swarm", "one hop of a wave along a chain, against bare Zenoh"),
+    "tick": ("tick", "a tick of process cells, against bare Zenoh that sends as much"),
     "recording": ("run", "a tick with the recorder and without"),
     "observe": ("observe", "an observation of a snapshot in this process"),
     "growth": ("observe", "a decision while exploring Taxi, in this process"),

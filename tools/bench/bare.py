@@ -22,7 +22,8 @@ import statistics
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING
 
@@ -31,9 +32,9 @@ import zenoh
 if TYPE_CHECKING:
     from multiprocessing.context import ForkServerProcess
 
-_context = multiprocessing.get_context("forkserver")
-_BLOCK = zenoh.CongestionControl.BLOCK
-_WARMUP = 5  # laps not counted
+context = multiprocessing.get_context("forkserver")
+BLOCK = zenoh.CongestionControl.BLOCK
+WARMUP = 5  # laps, and ticks, not counted
 _PATIENCE = 60.0
 _PAYLOAD = b"x" * 64  # about what a pulse takes
 
@@ -46,9 +47,25 @@ def main() -> None:
     parser.add_argument("laps", type=int, nargs="?", default=50)
     parser.add_argument("--memory", action="store_true")
     given = parser.parse_args()
+    with hub_for(given.count, "tools.bench.bare") as (config, began):
+        if given.what == "spawn":
+            measured = measure_spawn(config, given.count, began, given.memory)
+        else:
+            measured = measure_ring(config, given.count, given.laps)
+    print(json.dumps(measured))
+
+
+@contextmanager
+def hub_for(count: int, module: str) -> Iterator[tuple[str, float]]:
+    """Run a hub; yield how `count` sessions connect to it, and when it was started.
+
+    Args:
+        count: How many there will be.
+        module: What the processes have loaded, and nothing else.
+    """
     _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
-    _context.set_forkserver_preload(["tools.bench.bare"])
+    context.set_forkserver_preload([module])
     start(time.sleep, 0).join()  # the fork server's imports are not what is measured
     # Only now, and only here: the fork server has forked with nothing of ours loaded.
     from neurosnap.fabric.hub_address import HubAddress
@@ -59,21 +76,17 @@ def main() -> None:
         endpoint = f"unixsock-stream/{folder}/hub"
         config = str(connecting(HubAddress(endpoint), _PATIENCE))
         began = time.perf_counter()
-        with open_hub([endpoint], given.count):
-            if given.what == "spawn":
-                measured = measure_spawn(config, given.count, began, given.memory)
-            else:
-                measured = measure_ring(config, given.count, given.laps)
-    print(json.dumps(measured))
+        with open_hub([endpoint], count):
+            yield config, began
 
 
 def measure_spawn(
     config: str, count: int, began: float, memory: bool
 ) -> dict[str, float]:
     """Return the seconds from the start of the hub until `count` processes are up."""
-    up, say_up = _context.Pipe(duplex=False)
+    up, say_up = context.Pipe(duplex=False)
     processes = [start(be_bare, config, i, say_up) for i in range(count)]
-    _await(up, count)
+    await_words(up, count)
     measured = {"seconds": time.perf_counter() - began}
     if memory:
         measured["pss"] = mean_pss([process.pid or 0 for process in processes])
@@ -82,14 +95,14 @@ def measure_spawn(
 
 def measure_ring(config: str, count: int, laps: int) -> dict[str, float]:
     """Return the median seconds a hop of `laps` laps round `count` processes."""
-    up, say_up = _context.Pipe(duplex=False)
-    line, line_end = _context.Pipe()
+    up, say_up = context.Pipe(duplex=False)
+    line, line_end = context.Pipe()
     for number in range(count):
         end = line_end if number == 0 else None
         start(be_relay, config, number, count, laps, say_up, end)
-    _await(up, count)
+    await_words(up, count)
     line.send_bytes(b"go")
-    took = json.loads(_await(line, 1))
+    took = json.loads(await_words(line, 1))
     return {"hop": statistics.median(took) / count}
 
 
@@ -102,12 +115,12 @@ def mean_pss(pids: list[int]) -> float:
 
 def start(work: Callable[..., None], *arguments: object) -> "ForkServerProcess":
     """Start a process that does `work`, and that ends with this one."""
-    process = _context.Process(target=work, args=arguments, daemon=True)
+    process = context.Process(target=work, args=arguments, daemon=True)
     process.start()
     return process
 
 
-def _await(line: Connection, count: int) -> bytes:
+def await_words(line: Connection, count: int) -> bytes:
     """Wait for `count` words on `line` and return the last; raise when none comes."""
     word = b""
     for _ in range(count):
@@ -119,8 +132,7 @@ def _await(line: Connection, count: int) -> bytes:
 
 def be_bare(config: str, number: int, say_up: Connection) -> None:
     """Open a session, declare one subscriber, stay."""
-    _end_with_parent()
-    session = zenoh.open(zenoh.Config.from_json5(config))
+    session = join(config)
     callback = zenoh.handlers.Callback(_ignore, indirect=False)
     subscriber = session.declare_subscriber(f"bare/*/{number}", callback)
     say_up.send_bytes(b"1")
@@ -137,10 +149,9 @@ def be_relay(
     line: Connection | None,
 ) -> None:
     """Put on to the next whatever comes; the first process times the laps."""
-    _end_with_parent()
-    session = zenoh.open(zenoh.Config.from_json5(config))
+    session = join(config)
     onward = session.declare_publisher(
-        f"ring/{(number + 1) % count}", congestion_control=_BLOCK
+        f"ring/{(number + 1) % count}", congestion_control=BLOCK
     )
     times: list[float] = []
 
@@ -149,11 +160,11 @@ def be_relay(
 
     def count_lap(sample: zenoh.Sample) -> None:
         times.append(time.perf_counter())
-        if len(times) <= _WARMUP + laps:
+        if len(times) <= WARMUP + laps:
             onward.put(sample.payload)
         elif line is not None:
             took = [b - a for a, b in itertools.pairwise(times)]
-            line.send_bytes(json.dumps(took[_WARMUP:]).encode())
+            line.send_bytes(json.dumps(took[WARMUP:]).encode())
 
     work = relay if line is None else count_lap
     callback = zenoh.handlers.Callback(work, indirect=False)
@@ -172,7 +183,21 @@ def _ignore(sample: zenoh.Sample) -> None:
     """Take in nothing."""
 
 
-def _end_with_parent() -> None:
-    """Get a SIGTERM when the fork server goes, as the swarm's cells do."""
+def join(config: str) -> zenoh.Session:
+    """Return a session; the process gets a SIGTERM when the fork server goes."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(1, signal.SIGTERM)
+    return zenoh.open(zenoh.Config.from_json5(config))
+
+
+def listen(
+    session: zenoh.Session, take: Callable[[str, bytes], None], *keys: str
+) -> None:
+    """Hand what comes under `keys` to `take`, on Zenoh's thread."""
+
+    def hand_over(sample: zenoh.Sample) -> None:
+        take(str(sample.key_expr), sample.payload.to_bytes())
+
+    callback = zenoh.handlers.Callback(hand_over, indirect=False)
+    for key in keys:
+        session.declare_subscriber(key, callback)

@@ -26,6 +26,8 @@ class Sizes:
     """Sensors of the observe row."""
     lines: tuple[int, ...] = (20, 100, 300, 1000)
     """Sensors of the kinds row."""
+    swarms: tuple[int, ...] = (20, 100, 300)
+    """Cells of the tick row."""
     fitted: tuple[int, ...] = (100, 1000, 3000, 10_000)
     """Sensors of the runs that a model of a tick is made of."""
     foretold: tuple[int, ...] = (300, 600, 2000, 4500, 7000)
@@ -48,6 +50,7 @@ QUICK = Sizes(
     ticks=20,
     sensors=(20, 40),
     lines=(20,),
+    swarms=(20,),
     fitted=(40, 60, 80),
     foretold=(70,),
     crowd=170,

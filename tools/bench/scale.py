@@ -49,15 +49,17 @@ def scale(sizes: Sizes) -> list[Line]:
     return lines
 
 
-class _Spent:
+class Spent:
     """What each kind of part has spent, at some of a run's ticks.
 
     Args:
         begin: The first tick to look at: all parts are up by then.
+        every: Ticks from one look to the next, at least.
     """
 
-    def __init__(self, begin: int) -> None:
+    def __init__(self, begin: int, every: int = 0) -> None:
         self._begin = begin
+        self._every = every
         self._parts = 0
         self._seen: list[tuple[int, Counter[str]]] = []
 
@@ -76,6 +78,7 @@ class _Spent:
         self._parts = self._parts or len(found)
         if len(found) == self._parts:
             self._seen.append((tick, spent))
+            self._begin = tick + self._every
 
     def a_tick(self, least: int) -> dict[str, float]:
         """Return the seconds a tick of each kind of part, between first and last look.
@@ -101,7 +104,7 @@ def _spent(count: int, learning: LearningKind, folder: Path) -> dict[str, float]
         watch=True,
         keyframe_every=1 << 20,
     )
-    spent = _Spent(_BEGIN)
+    spent = Spent(_BEGIN)
     run_once(options, at / "run.mcap", Watcher(spent.look))
     shutil.rmtree(at)
     found = spent.a_tick(ticks // 2)

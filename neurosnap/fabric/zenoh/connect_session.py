@@ -70,6 +70,8 @@ def connecting(hub: HubAddress, patience: float) -> zenoh.Config:
         connect__endpoints=[hub.endpoint],
         connect__timeout_ms=int(patience * 1000),
         connect__retry=RETRY,
+        # A megabyte, taken as it is needed: what a cell sends while it receives.
+        transport__link__tx__queue__size__data=16,
         **guard,
     )
 

@@ -3,9 +3,9 @@
 An `Inbox` is filled by any thread, which never blocks, and delivers in bursts, in
 order: on the event loop, or on a thread where latency counts. Waking an event loop
 takes two system calls and its selector, a hundred microseconds on a small machine, and
-a wave pays that at every hop; waking a thread takes a fifth of it. It is bounded: a
-push beyond the bound is an error for the owner, never a silent loss. A `Poll` reads
-every so often.
+a wave pays that at every hop; waking a thread takes a fifth of it. Nothing is woken
+where the thread that pushes may deliver. It is bounded: a push beyond the bound is an
+error for the owner, never a silent loss. A `Poll` reads every so often.
 """
 
 import asyncio
@@ -35,6 +35,8 @@ class Inbox(Generic[T]):
         fail: Called on the loop, once, with what `deliver` raised or with an
             `InboxOverflowError`; nothing more is let in then.
         swift: Deliver on a thread of the inbox, not on the loop.
+        light: Of a swift one: asked before each burst whether the thread that pushes
+            delivers it, instead of the inbox's; None: never.
     """
 
     def __init__(
@@ -44,14 +46,18 @@ class Inbox(Generic[T]):
         fail: Callable[[BaseException], None],
         *,
         swift: bool = False,
+        light: Callable[[], bool] | None = None,
     ) -> None:
+        self._light = light
         self._owner = owner
         self._deliver = deliver
         self._fail = fail
         self._capacity = _CAPACITY
         self._loop = asyncio.get_running_loop()
         # Not `queue.Queue`: this one is a single lock in C, safe to use in a callback.
-        self._items: queue.SimpleQueue[T | None] = queue.SimpleQueue()
+        self._items: queue.SimpleQueue[T] = queue.SimpleQueue()
+        self._wakes: queue.SimpleQueue[bool] = queue.SimpleQueue()  # of the thread
+        self._turn = threading.Lock()  # who holds it delivers, and no other
         # Written by `close`, by the thread that delivers and by any that pushes too
         # much. It only ever becomes true, so a push may read it without the lock: what
         # it then still puts is an item that came while the inbox was closed.
@@ -74,6 +80,10 @@ class Inbox(Generic[T]):
             return
         self._items.put(item)
         if self._thread is not None:
+            if self._light is None or not self._light():
+                self._wakes.put(True)
+            else:
+                self._deliver_here(self._light)
             return
         # Under the lock: `close` cannot come between the check and the call, so the
         # loop is still running here.
@@ -98,36 +108,43 @@ class Inbox(Generic[T]):
         with self._lock:
             self._closed = True
         if self._thread is not None:
-            self._items.put(None)
+            self._wakes.put(False)
             self._thread.join()
 
     def _drain(self) -> None:
         """Deliver what waits, on the loop."""
         with self._lock:
             self._woken = False  # first: what is put from now on wakes the loop again
-        batch: list[T] = []
-        self._collect(batch)
-        if batch and not self._broken:
-            self._hand_over(batch)
+        self._deliver_waiting()
 
     def _run(self) -> None:
         """Deliver until the inbox is closed, on its thread."""
-        while not self._broken and (first := self._items.get()) is not None:
-            batch = [first]
-            is_last = self._collect(batch)
-            self._hand_over(batch)
-            if is_last:
+        goes_on = True
+        while goes_on and not self._broken:
+            goes_on = self._wakes.get()
+            # Checked again after each turn: what came meanwhile found it taken.
+            while not self._items.empty():
+                with self._turn:
+                    self._deliver_waiting()
+
+    def _deliver_here(self, light: Callable[[], bool]) -> None:
+        """Deliver what waits on this thread, unless another is at it, which will."""
+        while not self._items.empty() and self._turn.acquire(blocking=False):
+            try:
+                self._deliver_waiting()
+            finally:
+                self._turn.release()
+            if not light():
+                self._wakes.put(True)
                 return
 
-    def _collect(self, batch: list[T]) -> bool:
-        """Move what waits into `batch`; tell whether the inbox was closed after it."""
-        # Only one thread takes items out, so what is not empty can be taken.
+    def _deliver_waiting(self) -> None:
+        """Deliver what waits as one burst. Only one at a time: see `_turn`."""
+        batch: list[T] = []
         while not self._items.empty():
-            item = self._items.get()
-            if item is None:
-                return True
-            batch.append(item)
-        return False
+            batch.append(self._items.get())
+        if batch and not self._broken:
+            self._hand_over(batch)
 
     def _hand_over(self, batch: list[T]) -> None:
         try:

@@ -1,16 +1,17 @@
 """The fabric over Zenoh: sends, receives, and flushes before it closes.
 
 What keeps the promises of `neurosnap.fabric.protocol`: one session and one priority a
-process; no callback that blocks, so that no receiver ever stalls the hub; every put
-with BLOCK; callbacks run on Zenoh's own receiving thread (``indirect=False``), which
-keeps the order across several subscriptions. A running number and the sender's clock
-travel as the attachment.
+process; no callback that blocks, so that no receiver ever stalls the hub (what a
+`light` handler puts in one fits Zenoh's queue); every put with BLOCK; callbacks run on
+Zenoh's own receiving thread (``indirect=False``), which keeps the order across several
+subscriptions. A running number and the sender's clock travel as the attachment.
 
 How a session is configured is in `neurosnap.fabric.zenoh.connect_session`, what it
 connects to in `neurosnap.fabric.zenoh.hub`.
 """
 
 import asyncio
+import ctypes
 import struct
 import threading
 import time
@@ -37,6 +38,14 @@ _ANSWER = 10.0  # seconds others may take to answer
 _PAUSE = 0.05  # seconds until one that is there is asked again
 _CHANNEL = 1 << 20  # deliveries a polled subscription may hold back
 _BESIDE = struct.Struct("<QQ")  # of a message: running number, sender's clock in ns
+
+
+def _keep_thread_state() -> None:
+    """Keep what Python knows of this thread of Zenoh's from one callback to the next.
+
+    It is made and thrown away for each otherwise, with memory mapped and unmapped.
+    """
+    ctypes.pythonapi.PyGILState_Ensure()  # with no release, it outlives the callback
 
 
 class ZenohFabric:
@@ -169,7 +178,12 @@ class ZenohFabric:
         return wire.Delivery(key, number, sent, sample.payload.to_bytes())
 
     async def subscribe(
-        self, keys: Sequence[str], handler: Handler, *, poll: float | None = None
+        self,
+        keys: Sequence[str],
+        handler: Handler,
+        *,
+        poll: float | None = None,
+        light: Callable[[], bool] | None = None,
     ) -> None:
         """Hand every message under `keys` to `handler`; see the protocol."""
         if poll is not None:
@@ -178,10 +192,16 @@ class ZenohFabric:
             channel = subscriber.handler
             self._polls.append(Poll(channel, self._read, handler, poll, self._failure))
             return
-        inbox = Inbox(self.who, handler, self._failure.set, swift=self._swift)
+        inbox = Inbox(
+            self.who, handler, self._failure.set, swift=self._swift, light=light
+        )
         self._inboxes.append(inbox)
+        kept = set[int]() if light is not None else None
 
         def hand_over(sample: zenoh.Sample) -> None:
+            if kept is not None and (thread := threading.get_ident()) not in kept:
+                kept.add(thread)
+                _keep_thread_state()
             delivery = self._read(sample)
             if delivery is not None:
                 inbox.push(delivery)

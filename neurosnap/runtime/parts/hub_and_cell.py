@@ -1,6 +1,7 @@
 """The hub process and the cell process, preloaded by the fork server."""
 
 import asyncio
+import os
 import shutil
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -14,6 +15,13 @@ from neurosnap.fabric.zenoh.hub import open_hub
 from neurosnap.protocol.cell import Cell
 from neurosnap.runtime.parts.job import PartContext, decoded, take_part
 
+_ONE_THREAD = (
+    "(app: (worker_threads: 1), rx: (handover: app), tx: (handover: app),"
+    " net: (handover: app), acc: (handover: app))"
+)
+"""Zenoh's threads of a cell. By default one hears that something came, another reads it
+and wakes a third, and a fourth sends: a cell does one thing at a time."""
+
 
 async def run_cell(cell: int, fabric: Fabric, stop: asyncio.Event) -> None:
     """Run the cell of sensor `cell` until `stop` is set.
@@ -24,9 +32,11 @@ async def run_cell(cell: int, fabric: Fabric, stop: asyncio.Event) -> None:
     core = Cell(cell)
 
     def handle(deliveries: list[wire.Delivery]) -> None:
-        fabric.publish(*core.receive(decoded(fabric, deliveries)))
+        messages = decoded(fabric, deliveries)
+        core.waiting += len(deliveries) - len(messages)  # each was a fault
+        fabric.publish(*core.receive(messages))
 
-    await fabric.subscribe(wire.cell_keys(cell), handle)
+    await fabric.subscribe(wire.cell_keys(cell), handle, light=lambda: core.is_light)
     await fabric.announce()
     await fabric.serve(stop)
 
@@ -39,6 +49,7 @@ class CellJob(msgspec.Struct, frozen=True):
 
     async def run(self, part: PartContext) -> None:
         """Run the cell until the end."""
+        os.environ.setdefault("ZENOH_RUNTIME", _ONE_THREAD)
         async with part.connection.fabric(swift=True) as fabric:
             await take_part(fabric, run_cell(self.cell, fabric, part.stop))
 

@@ -3,7 +3,7 @@
 import pytest
 
 from neurosnap import wire
-from neurosnap.protocol.cell import Cell
+from neurosnap.protocol.cell import LIGHT, Cell
 from neurosnap.protocol.wave_settling import DEEPEST
 from tests.support.wave_messages import LARGEST
 
@@ -98,3 +98,17 @@ def test_what_cannot_come_about_is_forgotten_at_the_first_announcement(
     assert set(cell._waves) == {1, 1000}
     (report,) = cell.receive([pulse(2, fence=1)])
     assert isinstance(report, wire.CellReport)
+
+
+def test_a_cell_is_light_while_little_may_wait_to_be_sent() -> None:
+    cell = under_way()
+    cell.receive([pulse(8, credit=LARGEST)] * (LIGHT - 3))  # a fault each
+    assert cell.is_light  # as many as it may, with its edge
+    cell.receive([pulse(8, credit=LARGEST)])
+    assert not cell.is_light
+    cell.receive([start(8, settled_below=7)])  # the wave before may be under way
+    assert not cell.is_light
+    cell.receive([start(9, settled_below=9)])
+    assert cell.is_light
+    cell.receive([wire.Wiring(1, 2, 1, add=tuple(range(10, 10 + LIGHT)))])
+    assert not cell.is_light

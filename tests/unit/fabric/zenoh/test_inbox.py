@@ -1,6 +1,7 @@
 """Inboxes between threads and the loop: order, bounds, and what a failure does."""
 
 import asyncio
+import itertools
 import threading
 from collections.abc import Callable
 
@@ -165,3 +166,50 @@ async def test_an_inbox_that_overflows_and_fails_says_so_once() -> None:
         inbox.push(item)
     await owner.until(lambda: bool(owner.failures))
     assert [type(error) for error in owner.failures] == [InboxOverflowError]
+
+
+async def test_what_is_light_is_delivered_where_it_is_pushed_one_burst_at_a_time() -> (
+    None
+):
+    busy, overlaps, may_end = threading.Lock(), list[int](), threading.Event()
+
+    def work(items: list[int]) -> None:
+        if not busy.acquire(blocking=False):
+            overlaps.append(len(items))
+            return
+        may_end.wait(PATIENCE)
+        busy.release()
+
+    owner = Owner(work)
+    asked = itertools.count()
+    inbox = Inbox(
+        "me", owner.deliver, owner.fail, swift=True, light=lambda: next(asked) % 3 > 0
+    )
+    inbox.push(-1)  # heavy
+    await owner.until(lambda: owner.items == [-1])
+    inbox.push(-2)  # light, while the other is at work: that one delivers it
+    assert owner.items == [-1]
+    may_end.set()
+    await owner.until(lambda: owner.items == [-1, -2])
+    assert owner.threads == {"inbox/me"}
+
+    def push(first: int) -> None:
+        for item in range(first, first + 1000):
+            inbox.push(item)
+
+    async with asyncio.TaskGroup() as group:
+        for number in range(4):
+            group.create_task(asyncio.to_thread(push, 1000 * number))
+    await owner.until(lambda: len(owner.items) == 4002)
+    inbox.close()
+    assert sorted(owner.items[2:]) == list(range(4000))
+    assert len(owner.threads) > 1
+    assert (overlaps, owner.failures) == ([], [])
+
+
+async def test_what_a_delivery_pushes_itself_comes_after_it() -> None:
+    owner = Owner(lambda items: inbox.push(items[0] - 1) if items[0] else None)
+    inbox = Inbox("me", owner.deliver, owner.fail, swift=True, light=lambda: True)
+    inbox.push(3)
+    assert owner.bursts == [[3], [2], [1], [0]]
+    inbox.close()
