@@ -101,14 +101,16 @@ def test_what_cannot_come_about_is_forgotten_at_the_first_announcement(
 
 
 def test_a_cell_is_light_while_little_may_wait_to_be_sent() -> None:
-    cell = under_way()
-    cell.receive([pulse(8, credit=LARGEST)] * (LIGHT - 3))  # a fault each
-    assert cell.is_light  # as many as it may, with its edge
-    cell.receive([pulse(8, credit=LARGEST)])
-    assert not cell.is_light
-    cell.receive([start(8, settled_below=7)])  # the wave before may be under way
-    assert not cell.is_light
-    cell.receive([start(9, settled_below=9)])
-    assert cell.is_light
-    cell.receive([wire.Wiring(1, 2, 1, add=tuple(range(10, 10 + LIGHT)))])
-    assert not cell.is_light
+    cell, light = under_way(), list[bool]()
+    fault = pulse(8, credit=LARGEST)
+    more = tuple(range(10, 10 + LIGHT))
+    for batch in (
+        [fault] * (LIGHT - 3),  # as many as it may, with its edge and what it sent
+        [fault],
+        [start(8, settled_below=7)],  # the wave before may be under way
+        [start(9, settled_below=9)],
+        [wire.Wiring(1, 2, 1, add=more)],
+    ):
+        cell.receive(batch)
+        light.append(cell.is_light)
+    assert light == [True, False, False, True, False]
