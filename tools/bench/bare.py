@@ -130,6 +130,13 @@ def await_words(line: Connection, count: int) -> bytes:
     return word
 
 
+def await_listener(publisher: zenoh.Publisher) -> None:
+    """Wait until it has a subscriber: before, what is put is dropped in silence."""
+    # Its stub says bool, and it is an object that has one.
+    while not getattr(publisher.matching_status, "matching", False):
+        time.sleep(0.005)
+
+
 def be_bare(config: str, number: int, say_up: Connection) -> None:
     """Open a session, declare one subscriber, stay."""
     session = join(config)
@@ -169,9 +176,7 @@ def be_relay(
     work = relay if line is None else count_lap
     callback = zenoh.handlers.Callback(work, indirect=False)
     session.declare_subscriber(f"ring/{number}", callback)
-    # Its stub says bool, and it is an object that has one.
-    while not getattr(onward.matching_status, "matching", False):
-        time.sleep(0.005)
+    await_listener(onward)
     say_up.send_bytes(b"1")
     if line is not None:
         line.recv_bytes()

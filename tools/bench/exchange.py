@@ -169,10 +169,7 @@ def _compute(
     session = bare.join(config)
     to = {one >> 1 for wave in waves for some in wave.targets for one in some}
     keys = {"": f"cellreport/{number}"} | {k: f"pulse/{k}/{number}" for k in to}
-    puts = {
-        whom: session.declare_publisher(key, congestion_control=bare.BLOCK).put
-        for whom, key in keys.items()
-    }
+    puts = dict[int | str, Put]()
     report = bytes(sizes["cellreport"])
     heard, sent = [0] * len(waves), [0] * len(waves)
     fired = [set[int]() for _ in waves]
@@ -204,5 +201,10 @@ def _compute(
 
     own = f"wavestart/{number}", f"pulse/{number}/*"
     bare.listen(session, take, "observation", "wavestart", *own)
+    # Only then: the hub takes in order what a session declares.
+    for whom, key in keys.items():
+        onward = session.declare_publisher(key, congestion_control=bare.BLOCK)
+        bare.await_listener(onward)
+        puts[whom] = onward.put
     say_up.send_bytes(b"1")
     signal.pause()
