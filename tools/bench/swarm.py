@@ -21,7 +21,7 @@ from tools.bench.bare import mean_pss
 from tools.bench.report import Line, Sizes, ratio_of_pairs
 
 _ROOT = Path(__file__).parents[2]
-_SPAWN, _MEMORY, _HOP = 1.5, 12.0, 2.5
+_SPAWN, _MEMORY, _HOP = 1.5, 6.0, 2.0
 _MB = 1e6
 _BEGIN = 0.01  # seconds
 _ENDLESS = 10**9  # waves: the swarm is stopped when its memory is measured
