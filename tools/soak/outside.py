@@ -192,10 +192,15 @@ def outside(by: str, folder: Path, *of_broker: str) -> Iterator[Outside]:
                 f"sensors=[{','.join(map(one.format, _NAMES))}]\n"
                 'publish={prefix="said"}\n'
             )
-            yield Outside(
-                (str(file),),
-                lambda _: _by_broker(broker.port, "soak", "said/world/status"),
-            )
+            client, status = Client(CallbackAPIVersion.VERSION2), "said/world/status"
+            try:
+                yield Outside(
+                    (str(file),),
+                    lambda _: _by_broker(client, broker.port, "soak", status),
+                )
+            finally:
+                client.disconnect()
+                client.loop_stop()
 
 
 def _by_pipe(process: Process) -> Send:
@@ -225,9 +230,9 @@ def _by_ros2(at: str) -> Send:
     return lambda bits: say(array(layout, np.array([*bits.values()], np.uint8)))
 
 
-def _by_broker(port: int, topic: str, status: str) -> Send:
+def _by_broker(client: Client, port: int, topic: str, status: str) -> Send:
     """Publish to a topic, once a run says on another one that it is there."""
-    client, listens = Client(CallbackAPIVersion.VERSION2), threading.Event()
+    listens = threading.Event()
     client.on_message = lambda *_: listens.set()
     room = threading.Semaphore(_AHEAD)
     client.on_publish = lambda *_: room.release()
