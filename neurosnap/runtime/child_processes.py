@@ -24,7 +24,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.context import ForkServerProcess
 
 from neurosnap.errors import SwarmError
-from neurosnap.runtime.parts import hub_and_cell as hub_and_cell  # loaded, not used
+from neurosnap.runtime.parts.hub_and_cell import ONE_THREAD, CellJob
 from neurosnap.runtime.parts.job import (
     Job,
     PartConnection,
@@ -265,6 +265,8 @@ def child(job: Job, connection: PartConnection, line: Connection) -> None:
         signal.siginterrupt(number, False)
     # A world may start programs, which inherit what is blocked.
     signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+    if isinstance(job, CellJob):  # before Zenoh reads it; only of a process of its own
+        os.environ.setdefault("ZENOH_RUNTIME", ONE_THREAD)
     reporter = Reporter(connection.who, line)
     # What the fork server loaded stays shared with it only while nothing walks over it.
     gc.freeze()

@@ -1,7 +1,6 @@
 """The hub process and the cell process, preloaded by the fork server."""
 
 import asyncio
-import os
 import shutil
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -15,12 +14,13 @@ from neurosnap.fabric.zenoh.hub import open_hub
 from neurosnap.protocol.cell import Cell
 from neurosnap.runtime.parts.job import PartContext, decoded, take_part
 
-_ONE_THREAD = (
+ONE_THREAD = (
     "(app: (worker_threads: 1), rx: (handover: app), tx: (handover: app),"
     " net: (handover: app), acc: (handover: app))"
 )
 """Zenoh's threads of a cell. By default one hears that something came, another reads it
-and wakes a third, and a fourth sends: a cell does one thing at a time."""
+and wakes a third, and a fourth sends: a cell does one thing at a time. No hub may have
+this: what it passes on would wait for the thread that waits."""
 
 
 async def run_cell(cell: int, fabric: Fabric, stop: asyncio.Event) -> None:
@@ -49,7 +49,6 @@ class CellJob(msgspec.Struct, frozen=True):
 
     async def run(self, part: PartContext) -> None:
         """Run the cell until the end."""
-        os.environ.setdefault("ZENOH_RUNTIME", _ONE_THREAD)
         async with part.connection.fabric(swift=True) as fabric:
             await take_part(fabric, run_cell(self.cell, fabric, part.stop))
 
