@@ -84,15 +84,16 @@ async def run(
             then is readable.
     """
     most: Behind | None = None
-    noted, upper = 0.0, watcher.on_waves
+    noted, told, upper = 0.0, "", watcher.on_waves
 
     def follow(waves: WavesSoFar) -> None:
         """Keep the most that any life was behind, and note what it is each second."""
-        nonlocal most, noted
+        nonlocal most, noted, told
         most = further(most, waves.most)
-        if waves.most is not None and time.monotonic() - noted >= _NOTED:
-            noted = time.monotonic()
-            note_behind("" if waves.behind is None else waves.behind.line())
+        line = "" if waves.behind is None else waves.behind.line()
+        if line != told and time.monotonic() - noted >= _NOTED:
+            noted, told = time.monotonic(), line
+            note_behind(line)
         upper(waves)
 
     watcher = replace(watcher, on_waves=follow)

@@ -50,8 +50,8 @@ are between two ticks."""
 ROOM = 1024
 """Readings that wait when a feeder that can hold its writer back does so."""
 _SLOW = (
-    "source: a tick is late (if that goes on: `neurosnap ps` says by how much, and for whom;"
-    " --cells inline is fastest, or take a longer interval or min_interval)"
+    "source: a tick is late; if that goes on, `neurosnap ps` says which part it waits"
+    " for (--cells inline is fastest, or take a longer interval or min_interval)"
 )
 
 _logger = logging.getLogger(__name__)
@@ -485,8 +485,8 @@ class LiveSource:
             if late and not self._slow:
                 self._slow = True
                 _logger.warning(_SLOW)
-            waiting = len(self._waiting) * late
-            shown = msgspec.structs.replace(shown, due=due * late, waiting=waiting)
+            due, waiting = (due, len(self._waiting)) if late else (0.0, 0)
+            shown = msgspec.structs.replace(shown, due=due, waiting=waiting)
             self._schedule.given(self._clock())
             self.given += 1
             self._condition.notify_all()  # there is room for one more

@@ -47,26 +47,32 @@ class Owner:
                 self._changed.clear()
 
 
+async def pushed_at_once(inbox: Inbox[int], owner: Owner) -> None:
+    """Push from four threads at once; each one's items come once and in order."""
+
+    def push(first: int) -> None:
+        for item in range(first, first + 1000):
+            inbox.push(item)
+
+    before = len(owner.items)
+    async with asyncio.TaskGroup() as group:
+        for number in range(4):
+            group.create_task(asyncio.to_thread(push, 1000 * number))
+    await owner.until(lambda: len(owner.items) == before + 4000)
+    inbox.close()
+    for number in range(4):
+        first = 1000 * number
+        mine = [item for item in owner.items if first <= item < first + 1000]
+        assert mine == list(range(first, first + 1000))
+
+
 @both
 async def test_threads_that_push_at_once_lose_nothing_and_keep_their_order(
     swift: bool,
 ) -> None:
     owner = Owner()
     inbox = Inbox("me", owner.deliver, owner.fail, swift=swift)
-
-    def push(first: int) -> None:
-        for item in range(first, first + 1000):
-            inbox.push(item)
-
-    async with asyncio.TaskGroup() as group:
-        for number in range(4):
-            group.create_task(asyncio.to_thread(push, 1000 * number))
-    await owner.until(lambda: len(owner.items) == 4000)
-    inbox.close()
-    for number in range(4):
-        first = 1000 * number
-        mine = [item for item in owner.items if first <= item < first + 1000]
-        assert mine == list(range(first, first + 1000))
+    await pushed_at_once(inbox, owner)
     assert all(owner.bursts)
     assert owner.failures == []
     here = threading.current_thread().name
@@ -192,17 +198,7 @@ async def test_what_is_light_is_delivered_where_it_is_pushed_one_burst_at_a_time
     may_end.set()
     await owner.until(lambda: owner.items == [-1, -2])
     assert owner.threads == {"inbox/me"}
-
-    def push(first: int) -> None:
-        for item in range(first, first + 1000):
-            inbox.push(item)
-
-    async with asyncio.TaskGroup() as group:
-        for number in range(4):
-            group.create_task(asyncio.to_thread(push, 1000 * number))
-    await owner.until(lambda: len(owner.items) == 4002)
-    inbox.close()
-    assert sorted(owner.items[2:]) == list(range(4000))
+    await pushed_at_once(inbox, owner)
     assert len(owner.threads) > 1
     assert (overlaps, owner.failures) == ([], [])
 
