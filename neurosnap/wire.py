@@ -23,7 +23,7 @@ import msgspec
 
 from neurosnap.errors import MessageError
 
-SCHEMA = 14
+SCHEMA = 15
 ROOT = "neurosnap"
 LARGEST_KEYFRAME = 1 << 26
 """Bytes of a key-frame, at most, which no other message may pass either."""
@@ -503,10 +503,10 @@ class KeyFrame(_Message, frozen=True):
 
 
 class Band(_Message, frozen=True):
-    """A stretch of one array of a snapshot, for a key-frame that would be too large.
+    """A stretch of what would make a key-frame too large.
 
-    The arrays that travel so are those with a number a pair of sensors. In the
-    key-frame's own snapshot they are there, and empty.
+    Of a snapshot the arrays with a number a pair of sensors travel so; in the
+    key-frame's own snapshot they are there, and empty. And its history, if it is long.
     """
 
     _sender: ClassVar[str] = "{0.who}"
@@ -517,7 +517,7 @@ class Band(_Message, frozen=True):
     tick: Natural
     """That of the key-frame."""
     array: str
-    """Its name in the archive."""
+    """Its name in the archive; or ``history``, whose bytes are its numbers."""
     offset: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
     """Where the stretch begins in the array, row by row, in numbers."""
     data: memoryview

@@ -138,7 +138,9 @@ class Growth:
 
     def restore(self, arrays: Arrays) -> None:
         """Restore the whole state from arrays; ValueError if they make no sense."""
-        self.history = History.from_arrays(arrays, len(self._body.sensors))
+        self.history = History.from_arrays(
+            arrays, len(self._body.sensors), self.history.length
+        )
         self._grower.restore(arrays)
 
 

@@ -194,7 +194,7 @@ class AnomalyDetector:
         """
         if self._history is not None:
             arrays = unpack_arrays(data)
-            self._history = History.from_arrays(arrays, len(self._blame))
+            self._history = History.from_arrays(arrays, self._sensors, wire.HISTORY)
             self._worn.restore(arrays)
 
 

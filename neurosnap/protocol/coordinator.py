@@ -36,7 +36,12 @@ from neurosnap.poc.learning.history_questions import Question
 from neurosnap.protocol.anomaly_detector import AnomalyDetector
 from neurosnap.protocol.anomaly_report import with_support
 from neurosnap.protocol.cell_and_worker_base import check_readings
-from neurosnap.protocol.key_frames import order_of, snapshot_of, with_snapshot
+from neurosnap.protocol.key_frames import (
+    history_of,
+    order_of,
+    snapshot_of,
+    with_snapshot,
+)
 from neurosnap.protocol.learn_control import LearnControl
 from neurosnap.protocol.recall_control import RecallControl
 from neurosnap.protocol.wiring_and_waves import WaveControl
@@ -167,15 +172,15 @@ class Coordinator:
         Raises:
             InvalidValueError: What the key-frame holds cannot be of such a run.
         """
-        shares = options.learning_shares
+        shares, bands = options.learning_shares, [*bands]
         core = cls(
             options,
             order_of(frame, bands, shares) if shares else snapshot_of(frame, bands),
         )
-        core._start_at(frame)
+        core._start_at(frame, history_of(frame, bands))
         return core
 
-    def _start_at(self, frame: wire.KeyFrame) -> None:
+    def _start_at(self, frame: wire.KeyFrame, history: bytes) -> None:
         self._control.start_at(frame.waves, frame.epochs)
         memory = self._mind.memory
         memory.decision = wire.Decision(frame.tick, frame.action, frame.why)
@@ -196,7 +201,7 @@ class Coordinator:
             told=frame.told,
         )
         if self._detector is not None:
-            self._detector.restore(frame.history)
+            self._detector.restore(history)
         self._count_grown()
 
     # What its process asks it ---------------------------------------------------------

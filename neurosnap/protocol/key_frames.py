@@ -1,12 +1,13 @@
-"""Puts a snapshot into a key-frame, and into further bands if it is large."""
+"""Puts a snapshot and a history into a key-frame, and into bands if they are large."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from operator import attrgetter
 
 import msgspec
 
 from neurosnap import wire
 from neurosnap.poc.learning.pairs import pairs_of
-from neurosnap.poc.learning.snapshot import Snapshot
+from neurosnap.poc.learning.snapshot import OF_PAIRS, Snapshot
 from neurosnap.poc.learning.snapshot_bands import (
     Stretch,
     count_of,
@@ -14,6 +15,9 @@ from neurosnap.poc.learning.snapshot_bands import (
     joined,
     stretches_of,
 )
+
+_HISTORY = "history"
+_NUMBER = 8  # bytes that one of a band takes
 
 
 def with_snapshot(
@@ -26,7 +30,7 @@ def with_snapshot(
     """Yield a key-frame with its snapshot, and its bands if there are any.
 
     Args:
-        frame: Without a snapshot.
+        frame: Without a snapshot; with its history.
         snapshot: It. It must not change before the last band is on its way.
         most: Numbers of an array in a band, at most; with more pairs than that there
             are bands.
@@ -34,17 +38,22 @@ def with_snapshot(
         shares: The sensors of each worker that learns; if there are any, the bands are
             theirs, and they send them.
     """
+    bands, several = list[wire.Band](), 0
+    if len(frame.history) > _NUMBER * most:
+        data = memoryview(frame.history)
+        frame = msgspec.structs.replace(frame, history=b"")
+        for place in range(0, len(data), _NUMBER * most):
+            cut = data[place : place + _NUMBER * most]
+            bands.append(wire.Band(who, frame.tick, _HISTORY, place, cut))
     if shares:
         head, several = head_of(snapshot), count_of(snapshot, most, shares)
-        yield msgspec.structs.replace(frame, snapshot=head, bands=several)
-        return
-    count = len(snapshot.sensorium)
-    if count * (count - 1) // 2 <= most:
-        yield msgspec.structs.replace(frame, snapshot=snapshot.to_bytes())
-        return
-    bands = [*bands_of(snapshot, frame.tick, most, who)]
-    head = head_of(snapshot)
-    yield msgspec.structs.replace(frame, snapshot=head, bands=len(bands))
+    elif snapshot.pairs <= most:
+        head = snapshot.to_bytes()
+    else:
+        head = head_of(snapshot)
+        bands += bands_of(snapshot, frame.tick, most, who)
+    several += len(bands)
+    yield msgspec.structs.replace(frame, snapshot=head, bands=several)
     yield from bands
 
 
@@ -62,9 +71,17 @@ def snapshot_of(frame: wire.KeyFrame, bands: Iterable[wire.Band] = ()) -> Snapsh
     Raises:
         InvalidValueError: They make none.
     """
-    if not frame.bands:
+    own = [band for band in bands if band.array in OF_PAIRS]
+    if not own:
         return Snapshot.from_bytes(frame.snapshot)
-    return joined(frame.snapshot, map(_stretch, bands))
+    return joined(frame.snapshot, map(_stretch, own))
+
+
+def history_of(frame: wire.KeyFrame, bands: Iterable[wire.Band]) -> bytes:
+    """Return the history in a key-frame, or in the bands that belong to it."""
+    own = [band for band in bands if band.array == _HISTORY]
+    own.sort(key=attrgetter("offset"))
+    return frame.history or b"".join(band.data for band in own)
 
 
 def order_of(
@@ -77,10 +94,11 @@ def order_of(
     Raises:
         InvalidValueError: They make no snapshot.
     """
-    if not frame.bands:
+    bands = [band for band in bands if band.array in OF_PAIRS]
+    if not bands:
         return Snapshot.from_bytes(frame.snapshot).without_pairs()
     order = joined(frame.snapshot, (), range(0))
-    bands, every = [*bands], len(pairs_of(range(len(order.sensorium))))
+    every = len(pairs_of(range(len(order.sensorium))))
     for share in shares:
         pairs = pairs_of(share)
         own = (one for one in bands if one.offset % max(1, every) in pairs)

@@ -41,8 +41,8 @@ LearningKind: TypeAlias = Literal["coordinator", "spread"]
 CellKind: TypeAlias = Literal["process", "worker", "inline"]
 FEW_CELLS = 64
 """Cells up to this number are a process each, unless told otherwise."""
-_BYTES_A_SENSOR = 64  # of a key-frame, its name and its last readings not counted
-_FRAME_BESIDE = 1 << 22  # bytes of a key-frame for all that does not grow with sensors
+_BYTES_A_SENSOR = 40  # of a key-frame, its name and its last readings not counted
+_FRAME_BESIDE = 5 << 22  # bytes of it for the rest: pairs and history of a band each
 
 _FEW = 100
 """Sensors: with more, Python takes too long for what Numba would compile. So it does to
@@ -383,14 +383,13 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     def check_frame(self) -> None:
         """Raise InvalidValueError if key-frames would be too large to be sent.
 
-        The weights of pairs travel in bands. The rest grows with the sensors.
+        Weights of pairs and the watcher's history travel in bands. The rest does not.
         """
         count = len(self.sensors)
         # Base64 takes four bytes for three.
         room = LARGEST_KEYFRAME * 3 // 4 - _FRAME_BESIDE
         a_sensor = _BYTES_A_SENSOR + 4 * max(map(len, self.sensors), default=0)
-        watches = self.watch and self.support > 0
-        a_sensor += HISTORY // 4 * (watches + bool(self.body.room))  # two rings of bits
+        a_sensor += HISTORY // 4 * bool(self.body.room)  # two rings of bits
         if count * a_sensor > room:
             limit = f"{LARGEST_KEYFRAME >> 20} MiB"
             rule = f"must be at most {room // a_sensor:,}, for a key-frame of {limit}"

@@ -12,7 +12,7 @@ import numpy as np
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError, MessageError, ShapeError
 from neurosnap.poc.learning.pairs import pairs_of
-from neurosnap.poc.learning.snapshot import Changes, Snapshot
+from neurosnap.poc.learning.snapshot import OF_PAIRS, Changes, Snapshot
 from neurosnap.poc.learning.snapshot_bands import Stretch, joined, lacking
 from neurosnap.protocol.cell_and_worker_base import check_readings
 from neurosnap.protocol.key_frames import bands_of
@@ -123,7 +123,7 @@ class WorkerLearning:
 
     def receive_band(self, band: wire.Band) -> None:
         """Keep a band to begin with, if it is of this share and of a later tick."""
-        if band.tick <= self._snapshot.clock:
+        if band.tick <= self._snapshot.clock or band.array not in OF_PAIRS:
             return
         if any(other.tick < band.tick for other in self._bands.values()):
             self._bands = {}

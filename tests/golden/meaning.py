@@ -190,8 +190,10 @@ def message_lines(lives: Sequence[Driven]) -> dict[str, list[Step]]:
 def plain(message: wire.Message) -> list[Any]:
     """Return the values of a message, without any name that a change may give it.
 
-    An archive counts for the numbers in it.
+    An archive counts for the numbers in it; of a band there is a stretch of one only.
     """
+    if isinstance(message, wire.Band):
+        return [*msgspec.structs.astuple(message)[:-1], bytes(message.data).hex()]
     return [_value(value) for value in msgspec.structs.astuple(message)]
 
 

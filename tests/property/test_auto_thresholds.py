@@ -72,7 +72,7 @@ class Plain:
                 square[stars[i], stars[j]] += 1
             code = code_of(square, self.tick)
             if code > 0 and square[AGAINST[code]]:
-                if known[i] and (len(self.read[i]) + i) % TURNS == 0:
+                if known[i] and len(self.read[i]) % TURNS == 0:
                     stands = self.passes(i, j, code)
                 else:
                     stands = self.codes[pair] == code

@@ -134,7 +134,27 @@ def cover_of(
     patience: int = PATIENCE,
 ) -> Cover:
     masks = [neighbours.get(v, 0) for v in range(len(worth))]
-    return smallest_cover(masks, np.array(worth), patience)
+    return smallest_cover(masks, np.array(worth), np.ones(len(worth), int), patience)
+
+
+@given(st.integers(2, 9), st.floats(0.2, 0.9), st.integers(0, 2**32 - 1))
+def test_a_vertex_that_counts_for_several_is_as_if_they_were_there(
+    count: int, density: float, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    graph, sizes = nx.gnp_random_graph(count, density, seed), rng.integers(1, 4, count)
+    worth = rng.integers(0, 3, count)
+    masks = [sum(1 << u for u in graph[v]) for v in range(count)]
+    of = np.repeat(range(count), sizes).tolist()
+    every = [sum(1 << k for k, u in enumerate(of) if masks[v] >> u & 1) for v in of]
+    ones = np.ones(len(of), int)
+    each = smallest_cover(every, worth[of].astype(float), ones, 10**6)
+    found = smallest_cover(masks, (worth * sizes).astype(float), sizes, 10**6)
+    for some, single in (
+        (found.chosen, each.chosen),
+        (found.candidates, each.candidates),
+    ):
+        assert sum(1 << k for k, v in enumerate(of) if some >> v & 1) == single
 
 
 @given(st.integers(2, 24), st.floats(0.05, 0.6), st.integers(0, 2**32 - 1))
@@ -149,6 +169,12 @@ def test_a_cover_is_as_small_as_a_clique_of_the_complement_is_large(
     assert cover.exact
     assert cover.chosen.bit_count() == count - size == count - len(clique)
     assert all(cover.chosen >> u & 1 or cover.chosen >> v & 1 for u, v in graph.edges)
+
+
+def test_what_counts_for_several_is_taken_greedily_as_a_whole() -> None:
+    star = [0b1110, 1, 1, 1]
+    found = smallest_cover(star, np.zeros(4), np.array([2, 1, 1, 1]), patience=0)
+    assert found == (1, 1, True)
 
 
 def test_cliques_stars_and_chains_take_no_recursion() -> None:

@@ -39,6 +39,7 @@ def read(literal: int, bits: Bits, known: Bits) -> bool | None:
 def every(snapshot: Snapshot) -> NDArray[np.float64]:
     """Return the four weights of all pairs."""
     snapshot._settle()
+    snapshot._stand_apart()
     blocks = snapshot._weights.blocks(snapshot._total())
     return np.concatenate([squares for _, squares in blocks], axis=1)
 
@@ -231,7 +232,7 @@ def test_a_history_keeps_the_last_ticks_in_order() -> None:
         for ring, flags in (history.on, bits & known), (history.off, ~bits & known):
             read = ring >> (kept % 64).astype(np.uint64)[:, np.newaxis] & np.uint64(1)
             assert read.astype(np.bool_).tolist() == flags[kept].tolist()
-    again = History.from_arrays(history.arrays(), 3)
+    again = History.from_arrays(history.arrays(), 3, history.length)
     assert again.ticks == history.ticks == 64
     assert again.on.tolist() == history.on.tolist()
 
@@ -246,8 +247,8 @@ def test_what_cannot_be_grown_is_refused() -> None:
         snapshot.grow(1, "new", newborn, None)
     with pytest.raises(InvalidValueError, match=r"literal: must be a literal.* got 6"):
         answered(snapshot.newborn(3, *nothing), history.answer)
-    with pytest.raises(ValueError, match=r"on: must be uint64 \(1, 3\)"):
-        History.from_arrays(History(4, 64).arrays(), 3)
+    with pytest.raises(ValueError, match=r"on: must be uint64 \(0, 3\)"):
+        History.from_arrays(History(4, 64).arrays(), 3, 64)
     with pytest.raises(InvalidValueError, match="history: must be a multiple of 64"):
         History(2, 100)
     assert snapshot.sensorium.names == ("s0", "s1", "s2")

@@ -16,7 +16,7 @@ from neurosnap.poc.learning.discounted import DiscountedSnapshot
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.learning.snapshot import OF_PAIRS, Snapshot
 from neurosnap.poc.learning.snapshot_bands import Stretch, head_of, joined, stretches_of
-from neurosnap.protocol.key_frames import bands_of, order_of, snapshot_of
+from neurosnap.protocol.key_frames import bands_of, order_of
 from neurosnap.protocol.learn_control import pairs_in
 from neurosnap.protocol.worker_learning import pieces_of
 
@@ -89,7 +89,9 @@ def follow(
 
 def assert_same_arrays(whole: Snapshot, parts: list[Snapshot], order: Snapshot) -> None:
     """Pairs are where they belong; all else is everywhere."""
-    expected, found = whole.arrays(), [part.arrays() for part in parts]
+    single = whole.from_arrays(whole.arrays())
+    single._stand_apart()
+    expected, found = single.arrays(), [part.arrays() for part in parts]
     for name, array in expected.items():
         if name in OF_PAIRS:
             pieces = np.concatenate([one[name] for one in found], axis=-1)
@@ -179,16 +181,17 @@ def test_the_order_made_share_by_share_is_that_of_the_snapshot(
     snapshot = learned(kind, sensors, 20, unknown, seed)
     inner = sorted(min(cut, sensors) for cut in cuts)
     shares = [range(*ends) for ends in pairwise([0, *inner, sensors])]
-    bands = [*bands_of(snapshot, 20, 7, "worker/0", shares)]
     head = head_of(snapshot)
+    single = snapshot.from_arrays(snapshot.arrays())
+    single._stand_apart()
+    bands = [*bands_of(single, 20, 7, "worker/0", shares)]
     frame = wire.KeyFrame(20, head, bands=len(bands))
     order = order_of(frame, bands, shares)
-    whole = snapshot_of(frame, bands)
     edges = snapshot.poc_graph().edges
     np.testing.assert_array_equal(order.poc_graph().edges, edges)
-    np.testing.assert_array_equal(whole.poc_graph().edges, edges)
-    assert order.to_bytes() == whole.without_pairs().to_bytes()
-    if bands and snapshot.arrays()["since"].size:
+    np.testing.assert_array_equal(single.poc_graph().edges, edges)
+    assert order.to_bytes() == snapshot.without_pairs().to_bytes()
+    if bands and single.arrays()["since"].size:
         with pytest.raises(InvalidValueError, match="must be there once"):
             order_of(frame, bands[1:], shares)
 

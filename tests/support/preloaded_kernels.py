@@ -22,8 +22,8 @@ for _snapshot in _snapshots:
     for _known in (None, np.array([True, False])):
         _snapshot.observe(np.array([True, False]), _known)
         _graph = _snapshot.poc_graph()
-        _graph.wires("hasse")
-        _graph.wires("derived")
+        _graph.wire_list("hasse")
+        _graph.wire_list("derived")
 worker_kernels.warm()
 _levels = np.ones((FIRST + 2, 2))
 LevelMonitor(range(2)).follow(Levels(_levels, _levels), 0)

@@ -34,6 +34,7 @@ ROWS = {
     "growth": ("observe", "a decision while exploring Taxi, in this process"),
     "kinds": ("run", "ticks a second of the same run with each kind of cells"),
     "scale": ("scale", "processor time of each part, and a model of other sizes"),
+    "large": ("scale", "ticks a second and memory of runs of many sensors"),
     "verify": ("run", "verify of a recording, against the run that made it"),
     "messages": ("messages", "messages of other programs (MCAP), read and cut"),
     "live": ("messages", "messages of ROS 2 by their type, in a live run"),

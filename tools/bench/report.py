@@ -28,10 +28,29 @@ class Sizes:
     """Sensors of the kinds row."""
     swarms: tuple[int, ...] = (20, 100, 300)
     """Cells of the tick row."""
-    fitted: tuple[int, ...] = (100, 1000, 3000, 10_000)
-    """Sensors of the runs that a model of a tick is made of."""
-    foretold: tuple[int, ...] = (300, 600, 2000, 4500, 7000)
-    """Sensors of the runs that it is held against."""
+    fitted: tuple[tuple[int, int], ...] = (
+        (100, 1),
+        (1000, 1),
+        (1000, 10),
+        (1000, 50),
+        (3000, 1),
+        (3000, 20),
+        (3000, 100),
+        (10_000, 1),
+        (10_000, 20),
+        (10_000, 150),
+    )
+    """Sensors and walkers of the runs that a model of a tick is made of."""
+    foretold: tuple[tuple[int, int], ...] = (
+        (300, 1),
+        (2000, 5),
+        (4500, 50),
+        (7000, 1),
+        (7000, 100),
+    )
+    """Sensors and walkers of the runs that it is held against."""
+    paces: tuple[int, ...] = (10_000, 43_000)
+    """Sensors of the runs that are timed."""
     crowd: int = 500
     """Sensors of the page row: more than it draws each by itself unless asked to."""
     bag: int = 10**9
@@ -51,8 +70,9 @@ QUICK = Sizes(
     sensors=(20, 40),
     lines=(20,),
     swarms=(20,),
-    fitted=(40, 60, 80),
-    foretold=(70,),
+    fitted=((40, 1), (60, 1), (60, 4), (80, 1)),
+    foretold=((70, 2),),
+    paces=(50,),
     crowd=170,
     bag=10**6,
     field=2.0,

@@ -118,7 +118,9 @@ def _line(count: int, sizes: Sizes, folder: Path) -> Line:
     )
 
 
-def line_options(count: int, ticks: int, folder: Path, walkers: int = 1) -> RunOptions:
+def line_options(
+    count: int, ticks: int, folder: Path, walkers: int = 1, wrong: int = 0
+) -> RunOptions:
     """Return a run of walkers on lines, whose readings are written there.
 
     Args:
@@ -126,6 +128,7 @@ def line_options(count: int, ticks: int, folder: Path, walkers: int = 1) -> RunO
         ticks: Of the run.
         folder: Where the readings go.
         walkers: How many there are, each on a line of its own.
+        wrong: How many bits of each row are flipped, or fewer.
     """
     rng, places = np.random.default_rng(1), np.arange(count) // walkers
     last = count // walkers
@@ -134,6 +137,7 @@ def line_options(count: int, ticks: int, folder: Path, walkers: int = 1) -> RunO
     for _ in range(ticks):
         at = np.clip(at + rng.integers(-1, 2, walkers), 0, last)
         below = np.resize(at, count) < places
+        below[rng.integers(0, count, wrong)] ^= True
         rows.append(",".join(map(str, below.astype(int).tolist())))
     path = written(folder, "\n".join(rows) + "\n", f"{count}.csv")
     return options_for(str(path), 0, ticks=ticks, workers=_WORKERS)

@@ -1,23 +1,29 @@
 """Measures what a tick costs each part, and fits the model in docs/scale.md.
 
-A walker on a line is recorded, with its cells in workers. What is measured is processor
-time: unlike seconds it adds up, and what else runs on the machine hardly changes it. A
-part is taken to spend so much a tick, so much a sensor and so much a pair of sensors.
-The three are found at some sizes, and what they say of others is held against runs.
+Walkers on lines are recorded and judged, with their cells in workers. What is measured
+is processor time: unlike seconds it adds up, and what else runs on the machine hardly
+changes it. A part is taken to spend so much a tick, so much a sensor, so much more in
+an anomaly, so much a pair of sensors that were told apart, and so much a pair. These
+are found at some sizes, and what they say of others is held against runs.
 """
 
 import shutil
 import tempfile
+import time
 from collections import Counter
+from collections.abc import Mapping, Sequence
 from itertools import product
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import psutil
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from neurosnap.protocol.run_options import LearningKind
+from neurosnap import wire
+from neurosnap.protocol.run_options import LearningKind, RunOptions
+from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime.request import Watcher
 from tests.support.swarm_processes import parts_of
 from tools.bench.report import Line, Sizes
@@ -29,7 +35,19 @@ _READINGS = (
     60_000  # few sensors are quick: more ticks, for the parts are not looked at often
 )
 _PARTS = ("coordinator", "worker", "recorder", "hub")
+_ERROR = 0.1
+_LARGE, _LEAST, _MOST_MEMORY = 10_000, {0: 15, 3: 8}, 2
 _KINDS: tuple[LearningKind, ...] = ("coordinator", "spread")
+
+
+class Cost(NamedTuple):
+    """What a run's ticks took."""
+
+    terms: NDArray[np.float64]
+    """``(5,)``: a tick, a thousand sensors, as many in an anomaly, a million pairs that
+    were told apart, a million pairs."""
+    spent: Mapping[str, float]
+    """Processor seconds a tick of each part; of workers, of one of them."""
 
 
 def scale(sizes: Sizes) -> list[Line]:
@@ -37,16 +55,51 @@ def scale(sizes: Sizes) -> list[Line]:
     lines = []
     with tempfile.TemporaryDirectory(prefix="bench-") as name:
         for learning in _KINDS:
-            fitted = {size: _spent(size, learning, Path(name)) for size in sizes.fitted}
-            model = {
-                part: _constants({size: cost[part] for size, cost in fitted.items()})
-                for part in _PARTS
-            }
+            fitted = [_cost(size, learning, Path(name)) for size in sizes.fitted]
+            model = {part: _constants(fitted, part) for part in _PARTS}
             lines += [_of_part(part, model[part], learning) for part in _PARTS]
-            for size in sizes.foretold:
-                spent = _spent(size, learning, Path(name))
-                lines.append(_foretold(size, spent, model, learning))
+            held = [_cost(size, learning, Path(name)) for size in sizes.foretold]
+            lines += [
+                _foretold(size, cost, model, learning)
+                for size, cost in zip(sizes.foretold, held, strict=True)
+            ]
+            errors = [abs(_said(cost, model) / _was(cost) - 1) for cost in held]
+            mean = float(np.mean(errors))
+            lines.append(
+                Line(
+                    f"the model's error, --learning {learning}: mean",
+                    f"{mean:.0%}, at most {max(errors):.0%}",
+                    reach=f"≤ {_ERROR:.0%}",
+                    reached=mean <= _ERROR,
+                    figures={"mean": mean, "most": max(errors)},
+                )
+            )
     return lines
+
+
+def large(sizes: Sizes) -> list[Line]:
+    """Time runs of many sensors, of which none or three read wrong at every tick."""
+    with tempfile.TemporaryDirectory(prefix="bench-") as name:
+        return [
+            _pace(count, wrong, Path(name)) for count in sizes.paces for wrong in (0, 3)
+        ]
+
+
+def _pace(count: int, wrong: int, folder: Path) -> Line:
+    """Run a walk in two workers, recorded and judged."""
+    options, log = _options(count, _TICKS, folder, wrong=wrong), folder / "run.mcap"
+    spent = Spent(_BEGIN)
+    made = run_once(options, log, Watcher(spent.look))
+    log.unlink()
+    pace, gigabytes, least = spent.pace, spent.memory / 1e9, _LEAST[wrong]
+    return Line(
+        f"a walk of {count:,} sensors in {_WORKERS} workers, {wrong} bits wrong a tick",
+        f"{pace:.1f} ticks/s, {gigabytes:.1f} GB",
+        f"{made.totals.anomalies} anomalies in {made.totals.ticks} ticks",
+        f"≥ {least} at {_LARGE:,}, ≤ {_MOST_MEMORY} GB",
+        None if count != _LARGE else pace >= least and gigabytes <= _MOST_MEMORY,
+        {"pace": pace, "gigabytes": gigabytes},
+    )
 
 
 class Spent:
@@ -61,24 +114,33 @@ class Spent:
         self._begin = begin
         self._every = every
         self._parts = 0
-        self._seen: list[tuple[int, Counter[str]]] = []
+        self._seen: list[tuple[int, float, Counter[str]]] = []
+        self.memory = 0  # bytes of all parts at most; what they share counts once
 
     def look(self, tick: int) -> None:
         """Look at the parts that this process has started, unless some have ended."""
         if tick < self._begin:
             return
         spent: Counter[str] = Counter()
-        found = [*parts_of(psutil.Process())]
+        found, memory = [*parts_of(psutil.Process())], 0
         for who, process in found:
             try:
-                times = process.cpu_times()
+                times, room = process.cpu_times(), process.memory_full_info()
             except psutil.NoSuchProcess:
                 return
             spent[who.partition("/")[0]] += times.user + times.system
+            memory += room.pss
         self._parts = self._parts or len(found)
         if len(found) == self._parts:
-            self._seen.append((tick, spent))
+            self._seen.append((tick, time.monotonic(), spent))
             self._begin = tick + self._every
+            self.memory = max(self.memory, memory)
+
+    @property
+    def pace(self) -> float:
+        """Ticks a second, between first and last look."""
+        (first, began, _), (last, ended, _) = self._seen[0], self._seen[-1]
+        return (last - first) / (ended - began)
 
     def a_tick(self, least: int) -> dict[str, float]:
         """Return the seconds a tick of each kind of part, between first and last look.
@@ -86,43 +148,58 @@ class Spent:
         Args:
             least: Ticks that must lie between them.
         """
-        (first, before), (last, after) = self._seen[0], self._seen[-1]
+        (first, _, before), (last, _, after) = self._seen[0], self._seen[-1]
         if last - first < least:
             raise RuntimeError(f"ticks {first} to {last}: must be {least} at least")
         return {part: (after[part] - before[part]) / (last - first) for part in after}
 
 
-def _spent(count: int, learning: LearningKind, folder: Path) -> dict[str, float]:
-    """Return the processor seconds a tick of each part, of workers of one of them."""
-    at, ticks = folder / f"{count}", max(_TICKS, _READINGS // count)
-    at.mkdir()
-    options = replace(
-        line_options(count, ticks, at),
+def _options(
+    count: int, ticks: int, folder: Path, walkers: int = 1, wrong: int = 0
+) -> RunOptions:
+    return replace(
+        line_options(count, ticks, folder, walkers, wrong),
         cells="worker",
         workers=_WORKERS,
-        learning=learning,
         watch=True,
         keyframe_every=1 << 20,
     )
+
+
+def _cost(size: tuple[int, int], learning: LearningKind, folder: Path) -> Cost:
+    """Return what a tick took in a run of so many sensors and walkers."""
+    count, walkers = size
+    at, ticks = folder / f"{count}", max(_TICKS, _READINGS // count)
+    at.mkdir()
+    options = replace(_options(count, ticks, at, walkers), learning=learning)
     spent = Spent(_BEGIN)
-    run_once(options, at / "run.mcap", Watcher(spent.look))
-    shutil.rmtree(at)
+    made = run_once(options, at / "run.mcap", Watcher(spent.look))
     found = spent.a_tick(ticks // 2)
-    return found | {"worker": found["worker"] / _WORKERS}
+    apart = len(np.unique(_readings(at / "run.mcap"), axis=1).T)
+    shutil.rmtree(at)
+    odd = made.totals.anomalies / made.totals.ticks
+    pairs = [each * (each - 1) / 2e6 for each in (apart, count)]
+    if learning == "coordinator":
+        pairs[1] = 0.0  # of twins it has one row
+    terms = np.array([1.0, count / 1e3, odd * count / 1e3, *pairs])
+    return Cost(terms, found | {"worker": found["worker"] / _WORKERS})
 
 
-def _terms(count: int) -> NDArray[np.float64]:
-    """Return ``(3,)``: once a tick, a thousand sensors, a million pairs."""
-    return np.array([1.0, count / 1e3, count * (count - 1) / 2e6])
+def _readings(log: Path) -> NDArray[np.uint8]:
+    """Return ``(T, N)``, what was observed."""
+    rows = (
+        np.unpackbits(np.frombuffer(each.bits, np.uint8), bitorder="little")
+        for each in Recording.open(log).all("observation", wire.Observation)
+    )
+    return np.array([*rows])
 
 
-def _constants(costs: dict[int, float]) -> NDArray[np.float64]:
-    """Return ``(3,)``, none below 0: with the least sum of squared relative errors."""
-    seconds = np.array([*costs.values()])
-    every = np.array([_terms(count) for count in costs]) / seconds[:, None]
-    best, least = np.zeros(3), np.inf
-    for use in product((False, True), repeat=3):
-        found = np.zeros(3)
+def _constants(costs: Sequence[Cost], part: str) -> NDArray[np.float64]:
+    """Return ``(5,)``, none below 0: with the least sum of squared relative errors."""
+    every = np.array([cost.terms / cost.spent[part] for cost in costs])
+    best, least = np.zeros(every.shape[1]), np.inf
+    for use in product((False, True), repeat=every.shape[1]):
+        found = np.zeros(every.shape[1])
         found[[*use]] = np.linalg.lstsq(every[:, [*use]], np.ones(len(costs)))[0]
         error = float(((every @ found - 1) ** 2).sum())
         if (found >= 0).all() and error < least:
@@ -131,32 +208,54 @@ def _constants(costs: dict[int, float]) -> NDArray[np.float64]:
 
 
 def _of_part(part: str, model: NDArray[np.float64], learning: str) -> Line:
-    once, sensor, pair = model.tolist()
+    once, sensor, odd, apart, pair = model.tolist()
     return Line(
         f"a tick of the {part}, --learning {learning}",
         f"{once * 1e3:.1f} ms + {sensor * 1e3:.2f} µs a sensor"
-        f" + {pair * 1e3:.2f} ns a pair of sensors",
-        figures={"once": once, "sensor": sensor * 1e-3, "pair": pair * 1e-6},
+        f" + {odd * 1e3:.2f} in an anomaly"
+        f" + {apart * 1e3:.2f} ns a pair told apart + {pair * 1e3:.2f} a pair",
+        figures={
+            "once": once,
+            "sensor": sensor * 1e-3,
+            "anomaly": odd * 1e-3,
+            "apart": apart * 1e-6,
+            "pair": pair * 1e-6,
+        },
     )
 
 
+def _said(cost: Cost, model: Mapping[str, NDArray[np.float64]]) -> float:
+    """Return the seconds a tick that a model says of all parts."""
+    return sum(_several(part) * float(model[part] @ cost.terms) for part in _PARTS)
+
+
+def _was(cost: Cost) -> float:
+    """Return the seconds a tick of all parts."""
+    return sum(_several(part) * cost.spent[part] for part in _PARTS)
+
+
+def _several(part: str) -> int:
+    return _WORKERS if part == "worker" else 1
+
+
 def _foretold(
-    count: int,
-    spent: dict[str, float],
-    model: dict[str, NDArray[np.float64]],
+    size: tuple[int, int],
+    cost: Cost,
+    model: Mapping[str, NDArray[np.float64]],
     learning: str,
 ) -> Line:
     """Hold what the model says of a size against what was spent."""
     shown = []
     for part in _PARTS:  # each in milliseconds
-        several = 1e3 * (_WORKERS if part == "worker" else 1)
-        foretold = several * float(model[part] @ _terms(count))
-        shown.append((part, foretold, several * spent[part]))
-    said, was = sum(s for _, s, _ in shown), sum(w for *_, w in shown)
-    parts = ", ".join(f"{part} {s:.1f} and {w:.1f}" for part, s, w in shown)
+        several = 1e3 * _several(part)
+        foretold = several * float(model[part] @ cost.terms)
+        shown.append(f"{part} {foretold:.1f} and {several * cost.spent[part]:.1f}")
+    said, was = _said(cost, model), _was(cost)
+    count, walkers = size
     return Line(
-        f"a tick of {count:,} sensors, --learning {learning}: foretold and measured",
-        f"{said:.1f} and {was:.1f} ms ({said / was - 1:+.0%})",
-        f"{parts} ms",
-        figures={"foretold": said * 1e-3, "measured": was * 1e-3},
+        f"a tick of {count:,} sensors, {walkers} walkers, --learning {learning}:"
+        " foretold and measured",
+        f"{said * 1e3:.1f} and {was * 1e3:.1f} ms ({said / was - 1:+.0%})",
+        f"{', '.join(shown)} ms",
+        figures={"foretold": said, "measured": was},
     )

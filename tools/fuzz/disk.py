@@ -68,7 +68,7 @@ def _true_run(honest: Honest, folder: Path) -> _Truth:
 
 
 def _order(snapshot: Snapshot) -> bytes:
-    return snapshot.poc_graph().wires("hasse").tobytes()
+    return snapshot.poc_graph().wire_list("hasse").tobytes()
 
 
 def _written(folder: Path, recording: Recording, state: str) -> dict[str, bytes]:

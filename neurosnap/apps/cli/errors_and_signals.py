@@ -79,6 +79,8 @@ def errors() -> Iterator[None]:
         fail(str(error), 1)
     except BrokenPipeError:
         raise  # by `| head`, which has read enough: click ends without a word
+    except MemoryError as error:
+        fail(f"memory: must be enough for so many sensors and ticks, got: {error}", 1)
     except OSError as error:
         fail(f"{error.filename or 'system'}: {error.strerror or error}", 1)
 

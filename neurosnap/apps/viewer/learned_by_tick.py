@@ -116,7 +116,7 @@ def graph_id(graph: PocGraph, body: Body) -> str:
     The Hasse wiring says all there is to draw, classes included, but for which sensors
     are read. A row of ticks mostly has one order.
     """
-    wires = blake2b(graph.wires("hasse").tobytes(), digest_size=8)
+    wires = blake2b(graph.wire_list("hasse").tobytes(), digest_size=8)
     wires.update(repr((body.grown, body.retired)).encode())
     return wires.hexdigest()
 

@@ -20,7 +20,8 @@ was broken ``k = w_ab*`` times in ``t`` ticks stands while both of these hold:
 
 The first is asked at every tick. The second takes longer: it is asked of all pairs of a
 sensor with those before it at every `TURNS`-th of that sensor's readings, and what was
-broken stands in between if it stood before.
+broken stands in between if it stood before. Sensors that were always known are asked
+at the same tick, so that twins come to the same.
 
 Why what is derived is an order, whatever is observed ([GK] poc sets from
 snapshots). *Acyclic*: with all readings known ``w_ab* < w_a*b`` says ``n_a < n_b``, so
@@ -41,6 +42,7 @@ from numpy.typing import NDArray
 
 from neurosnap.poc.learning.archive import Arrays, entry
 from neurosnap.poc.learning.graph_kernels import Row
+from neurosnap.poc.learning.twins import Twins
 from neurosnap.system.compiled import njit
 
 AUTO: Final = "auto"
@@ -85,19 +87,29 @@ class Persistence:
         """Count an observation; see `count_readings`. O(N) time."""
         count_readings(bits, known, self._last, self.spells)
 
-    def arrays(self) -> Arrays:
-        """Return its whole state as arrays, by name."""
-        return {"spells": self.spells[0], "last": self._last}
+    def copy(self, parents: NDArray[np.int64]) -> None:
+        """Add sensors that have read the same as some of those that are there."""
+        counts, turns = self.spells
+        literals = (2 * parents[:, None] + np.arange(2)).reshape(-1)
+        counts = np.append(counts, counts[:, literals], axis=1)
+        self.spells = counts, np.append(turns, turns[parents])
+        self._last = np.append(self._last, self._last[parents])
 
-    def restore(self, arrays: Arrays) -> None:
+    def arrays(self, twins: Twins) -> Arrays:
+        """Return its whole state as arrays, by name, of all twins."""
+        spells = self.spells[0][:, twins.literals]
+        return {"spells": spells, "last": self._last[twins.of]}
+
+    def restore(self, arrays: Arrays, twins: Twins) -> None:
         """Restore the whole state from arrays; it is no sensor's turn.
 
         Raises:
             ValueError: They make no sense.
         """
-        counts, _ = self.spells
-        counts[:] = entry(arrays, "spells", counts.shape, np.uint32)
-        self._last[:] = entry(arrays, "last", self._last.shape, np.uint8)
+        (counts, _), sensors = self.spells, len(twins.of)
+        spells = entry(arrays, "spells", (2, 2 * sensors), np.uint32)
+        last = entry(arrays, "last", (sensors,), np.uint8)
+        counts[:], self._last[:] = spells[:, twins.names], last[twins.heads]
         if (counts[1] > counts[0]).any() or (self._last > _NOTHING).any():
             raise ValueError("spells, last: must be what readings make")
 
@@ -127,7 +139,7 @@ def count_readings(
             if last[s] == 1 - bits[s]:
                 ended[literal ^ 1] += np.uint32(1)
             last[s] = bits[s]
-            turns[s] = (np.int64(read[2 * s]) + read[2 * s + 1] + s) % TURNS == 0
+            turns[s] = (np.int64(read[2 * s]) + read[2 * s + 1]) % TURNS == 0
 
 
 @njit()

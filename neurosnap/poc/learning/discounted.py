@@ -244,20 +244,20 @@ class DiscountedSnapshot(Snapshot):
         if threshold == AUTO:
             rule = "must be a number for a discounted snapshot"
             raise InvalidValueError("threshold", rule, threshold)
-        super().__init__(sensors, threshold, share)
         if isinstance(decay, bool) or not isinstance(decay, float | int | np.number):
             raise InvalidValueError("decay", "must be a number", decay)
         if not 0 <= decay < 1:
             raise InvalidValueError("decay", "must be in [0, 1)", decay)
         self._decay = float(decay)
-        self._weights = Weights(
-            len(self.sensorium), np.float64(0.25), np.float64(0.5), self._share
-        )
+        super().__init__(sensors, threshold, share)
 
     @property
     def decay(self) -> float:
         """What is kept of a weight each time."""
         return self._decay
+
+    def _begin_weights(self, count: int, share: range) -> None:
+        self._weights = Weights(count, np.float64(0.25), np.float64(0.5), share)
 
     def _update(self) -> bool:
         weights, pairs, tick = self._weights, tuple(self._pairs), self._clock + 1

@@ -22,14 +22,16 @@ from neurosnap.poc.learning.columns import Columns
 from neurosnap.poc.learning.graph_kernels import row_of
 from neurosnap.poc.learning.lazy_counting_kernels import (
     Due,
+    copy_counts,
     count_squares,
     judge_squares,
     learn_lazily,
     settle_all,
 )
 from neurosnap.poc.learning.pair_occasions import OnProgress
-from neurosnap.poc.learning.pairs import Weights
+from neurosnap.poc.learning.pairs import Weights, pairs_of
 from neurosnap.poc.learning.snapshot import Snapshot
+from neurosnap.poc.learning.twins import longer
 from neurosnap.sensorium import Sensorium
 
 _BATCH = 64
@@ -68,6 +70,7 @@ class EmpiricalSnapshot(Snapshot):
         (1, 0)
     """
 
+    _MAKES_EQUAL = True
     THRESHOLD: ClassVar[float] = 0.01
     """Where none is given."""
 
@@ -77,12 +80,30 @@ class EmpiricalSnapshot(Snapshot):
         threshold: float | str = THRESHOLD,
         share: range | None = None,
     ) -> None:
-        auto = threshold == AUTO
-        super().__init__(sensors, SHARE if auto else threshold, share)
-        count, zero = len(self.sensorium), np.uint32(0)
-        self._weights = Weights(count, zero, zero, self._share)
-        self._persistence = Persistence(count) if auto else None
+        self._is_auto = threshold == AUTO
+        super().__init__(sensors, SHARE if self._is_auto else threshold, share)
+
+    def _begin_weights(self, count: int, share: range) -> None:
+        zero = np.uint32(0)
+        self._weights = Weights(count, zero, zero, share)
+        self._persistence = Persistence(count) if self._is_auto else None
         self._due: Due | None = None
+        self._settled = 0  # the clock at which all counts were up to date
+
+    def _copy_weights(self, parents: NDArray[np.int64]) -> None:
+        weights, before = self._weights, len(self._weights.marginals)
+        due = self._due or Due.starting(before, weights.joints.size, self._clock)
+        weights.marginals = np.append(weights.marginals, weights.marginals[parents])
+        if weights.joints.size < self._pairs.codes.size:
+            weights.joints = longer(weights.joints, self._pairs.codes.size)
+        self._due = due.with_copies(parents, weights.joints.size)
+        for group, like in enumerate(parents.tolist(), before):
+            counts = weights.joints, weights.marginals, self._clock
+            copy_counts(group, like, *counts, tuple(self._due))
+        if len(self._share):
+            weights.share = range(before + parents.size)
+        if self._persistence is not None:
+            self._persistence.copy(parents)
 
     @property
     def threshold(self) -> float | str:
@@ -95,7 +116,7 @@ class EmpiricalSnapshot(Snapshot):
             return super().arrays()
         # What was broken stands from one test to the next: that is in the codes.
         codes = {"threshold": np.array(AUTO), "codes": self._pairs.codes}
-        return super().arrays() | codes | self._persistence.arrays()
+        return super().arrays() | codes | self._persistence.arrays(self._twins)
 
     @classmethod
     def fit(
@@ -130,7 +151,7 @@ class EmpiricalSnapshot(Snapshot):
         """
         columns = data if isinstance(data, Columns) else Columns.of(data, names)
         snapshot = cls(columns.sensorium, threshold)
-        pairs = snapshot._pairs.codes.size
+        pairs = len(pairs_of(range(len(columns.sensorium))))
         for tick in range(columns.ticks):
             snapshot.learn(*columns.row(tick))
             if on_progress is not None and tick % _BATCH == 0:
@@ -142,16 +163,16 @@ class EmpiricalSnapshot(Snapshot):
 
     def _update(self) -> bool:
         if self._persistence is not None:
-            self._persistence.count(self._bits, self._known)
+            heads = self._twins.heads
+            self._persistence.count(self._bits[heads], self._known[heads])
         if self._due is None and self._weights.squares is None:
-            self._due = Due.starting(
-                len(self.sensorium), self._pairs.codes.size, self._clock
-            )
+            count, pairs = len(self._twins), self._pairs.codes.size
+            self._due = Due.starting(count, pairs, self._clock)
         return self._count(self._clock + 1, self._due)
 
     def _settle(self) -> None:
-        if self._due is not None:
-            first = self._pairs.first
+        if self._due is not None and self._settled != self._clock:
+            first, self._settled = self._pairs.first, self._clock
             settle_all(self._weights.joints, self._clock, self._due, first)
 
     def _widen(self) -> None:
@@ -167,13 +188,13 @@ class EmpiricalSnapshot(Snapshot):
                 judged.
         """
         weights, pairs = self._weights, tuple(self._pairs)
-        bits, known = self._bits, self._known
+        bits, known = self._bits[self._twins.heads], self._known
         spells = None if self._persistence is None else self._persistence.spells
         if weights.squares is not None:
             born, squares = self._born, weights.squares
             return count_squares(bits, known, squares, born, clock, pairs, spells)
         if due is None:
-            due = Due.starting(len(self.sensorium), self._pairs.codes.size, clock)
+            due = Due.starting(len(self._twins), self._pairs.codes.size, clock)
         joints, marginals = weights.joints, weights.marginals
         return learn_lazily(bits, joints, marginals, clock, pairs, tuple(due), spells)
 
@@ -214,10 +235,12 @@ class EmpiricalSnapshot(Snapshot):
         if str(arrays.get("threshold")) != AUTO:
             threshold = entry(arrays, "threshold", (), np.float64).item()
             return cls(sensorium, threshold, share)
-        snapshot = cls(sensorium, AUTO, share)
-        if snapshot._persistence is not None:
-            snapshot._persistence.restore(arrays)
-        return snapshot
+        return cls(sensorium, AUTO, share)
+
+    def _restore_weights(self, arrays: Arrays) -> None:
+        super()._restore_weights(arrays)
+        if self._persistence is not None:
+            self._persistence.restore(arrays, self._twins)
 
     def _derive(self, arrays: Arrays) -> None:
         inside = (self._weights.marginals <= self._clock).all() and all(

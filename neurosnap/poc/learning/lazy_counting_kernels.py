@@ -71,6 +71,7 @@ from neurosnap.poc.learning.graph_kernels import (
     rewire,
     row_of,
 )
+from neurosnap.poc.learning.twins import longer
 from neurosnap.poc.order.literal_set_kernels import population
 from neurosnap.system.compiled import njit
 
@@ -114,6 +115,24 @@ class Due(NamedTuple):
             np.empty(pairs, np.uint8),
             np.empty((2, pairs // _FEW), np.uint32),
             np.zeros(1, np.int64),
+        )
+
+    def with_copies(self, parents: NDArray[np.int64], pairs: int) -> "Due":
+        """Return that of more rows, each of a twin of one that is there; see `Twins`.
+
+        They are dense, and their counts up to date: see `copy_counts`.
+        """
+        copies, listed = len(parents), self.listed
+        if pairs // _FEW > listed.shape[1]:
+            listed = np.empty((2, pairs // _FEW * 2), np.uint32)
+            listed[:, : self.listed.shape[1]] = self.listed
+        return Due(
+            np.append(self.readings, self.readings[parents]),
+            np.append(self.upto, self.upto[parents]),
+            np.append(self.modes, np.full(copies, DENSE)),
+            longer(self.slack, pairs),
+            listed,
+            self.length,
         )
 
 
@@ -349,6 +368,41 @@ def settle_all(joints: NDArray[np.uint32], clock: int, due: Due, first: int) -> 
     for i in range(first, end_of(first, joints.shape[0])):
         start = place_of(i, first)
         settle(i, joints[start : start + i], clock, due)
+
+
+@njit()
+def copy_counts(
+    row: int,
+    like: int,
+    joints: NDArray[np.uint32],
+    marginals: NDArray[np.uint32],
+    clock: int,
+    due: tuple[Any, ...],
+) -> None:
+    """Let the counts of a row be those of an earlier one, whose sensor is a twin.
+
+    Args:
+        row: The row.
+        like: The earlier one.
+        joints: ``(P,)``, each row as `due` says; updated, or empty.
+        marginals: ``(N,)``.
+        clock: The number of observations.
+        due: A `Due`; updated.
+    """
+    late = Due(*due)
+    late.upto[row] = clock
+    start, theirs = place_of(row, 0), place_of(like, 0)
+    mine = _pending(like, clock, late)
+    for j in range(row if joints.shape[0] else 0):
+        if j < like:
+            more = population(mine & late.readings[j])
+            joints[start + j] = np.uint32(joints[theirs + j] + np.uint32(more))
+        elif j == like:
+            joints[start + j] = marginals[like]
+        else:
+            more = population(_pending(j, clock, late) & late.readings[like])
+            both = joints[place_of(j, 0) + like]
+            joints[start + j] = np.uint32(both + np.uint32(more))
 
 
 @njit()

@@ -87,6 +87,7 @@ class Weights:
     Attributes:
         joints: ``(P,)``: ``w_ij``; empty when wide.
         marginals: ``(N,)``: ``w_i``; empty when wide.
+        share: As given.
         squares: ``(4, P)``: ``w_ij, w_ij*, w_i*j, w_i*j*``; None when narrow.
     """
 
@@ -95,7 +96,7 @@ class Weights:
     ) -> None:
         self.joints: NDArray[Any] = np.full(len(pairs_of(share)), joint)
         self.marginals: NDArray[Any] = np.full(count, marginal)
-        self._share = share
+        self.share = share
         self.squares: NDArray[Any] | None = None
 
     def widen(self, total: float) -> None:
@@ -128,7 +129,7 @@ class Weights:
         """
         wide = np.int64 if self.joints.dtype.kind == "u" else np.float64
         marginals, stop = self.marginals.astype(wide), 0
-        for i in self._share:
+        for i in self.share:
             pairs = slice(stop, stop := stop + i)
             if self.squares is not None:
                 yield pairs, self.squares[:, pairs].astype(wide)
@@ -138,14 +139,17 @@ class Weights:
             yield pairs, np.stack([both, mine - both, yours - both, rest])
 
     def square(self, a: int, b: int, total: float) -> list[float]:
-        """Return ``w_ab, w_ab*, w_a*b, w_a*b*`` of literals of different sensors."""
+        """Return ``w_ab, w_ab*, w_a*b, w_a*b*`` of literals of different sensors.
+
+        Of twins, which have one row, they may be of the same one.
+        """
         high, low = max(a, b), min(a, b)
-        pair = pair_of(high, low) - pairs_of(self._share).start
+        pair = pair_of(high, low) - pairs_of(self.share).start
         if self.squares is not None:
             own = self.squares[:, pair].tolist()
         else:
-            both = self.joints[pair].item()
             mine, yours = (self.marginals[each >> 1].item() for each in (high, low))
+            both = mine if high >> 1 == low >> 1 else self.joints[pair].item()
             own = [both, mine - both, yours - both, total - mine - yours + both]
         first, second = (1, 2) if high == b else (2, 1)  # which place is of a, and of b
         place = first * (a & 1) + second * (b & 1)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.learning.archive import Arrays, entry, rows_in
+from neurosnap.poc.learning.archive import Arrays, entry
 from neurosnap.poc.learning.history_questions import Answer, Count, Question
 from neurosnap.poc.order.literal_sets import Words
 
@@ -180,23 +180,24 @@ class History:
         return counted
 
     def arrays(self) -> Arrays:
-        """Return its whole state as arrays, by name."""
-        rings = {"on": self.on, "off": self.off, "begun": self.begun}
+        """Return its whole state as arrays, by name; without words not reached yet."""
+        used = slice(-(-self.ticks // 64))
+        rings = {"on": self.on[used], "off": self.off[used], "begun": self.begun[used]}
         return rings | {"next": np.array(self.tick, np.int64)}
 
     @classmethod
-    def from_arrays(cls, arrays: Arrays, sensors: int) -> Self:
-        """Return the history of so many sensors that has these arrays.
+    def from_arrays(cls, arrays: Arrays, sensors: int, length: int) -> Self:
+        """Return the history of so many sensors, and ticks, that has these arrays.
 
         Raises:
             ValueError: They make no sense.
         """
-        words = rows_in(arrays, "on")
-        history = cls(sensors, 64 * words)
-        history.on[:] = entry(arrays, "on", (words, sensors), np.uint64)
-        history.off[:] = entry(arrays, "off", (words, sensors), np.uint64)
-        history.begun[:] = entry(arrays, "begun", (words,), np.uint64)
+        history = cls(sensors, length)
         history.tick = entry(arrays, "next", (), np.int64).item()
+        used = max(0, -(-history.ticks // 64))
+        history.on[:used] = entry(arrays, "on", (used, sensors), np.uint64)
+        history.off[:used] = entry(arrays, "off", (used, sensors), np.uint64)
+        history.begun[:used] = entry(arrays, "begun", (used,), np.uint64)
         if history.tick < 0 or (history.on & history.off).any():
             raise ValueError("on, off: must exclude each other")
         return history

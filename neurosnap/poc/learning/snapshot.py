@@ -8,7 +8,7 @@ import abc
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
-from typing import Any, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +20,17 @@ from neurosnap.poc.learning.graph_kernels import Pairs
 from neurosnap.poc.learning.history_questions import Count, Question, Search
 from neurosnap.poc.learning.pairs import Evidence, Weights, leads, pair_of, pairs_of
 from neurosnap.poc.learning.reading_history import Newborn
-from neurosnap.poc.order.graph import PocGraph
+from neurosnap.poc.learning.twins import (
+    EQUAL,
+    TURNED,
+    Twins,
+    copy_codes,
+    copy_edges,
+    copy_pairs,
+    longer,
+    of_sensors,
+)
+from neurosnap.poc.order.graph import PocGraph, expanded
 from neurosnap.poc.order.literal_sets import Words, as_literal
 from neurosnap.sensorium import Sensorium, as_known, complete, pack, unpack
 
@@ -89,6 +99,10 @@ class Snapshot(abc.ABC):
         InvalidValueError: The threshold is out of range.
     """
 
+    _MAKES_EQUAL: ClassVar[bool] = False
+    """Whether sensors that have always read the same are equivalent."""
+    _twins: Twins
+    _pairs: Pairs
     _weights: Weights
 
     def __init__(
@@ -103,24 +117,37 @@ class Snapshot(abc.ABC):
         self._sensorium = sensors
         self._threshold = _checked_threshold(threshold)
         self._share = range(count) if share is None else share
-        pairs = pairs_of(self._share)
         self._clock = 0
         self._bits = np.zeros(count, np.uint8)
         self._known = np.zeros(count, np.uint8)
-        whole = len(self._share) in (0, count)
-        shape = (2 * count, (2 * count + 63) // 64) if whole else (0, 0)
-        self._pairs = Pairs(
-            threshold=self._threshold,
-            codes=np.zeros(len(pairs), np.uint8),
-            since=np.zeros(len(pairs), np.uint32),
-            latest=np.zeros(count, np.uint32),
-            rows=np.zeros(shape, np.uint64),
-            first=self._share.start,
-        )
         self._born = np.zeros(count, np.uint32)
         self._state = np.zeros(2 * count, np.bool_)
         self._graph: PocGraph | None = None
-        self._assumed: Words | None = None
+        self._assumed: NDArray[np.int64] | None = None
+        self._has_twins = self._MAKES_EQUAL and not share
+        self._begin(np.zeros(count, np.int64) if self._has_twins else np.arange(count))
+
+    @property
+    def _is_whole(self) -> bool:
+        """Whether it has all pairs, or none, and so a graph."""
+        return len(self._share) in (0, len(self._sensorium))
+
+    def _begin(self, of: NDArray[np.int64]) -> None:
+        """Have learned nothing, with a row of pairs for each group of twins."""
+        self._twins = Twins(of)
+        count = len(self._twins)
+        share = range(count) if len(self._share) == len(of) else self._share
+        pairs = len(pairs_of(share))
+        shape = (2 * count, (2 * count + 63) // 64) if self._is_whole else (0, 0)
+        self._pairs = Pairs(
+            threshold=self._threshold,
+            codes=np.zeros(pairs, np.uint8),
+            since=np.zeros(pairs, np.uint32),
+            latest=np.zeros(count, np.uint32),
+            rows=np.zeros(shape, np.uint64),
+            first=share.start,
+        )
+        self._begin_weights(count, share)
 
     @property
     def sensorium(self) -> Sensorium:
@@ -145,7 +172,13 @@ class Snapshot(abc.ABC):
     @property
     def codes(self) -> NDArray[np.uint8]:
         """``(P,)``: what relates each pair, as in `poc.learning.pairs`; a copy."""
-        return self._pairs.codes.copy()
+        own = np.full(len(self._twins), EQUAL if self._clock else 0, np.uint8)
+        return self._of_sensors(self._pairs.codes, own, TURNED)
+
+    @property
+    def pairs(self) -> int:
+        """Of how many pairs there are weights: twins have them in common."""
+        return self._pairs.codes.size
 
     @property
     def state(self) -> NDArray[np.bool_]:
@@ -182,23 +215,30 @@ class Snapshot(abc.ABC):
             (True, 3, 1, 0, 4)
         """
         a, b = self._proper(a, b)
-        pair = pair_of(a, b) - pairs_of(self._share).start
         both, against, other, neither = square = self._square(a, b)
+        x, y = self._twins.literals[[a, b]].tolist()
+        if x >> 1 == y >> 1:  # of twins
+            holds, since = x == y and self._clock > 0, min(1, self._clock)
+        else:
+            pair = pair_of(x, y) - pairs_of(self._share).start
+            holds = leads(self._pairs.codes[pair].item(), x, y)
+            since = self._pairs.since[pair].item()
         return Evidence(
             total=self._whole(*square),
             both=both,
             neither=neither,
             other=other,
             against=against,
-            limit=self._limit(a, b, square),
-            holds=leads(self._pairs.codes[pair].item(), a, b),
-            since=self._pairs.since[pair].item(),
+            limit=self._limit(x, y, square),
+            holds=holds,
+            since=since,
         )
 
     def _square(self, a: int, b: int) -> list[float]:
         """Return the weights ``w_ab, w_ab*, w_a*b, w_a*b*`` of a proper pair."""
         self._settle()
-        return self._weights.square(a, b, self._total())
+        x, y = self._twins.literals[[a, b]].tolist()
+        return self._weights.square(x, y, self._total())
 
     def learn(self, bits: ArrayLike, known: ArrayLike | None = None) -> bool:
         """Learn an observation: weights and graph change, the state stays.
@@ -229,17 +269,69 @@ class Snapshot(abc.ABC):
             self._known[:] = mask
             if self._weights.squares is None and not mask.all():
                 self._widen()
+        self._part()
         changed = self._update()
+        if not self._clock:  # each two twins are equivalent now
+            changed |= len(self._twins) < len(observation)
         self._clock += 1
         if changed:
             self._graph = None
         return changed
 
+    def _part(self) -> None:
+        """Part the groups of twins that the bits at hand tell apart."""
+        before = len(self._twins)
+        parents = self._twins.part(self._bits)
+        if not parents.size:
+            return
+        count, kept = before + parents.size, self._pairs
+        rows = np.zeros((2 * count, (2 * count + 63) // 64), np.uint64)
+        rows[: 2 * before, : kept.rows.shape[1]] = kept.rows
+        pairs = len(pairs_of(range(count))) if len(self._share) else 0
+        codes, since = longer(kept.codes, pairs), longer(kept.since, pairs)
+        for group, like in enumerate(parents.tolist(), before):
+            copy_edges(group, like, rows)
+            if pairs:
+                copy_codes(group, like, codes)
+                copy_pairs(group, like, since, np.uint32(1))
+        latest = np.append(kept.latest, kept.latest[parents])
+        self._pairs = kept._replace(codes=codes, since=since, latest=latest, rows=rows)
+        self._copy_weights(parents)
+        self._graph = None
+
+    def _stand_apart(self) -> None:
+        """Store the weights of each pair of sensors, be they twins or not."""
+        twins, kept = self._twins, self._pairs
+        if twins.are_apart:
+            return
+        self._settle()
+        first = np.full(len(twins), min(1, self._clock), np.uint32)
+        codes, since = self.codes, self._of_sensors(kept.since, first)
+        rows = expanded(kept.rows, twins.literals, equal=self._clock > 0)
+        joints = self._of_sensors(self._weights.joints, self._weights.marginals)
+        weights = self.arrays() | {"joints": joints}
+        self._begin(np.arange(len(self._sensorium)))
+        self._restore_weights(weights)
+        self._pairs = self._pairs._replace(codes=codes, since=since, rows=rows)
+        self._graph = None
+
+    def _of_sensors(
+        self,
+        values: NDArray[Any],
+        own: NDArray[Any],
+        turned: NDArray[Any] | None = None,
+    ) -> NDArray[Any]:
+        """Return a copy of an array of pairs, of those of sensors; see `of_sensors`."""
+        if self._twins.are_apart or not len(self._share):
+            return values.copy()
+        turned = own[:0] if turned is None else turned
+        return of_sensors(self._twins.of, values, own, turned)
+
     def changes(self) -> Changes:
         """Return the pairs whose implications the last observation changed.
 
-        Only of the latest changes of a row it is known when they were, so this is of no
-        use after a `grow`.
+        Of a share of the pairs. Only of the latest changes of a row it is known when
+        they were, so this is of no use after a `grow`.
 
         O(N) time, and O(i) for each row `i` in which something changed.
         """
@@ -269,10 +361,17 @@ class Snapshot(abc.ABC):
         Returns:
             Whether there is anything. O(C) time.
         """
+        told, twins = codes.size > 0, self._twins
+        if not twins.are_apart:  # one pair of sensors speaks for those of two groups
+            pair = np.stack((latter, former))
+            heads = (twins.heads[twins.of[pair]] == pair).all(axis=0)
+            (latter, former), codes = twins.of[pair[:, heads]], codes[heads]
+            codes = np.where(latter < former, TURNED[codes], codes)
+            latter, former = np.maximum(latter, former), np.minimum(latter, former)
         kernels.relate(latter, former, codes, self._pairs.rows)
-        if codes.size:
+        if told:
             self._graph = None
-        return codes.size > 0
+        return told
 
     def draw_share(self, share: "Snapshot") -> None:
         """Add the edges of a share's pairs to the graph, which has none of them yet.
@@ -280,8 +379,16 @@ class Snapshot(abc.ABC):
         O(N²) time.
         """
         theirs = share._pairs  # noqa: SLF001 - its own class
-        kernels.draw(theirs.codes, self._pairs.rows, theirs.first)
-        self._graph = None
+        if self._twins.are_apart:
+            kernels.draw(theirs.codes, self._pairs.rows, theirs.first)
+            self._graph = None
+            return
+        heads = np.sort(self._twins.heads)
+        for head in heads[(heads >= share.share.start) & (heads < share.share.stop)]:
+            former = heads[heads < head]
+            start = kernels.place_of(head, theirs.first)
+            codes = theirs.codes[start + former]
+            self.relate(np.full_like(former, head), former, codes)
 
     def without_pairs(self) -> Self:
         """Return a copy without the pairs, which others have, but with the graph."""
@@ -398,10 +505,8 @@ class Snapshot(abc.ABC):
         no part of what is learned: of its codes, evidence and saved arrays. A share of
         the pairs has no graph, and leaves them out.
         """
-        rows = np.zeros_like(self._pairs.rows)
-        for a, b in edges if rows.size else ():
-            rows[a, b >> 6] |= np.uint64(1 << (b & 63))
-        self._assumed = rows if rows.any() else None
+        given = np.array([*edges], np.int64).reshape(-1, 2)
+        self._assumed = given if self._is_whole and len(given) else None
         self._graph = None
 
     def adopt(self, state: NDArray[np.bool_]) -> None:
@@ -457,7 +562,10 @@ class Snapshot(abc.ABC):
             The new state: ``(2N,)`` bool, a copy.
         """
         if known is None and self._assumed is None:
-            kernels.project(self._bits, self._pairs.rows, self._state)
+            twins = self._twins
+            found = np.empty(2 * len(twins), np.bool_)
+            kernels.project(self._bits[twins.heads], self._pairs.rows, found)
+            self._state[:] = found[twins.literals]
         else:
             told = (self._known > 0).repeat(2)
             read = complete(self._bits.view(np.bool_)) & told
@@ -471,11 +579,25 @@ class Snapshot(abc.ABC):
             It, with what is assumed; the same object until it changes.
         """
         if self._graph is None:
-            rows = self._pairs.rows.copy()
+            rows, literals = self._pairs.rows.copy(), self._twins.literals
+            if not self._clock:  # and twins are not equivalent yet
+                literals = np.arange(len(self._state))
+                rows = np.zeros((len(literals), (len(literals) + 63) // 64), rows.dtype)
             if self._assumed is not None:
-                rows |= self._assumed
-            self._graph = PocGraph.of_rows(rows)
+                given = literals[self._assumed]
+                a, b = given[given[:, 0] != given[:, 1]].T
+                bits = np.uint64(1) << (b & 63).astype(np.uint64)
+                np.bitwise_or.at(rows, (a, b >> 6), bits)
+            self._graph = PocGraph.of_rows(rows, literals)
         return self._graph
+
+    @abc.abstractmethod
+    def _begin_weights(self, count: int, share: range) -> None:
+        """Set the weights of so many groups of twins, of which none was observed."""
+
+    def _copy_weights(self, parents: NDArray[np.int64]) -> None:
+        """Let new groups of twins have the weights of those they were part of."""
+        raise NotImplementedError(parents)
 
     @abc.abstractmethod
     def _update(self) -> bool:
@@ -492,6 +614,7 @@ class Snapshot(abc.ABC):
 
     def _widen(self) -> None:
         """Store the four weights of each pair from now on."""
+        self._stand_apart()
         self._settle()
         self._weights.widen(self._total())
 
@@ -583,11 +706,18 @@ class Snapshot(abc.ABC):
     def arrays(self) -> Arrays:
         """Return its whole state as arrays, by name."""
         self._settle()
+        twins, weights = self._twins, self._weights.arrays()
+        if "marginals" in weights:
+            weights["marginals"] = weights["marginals"][twins.of]
+        # Of a share that has no pairs: others have those of all sensors.
+        name = "twins" if len(self._share) else "groups"
+        of = {} if twins.are_apart else {name: twins.of.astype(np.int32)}
         return {
             "names": np.array(self._sensorium.names, np.str_),
+            **of,
             "clock": np.array(self._clock, np.int64),
             "threshold": np.array(self._threshold),
-            **self._weights.arrays(),
+            **weights,
             "state": np.frombuffer(pack(self._state), np.uint8),
             "since": self._pairs.since,
             **({"born": self._born} if self._born.any() else {}),
@@ -617,7 +747,8 @@ class Snapshot(abc.ABC):
         self._clock = entry(arrays, "clock", (), np.int64).item()
         if not 0 <= self._clock < 2**_BITS:
             raise ValueError(f"clock: must be in [0, 2**{_BITS})")
-        self._weights.restore(arrays)
+        self._begin(self._groups_in(arrays))
+        self._restore_weights(arrays)
         if "born" in arrays:  # only where a sensor has grown
             self._born[:] = entry(arrays, "born", self._born.shape, np.uint32)
             if (self._born > self._clock).any():
@@ -631,6 +762,28 @@ class Snapshot(abc.ABC):
         )
         if (self._pairs.since > self._clock).any():
             raise ValueError("since: must not be after the clock")
+
+    def _groups_in(self, arrays: Arrays) -> NDArray[np.int64]:
+        """Return the group of each sensor."""
+        count = len(self._sensorium)
+        names = ("twins",) if len(self._share) else ("groups", "twins")
+        name = next((name for name in names if name in arrays), "")
+        if not (self._has_twins and name):
+            return np.arange(count)
+        of = entry(arrays, name, (count,), np.int32).astype(np.int64)
+        if not np.array_equal(np.unique(of), np.arange(of.max(initial=-1) + 1)):
+            raise ValueError(f"{name}: must be numbered without a gap")
+        return of
+
+    def _restore_weights(self, arrays: Arrays) -> None:
+        """Take over the weights, of groups of twins."""
+        if "marginals" in arrays and "squares" not in arrays:
+            kind, twins = self._weights.marginals.dtype, self._twins
+            every = entry(arrays, "marginals", (len(twins.of),), kind)
+            if (every[twins.heads][twins.of] != every).any():
+                raise ValueError("marginals: must be the same of twins")
+            arrays = arrays | {"marginals": every[twins.heads]}
+        self._weights.restore(arrays)
 
     def _check_room(self) -> None:
         """Refuse an observation that no count has room for."""

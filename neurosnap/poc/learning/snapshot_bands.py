@@ -44,7 +44,9 @@ def stretches_of(
     """
     arrays, own = snapshot.arrays(), pairs_of(snapshot.share)
     every = len(pairs_of(range(len(snapshot.sensorium))))
-    for pairs in map(pairs_of, shares or (snapshot.share,)):
+    if not shares:
+        own = range(own.start, own.start + snapshot.pairs)
+    for pairs in map(pairs_of, shares) if shares else (own,):
         if not (own.start <= pairs.start <= pairs.stop <= own.stop):
             continue
         cut = slice(pairs.start - own.start, pairs.stop - own.start)
@@ -117,6 +119,8 @@ def _arrays_in(head: bytes) -> Arrays:
 def _fill(arrays: Arrays, stretches: Iterable[Stretch], share: range | None) -> None:
     """Put the numbers of pairs where they belong."""
     count = rows_in(arrays, "names")
+    if share is None and "twins" in arrays:  # those of a group have one row
+        count = int(arrays["twins"].max(initial=-1)) + 1
     every = len(pairs_of(range(count)))
     own = pairs_of(range(count) if share is None else share)
     pairs = len(own)

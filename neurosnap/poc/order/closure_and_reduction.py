@@ -26,7 +26,7 @@ class Order(NamedTuple):
     closed: Words
     """``(n, w)``: bit ``b`` of row ``a`` iff ``a <= b``, a path leads there."""
     representative: NDArray[np.int64]
-    """``(n,)``: the least literal of each one's class, those of ``a <= b <= a``."""
+    """``(n,)``: the one of least name in each one's class, those of ``a <= b <= a``."""
     covers: Words
     """``(n, w)``: bit ``b`` of row ``a`` iff both represent, and ``a < b`` with nothing
     in between."""
@@ -34,8 +34,12 @@ class Order(NamedTuple):
     """``(n,)``: edges on the longest chain going up."""
 
 
-def order_of(rows: Words) -> Order:
-    """Return the order of a relation: ``(n, w)`` edges closed under contraposition.
+def order_of(rows: Words, names: NDArray[np.int64]) -> Order:
+    """Return the order of a relation.
+
+    Args:
+        rows: ``(n, w)``, edges closed under contraposition.
+        names: ``(n,)``, each once: what stands for a class goes by them.
 
     Cost:
         O(n w) words to read all rows, O(w) for each of the ``c`` covers and at most a
@@ -49,7 +53,7 @@ def order_of(rows: Words) -> Order:
         covers=np.zeros_like(rows),
         heights=np.empty(len(rows), np.int64),
     )
-    _close_and_reduce(rows, *order)
+    _close_and_reduce(rows, names, *order)
     for array in order:
         array.flags.writeable = False
     return order
@@ -58,6 +62,7 @@ def order_of(rows: Words) -> Order:
 @njit()
 def _close_and_reduce(
     rows: Words,
+    names: NDArray[np.int64],
     closed: Words,
     representative: NDArray[np.int64],
     covers: Words,
@@ -75,7 +80,7 @@ def _close_and_reduce(
     beyond = np.empty(width, np.uint64)
     for number in range(starts.shape[0] - 1):
         members = sequence[starts[number] : starts[number + 1]]
-        head = members.min()
+        head = members[names[members].argmin()]
         above[:] = 0
         beyond[:] = 0
         for a in members:

@@ -14,8 +14,10 @@ undecided, part by connected part: paths, cliques and nested neighbourhoods are 
 The exact routines at hand (`networkx.max_weight_clique` of the complement) have no
 bound, and want whole weights.
 
-The graph has a vertex for each literal that clashes, in ascending order. Sets of
-vertices are masks, as in `neurosnap.poc.order.literal_sets`.
+The graph has a vertex for each literal that clashes, in ascending order; for those of a
+group of twins one together, which counts for as many: they clash with the same, so a
+cover that needs each of its vertices has all of them or none. Sets of vertices are
+masks, as in `neurosnap.poc.order.literal_sets`.
 """
 
 import math
@@ -23,6 +25,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from itertools import pairwise
+from operator import or_
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +38,7 @@ from neurosnap.poc.order.literal_sets import (
     from_mask,
     from_words,
     members,
+    to_mask,
     to_words,
 )
 from neurosnap.sensorium import complement
@@ -99,8 +103,8 @@ def contradiction(
         patience: As for `smallest_cover`: beyond it, culprits are found greedily.
 
     Cost:
-        O(N²/64) time if it is coherent. If not, O(1) for each two of the literals in
-        conflict, and the search for the culprits.
+        O(n²/64) time for ``n`` groups if it is coherent. If not, O(1) for each two of
+        the groups in conflict, and the search for the culprits.
 
     Examples:
         >>> g = PocGraph.from_implications(3, [(0, 2), (2, 4)])
@@ -115,17 +119,20 @@ def contradiction(
     clashing = (seen & complement(graph.up(seen))).nonzero()[0]
     if not len(clashing):
         return Contradiction((), 0, (), (), exact=True)
-    neighbours = conflicts(graph, clashing)
+    groups, which, sizes = _grouped(graph.groups[clashing])
+    neighbours = conflicts(graph, groups)
     # A literal below its own complement is to blame by itself.
     mask = sum(1 << v for v, around in enumerate(neighbours) if around >> v & 1)
     left = [0 if mask >> v & 1 else n & ~mask for v, n in enumerate(neighbours)]
     sensors = clashing >> 1
     worth = suspicion(sensors)
-    cover = smallest_cover(left, worth, patience)
-    suspects = np.argsort(-worth, kind="stable").tolist()
+    blame = np.bincount(which, worth).astype(np.float64)
+    cover = smallest_cover(left, blame, sizes, patience)
+    suspects = np.argsort(-worth, kind="stable")
 
     def named(some: int) -> tuple[int, ...]:
-        return tuple(int(sensors[v]) for v in suspects if some >> v & 1)
+        chosen = from_mask(some, len(groups))[which]
+        return tuple(sensors[suspects[chosen[suspects]]].tolist())
 
     edges = graph.wire_list("hasse")
     literals, ends, more = shortest_chains(
@@ -144,6 +151,18 @@ def contradiction(
         candidates=named(mask | cover.candidates),
         exact=cover.exact,
     )
+
+
+def _grouped(groups: Ints) -> tuple[Ints, Ints, Ints]:
+    """Return each group once, by its first literal; which it is of; how many each has.
+
+    ``(k,)``, ``(n,)`` for as many groups as given, and ``(k,)``.
+    """
+    each, first, which, sizes = np.unique(
+        groups, return_index=True, return_inverse=True, return_counts=True
+    )
+    order = np.argsort(first)
+    return each[order], np.argsort(order)[which], sizes[order]
 
 
 class Cover(NamedTuple):
@@ -165,7 +184,10 @@ _NOTHING = Cover(0, 0, exact=True)
 
 
 def smallest_cover(
-    neighbours: Sequence[int], worth: NDArray[np.float64], patience: int = PATIENCE
+    neighbours: Sequence[int],
+    worth: NDArray[np.float64],
+    sizes: Ints,
+    patience: int = PATIENCE,
 ) -> Cover:
     """Return a smallest vertex cover.
 
@@ -173,24 +195,27 @@ def smallest_cover(
         neighbours: ``(k,)``: which vertices are next to each, as masks; symmetric, and
             no vertex is next to itself.
         worth: ``(k,)``, finite: the more, the rather a vertex is chosen.
+        sizes: ``(k,)``: for how many each vertex counts.
         patience: How many vertices to look at.
 
     Cost:
         O(k²) time; and a few operations on masks for each vertex looked at.
 
     Examples:
-        >>> smallest_cover([0b10, 0b101, 0b10], np.zeros(3))
+        >>> smallest_cover([0b10, 0b101, 0b10], np.zeros(3), np.ones(3, int))
         Cover(chosen=2, candidates=2, exact=True)
-        >>> smallest_cover([0b10, 0b01], np.array([0.0, 1.0]))
+        >>> smallest_cover([0b10, 0b01], np.array([0.0, 1.0]), np.ones(2, int))
         Cover(chosen=2, candidates=3, exact=True)
+        >>> smallest_cover([0b10, 0b01], np.array([0.0, 1.0]), np.array([1, 3]))
+        Cover(chosen=1, candidates=1, exact=True)
     """
     count = len(neighbours)
     order = np.lexsort((np.arange(count), -worth))  # the first are chosen first
-    search = _Search(neighbours, worth)
-    taken = greedy(neighbours, order)
+    search = _Search(neighbours, worth, sizes)
+    taken = greedy(neighbours, order, sizes)
     needed = 0
     for part in search.parts((1 << count) - 1):
-        needed |= search.forced(part, (taken & part).bit_count())
+        needed |= search.forced(part, search.size(taken & part))
     cover = Cover(needed, needed, exact=True)
     for part in search.parts(((1 << count) - 1) & ~needed):
         patience = search.solve(part, patience)
@@ -203,19 +228,21 @@ def smallest_cover(
     return cover
 
 
-def greedy(neighbours: Sequence[int], order: NDArray[np.int64]) -> int:
+def greedy(neighbours: Sequence[int], order: Ints, sizes: Ints) -> int:
     """Cover all edges by what meets most of those left, again and again.
 
     Of those that meet as many it is the first in order. O(k) time for each.
     """
     taken, count = 0, len(neighbours)
-    keys = np.array([count * around.bit_count() for around in neighbours], np.int64)
+    size = _Search(neighbours, np.zeros(count), sizes).size
+    keys = count * np.array([*map(size, neighbours)], np.int64)
     keys[order] += np.arange(count)[::-1]
     while keys.max(initial=0) >= max(count, 1):
         best = int(keys.argmax())
         taken |= 1 << best
         keys[best] = 0
-        keys[from_mask(neighbours[best], count) & (keys >= count)] -= count
+        around = from_mask(neighbours[best], count) & (keys >= count)
+        keys[around] -= count * sizes[best]
     return taken
 
 
@@ -231,10 +258,19 @@ def _joined(one: Cover, other: Cover) -> Cover:
 class _Search:
     """The covers of connected parts; `best` has that of each set solved."""
 
-    def __init__(self, neighbours: Sequence[int], worth: NDArray[np.float64]) -> None:
+    def __init__(
+        self, neighbours: Sequence[int], worth: NDArray[np.float64], sizes: Ints
+    ) -> None:
         self.best: dict[int, Cover] = {0: _NOTHING}
         self._worth = worth.tolist()
         self._neighbours = neighbours
+        self._more = (sizes - 1).tolist()
+        self._larger = to_mask(sizes > 1)
+
+    def size(self, some: int) -> int:
+        """Return for how many some vertices count."""
+        more: int = sum(self._more[v] for v in members(some & self._larger))
+        return some.bit_count() + more
 
     def forced(self, part: int, most: int) -> int:
         """Return what every smallest cover of a part has, for which `most` suffice.
@@ -246,14 +282,13 @@ class _Search:
         left = part
         while True:
             over = [
-                v
-                for v in members(left)
-                if (self._neighbours[v] & left).bit_count() > most
+                v for v in members(left) if self.size(self._neighbours[v] & left) > most
             ]
             if not over:
                 return part & ~left
-            most -= len(over)
-            left &= ~sum(1 << v for v in over)
+            gone = reduce(or_, (1 << v for v in over))
+            most -= self.size(gone)
+            left &= ~gone
 
     def without_spares(self, part: int, chosen: int, order: Sequence[int]) -> int:
         """Return a cover without those of it whose neighbours are all in it.
@@ -294,6 +329,7 @@ class _Search:
 
     def parts(self, free: int) -> Iterator[int]:
         """Yield the connected parts of a set that have an edge."""
+        free &= reduce(or_, map(self._neighbours.__getitem__, members(free)), 0)
         while free:
             part = ring = free & -free
             while ring:
@@ -301,8 +337,7 @@ class _Search:
                 fresh = self._neighbours[lowest.bit_length() - 1] & free & ~part
                 part |= fresh
                 ring = (ring ^ lowest) | fresh
-            if part & (part - 1):
-                yield part
+            yield part
             free &= ~part
 
     def _branch(self, free: int, part: int) -> list[int]:
@@ -316,10 +351,10 @@ class _Search:
             without = _joined(self.best[other], Cover(around, around, exact=True))
             chosen = min(with_it.chosen, without.chosen, key=self._cost)
             # A smallest cover has the vertex or all around it: nothing is left out.
-            size = chosen.bit_count()
+            size = self.size(chosen)
             candidates = 0
             for side in (with_it, without):
-                if side.chosen.bit_count() == size:
+                if self.size(side.chosen) == size:
                     candidates |= side.candidates
             self.best[free] = Cover(chosen, candidates, exact=True)
         return missing
@@ -328,33 +363,38 @@ class _Search:
         """Return the vertex that meets most edges; then of most worth; then first."""
 
         def weight(v: int) -> tuple[int, float, int]:
-            return (self._neighbours[v] & part).bit_count(), self._worth[v], -v
+            return self.size(self._neighbours[v] & part), self._worth[v], -v
 
         return max(members(part), key=weight)
 
     def _cost(self, cover: int) -> tuple[int, float, list[int]]:
         """Return what a cover is compared by; the sum is rounded once, in any order."""
         chosen = list(members(cover))
-        return len(chosen), -math.fsum(self._worth[v] for v in chosen), chosen
+        return self.size(cover), -math.fsum(self._worth[v] for v in chosen), chosen
 
 
-def conflicts(graph: PocGraph, clashing: NDArray[np.int64]) -> list[int]:
-    """Return which of the literals that clash each is in conflict with, as masks.
+def conflicts(graph: PocGraph, groups: Ints) -> list[int]:
+    """Return which of the groups of literals that clash each is in conflict with.
 
-    ``(k,)``, ascending: each is below the complement of another. O(k²) time.
+    As masks, ``(k,)``, in the order of the groups: each is below the complement of
+    another. O(k²) time.
     """
-    denied = np.zeros(len(graph), np.bool_)
-    denied[clashing ^ 1] = True
+    closed = graph.closed_groups
+    denied = np.zeros(len(closed), np.bool_)
+    denied[groups ^ 1] = True
     words, place, masks = to_words(denied), np.cumsum(denied) - 1, list[int]()
-    for start in range(0, len(clashing), _ROWS):
-        rows = graph.closed[clashing[start : start + _ROWS]] & words
+    order = place[groups ^ 1]
+    moved = bool((np.diff(order) < 0).any())
+    for start in range(0, len(groups), _ROWS):
+        rows = closed[groups[start : start + _ROWS]] & words
         row, word = rows.nonzero()
         if len(row) > rows.size * _MANY:
-            block = from_words(rows, len(graph))[:, denied]
+            block = from_words(rows, len(closed))[:, denied]
         else:  # as a rule most are in conflict with a few only
-            block = np.zeros((len(rows), len(clashing)), np.bool_)
+            block = np.zeros((len(rows), len(groups)), np.bool_)
             at, bit = from_words(rows[row, word][:, None], 64).nonzero()
             block[row[at], place[64 * word[at] + bit]] = True
+        block = block[:, order] if moved else block
         packed = np.packbits(block, axis=1, bitorder="little")
         masks += (int.from_bytes(each.tobytes(), "little") for each in packed)
     return masks

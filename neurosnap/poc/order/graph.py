@@ -28,6 +28,8 @@ from neurosnap.sensorium import Sensorium, complement
 if TYPE_CHECKING:
     import networkx
 
+Ints: TypeAlias = NDArray[np.int64]
+_ROWS = 256  # of a relation that are unpacked at a time
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 WiringKind: TypeAlias = Literal["hasse", "derived"]
 BEYOND_HEIGHT = 2
@@ -78,6 +80,7 @@ class PocGraph:
         edges = edges.copy()
         np.fill_diagonal(edges, False)
         self._rows = to_words(edges)
+        self._groups = np.arange(len(edges))
         self.refuse_contradiction()
 
     @classmethod
@@ -112,15 +115,40 @@ class PocGraph:
         return cls(edges)
 
     @classmethod
-    def of_rows(cls, rows: Words) -> "PocGraph":
-        """Return a graph over packed edges, ``(2N, w)``, not copied and not checked."""
+    def of_rows(cls, rows: Words, groups: Ints | None = None) -> "PocGraph":
+        """Return a graph over packed edges, not copied and not checked.
+
+        Args:
+            rows: ``(n, w)``, the out-edges of groups of equivalent literals. Groups are
+                numbered as literals are: the complements of group ``g`` are ``g ^ 1``.
+            groups: ``(2N,)``: the group of each literal, none empty; if None, each is
+                one by itself. Time and room go by the groups, but where a result is a
+                matrix of all literals.
+        """
+        if groups is None:
+            groups = np.arange(len(rows))
         graph = cls.__new__(cls)
-        graph._rows = rows  # noqa: SLF001 - its own class
+        graph._rows, graph._groups = rows, groups  # noqa: SLF001 - its own class
         return graph
 
     def __len__(self) -> int:
         """Return the number of literals, ``2N``."""
-        return int(self._rows.shape[0])
+        return len(self._groups)
+
+    @cached_property
+    def _are_single(self) -> bool:
+        """Whether each literal is a group by itself, of its own number."""
+        count = len(self._rows)
+        return count == len(self) and bool((self._groups == np.arange(count)).all())
+
+    @cached_property
+    def _names(self) -> Ints:
+        """``(n,)``: the least literal of each group."""
+        return np.unique(self._groups, return_index=True)[1]
+
+    def _each(self, rows: Words) -> Words:
+        """Return a relation of groups as one of literals."""
+        return rows if self._are_single else expanded(rows, self._groups)
 
     @property
     def sensors(self) -> int:
@@ -130,13 +158,18 @@ class PocGraph:
     @cached_property
     def edges(self) -> NDArray[np.bool_]:
         """``(2N, 2N)`` bool, read-only; ``edges[a, b]`` iff ``a -> b``."""
-        return _frozen(from_words(self._rows, len(self)))
+        edges = from_words(self._each(self._rows), len(self))
+        np.fill_diagonal(edges, False)
+        return _frozen(edges)
 
     def up(self, literals: Literals) -> NDArray[np.bool_]:
         """Return everything above the literals, themselves included. O(N²/64) time."""
-        reached = to_words(as_literals("literals", literals, len(self)))
+        given = as_literals("literals", literals, len(self))
+        groups = np.zeros(len(self._rows), np.bool_)
+        groups[self._groups[given]] = True
+        reached = to_words(groups)
         kernels.spread(self._rows, reached)
-        return from_words(reached, len(self))
+        return from_words(reached, len(groups))[self._groups]
 
     def coherent_projection(self, literals: Literals) -> NDArray[np.bool_]:
         """Return ``up(A) - up(A)*``, always coherent ([GK] coherent projection).
@@ -169,8 +202,8 @@ class PocGraph:
 
     def leq(self, a: int, b: int) -> bool:
         """Return whether ``a <= b``. The first call works out the order."""
-        low = as_literal("a", a, len(self))
-        high = as_literal("b", b, len(self))
+        low = int(self._groups[as_literal("a", a, len(self))])
+        high = int(self._groups[as_literal("b", b, len(self))])
         return bool(
             self._order.closed[low, high >> 6] >> np.uint64(high & 63) & np.uint64(1)
         )
@@ -181,6 +214,20 @@ class PocGraph:
 
         The first call works out the order.
         """
+        return self._closed
+
+    @cached_property
+    def _closed(self) -> Words:
+        return _frozen(self._each(self._order.closed))
+
+    @property
+    def groups(self) -> Ints:
+        """``(2N,)``, read-only: the group of each literal, all equivalent."""
+        return self._groups
+
+    @property
+    def closed_groups(self) -> Words:
+        """``(n, w)``, read-only: as `closed`, of groups: O(n²/64) room."""
         return self._order.closed
 
     def classes(self) -> list[tuple[int, ...]]:
@@ -201,7 +248,11 @@ class PocGraph:
 
         Commutes with the complement: ``representative[a ^ 1] = representative[a] ^ 1``.
         """
-        return self._order.representative
+        return self._representative
+
+    @cached_property
+    def _representative(self) -> Ints:
+        return _frozen(self._names[self._order.representative][self._groups])
 
     def heights(self) -> NDArray[np.int64]:
         """Return the edges on the longest chain going up from each literal.
@@ -211,11 +262,15 @@ class PocGraph:
         Returns:
             ``(2N,)``, read-only.
         """
-        return self._order.heights
+        return self._heights
+
+    @cached_property
+    def _heights(self) -> Ints:
+        return _frozen(self._order.heights[self._groups])
 
     def height(self) -> int:
         """Return the edges on the longest chain; 0 without literals."""
-        return int(self.heights().max(initial=0))
+        return int(self._order.heights.max(initial=0))
 
     def hasse(self) -> NDArray[np.bool_]:
         """Return ``wiring("hasse")``: the fewest edges with the same paths."""
@@ -236,7 +291,8 @@ class PocGraph:
         each; in between it goes up a chain of representatives.
 
         Returns:
-            ``(2N, 2N)`` bool, read-only.
+            ``(2N, 2N)`` bool, read-only. Where few edges are looked at, `wire_list`
+            takes far less room.
 
         Raises:
             InvalidValueError: Another `kind`.
@@ -246,26 +302,21 @@ class PocGraph:
             >>> int(g.edges.sum()), int(g.hasse().sum())
             (6, 4)
         """
-        return _frozen(from_words(self.wires(kind), len(self)))
+        flat = np.zeros((len(self), len(self)), np.bool_)
+        flat[*_ends(self.wire_list(kind))] = True
+        return _frozen(flat)
 
-    def wires(self, kind: WiringKind = "hasse") -> Words:
-        """Return `wiring`, packed: a 64th of the work where few edges are looked at.
-
-        Returns:
-            ``(2N, w)``, read-only, as in `neurosnap.poc.order.literal_sets`; the same
-            array every time. The first call takes O(N²/16) time, if the order is known.
-        """
+    def _wired_groups(self, kind: WiringKind) -> Words:
+        """Return the edges of a wiring between groups, packed."""
         if kind not in ("hasse", "derived"):
             raise InvalidValueError("kind", 'must be "hasse" or "derived"', kind)
-        if kind not in self._wires:
-            edges = self._order.covers if kind == "hasse" else self._rows
-            head = self.representative
-            wires = wired(edges, head)
-            if (head[1::2] != head[::2] ^ 1).any():
-                plain = from_words(wires, len(self))
-                wires = to_words(plain | contraposed(plain))
-            self._wires[kind] = _frozen(wires)
-        return self._wires[kind]
+        edges = self._order.covers if kind == "hasse" else self._rows
+        head = self._order.representative
+        wires = wired(edges, head)
+        if (head[1::2] != head[::2] ^ 1).any():
+            plain = from_words(wires, len(wires))
+            wires = to_words(plain | contraposed(plain))
+        return wires
 
     def wire_list(self, kind: WiringKind = "hasse") -> NDArray[np.int64]:
         """Return the edges of `wiring` as ``source << 32 | target``, ascending.
@@ -279,10 +330,27 @@ class PocGraph:
             [(0, 2), (3, 1)]
         """
         if kind not in self._wire_lists:
-            wires = self.wires(kind)
-            count = int(np.bitwise_count(wires).sum())
-            self._wire_lists[kind] = _frozen(kernels.pairs(wires, count))
+            wires = self._wired_groups(kind)
+            edges = kernels.pairs(wires, int(np.bitwise_count(wires).sum()))
+            if not self._are_single:
+                edges = self._with_members(edges)
+            self._wire_lists[kind] = _frozen(edges)
         return self._wire_lists[kind]
+
+    def _with_members(self, edges: Ints) -> Ints:
+        """Return a list of edges between groups with those of all of their literals."""
+        ends = self._names[np.stack(_ends(edges))]
+        head = self.representative
+        rest = np.flatnonzero(self._names[self._groups] != np.arange(len(self)))
+        # Both ways between a literal and what stands for it.
+        stars = np.stack((head[rest], rest))
+        every = [ends, stars, stars[::-1]]
+        if (head[1::2] != head[::2] ^ 1).any():
+            every += [stars[::-1] ^ 1, stars ^ 1]
+        sources, targets = np.hstack(every)
+        found = np.sort(sources << 32 | targets, kind="stable")
+        once: Ints = found[np.diff(found, prepend=-1) > 0]
+        return once
 
     def depth(self, signal: Literals, kind: WiringKind = "hasse") -> int:
         """Return the hops over a wiring until the last of ``up(signal)`` is reached.
@@ -299,7 +367,7 @@ class PocGraph:
             (2, 1)
         """
         reached = to_words(as_literals("signal", signal, len(self)))
-        return int(kernels.spread(self.wires(kind), reached))
+        return int(kernels.spread(to_words(self.wiring(kind)), reached))
 
     def implications(self, sensorium: Sensorium) -> list[tuple[str, str]]:
         """Return the edges of `hasse` by name, one of each contrapositive pair.
@@ -316,7 +384,7 @@ class PocGraph:
             [('door', 'motion')]
         """
         self.check_names(sensorium)
-        pairs = np.argwhere(self.hasse()).tolist()
+        pairs = np.transpose(_ends(self.wire_list())).tolist()
         return [(sensorium.name(a), sensorium.name(b)) for a, b in pairs if a <= b ^ 1]
 
     def to_networkx(
@@ -340,7 +408,7 @@ class PocGraph:
         graph.add_nodes_from(map(sensorium.name, range(len(self))))
         graph.add_edges_from(
             (sensorium.name(a), sensorium.name(b))
-            for a, b in np.argwhere(self.wiring(kind)).tolist()
+            for a, b in np.transpose(_ends(self.wire_list(kind))).tolist()
         )
         return graph
 
@@ -353,16 +421,11 @@ class PocGraph:
     @cached_property
     def _order(self) -> Order:
         """What follows from the edges."""
-        return order_of(self._rows)
+        return order_of(self._rows, self._names)
 
     @cached_property
-    def _wires(self) -> dict[str, Words]:
+    def _wire_lists(self) -> dict[str, Ints]:
         """The wirings asked for so far."""
-        return {}
-
-    @cached_property
-    def _wire_lists(self) -> dict[str, NDArray[np.int64]]:
-        """The same as lists."""
         return {}
 
     def refuse_contradiction(self) -> None:
@@ -371,6 +434,31 @@ class PocGraph:
         if both.size:
             rule = "must not be equivalent to its own complement"
             raise InvalidValueError("literal", rule, int(2 * both[0]))
+
+
+def _ends(edges: Ints) -> tuple[Ints, Ints]:
+    """Return where the edges of `PocGraph.wire_list` begin, and where they end."""
+    return edges >> 32, edges & 0xFFFFFFFF
+
+
+def expanded(rows: Words, groups: Ints, *, equal: bool = True) -> Words:
+    """Return a relation of groups of literals as one of the literals.
+
+    Args:
+        rows: ``(n, w)``, packed.
+        groups: ``(m,)``, the group of each literal.
+        equal: Whether the literals of a group are related, each way.
+
+    Returns:
+        ``(m, ceil(m / 64))``, no bit on the diagonal but those of the groups.
+    """
+    wide = np.empty((len(rows), (len(groups) + 63) // 64), np.uint64)
+    for start in range(0, len(rows), _ROWS):
+        some = from_words(rows[start : start + _ROWS], len(rows))
+        if equal:
+            some[np.arange(len(some)), np.arange(start, start + len(some))] = True
+        wide[start : start + _ROWS] = to_words(some[:, groups])
+    return wide[groups]
 
 
 def contraposed(edges: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from neurosnap.errors import InvalidValueError, ShapeError
 
+_LONG = 256  # bits of a mask from which on an array of them is quicker
 Literals: TypeAlias = NDArray[np.bool_] | Iterable[int]
 """What may be given for a set of literals: ``(2N,)`` bool, or the literals."""
 Words: TypeAlias = NDArray[np.uint64]
@@ -142,6 +143,9 @@ def members(mask: int) -> Iterator[int]:
         >>> list(members(0b1010))
         [1, 3]
     """
+    if mask.bit_length() > _LONG:
+        yield from np.flatnonzero(from_mask(mask, mask.bit_length())).tolist()
+        return
     while mask:
         lowest = mask & -mask
         yield lowest.bit_length() - 1

@@ -20,7 +20,7 @@ def new(worker: int = 1) -> WorkerLearning:
 
 
 def whole(ticks: int) -> EmpiricalSnapshot:
-    snapshot = EmpiricalSnapshot(6, 0.25)
+    snapshot = EmpiricalSnapshot(6, 0.25, range(6))
     for bits in ROWS[:ticks]:
         snapshot.learn([bits >> k & 1 for k in range(6)])
     return snapshot

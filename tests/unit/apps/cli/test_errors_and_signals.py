@@ -1,10 +1,13 @@
-"""Signals that end a command: its exit code, and what it leaves behind."""
+"""What ends a command, signals and errors: its exit code, and what it leaves behind."""
 
 import os
 import subprocess
 import sys
 
 import pytest
+import typer
+
+from neurosnap.apps.cli.errors_and_signals import errors
 
 PROGRAM = """
 import asyncio, os, signal
@@ -40,3 +43,14 @@ def test_a_verb_that_has_ended_in_order_is_killed_by_no_signal() -> None:
     )
     assert (ended.returncode, ended.stdout) == (0, b"the end")
     assert ended.stderr == b""
+
+
+def test_too_little_memory_is_an_error_in_a_line(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(typer.Exit) as ended, errors():
+        raise MemoryError("Unable to allocate 27.6 GiB")
+    assert ended.value.exit_code == 1
+    printed = capsys.readouterr().err
+    assert printed.startswith("error: memory: must be enough for so many sensors")
+    assert printed.rstrip().endswith("got: Unable to allocate 27.6 GiB")
