@@ -88,7 +88,7 @@ def large(sizes: Sizes) -> list[Line]:
 def _pace(count: int, wrong: int, folder: Path) -> Line:
     """Run a walk in two workers, recorded and judged."""
     options, log = _options(count, _TICKS, folder, wrong=wrong), folder / "run.mcap"
-    spent = Spent(_BEGIN)
+    spent = Spent(_BEGIN, weighs=True)
     made = run_once(options, log, Watcher(spent.look))
     log.unlink()
     pace, gigabytes, least = spent.pace, spent.memory / 1e9, _LEAST[wrong]
@@ -108,11 +108,13 @@ class Spent:
     Args:
         begin: The first tick to look at: all parts are up by then.
         every: Ticks from one look to the next, at least.
+        weighs: Whether to look at the memory, which takes a hundred times as long.
     """
 
-    def __init__(self, begin: int, every: int = 0) -> None:
+    def __init__(self, begin: int, every: int = 0, weighs: bool = False) -> None:
         self._begin = begin
         self._every = every
+        self._weighs = weighs
         self._parts = 0
         self._seen: list[tuple[int, float, Counter[str]]] = []
         self.memory = 0  # bytes of all parts at most; what they share counts once
@@ -125,11 +127,11 @@ class Spent:
         found, memory = [*parts_of(psutil.Process())], 0
         for who, process in found:
             try:
-                times, room = process.cpu_times(), process.memory_full_info()
+                times = process.cpu_times()
+                memory += process.memory_full_info().pss if self._weighs else 0
             except psutil.NoSuchProcess:
                 return
             spent[who.partition("/")[0]] += times.user + times.system
-            memory += room.pss
         self._parts = self._parts or len(found)
         if len(found) == self._parts:
             self._seen.append((tick, time.monotonic(), spent))
