@@ -212,7 +212,7 @@ def smallest_cover(
     count = len(neighbours)
     order = np.lexsort((np.arange(count), -worth))  # the first are chosen first
     search = _Search(neighbours, worth, sizes)
-    taken = greedy(neighbours, order, sizes)
+    taken = greedy(neighbours, order, [*map(search.size, neighbours)], sizes)
     needed = 0
     for part in search.parts((1 << count) - 1):
         needed |= search.forced(part, search.size(taken & part))
@@ -228,14 +228,16 @@ def smallest_cover(
     return cover
 
 
-def greedy(neighbours: Sequence[int], order: Ints, sizes: Ints) -> int:
+def greedy(
+    neighbours: Sequence[int], order: Ints, met: Sequence[int], sizes: Ints
+) -> int:
     """Cover all edges by what meets most of those left, again and again.
 
-    Of those that meet as many it is the first in order. O(k) time for each.
+    Of those that meet as many it is the first in order. How many each meets, and for
+    how many it counts, is ``(k,)``. O(k) time for each.
     """
     taken, count = 0, len(neighbours)
-    size = _Search(neighbours, np.zeros(count), sizes).size
-    keys = count * np.array([*map(size, neighbours)], np.int64)
+    keys = count * np.array(met, np.int64)
     keys[order] += np.arange(count)[::-1]
     while keys.max(initial=0) >= max(count, 1):
         best = int(keys.argmax())

@@ -6,7 +6,7 @@ import pytest
 from neurosnap import wire
 from neurosnap.agent.body import Body
 from neurosnap.errors import InvalidValueError
-from neurosnap.protocol.key_frames import with_snapshot
+from neurosnap.protocol.key_frames import history_of, snapshot_of, with_snapshot
 from neurosnap.protocol.run_options import RunOptions, SnapshotKind
 
 
@@ -55,3 +55,21 @@ def test_the_largest_key_frame_that_is_allowed_can_be_sent(kind: SnapshotKind) -
     size = len(wire.encode(head))
     assert 0.4 * wire.LARGEST_KEYFRAME < size * 64 <= wire.LARGEST_KEYFRAME
     assert len(bands) > 1
+
+
+@pytest.mark.parametrize("ticks", [0, 9])
+def test_a_long_history_is_put_together_from_its_bands_in_any_order(ticks: int) -> None:
+    """Those of the weights are among them, once there are more pairs than in a band."""
+    snapshot, history = options(5).new_snapshot(), bytes(range(250))
+    for last in range(ticks):
+        snapshot.learn(np.arange(5) <= last % 5)
+    frame = wire.KeyFrame(tick=ticks, snapshot=b"", waves=1, epochs=(), history=history)
+    head, *bands = with_snapshot(frame, snapshot, 4, "coordinator")
+    assert isinstance(head, wire.KeyFrame)
+    assert head.history == b""
+    assert head.bands == len(bands)
+    every = [band for band in bands[::-1] if isinstance(band, wire.Band)]
+    assert {len(band.data) for band in every if band.array == "history"} == {32, 26}
+    assert history_of(head, every) == history
+    assert snapshot_of(head, every).to_bytes() == snapshot.to_bytes()
+    assert history_of(frame, ()) == history
