@@ -23,10 +23,10 @@ import msgspec
 
 from neurosnap.errors import MessageError
 
-SCHEMA = 15
+SCHEMA = 16
 ROOT = "neurosnap"
-LARGEST_KEYFRAME = 1 << 26
-"""Bytes of a key-frame, at most, which no other message may pass either."""
+LARGEST_PAYLOAD = 1 << 26
+"""Bytes of a message, at most."""
 LARGEST_IMAGE = 1 << 24
 """Bytes of an image, at most."""
 HISTORY = 8192
@@ -506,7 +506,8 @@ class Band(_Message, frozen=True):
     """A stretch of what would make a key-frame too large.
 
     Of a snapshot the arrays with a number a pair of sensors travel so; in the
-    key-frame's own snapshot they are there, and empty. And its history, if it is long.
+    key-frame's own snapshot they are there, and empty. And so do the bytes of its
+    `snapshot`, `agent` and `history` where they are long, and are empty there.
     """
 
     _sender: ClassVar[str] = "{0.who}"
@@ -517,7 +518,8 @@ class Band(_Message, frozen=True):
     tick: Natural
     """That of the key-frame."""
     array: str
-    """Its name in the archive; or ``history``, whose bytes are its numbers."""
+    """Its name in the archive; or that of a key-frame's field, whose bytes are its
+    numbers."""
     offset: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
     """Where the stretch begins in the array, row by row, in numbers."""
     data: memoryview
@@ -619,21 +621,24 @@ class Learn(_Message, frozen=True, omit_defaults=True):
     frame: Natural = 0
     """The tick of a key-frame that they send the bands of, before they answer; that is
     the tick learned last. 0: none."""
-    begins: bytes = b""
-    """In a run that goes on, until they have learned something: the snapshot of its
-    first key-frame, for workers that know nothing but the bands behind that."""
+    begins: Natural = 0
+    """In a run that goes on, until they have learned something: how many bytes the
+    snapshot of its first key-frame has, for workers that know nothing but its bands."""
     sources: Naturals = ()
     """Literals: what spoke for these implications, and against them, before this was
     learned?"""
     targets: Naturals = ()
     """What each of them implies."""
+    changes: tuple[Decision, ...] = ()
+    """The decision of the tick learned last, if a sensor comes or goes with it: that is
+    learned first."""
 
 
 class Learned(_Message, frozen=True, omit_defaults=True):
     """What a worker's learning changed in the order, and implications it was asked for.
 
-    Of a row, the pairs of one sensor with those before it, in which much changes, all
-    codes are sent, two a byte; of others the pairs that do. In pieces where it is much.
+    The pairs whose implications changed; of sensors that have always read the same the
+    first speaks for all. In pieces where they are many.
     """
 
     _sender: ClassVar[str] = "worker/{0.worker}"
@@ -649,17 +654,12 @@ class Learned(_Message, frozen=True, omit_defaults=True):
     """Which piece this is, from 0."""
     parts: Numbered = 1
     """How many there are."""
-    rows: bytes = b""
-    """The sensors of whole rows, as `numbers`."""
-    codes: bytes = b""
-    """Their codes, row after row: the first in the lower half of the first byte; each
-    row begins a byte."""
     latter: bytes = b""
-    """The latter sensors of single pairs, as `numbers`."""
+    """The latter sensors of the pairs, as `numbers`."""
     former: bytes = b""
     """Their former sensors, as `numbers`."""
-    single: bytes = b""
-    """Their codes, a byte each."""
+    codes: bytes = b""
+    """What relates them now, a byte each."""
     links: tuple[WeighedLink, ...] = ()
     """The implications asked for that are of its pairs; in the last piece."""
 
@@ -827,15 +827,17 @@ def cell_keys(cell: int | str) -> tuple[str, ...]:
     return ("observation", "wavestart", "recall", *own, *others)
 
 
-def worker_keys(worker: int | str) -> tuple[str, ...]:
-    """Return the key expressions a worker listens to; ``*``: any worker."""
+def worker_keys(worker: int | str, *, learns: bool = True) -> tuple[str, ...]:
+    """Return the key expressions a worker listens to; ``*``: any worker.
+
+    One that learns is told what was observed with what it is to learn.
+    """
+    heard = ("learn", "band/coordinator") if learns else ("observation",)
     own = f"workerwiring/{worker}", f"reminder/worker/{worker}"
     pulses = f"pulsebatch/{worker}/**"
-    return ("observation", *own, "wavestart", "recall", pulses)
+    return (*heard, *own, "wavestart", "recall", pulses)
 
 
-LEARNING_KEYS = ("learn", "band/coordinator")
-"""What a worker listens to besides, where workers share the learning."""
 _BETWEEN = frozenset({"pulse", "pulsebatch"})
 _OF_MANY = _BETWEEN | {
     *("cellreport", "workerreport", "recalled", "band"),

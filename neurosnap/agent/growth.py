@@ -12,7 +12,7 @@ from neurosnap.agent.grower import Grower
 from neurosnap.agent.growth_in_decisions import Context
 from neurosnap.agent.window_grower import WindowGrower
 from neurosnap.errors import MessageError
-from neurosnap.poc.learning.archive import Arrays
+from neurosnap.poc.learning.archive import Arrays, entry
 from neurosnap.poc.learning.empirical import EmpiricalSnapshot
 from neurosnap.poc.learning.history_questions import Question, Search
 from neurosnap.poc.learning.reading_history import (
@@ -40,6 +40,7 @@ class Growth:
 
     Attributes:
         history: The last readings of every sensor.
+        was_on: ``(room,)``: at how many ticks each grown sensor read on, or would have.
         changes: What the decision of the tick under way says of growth, by field.
 
     """
@@ -47,6 +48,7 @@ class Growth:
     def __init__(self, body: Body) -> None:
         self._grower = Grower(body) if body.context else WindowGrower(body)
         self.history = History(len(body.sensors), wire.HISTORY)
+        self.was_on = np.zeros(body.room, np.int64)
         self._own = len(body.own)
         self._body = body
         self.changes: dict[str, Any] = {}
@@ -62,6 +64,17 @@ class Growth:
         if isinstance(self._grower, Grower):
             return self._grower.hopeless
         return np.zeros((len(self._body.actions), 2 * self._own), np.bool_)
+
+    def record(
+        self,
+        observation: NDArray[np.bool_],
+        known: NDArray[np.bool_] | None,
+        begins: bool,
+    ) -> None:
+        """Record an observation, ``(N,)``; see `History.record`."""
+        self.history.record(observation, known, begins)
+        on = observation if known is None else observation & known
+        self.was_on += on[self._body.first_grown :]
 
     def notice(
         self,
@@ -96,7 +109,7 @@ class Growth:
             if (given_up := self.hopeless[action] & ~before).any():
                 self.changes["chance"] = tuple(np.flatnonzero(given_up).tolist())
         if due is None:
-            yield from self._retire(snapshot)
+            yield from self._retire(snapshot.poc_graph())
         else:
             yield from self._bear(due, snapshot)
 
@@ -116,11 +129,12 @@ class Growth:
         unread = [body.first_grown + place for place in body.retired]
         newborn = yield from snapshot.newborn(sensor, history.ticks, on, off, unread)
         history.on[:, sensor], history.off[:, sensor] = on, off
+        self.was_on[len(body.grown)] = np.bitwise_count(on).sum()
         names = "context", "literals", "since", "until"
         self.changes |= {"born": sensor} | dict(zip(names, context, strict=True))
         self.changes |= birth_fields(newborn, snapshot)
 
-    def _retire(self, snapshot: Snapshot) -> Search[None]:
+    def _retire(self, graph: PocGraph) -> Search[None]:
         """Look at one grown sensor every few ticks; prepare that it retires."""
         body = self._body
         turn, rest = divmod(self.history.tick, _EVERY)
@@ -129,23 +143,28 @@ class Growth:
         place = turn % len(body.grown)
         if place in body.retired:
             return
-        if (yield from is_needless(body, place, snapshot)):
+        if (yield from is_needless(body, place, graph, int(self.was_on[place]))):
             self.changes["retires"] = body.first_grown + place
 
     def arrays(self) -> Arrays:
         """Return its whole state as arrays, by name."""
-        return self.history.arrays() | self._grower.arrays()
+        kept = self.history.arrays() | {"was_on": self.was_on}
+        return kept | self._grower.arrays()
 
     def restore(self, arrays: Arrays) -> None:
         """Restore the whole state from arrays; ValueError if they make no sense."""
         self.history = History.from_arrays(
             arrays, len(self._body.sensors), self.history.length
         )
+        self.was_on = entry(arrays, "was_on", self.was_on.shape, np.int64).copy()
         self._grower.restore(arrays)
 
 
-def apply_change(body: Body, decision: Decision, snapshot: Snapshot) -> None:
+def apply_change(body: Body | None, decision: Decision, snapshot: Snapshot) -> None:
     """Grow or retire a sensor of a snapshot, by a decision and the body after it.
+
+    Without a body the sensor's name stays, and what it reads is left out: for a share
+    of the pairs, which needs neither.
 
     Raises:
         MessageError: What is said of a newborn is not of the sensors before it.
@@ -157,8 +176,11 @@ def apply_change(body: Body, decision: Decision, snapshot: Snapshot) -> None:
             squares = np.frombuffer(decision.weights, kind).reshape(4, sensor)
             codes = np.frombuffer(decision.codes, np.uint8)
             newborn = Newborn(decision.history, squares, codes)
-            reads = body.reading(body.grown[-1], snapshot.state)
-            snapshot.grow(sensor, body.sensors[sensor], newborn, reads)
+            name, reads = snapshot.sensorium.names[sensor], None
+            if body is not None:
+                name = body.sensors[sensor]
+                reads = body.reading(body.grown[-1], snapshot.state)
+            snapshot.grow(sensor, name, newborn, reads)
         except ValueError as error:
             raise MessageError(f"decision: born: {error}") from error
     if decision.retires >= 0:
@@ -175,7 +197,7 @@ def birth_fields(newborn: Newborn, snapshot: Snapshot) -> dict[str, int | bytes]
     }
 
 
-def is_needless(body: Body, place: int, snapshot: Snapshot) -> Search[bool]:
+def is_needless(body: Body, place: int, graph: PocGraph, was_on: int) -> Search[bool]:
     """Tell whether a grown sensor, by its place among these, is to retire.
 
     What it guarantees of the world's own sensors, or a window of any, a part of its
@@ -184,11 +206,16 @@ def is_needless(body: Body, place: int, snapshot: Snapshot) -> Search[bool]:
     take the place of a narrow one that came first. If they do not where the agent has
     not been yet, that is a surprise, and it is grown again. It costs some
     `PocGraph.up`, and rings of the history.
+
+    Args:
+        body: What is sensed.
+        place: The sensor's.
+        graph: What is believed.
+        was_on: At how many ticks it was on.
     """
-    graph = snapshot.poc_graph()
     alone = _guarantees_alone(body, place, graph)
     if alone and body.context:
-        alone = yield from _not_covered(body, place, alone, graph, snapshot)
+        alone = yield from _not_covered(body, place, alone, graph, was_on)
     return not alone
 
 
@@ -211,11 +238,11 @@ def _not_covered(
     place: int,
     results: list[int],
     graph: PocGraph,
-    snapshot: Snapshot,
+    counted: int,
 ) -> Search[list[int]]:
     """Return which results of a sensor others did not always guarantee when it was on.
 
-    The snapshot has counted how often the sensor was on.
+    It was on so often as is `counted`.
     """
     mine = 2 * (body.first_grown + place)
     actions = Actions(body)
@@ -236,9 +263,6 @@ def _not_covered(
         return results
     # Where it has not been for longer than the history is, others may be missing:
     # the sensor would retire, be missed, and be grown again, time and again.
-    # (Shares of a discounted snapshot are at most 1: it forgets such times, too.)
-    result = results[0]
-    counted = snapshot.weight(mine, result) + snapshot.weight(mine, result ^ 1)
     if counted > remembered:
         return results
     return [

@@ -118,7 +118,7 @@ class AgentMemory:
         self._begins = begins
         if self._growth is None:
             return nothing()
-        self._growth.history.record(observation, known, begins)
+        self._growth.record(observation, known, begins)
         step = (-1 if begins else action, state)
         return self._growth.notice(*step, foretold, observation, known, snapshot)
 

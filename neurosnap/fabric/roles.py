@@ -80,7 +80,7 @@ RIGHTS: dict[Role, Rights] = {
             "fault",
             "leave",
         ),
-        reads=(*wire.worker_keys("*"), *wire.LEARNING_KEYS),
+        reads=(*wire.worker_keys("*"), "observation"),
         announces=True,
     ),
     # Looks on, and leaves no trace.

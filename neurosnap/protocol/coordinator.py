@@ -37,7 +37,8 @@ from neurosnap.protocol.anomaly_detector import AnomalyDetector
 from neurosnap.protocol.anomaly_report import with_support
 from neurosnap.protocol.cell_and_worker_base import check_readings
 from neurosnap.protocol.key_frames import (
-    history_of,
+    HEAD,
+    joined_bytes,
     order_of,
     snapshot_of,
     with_snapshot,
@@ -169,6 +170,8 @@ class Coordinator:
     ) -> Self:
         """Return the core of a run that has just published a key-frame and its bands.
 
+        The frame is `whole`.
+
         Raises:
             InvalidValueError: What the key-frame holds cannot be of such a run.
         """
@@ -177,10 +180,10 @@ class Coordinator:
             options,
             order_of(frame, bands, shares) if shares else snapshot_of(frame, bands),
         )
-        core._start_at(frame, history_of(frame, bands))
+        core._start_at(frame)
         return core
 
-    def _start_at(self, frame: wire.KeyFrame, history: bytes) -> None:
+    def _start_at(self, frame: wire.KeyFrame) -> None:
         self._control.start_at(frame.waves, frame.epochs)
         memory = self._mind.memory
         memory.decision = wire.Decision(frame.tick, frame.action, frame.why)
@@ -201,7 +204,7 @@ class Coordinator:
             told=frame.told,
         )
         if self._detector is not None:
-            self._detector.restore(history)
+            self._detector.restore(frame.history)
         self._count_grown()
 
     # What its process asks it ---------------------------------------------------------
@@ -247,14 +250,19 @@ class Coordinator:
         """Open the run, or resume it from a key-frame: ask for an observation."""
         first = self._keyframe() if self.tick else []
         self._learning.forget()
-        for frame in first:
-            if isinstance(frame, wire.KeyFrame):
-                self.begin_with(frame)
-        return [*first, *self._learning.passed_on, self.decision]
+        said = [*first, *self._learning.passed_on, self.decision]
+        if self._learning.shares:
+            bands = [one for one in first if isinstance(one, wire.Band)]
+            self.begin_with(len(joined_bytes(HEAD, bands)))
+            self._learning.passed_on += (b for b in bands if b.array == HEAD)
+        return said
 
-    def begin_with(self, frame: wire.KeyFrame) -> None:
-        """Set the recorded key-frame from which workers that share learning begin."""
-        self._learning.begins = frame.snapshot if self._learning.shares else b""
+    def begin_with(self, size: int) -> None:
+        """Set the size of the snapshot that workers that share the learning begin with.
+
+        It is that of the key-frame which the run goes on from.
+        """
+        self._learning.begins = size
 
     def resume(self, ticks: int, bands: Iterable[wire.Band] = ()) -> None:
         """Continue a run that has ended, up to `ticks`.
@@ -507,6 +515,7 @@ class Coordinator:
         """
         if grown:
             self._changed = True
+            self._learning.changes = (self.decision,)
             self._count_grown()
         self._steps, self._signal = None, ()
         self.totals.ticks += 1

@@ -31,14 +31,17 @@ class LearnControl:
     Attributes:
         shares: As given.
         under_way: What is not learned by all yet; None if there is nothing.
-        begins: The snapshot of the key-frame that they go on from; empty once they have
-            learned something.
+        begins: The size of the snapshot of the key-frame that they go on from; 0 once
+            they have learned something.
         passed_on: What else they have to hear until then.
+        changes: The last decision, if a sensor came or went with it that some may not
+            have heard of.
     """
 
     def __init__(self, shares: Sequence[range], repeats: int) -> None:
-        self.begins = b""
+        self.begins = 0
         self.passed_on: list[wire.Band] = []
+        self.changes: tuple[wire.Decision, ...] = ()
         self.shares = shares
         self._repeats = repeats
         self.under_way: wire.Learn | None = None
@@ -74,6 +77,7 @@ class LearnControl:
                 begins=self.begins,
                 sources=tuple(a for a, _ in weighed),
                 targets=tuple(b for _, b in weighed),
+                changes=self.changes,
             )
         )
 
@@ -83,12 +87,13 @@ class LearnControl:
         They answer behind these, with what they learned last, at the same tick.
         """
         last = self._last if self._last.tick == tick else wire.Learn(tick)
-        begins = self.begins
-        return self.ask(msgspec.structs.replace(last, frame=tick, begins=begins))
+        begins, changes = self.begins, self.changes
+        replace = msgspec.structs.replace
+        return self.ask(replace(last, frame=tick, begins=begins, changes=changes))
 
     def forget(self) -> None:
         """Reset: no request is under way, and nothing was learned last."""
-        self.under_way, self._last = None, wire.Learn(0)
+        self.under_way, self._last, self.changes = None, wire.Learn(0), ()
 
     def repeat(self) -> list[wire.Message]:
         """Tell them again.
@@ -126,7 +131,7 @@ class LearnControl:
             self._round.answers[learned.sender] = True
         if not self._round.silent:
             self.under_way = None
-            self.begins, self.passed_on = b"", []
+            self.begins, self.passed_on, self.changes = 0, [], ()
         return pairs
 
     def weighed(self, anomaly: wire.Anomaly) -> wire.Anomaly:
@@ -175,36 +180,18 @@ def pairs_in(message: wire.Learned, share: range) -> Pairs:
     Raises:
         MessageError: It cannot be right.
     """
-    rows = ints("learned: rows", message.rows).astype(np.intp)
     latter = ints("learned: latter", message.latter).astype(np.intp)
     former = ints("learned: former", message.former).astype(np.intp)
-    single = np.frombuffer(message.single, np.uint8)
-    if not len(latter) == len(former) == len(single):
-        got = f"{len(latter)}, {len(former)} and {len(single)}"
+    codes = np.frombuffer(message.codes, np.uint8)
+    if not len(latter) == len(former) == len(codes):
+        got = f"{len(latter)}, {len(former)} and {len(codes)}"
         raise MessageError(f"learned: must have as many former as latter, got {got}")
-    for name, sensors in (("rows", rows), ("latter", latter)):
-        beyond = (sensors < share.start) | (sensors >= share.stop)
-        if beyond.any():
-            rule = f"must be in {share.start} to {share.stop - 1}"
-            got = sensors[beyond][0]
-            raise MessageError(f"learned: {name} {rule}, got {got}")
+    beyond = (latter < share.start) | (latter >= share.stop)
+    if beyond.any():
+        rule = f"must be in {share.start} to {share.stop - 1}"
+        raise MessageError(f"learned: latter {rule}, got {latter[beyond][0]}")
     if ((former < 0) | (former >= latter)).any():
         raise MessageError("learned: former must be before latter, got one that is not")
-    sizes = (rows + 1) // 2
-    if len(message.codes) != sizes.sum():
-        rule = f"must be {sizes.sum()} bytes for these rows"
-        raise MessageError(f"learned: codes {rule}, got {len(message.codes)}")
-    packed = np.frombuffer(message.codes, np.uint8)
-    halves = np.stack([packed & 15, packed >> 4], axis=1).reshape(-1)
-    # A row with an odd number of pairs ends with half a byte that says nothing.
-    ends = 2 * np.cumsum(sizes) - 1
-    used = np.ones(halves.size, np.bool_)
-    used[ends[rows % 2 == 1]] = False
-    codes = np.concatenate([halves[used], single])
-    if not np.isin(codes, _CODES).all() or halves[~used].any():
+    if not np.isin(codes, _CODES).all():
         raise MessageError("learned: codes must be of pairs, got one that is not")
-    return (
-        np.concatenate([np.repeat(rows, rows), latter]),
-        np.concatenate([*map(np.arange, rows), former]),
-        codes,
-    )
+    return latter, former, codes

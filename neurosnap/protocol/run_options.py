@@ -28,7 +28,6 @@ from neurosnap.sources.cuts import known_order, recorded_conditions
 from neurosnap.sources.meaning import compared, numbers_in
 from neurosnap.sources.mqtt import options as mqtt
 from neurosnap.sources.ros2 import options as ros2
-from neurosnap.wire import HISTORY, LARGEST_KEYFRAME
 
 SMALLEST = 1 << 16
 """Least bytes per file of a split recording: with fewer a file would hold little but
@@ -37,12 +36,9 @@ FOREVER = 2**31 - 1
 """Ticks of a run that ends when it is told to: the most a message can say."""
 SnapshotKind: TypeAlias = Literal["empirical", "discounted"]
 HostKind: TypeAlias = Literal["process", "worker"]
-LearningKind: TypeAlias = Literal["coordinator", "spread"]
 CellKind: TypeAlias = Literal["process", "worker", "inline"]
 FEW_CELLS = 64
 """Cells up to this number are a process each, unless told otherwise."""
-_BYTES_A_SENSOR = 40  # of a key-frame, its name and its last readings not counted
-_FRAME_BESIDE = 5 << 22  # bytes of it for the rest: pairs and history of a band each
 
 _FEW = 100
 """Sensors: with more, Python takes too long for what Numba would compile. So it does to
@@ -173,16 +169,6 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     workers: Annotated[int, msgspec.Meta(ge=0)] = 2
     """How many workers share the cells. An inline run has one at
     most; with 0 each of its cells is a part of the swarm, as cells in processes are."""
-    learning: Annotated[
-        LearningKind,
-        option(
-            "Who learns. Coordinator: one process keeps the weights of all pairs of"
-            " sensors. Spread: the workers share the pairs, so that they fit on"
-            " several machines; for cells in workers, and sensors that do not grow."
-            " What is learned is the same.",
-            at="snapshot.learning",
-        ),
-    ] = "coordinator"
     keyframe_every: Annotated[
         int,
         option(
@@ -324,12 +310,6 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
             # A run that goes on after a death does all of them again.
             rule = "must go with a source that takes no actions"
             raise InvalidValueError("keep", rule, self.keep)
-        if self.learning == "spread" and self.cells != "worker":
-            rule = "must go with cells in workers (worker)"
-            raise InvalidValueError("learning", rule, f"spread with {self.cells}")
-        if self.learning == "spread" and self.body.room:
-            rule = "must be coordinator where sensors grow"
-            raise InvalidValueError("learning", rule, self.learning)
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -380,28 +360,13 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
         """Return the names of the parts that cells are, or are hosted by, in order."""
         return hosts(len(self.sensors), self.sharing)
 
-    def check_frame(self) -> None:
-        """Raise InvalidValueError if key-frames would be too large to be sent.
-
-        Weights of pairs and the watcher's history travel in bands. The rest does not.
-        """
-        count = len(self.sensors)
-        # Base64 takes four bytes for three.
-        room = LARGEST_KEYFRAME * 3 // 4 - _FRAME_BESIDE
-        a_sensor = _BYTES_A_SENSOR + 4 * max(map(len, self.sensors), default=0)
-        a_sensor += HISTORY // 4 * bool(self.body.room)  # two rings of bits
-        if count * a_sensor > room:
-            limit = f"{LARGEST_KEYFRAME >> 20} MiB"
-            rule = f"must be at most {room // a_sensor:,}, for a key-frame of {limit}"
-            raise InvalidValueError("sensors", rule, count)
-
     @property
     def learning_shares(self) -> list[range]:
         """The sensors whose pairs with those before them each worker learns.
 
-        Empty where the coordinator learns.
+        Empty where the coordinator learns, as the cells are in no workers.
         """
-        if self.learning == "coordinator":
+        if self.cells != "worker":
             return []
         return learning_shares(len(self.sensors), self.sharing)
 
@@ -410,7 +375,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
         if not (shares := self.learning_shares):
             return None
         snapshot = self.new_snapshot(shares[worker])
-        return WorkerLearning(worker, snapshot, shares, self.band)
+        return WorkerLearning(worker, snapshot, self.band)
 
     @property
     def known_order(self) -> tuple[tuple[int, int], ...]:

@@ -4,23 +4,22 @@ A share begins with nothing learned, or with the bands that the coordinator send
 the key-frame that a run goes on from. For later key-frames it sends its own, when told.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import msgspec
-import numpy as np
 
 from neurosnap import wire
+from neurosnap.agent.growth import apply_change
 from neurosnap.errors import InvalidValueError, MessageError, ShapeError
-from neurosnap.poc.learning.pairs import pairs_of
 from neurosnap.poc.learning.snapshot import OF_PAIRS, Changes, Snapshot
-from neurosnap.poc.learning.snapshot_bands import Stretch, joined, lacking
+from neurosnap.poc.learning.snapshot_bands import Stretch, is_of_share, joined, lacking
 from neurosnap.protocol.cell_and_worker_base import check_readings
-from neurosnap.protocol.key_frames import bands_of
+from neurosnap.protocol.key_frames import HEAD, bands_of, joined_bytes
 from neurosnap.sensorium import unpack_readings
 
 PIECE = 1 << 20
-"""Bytes of codes in a message, at most, but for a row that has more."""
-_SINGLE = 9  # bytes that a single pair takes
+"""Bytes of pairs in a message, at most."""
+_PAIR = 9  # bytes that a pair takes
 
 
 class WorkerLearning:
@@ -29,17 +28,13 @@ class WorkerLearning:
     Args:
         worker: Its number.
         snapshot: Of its share; it has learned nothing.
-        shares: Those of all workers.
         band: Numbers of an array in one message, at most.
     """
 
-    def __init__(
-        self, worker: int, snapshot: Snapshot, shares: list[range], band: int
-    ) -> None:
+    def __init__(self, worker: int, snapshot: Snapshot, band: int) -> None:
         self._worker = worker
         self._who = f"worker/{worker}"
         self._snapshot = snapshot
-        self._shares = shares
         self._band = band
         self._said: list[wire.Learned] = []  # of the last tick learned
         self._bands: dict[tuple[str, int], wire.Band] = {}  # to begin with
@@ -61,7 +56,7 @@ class WorkerLearning:
         """
         before = message.tick if message.frame else message.tick - 1
         if message.begins and self._snapshot.clock < before:
-            self.begin(message.begins)
+            self._begin(message.begins)
         tick = self._snapshot.clock
         if message.tick not in (tick, tick + 1):
             rule = f"must be of tick {tick + 1}"
@@ -70,9 +65,9 @@ class WorkerLearning:
             said = self._said or self._pieces(wire.Learn(tick))
             if not message.frame:
                 return [*said]
+            self._follow(message.changes)
             replace = msgspec.structs.replace
             return [*self.bands(), *(replace(one, frame=tick) for one in said)]
-        self._said = []
         check_readings(message)
         try:
             bits, known = unpack_readings(
@@ -80,10 +75,21 @@ class WorkerLearning:
             )
         except ShapeError as error:
             raise MessageError(f"learn: {error}") from error
+        self._follow(message.changes)
         asked = self._evidence(message)
+        self._said = []
         self._snapshot.learn(bits, known)
         self._said = self._pieces(message, asked)
         return [*self._said]
+
+    def _follow(self, changes: Iterable[wire.Decision]) -> None:
+        """Grow or retire the sensor that comes or goes with the tick learned last.
+
+        Once more changes nothing.
+        """
+        for change in changes:
+            if change.tick == self._snapshot.clock:
+                apply_change(None, change, self._snapshot)
 
     def _pieces(
         self, message: wire.Learn, links: tuple[wire.WeighedLink, ...] = ()
@@ -118,36 +124,52 @@ class WorkerLearning:
 
     def bands(self) -> Iterator[wire.Band]:
         """Yield the bands of a key-frame of the tick learned last."""
-        args = self._snapshot.clock, self._band, self._who, self._shares
-        return bands_of(self._snapshot, *args)
+        return bands_of(self._snapshot, self._snapshot.clock, self._band, self._who)
 
     def receive_band(self, band: wire.Band) -> None:
         """Keep a band to begin with, if it is of this share and of a later tick."""
-        if band.tick <= self._snapshot.clock or band.array not in OF_PAIRS:
+        if band.tick <= self._snapshot.clock:
             return
         if any(other.tick < band.tick for other in self._bands.values()):
             self._bands = {}
-        every = len(pairs_of(range(len(self._snapshot.sensorium))))
-        if band.offset % max(1, every) in pairs_of(self._snapshot.share):
+        share, count = self._snapshot.share, len(self._snapshot.sensorium)
+        of_share = band.array in OF_PAIRS and is_of_share(band.offset, share, count)
+        if of_share or band.array == HEAD:
             self._bands[band.array, band.offset] = band
 
-    def begin(self, head: bytes) -> None:
-        """Begin with the bands that have come; the head is of their key-frame.
+    def _begin(self, size: int) -> None:
+        """Begin with the bands that have come; their head has so many bytes.
 
         Raises:
             MessageError: Some have not, or they make no snapshot.
         """
-        bands, share = self._bands.values(), self._snapshot.share
+        head = joined_bytes(HEAD, self._bands.values())
+        if len(head) < size:
+            raise _lacks(size - len(head))
+        self.begin(head)
+
+    def begin(self, head: bytes) -> None:
+        """Begin with a head, and the bands that have come.
+
+        Raises:
+            MessageError: Some have not, or they make no snapshot.
+        """
+        own = [band for band in self._bands.values() if band.array in OF_PAIRS]
+        share = self._snapshot.share
         try:
-            missing = lacking(head, share) - sum(len(band.data) for band in bands)
+            missing = lacking(head, share) - sum(len(band.data) for band in own)
             if missing > 0:
-                rule = "must come after the bands to begin with"
-                raise MessageError(f"learn: {rule}, lacks {missing} bytes of them")
-            stretches = (Stretch(one.array, one.offset, one.data) for one in bands)
+                raise _lacks(missing)
+            stretches = (Stretch(one.array, one.offset, one.data) for one in own)
             self._snapshot = joined(head, stretches, share)
         except InvalidValueError as error:
             raise MessageError(f"learn: {error}") from error
         self._bands, self._said = {}, []
+
+
+def _lacks(missing: int) -> MessageError:
+    rule = "must come after the bands to begin with"
+    return MessageError(f"learn: {rule}, lacks {missing} bytes of them")
 
 
 def pieces_of(
@@ -155,28 +177,19 @@ def pieces_of(
 ) -> list[wire.Learned]:
     """Return what changed, if anything did; one message at least.
 
-    A message has so many bytes of codes at most, but for a row that has more.
+    A message has so many bytes of pairs at most.
     """
     pieces: list[wire.Learned] = []
     if changes is not None:
-        ends = np.cumsum((changes.rows + 1) // 2)
-        begin = 0
-        while begin < len(ends):
-            before = ends[begin - 1] if begin else 0
-            end = max(begin + 1, int(np.searchsorted(ends, before + most, "right")))
-            rows = changes.rows[begin:end].astype("<i4").tobytes()
-            codes = changes.packed[before : ends[end - 1]].tobytes()
-            pieces.append(wire.Learned(worker, tick, rows=rows, codes=codes))
-            begin = end
-        for place in range(0, len(changes.codes), max(1, most // _SINGLE)):
-            cut = slice(place, place + max(1, most // _SINGLE))
+        for place in range(0, len(changes.codes), max(1, most // _PAIR)):
+            cut = slice(place, place + max(1, most // _PAIR))
             pieces.append(
                 wire.Learned(
                     worker,
                     tick,
                     latter=changes.latter[cut].astype("<i4").tobytes(),
                     former=changes.former[cut].astype("<i4").tobytes(),
-                    single=changes.codes[cut].tobytes(),
+                    codes=changes.codes[cut].tobytes(),
                 )
             )
     pieces = pieces or [wire.Learned(worker, tick)]

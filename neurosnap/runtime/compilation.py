@@ -24,11 +24,12 @@ from neurosnap.runtime.request import RunRequest, Site
 from neurosnap.runtime.supervisor import Supervisor
 from neurosnap.system.compiled import cache_folder, interpreted
 
-_ALIKE = ("snapshot", "threshold", "cells", "learning", "watch")
+_ALIKE = ("snapshot", "threshold", "cells", "watch")
 """The options that say what is compiled."""
 _LONG = 86_400.0  # seconds: nothing is late while it compiles
-_HEAD, _ROWS = "a,b,c\n", "0,0,0\n1,1,0\n0,1,\n1,1,1\n0,0,1\n1,1,0\n"
-"""Implications come and go, and one reading is unknown."""
+_HEAD = "a,b,c,d\n"
+_ROWS = "0,0,0,0\n1,1,0,0\n0,1,0,1\n0,1,,1\n1,1,1,0\n0,0,1,0\n1,1,0,1\n"
+"""Implications come and go, twins part twice, and one reading is unknown."""
 _REPEATS = 12
 """So often, where windows are grown: until the first search for one."""
 
@@ -50,7 +51,7 @@ class CompileJob(msgspec.Struct, frozen=True):
                 text = _HEAD + _ROWS * (_REPEATS if grows else 1)
                 await asyncio.to_thread(table.write_text, text)
                 like = {name: getattr(self.options, name) for name in _ALIKE}
-                body = Body(own=("a", "b", "c"), room=int(grows))
+                body = Body(own=("a", "b", "c", "d"), room=int(grows))
                 like |= {"source": str(table), "body": body, "deadline": _LONG}
                 request = RunRequest(RunOptions(**like), site=Site(patience=_LONG))
                 jobs, site = jobs_of(request), request.site

@@ -313,12 +313,10 @@ async def run_incarnation(
     """Run a swarm once, whatever the supervision of the request says.
 
     Raises:
-        InvalidValueError: There are more sensors than a key-frame can hold.
         NeurosnapError: A part failed; the text names it. Whatever was recorded until
             then is readable, and no process is left.
     """
     options = request.options
-    options.check_frame()
     starter = InlineTasks() if options.cells == "inline" else request.site.starter()
     ending = await launch(jobs_of(request), request.site, stop, watcher, starter)
     result = msgspec.json.decode(ending.result, type=Result)

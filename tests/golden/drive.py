@@ -182,9 +182,7 @@ def _host(options: RunOptions, number: int) -> tuple[Cell | Worker, tuple[str, .
         return Cell(number), wire.cell_keys(number)
     learning = options.new_worker_learning(number)
     hosted = shares(len(options.sensors), workers)
-    keys = wire.worker_keys(number)
-    if learning is not None:
-        keys += wire.LEARNING_KEYS
+    keys = wire.worker_keys(number, learns=learning is not None)
     return Worker(number, hosted, learning), keys
 
 

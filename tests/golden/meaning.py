@@ -13,12 +13,14 @@ import msgspec
 import numpy as np
 
 from neurosnap import wire
+from neurosnap.protocol.key_frames import snapshot_of, whole
 from neurosnap.sensorium import unpack
 from tests.golden.drive import Driven, Step
 from tests.golden.scenarios import Scenario
 
 Edges = set[tuple[int, int]]
 _LONG = 150
+_KEPT = wire.KeyFrame, wire.Band
 
 
 def lines(messages: Iterable[wire.Message], sensors: int) -> list[str]:
@@ -35,7 +37,7 @@ def meaning_of(scenario: Scenario, lives: Sequence[Driven]) -> list[str]:
     """Return what a scenario came to, the life or the lives of its swarm."""
     seen = (message for life in lives for message in life.seen_by_coordinator())
     told = lines(seen, len(scenario.options.sensors))
-    return [*told, learned(lives[-1])]
+    return [*told, learned(lives[-1], scenario.options.learning_shares)]
 
 
 class _Telling:
@@ -151,11 +153,19 @@ def _anomalous(anomaly: wire.Anomaly) -> str:
     )
 
 
-def learned(driven: Driven) -> str:
+def learned(driven: Driven, shares: Sequence[range]) -> str:
     """Return what was learned by the end: the weights, and what follows from them."""
     snapshot = driven.core.snapshot
-    if not len(snapshot.share):
-        return "learned by the workers"
+    if shares:
+        published = [m for m in driven.published if isinstance(m, _KEPT)]
+        frame = [m for m in published if isinstance(m, wire.KeyFrame)][-1]
+        bands = {
+            (m.array, m.offset): m
+            for m in published
+            if isinstance(m, wire.Band) and m.tick == frame.tick
+        }
+        every = bands.values()
+        snapshot = snapshot_of(whole(frame, every), every, shares)
     literals = range(2 * len(snapshot.sensorium))
     weights = [
         format(snapshot.weight(a, b), ".12g")

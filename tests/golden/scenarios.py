@@ -148,7 +148,7 @@ def _world(name: str, options: RunOptions, **more: Any) -> Scenario:
 
 _DISCOUNTED = {"snapshot": "discounted", "threshold": 0.03, "decay": 0.9}
 _WATCHED = {"watch": True, "support": 3, "hold": 2}
-_SPREAD = {"cells": "worker", "workers": 3, "learning": "spread", "band": 4}
+_SPREAD = {"cells": "worker", "workers": 3, "band": 4}
 _GRID = {"width": 3, "height": 3}
 _RAIL = {"places": 6, "target": 2}
 

@@ -74,5 +74,7 @@ def test_a_run_goes_on_once_its_hub_is_there(endpoint: str, tmp_path: Path) -> N
             _, said = process.communicate(timeout=90)
         finally:
             hub.close()
-    assert (process.returncode, said) == (0, "")
+    # What takes long to interpret, on a slow machine, is compiled.
+    told = [line for line in said.splitlines() if not line.startswith("compil")]
+    assert (process.returncode, told) == (0, [])
     assert (tmp_path / "a.mcap").is_file()

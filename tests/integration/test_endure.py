@@ -129,7 +129,6 @@ PAIRS = EVERY * (EVERY - 1) // 2
 SHARED = {
     "cells": "worker",
     "workers": 2,
-    "learning": "spread",
     "keyframe_every": 20,
     "band": 2,
     "split": 1 << 16,

@@ -59,7 +59,7 @@ PULSE = wire.Pulse(wave=1, source=0, target=2, hops=1, credit=1)
 
 async def test_the_largest_key_frame_arrives(role_keys: Path) -> None:
     heard, polled = Heard(), Heard()
-    frame = wire.KeyFrame(1, os.urandom(wire.LARGEST_KEYFRAME * 3 // 4 - MIB))
+    frame = wire.KeyFrame(1, os.urandom(wire.LARGEST_PAYLOAD * 3 // 4 - MIB))
     last = wire.Leave("coordinator")
     with hub_with(role_keys) as hub:
         async with (
@@ -76,7 +76,7 @@ async def test_the_largest_key_frame_arrives(role_keys: Path) -> None:
             with pytest.raises(
                 FabricError, match=r"^message on keyframe: must have at"
             ):
-                coordinator.publish(wire.KeyFrame(1, bytes(wire.LARGEST_KEYFRAME)))
+                coordinator.publish(wire.KeyFrame(1, bytes(wire.LARGEST_PAYLOAD)))
             coordinator.publish(frame, last)
             assert await heard.wait_for(last) == [frame, last]
             assert await polled.wait_for(last) == [frame, last]

@@ -145,7 +145,8 @@ async def ran(
     options: RunOptions, log: Path, nodes: Nodes, watcher: Watcher = SILENT
 ) -> Outcome:
     """Run on a cluster."""
-    request = RunRequest(options, log, site=Site(placement=on(nodes)))
+    site = Site(placement=on(nodes), patience=PATIENCE)
+    request = RunRequest(options, log, site=site)
     return await run(request, asyncio.Event(), watcher)
 
 

@@ -520,7 +520,6 @@ def banded(
 
 def known_in(snapshot: Snapshot) -> bytes:
     """Return what was learned, of each sensor, without the state."""
-    snapshot._stand_apart()
     snapshot.adopt(np.zeros(10, np.bool_))
     return snapshot.to_bytes()
 
@@ -529,16 +528,17 @@ def test_each_key_frame_is_followed_by_its_bands(banded: Banded) -> None:
     log = banded.log
     frames = of_type(log, wire.KeyFrame)
     assert [frame.tick for frame in frames] == FRAMES
-    # Ten pairs, four of them in a band, of counts and of dates. Of shares one worker
-    # has the pairs of four sensors, six, and the other four. One learner has six as
-    # long as two sensors are twins.
-    counts = [6] * 5 if banded.kind == "shares" else [4, 4, 6, 6, 6]
+    # Ten pairs, four of them in a band, of counts and of dates; six as long as two
+    # sensors are twins. Of shares one worker has those of four sensors, and
+    # the head is in a band, too.
+    several = np.array([4, 4, 6, 6, 6]) + (banded.kind == "shares")
+    counts = several.tolist()
     assert [frame.bands for frame in frames] == counts
     bands = of_type(log, wire.Band)
     ticks = np.repeat(FRAMES, counts).tolist()
     assert sorted(band.tick for band in bands) == ticks
     assert {(band.who, band.offset) for band in bands} == (
-        {("worker/0", 0), ("worker/0", 4), ("worker/1", 6)}
+        {("coordinator", 0), ("worker/0", 0), ("worker/0", 4), ("worker/1", 6)}
         if banded.kind == "shares"
         else {("coordinator", offset) for offset in (0, 4, 8)}
     )
@@ -618,11 +618,12 @@ def test_lost_learning_ends_what_can_be_derived(banded: Banded, tmp_path: Path) 
 
 
 BAND = "/band "
+_PAIR = {"latter": b"\1\0\0\0", "former": b"\0\0\0\0"}
 WRONG: list[tuple[type[wire.Message], int, dict[str, Any], str]] = [
     (wire.Band, 14, {"data": memoryview(b"\7" * 16)}, BAND),
     (wire.Band, 14, {"array": "clock"}, BAND),
     (wire.Band, 14, {"offset": 5}, BAND),
-    (wire.Learned, 12, {"codes": b"\3", "rows": b"\1\0\0\0"}, "/learned"),
+    (wire.Learned, 12, {**_PAIR, "codes": b"\3"}, "/learned"),
     (wire.Learn, 14, {"bits": b"\0"}, "/learn"),
 ]
 

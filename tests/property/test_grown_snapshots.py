@@ -39,7 +39,7 @@ def read(literal: int, bits: Bits, known: Bits) -> bool | None:
 def every(snapshot: Snapshot) -> NDArray[np.float64]:
     """Return the four weights of all pairs."""
     snapshot._settle()
-    snapshot._stand_apart()
+    snapshot.stand_apart()
     blocks = snapshot._weights.blocks(snapshot._total())
     return np.concatenate([squares for _, squares in blocks], axis=1)
 

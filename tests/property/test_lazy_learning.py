@@ -30,7 +30,7 @@ class Eager:
     def assert_same(self, snapshot: EmpiricalSnapshot) -> None:
         """Assert that a snapshot has the same weights, codes, dates and graph."""
         alone = EmpiricalSnapshot.from_bytes(snapshot.to_bytes())
-        alone._stand_apart()
+        alone.stand_apart()
         arrays, mine = alone.arrays(), self.snapshot.arrays()
         assert arrays["clock"] == mine["clock"] - 1
         blocks = alone._weights.blocks(snapshot.clock)
@@ -187,7 +187,9 @@ def test_pairs_near_a_change_are_listed_and_leave_the_list() -> None:
 def test_counts_may_be_as_large_as_they_get() -> None:
     """Near the end of the clock, sums of counts would not fit."""
     sensors = 40
-    arrays = dict(EmpiricalSnapshot(sensors, 0.25, range(sensors)).arrays())
+    blank = EmpiricalSnapshot(sensors, 0.25)
+    blank.stand_apart()
+    arrays = dict(blank.arrays())
     clock = 2**32 - 300
     marginals = np.full(sensors, clock - 3, np.uint32)
     joints = np.full(sensors * (sensors - 1) // 2, clock - 5, np.uint32)

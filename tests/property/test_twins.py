@@ -39,7 +39,8 @@ def test_it_is_as_if_each_sensor_had_its_own_weights(
     rows: Bits, threshold: float | str, data: st.DataObject
 ) -> None:
     count = rows.shape[1]
-    single = EmpiricalSnapshot(count, threshold, range(count))
+    single = EmpiricalSnapshot(count, threshold)
+    single.stand_apart()
     twins = EmpiricalSnapshot(count, threshold)
     assumed = data.draw(st.sampled_from(ASSUMED)) if count > 1 else ()
     saved = data.draw(st.integers(0, len(rows)))
@@ -86,7 +87,8 @@ def test_an_unknown_reading_finds_the_weights_of_each(
     rows: Bits, threshold: float | str
 ) -> None:
     count = rows.shape[1]
-    single = EmpiricalSnapshot(count, threshold, range(count))
+    single = EmpiricalSnapshot(count, threshold)
+    single.stand_apart()
     twins = EmpiricalSnapshot(count, threshold)
     known = np.arange(count) % 3 > 0
     for each in (single, twins):
@@ -122,7 +124,11 @@ def test_of_many_sensors_a_few_pairs_are_weighed() -> None:
 @pytest.mark.parametrize(
     ("name", "value", "match"),
     [
-        ("twins", np.array([0, 2, 2], np.int32), "twins: must be numbered without a"),
+        (
+            "twins",
+            np.array([0, 2, 2], np.int32),
+            "twins: must be numbered by the first",
+        ),
         ("twins", np.array([0, 0], np.int32), "twins: must be int32"),
         ("marginals", np.array([1, 0, 0], np.uint32), "marginals: must be the same"),
     ],

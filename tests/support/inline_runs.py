@@ -42,9 +42,8 @@ def resumed_run(log: Path, new: Path, ticks: int) -> Outcome:
 
 
 def spread(options: RunOptions, workers: int = 2) -> RunOptions:
-    """Return the same run with its learning shared by workers."""
-    given = {"cells": "worker", "workers": workers, "learning": "spread"}
-    return msgspec.structs.replace(options, **given)
+    """Return the same run with cells in workers, which share the learning."""
+    return msgspec.structs.replace(options, cells="worker", workers=workers)
 
 
 # Of a source that a test has written down ---------------------------------------------

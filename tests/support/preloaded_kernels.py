@@ -24,6 +24,19 @@ for _snapshot in _snapshots:
         _graph = _snapshot.poc_graph()
         _graph.wire_list("hasse")
         _graph.wire_list("derived")
+# As workers learn: twins before the share part twice, and the second time find room.
+_thresholds: tuple[float | str, ...] = (0.1, "auto")
+for _threshold in _thresholds:
+    _share, _order = (
+        EmpiricalSnapshot(6, _threshold, share) for share in (range(4, 6), range(0))
+    )
+    for _count in (6, 3, 2):
+        for _each in (_share, _order):
+            _each.learn(np.arange(6) < _count)
+        _found = _share.changes()
+        _ends = _found.latter.astype(np.intp), _found.former.astype(np.intp)
+        _order.relate(*_ends, _found.codes)
+DiscountedSnapshot(6, 0.1, 0.9, range(4, 6)).learn(np.ones(6))
 worker_kernels.warm()
 _levels = np.ones((FIRST + 2, 2))
 LevelMonitor(range(2)).follow(Levels(_levels, _levels), 0)

@@ -35,9 +35,11 @@ EACH: dict[str, wire.Message] = {
     "recalled": wire.Recalled("cell/3", 9, 2, (), b"\1\x81", bytes(4)),
     "reminder": wire.Reminder("worker/1", 9, 64, (3, 4), b"\1\2", b"\2\1"),
     "band": wire.Band("worker/1", 9, "since", 4, memoryview(bytes(range(8)))),
-    "learn": wire.Learn(9, b"\1", b"\3", 8, b"\5", (4,), (1,)),
+    "learn": wire.Learn(
+        9, b"\1", b"\3", 8, 5, (4,), (1,), (wire.Decision(8, -1, "", 3),)
+    ),
     "learned": wire.Learned(
-        *(1, 9, 8, 1, 2, b"\2\0\0\0", b"\x21", b"\4\0\0\0", b"\1\0\0\0", b"\x0c"),
+        *(1, 9, 8, 1, 2, b"\4\0\0\0", b"\1\0\0\0", b"\x0c"),
         (wire.WeighedLink(0, 4, 1, 3.0, 0.25, 7),),
     ),
     "image": wire.Image(9, wire.Timestamp(NOW // 10**9, 5), "world", b"\x89P", "png"),

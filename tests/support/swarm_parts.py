@@ -26,7 +26,7 @@ def keys_of(host: Host) -> tuple[str, ...]:
     """Return the keys that a host listens to."""
     if isinstance(host, Cell):
         return wire.cell_keys(host.cell)
-    return wire.worker_keys(host.worker)
+    return wire.worker_keys(host.worker, learns=False)
 
 
 def observation(tick: int, row: Row) -> wire.Observation:

@@ -199,7 +199,11 @@ FOR_WORKER_1: list[wire.Message] = [
     ("keys", "own", "others"),
     [
         (wire.cell_keys(3), FOR_CELL_3, wire.cell_keys(2)),
-        (wire.worker_keys(1), FOR_WORKER_1, wire.worker_keys(0)),
+        (
+            wire.worker_keys(1, learns=False),
+            FOR_WORKER_1,
+            wire.worker_keys(0, learns=False),
+        ),
     ],
 )
 def test_a_part_listens_to_what_is_for_it_and_to_nothing_else(

@@ -3,8 +3,8 @@
 Walkers on lines are recorded and judged, with their cells in workers. What is measured
 is processor time: unlike seconds it adds up, and what else runs on the machine hardly
 changes it. A part is taken to spend so much a tick, so much a sensor, so much more in
-an anomaly, so much a pair of sensors that were told apart, and so much a pair. These
-are found at some sizes, and what they say of others is held against runs.
+an anomaly, and so much a pair of sensors that were told apart. These are found at some
+sizes, and what they say of others is held against runs.
 """
 
 import shutil
@@ -22,7 +22,7 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from neurosnap import wire
-from neurosnap.protocol.run_options import LearningKind, RunOptions
+from neurosnap.protocol.run_options import RunOptions
 from neurosnap.recording.read.recording import Recording
 from neurosnap.runtime.request import Watcher
 from tests.support.swarm_processes import parts_of
@@ -37,44 +37,40 @@ _READINGS = (
 _PARTS = ("coordinator", "worker", "recorder", "hub")
 _ERROR = 0.1
 _LARGE, _LEAST, _MOST_MEMORY = 10_000, {0: 15, 3: 8}, 2
-_KINDS: tuple[LearningKind, ...] = ("coordinator", "spread")
 
 
 class Cost(NamedTuple):
     """What a run's ticks took."""
 
     terms: NDArray[np.float64]
-    """``(5,)``: a tick, a thousand sensors, as many in an anomaly, a million pairs that
-    were told apart, a million pairs."""
+    """``(4,)``: a tick, a thousand sensors, as many in an anomaly, a million pairs that
+    were told apart."""
     spent: Mapping[str, float]
     """Processor seconds a tick of each part; of workers, of one of them."""
 
 
 def scale(sizes: Sizes) -> list[Line]:
     """Find what a tick costs each part, and what that says of other sizes."""
-    lines = []
     with tempfile.TemporaryDirectory(prefix="bench-") as name:
-        for learning in _KINDS:
-            fitted = [_cost(size, learning, Path(name)) for size in sizes.fitted]
-            model = {part: _constants(fitted, part) for part in _PARTS}
-            lines += [_of_part(part, model[part], learning) for part in _PARTS]
-            held = [_cost(size, learning, Path(name)) for size in sizes.foretold]
-            lines += [
-                _foretold(size, cost, model, learning)
-                for size, cost in zip(sizes.foretold, held, strict=True)
-            ]
-            errors = [abs(_said(cost, model) / _was(cost) - 1) for cost in held]
-            mean = float(np.mean(errors))
-            lines.append(
-                Line(
-                    f"the model's error, --learning {learning}: mean",
-                    f"{mean:.0%}, at most {max(errors):.0%}",
-                    reach=f"≤ {_ERROR:.0%}",
-                    reached=mean <= _ERROR,
-                    figures={"mean": mean, "most": max(errors)},
-                )
-            )
-    return lines
+        every = _costs([*sizes.fitted, *sizes.foretold], Path(name))
+    fitted, held = every[: len(sizes.fitted)], every[len(sizes.fitted) :]
+    model = {part: _constants(fitted, part) for part in _PARTS}
+    errors = [abs(_said(cost, model) / _was(cost) - 1) for cost in held]
+    mean = float(np.mean(errors))
+    return [
+        *(_of_part(part, model[part]) for part in _PARTS),
+        *(
+            _foretold(size, cost, model)
+            for size, cost in zip(sizes.foretold, held, strict=True)
+        ),
+        Line(
+            "the model's error: mean",
+            f"{mean:.0%}, at most {max(errors):.0%}",
+            reach=f"≤ {_ERROR:.0%}",
+            reached=mean <= _ERROR,
+            figures={"mean": mean, "most": max(errors)},
+        ),
+    ]
 
 
 def large(sizes: Sizes) -> list[Line]:
@@ -88,7 +84,7 @@ def large(sizes: Sizes) -> list[Line]:
 def _pace(count: int, wrong: int, folder: Path) -> Line:
     """Run a walk in two workers, recorded and judged."""
     options, log = _options(count, _TICKS, folder, wrong=wrong), folder / "run.mcap"
-    spent = Spent(_BEGIN, weighs=True)
+    spent = Spent(_BEGIN, every=16, weighs=True)
     made = run_once(options, log, Watcher(spent.look))
     log.unlink()
     pace, gigabytes, least = spent.pace, spent.memory / 1e9, _LEAST[wrong]
@@ -168,22 +164,34 @@ def _options(
     )
 
 
-def _cost(size: tuple[int, int], learning: LearningKind, folder: Path) -> Cost:
+def _costs(sizes: Sequence[tuple[int, int]], folder: Path) -> list[Cost]:
+    """Return what a tick took at some sizes, of two runs each, there and back.
+
+    So it does not matter if the machine slows down meanwhile.
+    """
+    there = [_cost(size, folder) for size in sizes]
+    back = [_cost(size, folder) for size in reversed(sizes)]
+    return [
+        one._replace(
+            spent={who: (one.spent[who] + other.spent[who]) / 2 for who in _PARTS}
+        )
+        for one, other in zip(there, reversed(back), strict=True)
+    ]
+
+
+def _cost(size: tuple[int, int], folder: Path) -> Cost:
     """Return what a tick took in a run of so many sensors and walkers."""
     count, walkers = size
     at, ticks = folder / f"{count}", max(_TICKS, _READINGS // count)
     at.mkdir()
-    options = replace(_options(count, ticks, at, walkers), learning=learning)
-    spent = Spent(_BEGIN)
+    spent, options = Spent(_BEGIN), _options(count, ticks, at, walkers)
     made = run_once(options, at / "run.mcap", Watcher(spent.look))
     found = spent.a_tick(ticks // 2)
     apart = len(np.unique(_readings(at / "run.mcap"), axis=1).T)
     shutil.rmtree(at)
     odd = made.totals.anomalies / made.totals.ticks
-    pairs = [each * (each - 1) / 2e6 for each in (apart, count)]
-    if learning == "coordinator":
-        pairs[1] = 0.0  # of twins it has one row
-    terms = np.array([1.0, count / 1e3, odd * count / 1e3, *pairs])
+    pairs = apart * (apart - 1) / 2e6
+    terms = np.array([1.0, count / 1e3, odd * count / 1e3, pairs])
     return Cost(terms, found | {"worker": found["worker"] / _WORKERS})
 
 
@@ -197,7 +205,7 @@ def _readings(log: Path) -> NDArray[np.uint8]:
 
 
 def _constants(costs: Sequence[Cost], part: str) -> NDArray[np.float64]:
-    """Return ``(5,)``, none below 0: with the least sum of squared relative errors."""
+    """Return ``(4,)``, none below 0: with the least sum of squared relative errors."""
     every = np.array([cost.terms / cost.spent[part] for cost in costs])
     best, least = np.zeros(every.shape[1]), np.inf
     for use in product((False, True), repeat=every.shape[1]):
@@ -209,19 +217,18 @@ def _constants(costs: Sequence[Cost], part: str) -> NDArray[np.float64]:
     return best
 
 
-def _of_part(part: str, model: NDArray[np.float64], learning: str) -> Line:
-    once, sensor, odd, apart, pair = model.tolist()
+def _of_part(part: str, model: NDArray[np.float64]) -> Line:
+    once, sensor, odd, apart = model.tolist()
     return Line(
-        f"a tick of the {part}, --learning {learning}",
+        f"a tick of the {part}",
         f"{once * 1e3:.1f} ms + {sensor * 1e3:.2f} µs a sensor"
         f" + {odd * 1e3:.2f} in an anomaly"
-        f" + {apart * 1e3:.2f} ns a pair told apart + {pair * 1e3:.2f} a pair",
+        f" + {apart * 1e3:.2f} ns a pair told apart",
         figures={
             "once": once,
             "sensor": sensor * 1e-3,
             "anomaly": odd * 1e-3,
             "apart": apart * 1e-6,
-            "pair": pair * 1e-6,
         },
     )
 
@@ -241,10 +248,7 @@ def _several(part: str) -> int:
 
 
 def _foretold(
-    size: tuple[int, int],
-    cost: Cost,
-    model: Mapping[str, NDArray[np.float64]],
-    learning: str,
+    size: tuple[int, int], cost: Cost, model: Mapping[str, NDArray[np.float64]]
 ) -> Line:
     """Hold what the model says of a size against what was spent."""
     shown = []
@@ -255,8 +259,7 @@ def _foretold(
     said, was = _said(cost, model), _was(cost)
     count, walkers = size
     return Line(
-        f"a tick of {count:,} sensors, {walkers} walkers, --learning {learning}:"
-        " foretold and measured",
+        f"a tick of {count:,} sensors, {walkers} walkers: foretold and measured",
         f"{said * 1e3:.1f} and {was * 1e3:.1f} ms ({said / was - 1:+.0%})",
         f"{', '.join(shown)} ms",
         figures={"foretold": said, "measured": was},

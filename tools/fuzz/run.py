@@ -76,7 +76,6 @@ def honest_run(folder: Path, workers: int = 0, ticks: int = 12) -> Honest:
         threshold=0.2,
         cells="worker" if workers else "process",
         workers=max(workers, 1),
-        learning="spread" if workers else "coordinator",
         keyframe_every=5,
     )
     recorded_run(options, log)

@@ -223,7 +223,7 @@ def worker(honest: Honest, chance: random.Random, count: Count) -> None:
     and ``NUMBA_CACHE_DIR`` then has to name a folder of its own.
     """
     number = chance.randrange(WORKERS)
-    script = honest.heard_by((*wire.worker_keys(number), *wire.LEARNING_KEYS))
+    script = honest.heard_by(wire.worker_keys(number))
     learning = honest.options.new_worker_learning(number)
     core = Worker(number, shares(SENSORS, WORKERS), learning)
     # A burst ahead of its wave is not looked at more closely until that begins.

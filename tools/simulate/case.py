@@ -162,8 +162,6 @@ def random_options(
         made = _path(chance) if kind < 0.9 else _growing(chance, folder)
     sensors, grows = len(made.sensors), made.body.room > 0
     empirical = chance.random() < (0.8 if grows else 0.5)
-    cells = chance.choice(["process", "worker"])
-    spreads = cells == "worker" and not grows and chance.random() < 0.5
     return msgspec.structs.replace(
         made,
         seed=chance.getrandbits(32),
@@ -175,8 +173,7 @@ def random_options(
         else 1 / 16,
         decay=None if empirical else 0.9 if grows else 0.75,
         wiring=chance.choice(["hasse", "derived"]),
-        cells=cells,
-        learning="spread" if spreads else "coordinator",
+        cells=chance.choice(["process", "worker"]),
         workers=chance.randint(1, min(3, sensors)),
         keyframe_every=chance.choice([1, 3, 1000]),
         # A grown sensor's history is of some thousand bytes.

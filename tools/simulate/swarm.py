@@ -163,9 +163,7 @@ class Life:
             hosted = shares(len(self._options.sensors), workers)
             learning = self._options.new_worker_learning(number)
             core: Cell | Worker = Worker(number, hosted, learning)
-            keys = wire.worker_keys(number)
-            if learning is not None:
-                keys += wire.LEARNING_KEYS
+            keys = wire.worker_keys(number, learns=learning is not None)
         else:
             core, keys = Cell(number), wire.cell_keys(number)
         self._listen(who, keys, lambda message: core.receive([message]))

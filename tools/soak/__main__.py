@@ -166,7 +166,7 @@ async def soak(
         found.memory = gauge.memory()
         return found
     ticks = outcome.totals.ticks
-    alone = {"cells": "inline", "learning": "coordinator", "split": 0}
+    alone = {"cells": "inline", "split": 0}
     inline = msgspec.structs.replace(options, ticks=ticks, **alone)
     await run(RunRequest(inline, calm), asyncio.Event())
     found = _look(log, killer, time.perf_counter() - began)
@@ -332,7 +332,6 @@ async def _soaked(given: argparse.Namespace, folder: Path) -> Soaked:
         seed=given.seed,
         cells=given.cells,
         workers=min(2, given.sensors),
-        learning=given.learning,
         split=given.split,
         keep=given.keep,
         keyframe_every=given.keyframe_every,
@@ -370,7 +369,6 @@ def _parser() -> argparse.ArgumentParser:
     add("--pause", type=float, default=0.4, help="seconds between kills or looks")
     add("--sensors", type=int, default=8, help="sensors, and so cells, of the swarm")
     add("--cells", choices=("process", "worker", "inline"), default="process")
-    add("--learning", choices=("coordinator", "spread"), default="coordinator")
     add("--split", type=int, default=0, help="bytes of a file, at most; 0: one file")
     add("--keep", type=int, default=0, help="files kept of the recording")
     add("--keyframe-every", type=int, default=1000, help="ticks between key-frames")

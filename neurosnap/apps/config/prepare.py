@@ -284,7 +284,6 @@ def _cells(config: Config, count: int) -> tuple[CellKind, int]:
         count <= FEW_CELLS
         and table.workers is None
         and config.placement.is_here
-        and config.snapshot.learning == "coordinator"
         # The machine of a home is small.
         and not isinstance(config.source, MqttTable)
     )

@@ -18,9 +18,9 @@ import zenoh
 from neurosnap.errors import FabricError
 from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.wait_for_events import wait_any
-from neurosnap.wire import LARGEST_KEYFRAME
+from neurosnap.wire import LARGEST_PAYLOAD
 
-LARGEST = LARGEST_KEYFRAME + (1 << 16)
+LARGEST = LARGEST_PAYLOAD + (1 << 16)
 """Bytes of a message with its key, at most. What is larger is dropped before it is put
 together: no part can fill another's memory."""
 _BOUNDED = {"transport/link/rx/max_message_size": LARGEST}

@@ -158,8 +158,8 @@ class ZenohFabric:
 
     def _put(self, delivery: wire.Delivery) -> None:
         key, number, sent, payload = delivery
-        if len(payload) > wire.LARGEST_KEYFRAME:
-            rule = f"must have at most {wire.LARGEST_KEYFRAME:,} bytes"
+        if len(payload) > wire.LARGEST_PAYLOAD:
+            rule = f"must have at most {wire.LARGEST_PAYLOAD:,} bytes"
             raise FabricError(f"message on {key}: {rule}, got {len(payload):,}")
         self._session.put(
             self._prefix + key,

@@ -42,7 +42,7 @@ from numpy.typing import NDArray
 
 from neurosnap.poc.learning.archive import Arrays, entry
 from neurosnap.poc.learning.graph_kernels import Row
-from neurosnap.poc.learning.twins import Twins
+from neurosnap.poc.learning.twins import Parted, Twins, literals_of
 from neurosnap.system.compiled import njit
 
 AUTO: Final = "auto"
@@ -87,13 +87,14 @@ class Persistence:
         """Count an observation; see `count_readings`. O(N) time."""
         count_readings(bits, known, self._last, self.spells)
 
-    def copy(self, parents: NDArray[np.int64]) -> None:
-        """Add sensors that have read the same as some of those that are there."""
+    def copy(self, parted: Parted) -> None:
+        """Let groups of twins that have parted have the counts that they had as one."""
         counts, turns = self.spells
-        literals = (2 * parents[:, None] + np.arange(2)).reshape(-1)
-        counts = np.append(counts, counts[:, literals], axis=1)
-        self.spells = counts, np.append(turns, turns[parents])
-        self._last = np.append(self._last, self._last[parents])
+        literals = literals_of(parted.source)
+        counts = counts[:, literals]
+        counts[:, literals < 0] = 0
+        self.spells = counts, parted.of_groups(turns)
+        self._last = parted.of_groups(self._last)
 
     def arrays(self, twins: Twins) -> Arrays:
         """Return its whole state as arrays, by name, of all twins."""

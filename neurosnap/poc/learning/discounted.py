@@ -256,16 +256,16 @@ class DiscountedSnapshot(Snapshot):
         """What is kept of a weight each time."""
         return self._decay
 
-    def _begin_weights(self, count: int, share: range) -> None:
-        self._weights = Weights(count, np.float64(0.25), np.float64(0.5), share)
+    def _begin_weights(self, count: int, rows: range) -> None:
+        self._weights = Weights(count, np.float64(0.25), np.float64(0.5), rows)
 
     def _update(self) -> bool:
         weights, pairs, tick = self._weights, tuple(self._pairs), self._clock + 1
         if (squares := weights.squares) is not None:
-            bits, known = self._bits, self._known
-            return discount_squares(bits, known, squares, self._decay, pairs, tick)
-        joints, marginals = weights.joints, weights.marginals
-        return learn_discounted(self._bits, joints, marginals, self._decay, pairs, tick)
+            return discount_squares(*self._read(), squares, self._decay, pairs, tick)
+        (bits, _), joints = self._read(), weights.joints
+        marginals, decay = weights.marginals, self._decay
+        return learn_discounted(bits, joints, marginals, decay, pairs, tick)
 
     def _judge_newborn(
         self, counts: NDArray[np.uint32], ticks: int

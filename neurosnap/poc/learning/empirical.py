@@ -22,16 +22,16 @@ from neurosnap.poc.learning.columns import Columns
 from neurosnap.poc.learning.graph_kernels import row_of
 from neurosnap.poc.learning.lazy_counting_kernels import (
     Due,
-    copy_counts,
     count_squares,
     judge_squares,
     learn_lazily,
     settle_all,
+    settle_copies,
 )
 from neurosnap.poc.learning.pair_occasions import OnProgress
 from neurosnap.poc.learning.pairs import Weights, pairs_of
 from neurosnap.poc.learning.snapshot import Snapshot
-from neurosnap.poc.learning.twins import longer
+from neurosnap.poc.learning.twins import TURNED, Parted
 from neurosnap.sensorium import Sensorium
 
 _BATCH = 64
@@ -83,27 +83,30 @@ class EmpiricalSnapshot(Snapshot):
         self._is_auto = threshold == AUTO
         super().__init__(sensors, SHARE if self._is_auto else threshold, share)
 
-    def _begin_weights(self, count: int, share: range) -> None:
+    def _begin_weights(self, count: int, rows: range) -> None:
         zero = np.uint32(0)
-        self._weights = Weights(count, zero, zero, share)
+        self._weights = Weights(count, zero, zero, rows)
         self._persistence = Persistence(count) if self._is_auto else None
         self._due: Due | None = None
         self._settled = 0  # the clock at which all counts were up to date
 
-    def _copy_weights(self, parents: NDArray[np.int64]) -> None:
-        weights, before = self._weights, len(self._weights.marginals)
-        due = self._due or Due.starting(before, weights.joints.size, self._clock)
-        weights.marginals = np.append(weights.marginals, weights.marginals[parents])
-        if weights.joints.size < self._pairs.codes.size:
-            weights.joints = longer(weights.joints, self._pairs.codes.size)
-        self._due = due.with_copies(parents, weights.joints.size)
-        for group, like in enumerate(parents.tolist(), before):
-            counts = weights.joints, weights.marginals, self._clock
-            copy_counts(group, like, *counts, tuple(self._due))
-        if len(self._share):
-            weights.share = range(before + parents.size)
+    def _copy_weights(self, parted: Parted) -> None:
+        weights, size = self._weights, len(pairs_of(self._rows))
+        before, clock = parted.before, self._clock
+        due = self._due
+        if due is None or parted.moved:
+            self._settle()
+            due = Due.starting(before, weights.joints.size, clock)
+        marginals = weights.marginals
+        weights.joints = parted.of_pairs(weights.joints, size, marginals)
+        weights.marginals = parted.of_groups(marginals)
+        weights.share = self._rows
+        self._due = due.of_more(parted, size)
+        if not parted.moved:
+            args = weights.joints, clock, self._due
+            settle_copies(parted.source, before, self._rows.start, *args)
         if self._persistence is not None:
-            self._persistence.copy(parents)
+            self._persistence.copy(parted)
 
     @property
     def threshold(self) -> float | str:
@@ -115,7 +118,10 @@ class EmpiricalSnapshot(Snapshot):
         if self._persistence is None:
             return super().arrays()
         # What was broken stands from one test to the next: that is in the codes.
-        codes = {"threshold": np.array(AUTO), "codes": self._pairs.codes}
+        codes = {
+            "threshold": np.array(AUTO),
+            "codes": self._ordered(self._pairs.codes, TURNED),
+        }
         return super().arrays() | codes | self._persistence.arrays(self._twins)
 
     @classmethod
@@ -163,8 +169,7 @@ class EmpiricalSnapshot(Snapshot):
 
     def _update(self) -> bool:
         if self._persistence is not None:
-            heads = self._twins.heads
-            self._persistence.count(self._bits[heads], self._known[heads])
+            self._persistence.count(*self._read())
         if self._due is None and self._weights.squares is None:
             count, pairs = len(self._twins), self._pairs.codes.size
             self._due = Due.starting(count, pairs, self._clock)
@@ -188,7 +193,7 @@ class EmpiricalSnapshot(Snapshot):
                 judged.
         """
         weights, pairs = self._weights, tuple(self._pairs)
-        bits, known = self._bits[self._twins.heads], self._known
+        bits, known = self._read()
         spells = None if self._persistence is None else self._persistence.spells
         if weights.squares is not None:
             born, squares = self._born, weights.squares

@@ -213,53 +213,23 @@ def relate(
 
 
 @njit()
-def count_changes(pairs: Pairs, tick: int) -> NDArray[np.int64]:
-    """Return ``(N,)``: how many codes of each row changed at a tick."""
-    counts = np.zeros(pairs.latest.shape[0], np.int64)
-    for i in range(pairs.first, end_of(pairs.first, pairs.since.shape[0])):
-        start = place_of(i, pairs.first)
-        for j in range(i if pairs.latest[i] == tick else 0):
-            counts[i] += pairs.since[start + j] == tick
-    return counts
+def pick_changes(pairs: Pairs, tick: int, skip: int, upto: int) -> NDArray[np.int64]:
+    """Return ``(C, 3)``: the pairs whose codes changed at a tick, and these codes.
 
-
-@njit()
-def pick_changes(
-    rows: NDArray[np.intp],
-    pairs: Pairs,
-    tick: int,
-    latter: NDArray[np.int32],
-    former: NDArray[np.int32],
-    picked: NDArray[np.uint8],
-) -> None:
-    """Write the pairs of some rows whose codes changed at a tick, and these codes.
-
-    ``(C,)`` each: the latter sensors of these pairs, their former ones, and the codes.
+    Columns from `skip` to `upto` are left out.
     """
-    place = 0
-    for i in rows:
-        start = place_of(i, pairs.first)
-        for j in range(i):
-            if pairs.since[start + j] == tick:
-                latter[place], former[place] = i, j
-                picked[place] = pairs.codes[start + j]
-                place += 1
-
-
-@njit()
-def pack_rows(rows: NDArray[np.intp], pairs: Pairs) -> NDArray[np.uint8]:
-    """Return the codes of some rows, two a byte; each row begins a byte."""
-    size = 0
-    for i in rows:
-        size += (i + 1) // 2
-    packed, begin = np.zeros(size, np.uint8), 0
-    for i in rows:
-        start = place_of(i, pairs.first)
-        for j in range(i):
-            half = np.uint8(pairs.codes[start + j] << np.uint8(4 * (j & 1)))
-            packed[begin + j // 2] |= half
-        begin += (i + 1) // 2
-    return packed
+    found, size = np.empty((0, 3), np.int64), 0
+    for write in range(2):
+        found, size = np.empty((size, 3), np.int64), 0
+        for i in range(pairs.first, pairs.latest.shape[0]):
+            start = place_of(i, pairs.first)
+            for j in range(i if 0 < tick == pairs.latest[i] else 0):
+                if pairs.since[start + j] == tick and not skip <= j < upto:
+                    if write:
+                        found[size, 0], found[size, 1] = i, j
+                        found[size, 2] = pairs.codes[start + j]
+                    size += 1
+    return found
 
 
 @njit()

@@ -71,7 +71,7 @@ from neurosnap.poc.learning.graph_kernels import (
     rewire,
     row_of,
 )
-from neurosnap.poc.learning.twins import longer
+from neurosnap.poc.learning.twins import Parted, longer
 from neurosnap.poc.order.literal_set_kernels import population
 from neurosnap.system.compiled import njit
 
@@ -117,23 +117,28 @@ class Due(NamedTuple):
             np.zeros(1, np.int64),
         )
 
-    def with_copies(self, parents: NDArray[np.int64], pairs: int) -> "Due":
-        """Return that of more rows, each of a twin of one that is there; see `Twins`.
+    def of_more(self, parted: Parted, pairs: int) -> "Due":
+        """Return that of the groups there are now; new rows are dense.
 
-        They are dense, and their counts up to date: see `copy_counts`.
+        What is counted of these is still to be settled: see `settle_copies`. If rows
+        have moved, all must be settled and dense.
         """
-        copies, listed = len(parents), self.listed
+        listed = self.listed
         if pairs // _FEW > listed.shape[1]:
             listed = np.empty((2, pairs // _FEW * 2), np.uint32)
             listed[:, : self.listed.shape[1]] = self.listed
-        return Due(
-            np.append(self.readings, self.readings[parents]),
-            np.append(self.upto, self.upto[parents]),
-            np.append(self.modes, np.full(copies, DENSE)),
-            longer(self.slack, pairs),
-            listed,
-            self.length,
-        )
+        modes = parted.of_groups(self.modes)
+        modes[parted.rows] = DENSE
+        slack = np.empty(pairs, np.uint8)
+        if not parted.moved:
+            slack = longer(self.slack, pairs)
+        upto = parted.of_groups(self.upto)
+        readings = parted.of_groups(self.readings)
+        due = Due(readings, upto, modes, slack, listed, self.length)
+        if parted.columns.size and not parted.moved:
+            columns, rows = parted.columns, (parted.first, parted.rows.start)
+            _copy_slack(parted.source, columns, rows, due)
+        return due
 
 
 class _Limits(NamedTuple):
@@ -371,38 +376,54 @@ def settle_all(joints: NDArray[np.uint32], clock: int, due: Due, first: int) -> 
 
 
 @njit()
-def copy_counts(
-    row: int,
-    like: int,
+def settle_copies(
+    source: NDArray[np.int64],
+    begin: int,
+    first: int,
     joints: NDArray[np.uint32],
-    marginals: NDArray[np.uint32],
     clock: int,
-    due: tuple[Any, ...],
+    due: Due,
 ) -> None:
-    """Let the counts of a row be those of an earlier one, whose sensor is a twin.
+    """Bring the counts of new rows up to date, which are copies of pairs that were.
 
     Args:
-        row: The row.
-        like: The earlier one.
-        joints: ``(P,)``, each row as `due` says; updated, or empty.
-        marginals: ``(N,)``.
+        source: ``(G,)``: of which row each is a copy; see `Parted`.
+        begin: The first new row.
+        first: The first row.
+        joints: ``(P,)``; updated.
         clock: The number of observations.
-        due: A `Due`; updated.
+        due: That of all rows.
     """
-    late = Due(*due)
-    late.upto[row] = clock
-    start, theirs = place_of(row, 0), place_of(like, 0)
-    mine = _pending(like, clock, late)
-    for j in range(row if joints.shape[0] else 0):
-        if j < like:
-            more = population(mine & late.readings[j])
-            joints[start + j] = np.uint32(joints[theirs + j] + np.uint32(more))
-        elif j == like:
-            joints[start + j] = marginals[like]
-        else:
-            more = population(_pending(j, clock, late) & late.readings[like])
-            both = joints[place_of(j, 0) + like]
-            joints[start + j] = np.uint32(both + np.uint32(more))
+    for row in range(begin, source.shape[0]):
+        like, start = source[row], place_of(row, first)
+        mine = _pending(like, clock, due)
+        due.upto[row] = clock
+        for j in range(row if joints.shape[0] else 0):
+            # The pair that was copied is in the row of the latter of the two.
+            more, other = np.uint64(0), source[j]
+            if 0 <= other < like:
+                more = mine & due.readings[other]
+            elif other > like:
+                more = _pending(other, clock, due) & due.readings[like]
+            joints[start + j] += np.uint32(population(more))
+
+
+@njit()
+def _copy_slack(
+    source: NDArray[np.int64],
+    columns: NDArray[np.int64],
+    rows: tuple[int, int],
+    due: Due,
+) -> None:
+    """Let the pairs of new columns be free, calm or listed as those they came from."""
+    first, end = rows
+    for i in range(first, end):
+        start = place_of(i, first)
+        for j in columns[: 0 if due.modes[i] == DENSE else columns.shape[0]]:
+            slack = due.slack[start + source[j]]
+            due.slack[start + j] = slack
+            if slack == LISTED and not _list(i, j, due):
+                due.modes[i] = DENSE
 
 
 @njit()

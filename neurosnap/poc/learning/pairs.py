@@ -112,7 +112,7 @@ class Weights:
         """Each of the four weights of a pair before all learning, in the wide form."""
         return 0 if self.joints.dtype.kind == "u" else 0.25
 
-    def set(self, pairs: slice | list[int], squares: NDArray[Any] | float) -> None:
+    def set(self, pairs: NDArray[np.intp], squares: NDArray[Any] | float) -> None:
         """Set some pairs of a wide store to ``(4, pairs)`` weights, or all to one."""
         if self.squares is None:
             raise RuntimeError("weights: must be wide where sensors come or go")

@@ -23,17 +23,17 @@ from neurosnap.poc.learning.reading_history import Newborn
 from neurosnap.poc.learning.twins import (
     EQUAL,
     TURNED,
+    Parted,
     Twins,
-    copy_codes,
     copy_edges,
-    copy_pairs,
-    longer,
-    of_sensors,
+    literals_of,
 )
 from neurosnap.poc.order.graph import PocGraph, expanded
 from neurosnap.poc.order.literal_sets import Words, as_literal
 from neurosnap.sensorium import Sensorium, as_known, complete, pack, unpack
 
+_OF_SENSORS = {"marginals": 1, "spells": 2, "last": 1}
+"""The arrays whose last axis is the sensors, and how many numbers each sensor has."""
 OF_PAIRS = ("joints", "squares", "codes", "since")
 """The arrays of a snapshot whose last axis is the pairs."""
 _BITS = 32
@@ -42,26 +42,20 @@ _KINDS = {
     "DiscountedSnapshot": "neurosnap.poc.learning.discounted",
 }  # the modules of the kinds, which import this one
 _SCHEMA = 1
-_WHOLE = 16  # a row has changed much if more than one in so many of its pairs have
 
 
 class Changes(NamedTuple):
     """The pairs of sensors whose implications changed, and what they imply now.
 
-    Of a row, the pairs of one sensor with those before it, in which much changed, there
-    are all codes; of others the pairs that did.
+    Of twins the first speaks for all.
     """
 
-    rows: NDArray[np.intp]
-    """``(R,)``: the sensors of whole rows, ascending."""
-    packed: NDArray[np.uint8]
-    """Their codes, two a byte, the first in the lower half; each row begins a byte."""
     latter: NDArray[np.int32]
-    """``(C,)``: the latter sensors of single pairs, ascending."""
+    """``(C,)``: their latter sensors."""
     former: NDArray[np.int32]
     """``(C,)``: their former ones."""
     codes: NDArray[np.uint8]
-    """``(C,)``: what relates them."""
+    """``(C,)``: what relates them; pairs are in the order of their sensors."""
 
 
 class Snapshot(abc.ABC):
@@ -124,20 +118,23 @@ class Snapshot(abc.ABC):
         self._state = np.zeros(2 * count, np.bool_)
         self._graph: PocGraph | None = None
         self._assumed: NDArray[np.int64] | None = None
-        self._has_twins = self._MAKES_EQUAL and not share
-        self._begin(np.zeros(count, np.int64) if self._has_twins else np.arange(count))
+        self._begin(
+            np.zeros(count, np.int64) if self._MAKES_EQUAL else np.arange(count)
+        )
 
     @property
     def _is_whole(self) -> bool:
         """Whether it has all pairs, or none, and so a graph."""
         return len(self._share) in (0, len(self._sensorium))
 
-    def _begin(self, of: NDArray[np.int64]) -> None:
-        """Have learned nothing, with a row of pairs for each group of twins."""
-        self._twins = Twins(of)
-        count = len(self._twins)
-        share = range(count) if len(self._share) == len(of) else self._share
-        pairs = len(pairs_of(share))
+    def _begin(self, labels: NDArray[np.int64]) -> None:
+        """Have learned nothing; sensors with one label are twins, see `Twins`."""
+        if len(self._share):  # nothing is learned of sensors behind it
+            self._twins = Twins(labels[: self._share.stop], self._share.start)
+        else:
+            self._twins = Twins(labels)
+        count, rows = len(self._twins), self._rows
+        pairs = len(pairs_of(rows))
         shape = (2 * count, (2 * count + 63) // 64) if self._is_whole else (0, 0)
         self._pairs = Pairs(
             threshold=self._threshold,
@@ -145,9 +142,14 @@ class Snapshot(abc.ABC):
             since=np.zeros(pairs, np.uint32),
             latest=np.zeros(count, np.uint32),
             rows=np.zeros(shape, np.uint64),
-            first=share.start,
+            first=rows.start,
         )
-        self._begin_weights(count, share)
+        self._begin_weights(count, rows)
+
+    @property
+    def _rows(self) -> range:
+        """The groups of twins whose pairs with those before them are learned here."""
+        return self._twins.rows if len(self._share) else range(0)
 
     @property
     def sensorium(self) -> Sensorium:
@@ -174,6 +176,11 @@ class Snapshot(abc.ABC):
         """``(P,)``: what relates each pair, as in `poc.learning.pairs`; a copy."""
         own = np.full(len(self._twins), EQUAL if self._clock else 0, np.uint8)
         return self._of_sensors(self._pairs.codes, own, TURNED)
+
+    @property
+    def twins(self) -> Twins:
+        """The groups of sensors that have weights in common; not to be changed."""
+        return self._twins
 
     @property
     def pairs(self) -> int:
@@ -220,7 +227,7 @@ class Snapshot(abc.ABC):
         if x >> 1 == y >> 1:  # of twins
             holds, since = x == y and self._clock > 0, min(1, self._clock)
         else:
-            pair = pair_of(x, y) - pairs_of(self._share).start
+            pair = pair_of(x, y) - pairs_of(self._rows).start
             holds = leads(self._pairs.codes[pair].item(), x, y)
             since = self._pairs.since[pair].item()
         return Evidence(
@@ -280,26 +287,30 @@ class Snapshot(abc.ABC):
 
     def _part(self) -> None:
         """Part the groups of twins that the bits at hand tell apart."""
-        before = len(self._twins)
-        parents = self._twins.part(self._bits)
-        if not parents.size:
+        parted, kept = self._twins.part(self._bits), self._pairs
+        if parted is None:
             return
-        count, kept = before + parents.size, self._pairs
-        rows = np.zeros((2 * count, (2 * count + 63) // 64), np.uint64)
-        rows[: 2 * before, : kept.rows.shape[1]] = kept.rows
-        pairs = len(pairs_of(range(count))) if len(self._share) else 0
-        codes, since = longer(kept.codes, pairs), longer(kept.since, pairs)
-        for group, like in enumerate(parents.tolist(), before):
-            copy_edges(group, like, rows)
-            if pairs:
-                copy_codes(group, like, codes)
-                copy_pairs(group, like, since, np.uint32(1))
-        latest = np.append(kept.latest, kept.latest[parents])
-        self._pairs = kept._replace(codes=codes, since=since, latest=latest, rows=rows)
-        self._copy_weights(parents)
+        rows = kept.rows
+        if self._is_whole:
+            count = len(self._twins)
+            rows = np.zeros((2 * count, (2 * count + 63) // 64), np.uint64)
+            rows[: len(kept.rows), : kept.rows.shape[1]] = kept.rows
+            for group in parted.rows:
+                copy_edges(group, parted.source[group], rows)
+        self._copy_weights(parted)
+        size = len(pairs_of(self._rows))
+        equal = np.full(parted.before, EQUAL, np.uint8)
+        first = np.ones(parted.before, np.uint32)
+        self._pairs = kept._replace(
+            codes=parted.of_pairs(kept.codes, size, equal, TURNED),
+            since=parted.of_pairs(kept.since, size, first),
+            latest=parted.of_groups(kept.latest),
+            rows=rows,
+            first=self._rows.start,
+        )
         self._graph = None
 
-    def _stand_apart(self) -> None:
+    def stand_apart(self) -> None:
         """Store the weights of each pair of sensors, be they twins or not."""
         twins, kept = self._twins, self._pairs
         if twins.are_apart:
@@ -307,7 +318,9 @@ class Snapshot(abc.ABC):
         self._settle()
         first = np.full(len(twins), min(1, self._clock), np.uint32)
         codes, since = self.codes, self._of_sensors(kept.since, first)
-        rows = expanded(kept.rows, twins.literals, equal=self._clock > 0)
+        rows = kept.rows
+        if self._is_whole:
+            rows = expanded(rows, twins.literals, equal=self._clock > 0)
         joints = self._of_sensors(self._weights.joints, self._weights.marginals)
         weights = self.arrays() | {"joints": joints}
         self._begin(np.arange(len(self._sensorium)))
@@ -321,11 +334,10 @@ class Snapshot(abc.ABC):
         own: NDArray[Any],
         turned: NDArray[Any] | None = None,
     ) -> NDArray[Any]:
-        """Return a copy of an array of pairs, of those of sensors; see `of_sensors`."""
+        """Return a copy of an array of pairs, of those of sensors; see `Twins`."""
         if self._twins.are_apart or not len(self._share):
             return values.copy()
-        turned = own[:0] if turned is None else turned
-        return of_sensors(self._twins.of, values, own, turned)
+        return self._twins.of_sensors(values, own, turned)
 
     def changes(self) -> Changes:
         """Return the pairs whose implications the last observation changed.
@@ -335,18 +347,15 @@ class Snapshot(abc.ABC):
 
         O(N) time, and O(i) for each row `i` in which something changed.
         """
-        tick = self._clock
-        counts = kernels.count_changes(self._pairs, tick)
-        if not tick:
-            counts[:] = 0
-        whole = _WHOLE * counts > np.arange(counts.size)
-        rows, some = np.flatnonzero(whole), np.flatnonzero(~whole & (counts > 0))
-        size = int(counts[some].sum())
-        latter, former = np.empty(size, np.int32), np.empty(size, np.int32)
-        codes = np.empty(size, np.uint8)
-        found = latter, former, codes
-        kernels.pick_changes(some, self._pairs, tick, *found)
-        return Changes(rows, kernels.pack_rows(rows, self._pairs), *found)
+        tick, twins = self._clock, self._twins
+        room = range(twins.former, twins.first)
+        found = kernels.pick_changes(self._pairs, tick, room.start, room.stop)
+        (i, j), codes = twins.heads[found[:, :2].T], found[:, 2].astype(np.uint8)
+        codes = np.where(i < j, TURNED[codes], codes)
+        latter, former = np.maximum(i, j), np.minimum(i, j)
+        order = np.lexsort((former, latter))  # not as groups happen to be numbered
+        ends = latter[order].astype(np.int32), former[order].astype(np.int32)
+        return Changes(*ends, codes[order])
 
     def relate(
         self,
@@ -383,17 +392,16 @@ class Snapshot(abc.ABC):
             kernels.draw(theirs.codes, self._pairs.rows, theirs.first)
             self._graph = None
             return
-        heads = np.sort(self._twins.heads)
-        for head in heads[(heads >= share.share.start) & (heads < share.share.stop)]:
-            former = heads[heads < head]
-            start = kernels.place_of(head, theirs.first)
-            codes = theirs.codes[start + former]
-            self.relate(np.full_like(former, head), former, codes)
+        heads = self._twins.heads[self._twins.in_order]
+        for latter, former, pairs in share.twins.places_of(heads):
+            self.relate(np.full_like(former, latter), former, theirs.codes[pairs])
 
     def without_pairs(self) -> Self:
         """Return a copy without the pairs, which others have, but with the graph."""
-        rest = self.from_arrays(self.head(), range(0))
-        rest._pairs.rows[:] = self._pairs.rows  # noqa: SLF001 - its own class
+        rest, order = self.from_arrays(self.head(), range(0)), self._twins.in_order
+        rest._pairs.rows[:] = expanded(  # noqa: SLF001 - its own class
+            self._pairs.rows, literals_of(order), equal=False
+        )
         return rest
 
     def newborn(
@@ -465,17 +473,13 @@ class Snapshot(abc.ABC):
         shapes = newborn.squares.shape, newborn.codes.shape
         if shapes != ((4, sensor), (sensor,)):
             raise ShapeError("newborn", f"must be of {sensor} pairs", shapes)
-        if self._weights.squares is None:
-            self._widen()
-        first = sensor * (sensor - 1) // 2
-        pairs = slice(first, first + sensor)
-        self._weights.set(pairs, newborn.squares)
+        former = np.arange(sensor)
+        latter = np.full_like(former, sensor)
+        self._replace(latter, former, newborn.codes, newborn.squares)
         self._sensorium = sensorium
         self._born[sensor] = self._clock - newborn.ticks
-        kernels.rewire(sensor, newborn.codes, self._pairs, self._clock)
         self._state[2 * sensor] = reads is True
         self._state[2 * sensor + 1] = reads is False
-        self._graph = None
 
     def silence(self, sensor: int) -> None:
         """Forget all that was learned of a sensor: it implies nothing, nor is implied.
@@ -486,16 +490,35 @@ class Snapshot(abc.ABC):
             InvalidValueError: There is no such sensor.
         """
         literal = as_literal("literal", 2 * sensor, len(self._state))
+        others = np.delete(np.arange(len(self._sensorium)), sensor)
+        latter, former = np.maximum(others, sensor), np.minimum(others, sensor)
+        codes = np.zeros(len(others), np.uint8)
+        self._replace(latter, former, codes, self._weights.start)
+        self._state[[literal, literal ^ 1]] = False
+
+    def _replace(
+        self,
+        latter: NDArray[np.intp],
+        former: NDArray[np.intp],
+        codes: NDArray[np.uint8],
+        squares: NDArray[Any] | float,
+    ) -> None:
+        """Let pairs of sensors have other weights and codes, as far as they are here.
+
+        ``(C,)`` each, and ``(4, C)``; or the same for all of them.
+        """
         if self._weights.squares is None:
             self._widen()
-        others = [2 * k for k in range(len(self._sensorium)) if k != sensor]
-        pairs = [pair_of(literal, other) for other in others]
-        self._weights.set(pairs, self._weights.start)
-        codes = self._pairs.codes
-        self._pairs.since[np.array(pairs)[codes[pairs] > 0]] = self._clock
-        codes[pairs] = 0
-        self._redraw()
-        self._state[[literal, literal ^ 1]] = False
+        if self._is_whole:
+            kernels.relate(latter, former, codes, self._pairs.rows)
+        here = (latter >= self._share.start) & (latter < self._share.stop)
+        pairs = (latter * (latter - 1) // 2 + former)[here]
+        pairs -= pairs_of(self._share).start
+        squares = squares[:, here] if isinstance(squares, np.ndarray) else squares
+        self._weights.set(pairs, squares)
+        changed = pairs[self._pairs.codes[pairs] != codes[here]]
+        self._pairs.codes[pairs] = codes[here]
+        self._pairs.since[changed] = self._clock
         self._graph = None
 
     def assume(self, edges: Iterable[tuple[int, int]]) -> None:
@@ -582,6 +605,9 @@ class Snapshot(abc.ABC):
             rows, literals = self._pairs.rows.copy(), self._twins.literals
             if not self._clock:  # and twins are not equivalent yet
                 literals = np.arange(len(self._state))
+                if self._assumed is None:
+                    self._graph = PocGraph.without_edges(len(literals))
+                    return self._graph
                 rows = np.zeros((len(literals), (len(literals) + 63) // 64), rows.dtype)
             if self._assumed is not None:
                 given = literals[self._assumed]
@@ -592,12 +618,17 @@ class Snapshot(abc.ABC):
         return self._graph
 
     @abc.abstractmethod
-    def _begin_weights(self, count: int, share: range) -> None:
+    def _begin_weights(self, count: int, rows: range) -> None:
         """Set the weights of so many groups of twins, of which none was observed."""
 
-    def _copy_weights(self, parents: NDArray[np.int64]) -> None:
+    def _copy_weights(self, parted: Parted) -> None:
         """Let new groups of twins have the weights of those they were part of."""
-        raise NotImplementedError(parents)
+        raise NotImplementedError(parted)
+
+    def _read(self) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+        """Return the bits at hand, and which of them are known, of groups of twins."""
+        twins = self._twins
+        return twins.of_groups(self._bits), twins.of_groups(self._known)
 
     @abc.abstractmethod
     def _update(self) -> bool:
@@ -614,7 +645,7 @@ class Snapshot(abc.ABC):
 
     def _widen(self) -> None:
         """Store the four weights of each pair from now on."""
-        self._stand_apart()
+        self.stand_apart()
         self._settle()
         self._weights.widen(self._total())
 
@@ -709,9 +740,10 @@ class Snapshot(abc.ABC):
         twins, weights = self._twins, self._weights.arrays()
         if "marginals" in weights:
             weights["marginals"] = weights["marginals"][twins.of]
-        # Of a share that has no pairs: others have those of all sensors.
-        name = "twins" if len(self._share) else "groups"
-        of = {} if twins.are_apart else {name: twins.of.astype(np.int32)}
+            weights["joints"] = self._ordered(weights["joints"])
+        ranks = twins.ranks
+        alone = np.array_equal(ranks, np.arange(len(ranks)))
+        of = {} if alone else {"twins": ranks.astype(np.int32)}
         return {
             "names": np.array(self._sensorium.names, np.str_),
             **of,
@@ -719,9 +751,15 @@ class Snapshot(abc.ABC):
             "threshold": np.array(self._threshold),
             **weights,
             "state": np.frombuffer(pack(self._state), np.uint8),
-            "since": self._pairs.since,
+            "since": self._ordered(self._pairs.since),
             **({"born": self._born} if self._born.any() else {}),
         }
+
+    def _ordered(
+        self, values: NDArray[Any], turned: NDArray[Any] | None = None
+    ) -> NDArray[Any]:
+        """Return an array of pairs as it is saved: equal contents are equal there."""
+        return self._twins.ordered(values, turned) if len(self._share) else values
 
     def head(self) -> Arrays:
         """Return the arrays, with nothing of the pairs."""
@@ -748,6 +786,13 @@ class Snapshot(abc.ABC):
         if not 0 <= self._clock < 2**_BITS:
             raise ValueError(f"clock: must be in [0, 2**{_BITS})")
         self._begin(self._groups_in(arrays))
+        if (sensors := len(self._twins.of)) < len(self._sensorium):
+            # Of a share: there may be those of all sensors.
+            arrays = arrays | {
+                name: arrays[name][..., : width * sensors]
+                for name, width in _OF_SENSORS.items()
+                if name in arrays
+            }
         self._restore_weights(arrays)
         if "born" in arrays:  # only where a sensor has grown
             self._born[:] = entry(arrays, "born", self._born.shape, np.uint32)
@@ -766,13 +811,11 @@ class Snapshot(abc.ABC):
     def _groups_in(self, arrays: Arrays) -> NDArray[np.int64]:
         """Return the group of each sensor."""
         count = len(self._sensorium)
-        names = ("twins",) if len(self._share) else ("groups", "twins")
-        name = next((name for name in names if name in arrays), "")
-        if not (self._has_twins and name):
+        if not (self._MAKES_EQUAL and "twins" in arrays):
             return np.arange(count)
-        of = entry(arrays, name, (count,), np.int32).astype(np.int64)
-        if not np.array_equal(np.unique(of), np.arange(of.max(initial=-1) + 1)):
-            raise ValueError(f"{name}: must be numbered without a gap")
+        of = entry(arrays, "twins", (count,), np.int32).astype(np.int64)
+        if not np.array_equal(Twins(of).of, of):
+            raise ValueError("twins: must be numbered by the first of each group")
         return of
 
     def _restore_weights(self, arrays: Arrays) -> None:

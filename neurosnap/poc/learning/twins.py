@@ -11,9 +11,17 @@ machine of many sensors has far fewer for long, since most of them hardly ever c
 
 Groups are numbered as they come. An array of pairs is as in
 `neurosnap.poc.learning.pairs`, with groups for sensors.
+
+**Shares.** A share of the pairs is of its own sensors with those before them. None of
+the ones is in a group with one of the others: so what a new group copies is all in the
+share, whichever side it is on. A new group of own sensors is a new row, behind the
+others; one of sensors before the share is a new *column*, a place in each row. For
+columns there is room before the rows; when it is full, all is laid out anew with half
+as much room again.
 """
 
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,68 +36,220 @@ EQUAL = 3
 """The code of two sensors that read the same."""
 TURNED = np.array([0, 2, 1, 3, 4, *[0] * 3, 8, *[0] * 3, 12], np.uint8)
 """The code of a pair whose sensors change places, by its code."""
+_ROOM = 8  # columns more than needed, at least
+
+
+class Parted(NamedTuple):
+    """What became of the groups when some of them parted."""
+
+    source: NDArray[np.int64]
+    """``(G,)``: the number each had, or had what it was part of; -1: there is none."""
+    columns: NDArray[np.int64]
+    """The new groups of sensors before the share."""
+    rows: range
+    """The new ones of the share."""
+    first: int
+    """The first row that there was."""
+
+    def of_groups(self, values: Numbers) -> Numbers:
+        """Return an array whose last axis is the groups, for those there are now."""
+        found = values[..., self.source]
+        found[..., self.source < 0] = 0
+        return found
+
+    def of_pairs(
+        self, values: Numbers, size: int, own: Numbers, turned: Numbers | None = None
+    ) -> Numbers:
+        """Return an array of the pairs, for those there are now.
+
+        Args:
+            values: ``(P,)``; where no row changes its place, it may be updated.
+            size: How many pairs there are now; 0 where none are kept.
+            own: ``(G,)``, of the pair of two parts, by the group that they were.
+            turned: What a value is in a pair whose groups change places, by the value;
+                the same, if None.
+        """
+        if not size:
+            return values
+        first = self.first + (moved := self.moved)
+        found = np.zeros(size, values.dtype) if moved else longer(values, size)
+        begin, turned = first if moved else self.rows.start, _same(turned, values)
+        changed = first, begin, self.columns
+        copy_pairs(self.source, changed, found, (values, self.first), own, turned)
+        return found
+
+    @property
+    def moved(self) -> int:
+        """By how many places the rows that there were have moved."""
+        return len(self.source) - len(self.rows) - self.before
+
+    @property
+    def before(self) -> int:
+        """How many numbers there were, those of the room included."""
+        return int(self.source.max()) + 1
 
 
 class Twins:
     """The groups of twins among some sensors.
 
     Args:
-        of: ``(N,)``: the group of each sensor; each of ``0, 1, ...`` is there.
+        labels: ``(S,)``: sensors with the same one are in a group.
+        start: The first sensor of the share, if none before it is in a group with any
+            from it on.
 
     Attributes:
-        of: As given.
-        heads: ``(G,)``: the first sensor of each group.
-        literals: ``(2N,)``: for each literal, that of its group.
+        of: ``(S,)``: the group of each sensor.
+        heads: ``(G,)``: the first sensor of each group; 0 where there is none.
+        first: The first group of the share.
+        former: How many groups there are before it; behind them is room.
+        literals: ``(2S,)``: for each literal, that of its group.
     """
 
-    def __init__(self, of: NDArray[np.int64]) -> None:
-        self.of = of
-        self.heads: NDArray[np.int64] = np.unique(of, return_index=True)[1]
-        self.literals = _literals(of)
+    def __init__(self, labels: NDArray[np.int64], start: int = 0) -> None:
+        self._start = start
+        names = 2 * labels + (np.arange(len(labels)) >= start)
+        _, heads, of = np.unique(names, return_index=True, return_inverse=True)
+        order = np.argsort(heads)
+        self.heads: NDArray[np.int64] = heads[order]
+        self.of: NDArray[np.int64] = np.argsort(order)[of]
+        self.first = self.former = int((self.heads < start).sum())
+        self.literals = literals_of(self.of)
 
     def __len__(self) -> int:
-        """Return the number of groups."""
+        """Return the number of groups, with the room for more."""
         return len(self.heads)
+
+    @property
+    def rows(self) -> range:
+        """The groups of the share."""
+        return range(self.first, len(self.heads))
 
     @property
     def are_apart(self) -> bool:
         """Whether each sensor is a group by itself, of its own number."""
-        if len(self.heads) < len(self.of):
+        if len(self.heads) != len(self.of):
             return False
-        return bool((self.heads == np.arange(len(self.of))).all())
+        return bool((self.of == np.arange(len(self.of))).all())
 
-    def part(self, bits: NDArray[np.uint8]) -> NDArray[np.int64]:
-        """Part the groups of which not all read the same.
+    @property
+    def in_order(self) -> NDArray[np.int64]:
+        """The numbers of the groups that there are, in the order of `heads`."""
+        there = np.append(np.arange(self.former), np.arange(self.first, len(self)))
+        return there[np.argsort(self.heads[there])]
+
+    @property
+    def ranks(self) -> NDArray[np.int64]:
+        """``(S,)``: the group of each sensor, if they were numbered by `heads`."""
+        ranks = np.zeros(len(self), np.int64)
+        order = self.in_order
+        ranks[order] = np.arange(len(order))
+        return ranks[self.of]
+
+    def places_of(
+        self, heads: NDArray[np.int64]
+    ) -> Iterator[tuple[int, NDArray[np.int64], NDArray[np.int64]]]:
+        """Yield where the pairs of some sensors with those before them are.
+
+        Args:
+            heads: ``(H,)``, ascending: each the first of its group, and these numbered
+                in that order. The pairs of those in the share are here.
+
+        Yields:
+            The latter sensor, the former ones, and where each pair is in an array.
+        """
+        for k, head in enumerate(heads.tolist()):
+            if self._start <= head < len(self.of):
+                former = heads[:k]
+                place = place_of(int(self.of[head]), self.first)
+                yield head, former, place + self.of[former]
+
+    def of_groups(self, values: Numbers) -> Numbers:
+        """Return what the first sensor of each group has, 0 where there is none."""
+        found = values[self.heads]
+        found[self.former : self.first] = 0
+        return found
+
+    def part(self, bits: NDArray[np.uint8]) -> Parted | None:
+        """Part the groups of which not all read the same; None if all do.
 
         Args:
             bits: ``(N,)``, 0 or 1.
-
-        Returns:
-            The groups parted, ascending. What the first of them has lost is a group of
-            the next number, and so on. O(N) time.
         """
-        if len(self.heads) == len(self.of) or _agree(bits, self.of, self.heads):
-            return _NONE
-        gone = np.flatnonzero(bits != bits[self.heads][self.of])
-        parents, first, which = np.unique(
+        there = self.former + len(self.rows)
+        if there == len(self.of) or _agree(bits, self.of, self.heads):
+            return None
+        read = bits[: len(self.of)]
+        gone = np.flatnonzero(read != read[self.heads][self.of])
+        parents, begin, which = np.unique(
             self.of[gone], return_index=True, return_inverse=True
         )
-        self.of[gone] = len(self) + which
-        self.heads = np.append(self.heads, gone[first])
-        self.literals = _literals(self.of)
-        return parents
+        new = int((parents < self.first).sum())  # those before the share
+        columns, before = self.former + np.arange(new), len(self)
+        self.former += new
+        first, moved = self.first, 0
+        if self.former > first:
+            moved = self.former + self.former // 2 + _ROOM - first
+        rows = range(before + moved, before + moved + len(parents) - new)
+        source = np.full(rows.stop, -1)
+        source[: self.former] = np.arange(self.former)
+        source[first + moved : before + moved] = np.arange(first, before)
+        numbers = np.append(columns, np.arange(rows.start, rows.stop))
+        source[numbers] = parents
+        parted = Parted(source, columns, rows, first)
+        self.of[self.of >= first] += moved
+        self.first += moved
+        self.heads = parted.of_groups(self.heads)
+        self.of[gone], self.heads[numbers] = numbers[which], gone[begin]
+        self.literals = literals_of(self.of)
+        return parted
+
+    def of_sensors(
+        self, values: Numbers, own: Numbers, turned: Numbers | None = None
+    ) -> Numbers:
+        """Return an array of the pairs of sensors from one of the pairs of groups.
+
+        Args:
+            values: ``(P,)``, of pairs of groups.
+            own: ``(G,)``, of a pair of sensors in a group.
+            turned: As in `Parted.of_pairs`.
+        """
+        return self._taken(self.of, self._start, values, own, turned)
+
+    def ordered(self, values: Numbers, turned: Numbers | None = None) -> Numbers:
+        """Return an array of the pairs of groups, numbered in the order of `heads`."""
+        order = self.in_order
+        if len(order) == len(self) and (np.diff(order) > 0).all():
+            return values
+        own = np.zeros(len(self), values.dtype)  # none is in a pair with itself
+        return self._taken(order, self.former, values, own, turned)
+
+    def _taken(
+        self,
+        source: NDArray[np.int64],
+        first: int,
+        values: Numbers,
+        own: Numbers,
+        turned: Numbers | None,
+    ) -> Numbers:
+        size = place_of(len(source), first)
+        found, changed = np.empty(size, values.dtype), (first, first, source[:0])
+        turned = _same(turned, values)
+        copy_pairs(source, changed, found, (values, self.first), own, turned)
+        return found
 
     @property
     def names(self) -> NDArray[np.int64]:
         """``(2G,)``: for each literal of a group, that of its first sensor."""
-        return _literals(self.heads)
+        return literals_of(self.heads)
 
 
-_NONE = np.empty(0, np.int64)
-
-
-def _literals(of: NDArray[np.int64]) -> NDArray[np.int64]:
+def literals_of(of: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return ``(2S,)``: for each literal of sensors, that of what stands for it."""
     return (2 * of[:, None] + np.arange(2)).reshape(-1)
+
+
+def _same(turned: Numbers | None, values: Numbers) -> Numbers:
+    return values[:0] if turned is None else turned
 
 
 @njit()
@@ -97,7 +257,7 @@ def _agree(
     bits: NDArray[np.uint8], of: NDArray[np.int64], heads: NDArray[np.int64]
 ) -> bool:
     """Return whether every sensor reads as the first of its group."""
-    for sensor in range(bits.shape[0]):
+    for sensor in range(of.shape[0]):  # noqa: SIM110 - compiled
         if bits[sensor] != bits[heads[of[sensor]]]:
             return False
     return True
@@ -117,28 +277,42 @@ def longer(array: Numbers, size: int) -> Numbers:
 
 
 @njit()
-def copy_pairs(row: int, like: int, values: Numbers, own: Any) -> None:  # noqa: ANN401
-    """Let a row of an array of pairs be a copy of an earlier one.
+def copy_pairs(
+    source: NDArray[np.int64],
+    changed: tuple[int, int, NDArray[np.int64]],
+    values: Numbers,
+    there: tuple[Numbers, int],
+    own: Numbers,
+    turned: Numbers,
+) -> None:
+    """Write what has changed in an array of pairs whose sensors or groups others are.
 
     Args:
-        row: Its group.
-        like: The earlier group.
-        values: ``(P,)`` or longer; updated.
-        own: Of the pair of these two.
+        source: ``(G,)``: what each was in the array that there is; -1: nothing.
+        changed: The first row; the first of those that are written whole; and which
+            columns of the rows before that are.
+        values: ``(P,)``; updated. It may be the array that there is, if what is
+            written is not read.
+        there: That array, and its first row.
+        own: What the pair of two that were one has, by what they were.
+        turned: What a value is where the two change places; empty if it is the same.
     """
-    start, theirs = place_of(row, 0), place_of(like, 0)
-    for j in range(row):
-        if j < like:
-            values[start + j] = values[theirs + j]
-        else:
-            values[start + j] = own if j == like else values[place_of(j, 0) + like]
-
-
-def copy_codes(row: int, like: int, codes: NDArray[np.uint8]) -> None:
-    """Do the same with codes, which say which of a pair's sensors is the latter."""
-    copy_pairs(row, like, codes, np.uint8(EQUAL))
-    behind = slice(place_of(row, 0) + like + 1, place_of(row + 1, 0))
-    codes[behind] = TURNED[codes[behind]]
+    first, begin, columns = changed
+    old, start = there
+    for i in range(first, source.shape[0]):
+        whole, row = i >= begin, place_of(i, first)
+        for k in range(i if whole else columns.shape[0]):
+            j = k if whole else columns[k]
+            p, q = source[i], source[j]
+            if q < 0:
+                values[row + j] = 0
+            elif p == q:
+                values[row + j] = own[p]
+            elif p > q:
+                values[row + j] = old[place_of(p, start) + q]
+            else:
+                value = old[place_of(q, start) + p]
+                values[row + j] = turned[value] if turned.shape[0] else value
 
 
 @njit()
@@ -162,32 +336,3 @@ def copy_edges(group: int, like: int, rows: Words) -> None:
         for literal in range(2 * group):
             if rows[literal, old >> 6] >> np.uint64(old & 63) & _ONE:
                 rows[literal, new >> 6] |= _ONE << np.uint64(new & 63)
-
-
-@njit()
-def of_sensors(
-    of: NDArray[np.int64], values: Numbers, own: Numbers, turned: Numbers
-) -> Numbers:
-    """Return an array of the pairs of sensors from one of the pairs of groups.
-
-    Args:
-        of: ``(N,)``, the group of each sensor.
-        values: ``(P,)``, of pairs of groups.
-        own: ``(G,)``, of a pair of sensors in a group.
-        turned: What a value is where the groups are the other way round than the
-            sensors; empty if it is the same.
-    """
-    found = np.empty(place_of(of.shape[0], 0), values.dtype)
-    place = 0
-    for i in range(of.shape[0]):
-        for j in range(i):
-            p, q = of[i], of[j]
-            if p == q:
-                found[place] = own[p]
-            elif p > q:
-                found[place] = values[place_of(p, 0) + q]
-            else:
-                value = values[place_of(q, 0) + p]
-                found[place] = turned[value] if turned.shape[0] else value
-            place += 1
-    return found

@@ -131,6 +131,21 @@ class PocGraph:
         graph._rows, graph._groups = rows, groups  # noqa: SLF001 - its own class
         return graph
 
+    @classmethod
+    def without_edges(cls, literals: int) -> "PocGraph":
+        """Return the graph in which nothing implies anything.
+
+        It takes room for the literals alone until anything but `up` is asked for.
+        """
+        graph = cls.__new__(cls)
+        graph._groups = np.arange(literals)  # noqa: SLF001 - its own class
+        return graph
+
+    @cached_property
+    def _rows(self) -> Words:
+        count = len(self._groups)
+        return np.zeros((count, (count + 63) // 64), np.uint64)
+
     def __len__(self) -> int:
         """Return the number of literals, ``2N``."""
         return len(self._groups)
@@ -165,6 +180,10 @@ class PocGraph:
     def up(self, literals: Literals) -> NDArray[np.bool_]:
         """Return everything above the literals, themselves included. O(N²/64) time."""
         given = as_literals("literals", literals, len(self))
+        if "_rows" not in vars(self):  # it has no edges
+            above = np.zeros(len(self), np.bool_)
+            above[given] = True
+            return above
         groups = np.zeros(len(self._rows), np.bool_)
         groups[self._groups[given]] = True
         reached = to_words(groups)

@@ -39,7 +39,9 @@ def schema(message: type[Message]) -> dict[str, Any]:
 def _plain(rule: dict[str, Any], components: dict[str, Any]) -> dict[str, Any]:
     """Return a property's schema without a reference, and with its type."""
     if (reference := rule.get("$ref")) is not None:
-        return dict(components[reference.rpartition("/")[2]])
+        held = components[reference.rpartition("/")[2]]
+        inside = {k: _plain(one, components) for k, one in held["properties"].items()}
+        return {**held, "properties": inside}
     if "items" in rule:
         return {**rule, "items": _plain(rule["items"], components)}
     return {"type": "string", **rule} if "enum" in rule else rule

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from neurosnap import wire
 from neurosnap.errors import RecordingError
+from neurosnap.protocol.key_frames import whole
 from neurosnap.recording.read.chunk_messages import ChunkMessages, M
 from neurosnap.recording.read.recording import Recording
 
@@ -205,7 +206,7 @@ class TickIndex:
             found = sorted(self._keyframes(number), key=lambda frame: -frame.tick)
             for frame in found:
                 if frame.tick <= tick and len(own := self._bands(frame)) >= frame.bands:
-                    return frame, own
+                    return whole(frame, own), own
         return None
 
     def _bands(self, frame: wire.KeyFrame) -> list[wire.Band]:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from neurosnap import wire
+from neurosnap.protocol.key_frames import whole
 from neurosnap.recording.read.recording import Recording
 
 EARLY = 2 * 10**9
@@ -55,7 +56,8 @@ def starts(recording: Recording) -> Iterator[Start]:
             case _:
                 continue
         if len(bands) >= start.frame.bands:
-            yield start._replace(bands=(*bands.values(),))
+            every = bands.values()
+            yield start._replace(frame=whole(start.frame, every), bands=(*every,))
             start = None
 
 

@@ -40,6 +40,8 @@ def stretches(recording: Recording) -> list[Recording]:
     for file in recording.files:
         some = pieces(file)
         follows = before is not None and not lost_behind(before, file)
+        if before is not None and not follows and some and some[0].begins > 0:
+            some[0] = _rebegun(some[0])
         if follows and rows and some and not some[0].lost:
             rows[-1].append(some.pop(0))
         rows += [[piece] for piece in some]
@@ -93,6 +95,14 @@ def pieces(file: RecordingFile) -> list[RecordingFile]:
         if piece.layout.chunks:
             found.append(piece)
     return found
+
+
+def _rebegun(piece: RecordingFile) -> RecordingFile:
+    """Return a piece that begins with its first key-frame that is whole."""
+    tick = next((one.frame.tick for one in starts(Recording([piece]))), -1)
+    if tick == piece.begins:
+        return piece
+    return _piece(piece, 0, piece.layout.size + 1, tick)
 
 
 def _breaks(layout: Layout) -> list[_Break]:

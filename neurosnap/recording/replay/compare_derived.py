@@ -119,7 +119,7 @@ class Replay:
         # A key-frame to begin with has been said.
         said = self.core.begin() if frame is None else [self.core.decision]
         if frame is not None and self.workers and self.first in recording.resumed:
-            self.core.begin_with(frame)
+            self.core.begin_with(len(frame.snapshot))
         self._said: deque[wire.Message] = deque(said)
         self._under_way = self.first  # the tick of what is derived now
         self._exhausted = False  # read to the end in search of an input
@@ -220,6 +220,9 @@ class Replay:
 
         One that is lost shows in its sender's numbers.
         """
+        for asked in self._said:  # a sensor may come or go before workers send theirs
+            if isinstance(asked, wire.Learn):
+                self._learn(asked)
         derived = {(one.array, one.offset): one.data for one in self.bands()}
         while self._said and isinstance(band := self._said[0], wire.Band):
             derived[band.array, band.offset] = band.data
@@ -264,7 +267,9 @@ class Replay:
         """Give the core what made it say `recorded`; return what it says now."""
         late = self._late(recorded)
         if late is not None:
-            return self.core.overdue(late)
+            said = self.core.overdue(late)
+            # What workers that begin are passed once more was recorded, or not.
+            return [m for m in said if not isinstance(m, wire.Band)]
         return self._feed_all(self._awaited(recorded.message))
 
     def _late(self, recorded: Recorded) -> int | None:

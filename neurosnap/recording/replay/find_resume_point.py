@@ -64,7 +64,7 @@ class _Point(NamedTuple):
 
 
 class _UnprovedError(RecordingError):
-    """A file begins with a tick of which the one before may lack something."""
+    """A file begins with a tick that it, or the one before, may lack something of."""
 
 
 def find_resume_point(
@@ -167,19 +167,9 @@ def _files(log: Path, most: int | None) -> list[Recording]:
             break
     if len(files) > 1 and files[-1].files[0].share is None:
         del files[-1]  # its beginning did not reach the disk, its name did
-    if len(files) > 1 and _lacks_bands(files[-1]):
-        del files[-1]  # nor did all of the key-frame that it begins with
     if len(files) > 1 and not files[-2].noted().completeness.whole:
         del files[-1]
     return files or [Recording.open_file(log)]  # which says why not
-
-
-def _lacks_bands(recording: Recording) -> bool:
-    """Tell whether a file was cut short within the key-frame that it begins with."""
-    if recording.cut is None or recording.damage:
-        return False
-    begun = any(frame.bands for frame in recording.all("keyframe", wire.KeyFrame))
-    return begun and next(starts(recording), None) is None
 
 
 def _derive(recording: Recording, most: int | None, lacks: bool = False) -> _Point:
@@ -260,7 +250,7 @@ def _start(recording: Recording, most: int | None) -> Start | None:
     }
     first = recording.begins
     if first and not begun:
-        raise lacks_key_frame(recording)
+        raise _UnprovedError(str(lacks_key_frame(recording)))
     heard = min(_reported(recording).values(), default=0)
     behind = [tick for tick, waves in begun.items() if waves < heard]
     known = [tick for tick in behind if tick < max(begun)]

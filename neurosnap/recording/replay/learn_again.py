@@ -57,7 +57,7 @@ class Learning:
         except ValueError as error:
             raise RecordingError(f"{place}: must hold an agent, {error}") from error
         try:
-            self.snapshot = snapshot_of(frame, bands)
+            self.snapshot = snapshot_of(frame, bands, self._options.learning_shares)
             self.snapshot.assume(self._options.known_order)
         except ValueError as error:
             raise RecordingError(f"{place}: must hold a snapshot, {error}") from error

@@ -31,17 +31,17 @@ class WorkerJob(msgspec.Struct, frozen=True):
     async def run(self, part: PartContext) -> None:
         """Run the worker until the end.
 
-        Reads `wire.worker_keys`, and `wire.LEARNING_KEYS` if it learns; publishes
-        bursts, reports and faults, and what it learned.
+        Reads `wire.worker_keys`; publishes bursts, reports and faults, and what it
+        learned.
         """
         async with part.connection.fabric(swift=True) as fabric:
             await take_part(fabric, self._work(fabric, part.stop))
 
     async def _work(self, fabric: Fabric, stop: asyncio.Event) -> None:
-        keys, learning = wire.worker_keys(self.worker), None
+        learning = None
         if self.learning is not None:
-            keys += wire.LEARNING_KEYS
             learning = self.learning.new_worker_learning(self.worker)
+        keys = wire.worker_keys(self.worker, learns=learning is not None)
         core = Worker(self.worker, shares(self.cells, self.workers), learning)
         warm()
 

@@ -1,8 +1,5 @@
 """The sensors that retire are those computed from the history at every tick."""
 
-from types import SimpleNamespace
-from typing import Any
-
 import pytest
 
 from neurosnap.agent.agent import Agent
@@ -11,7 +8,6 @@ from neurosnap.agent.growth import Growth, is_needless
 from neurosnap.agent.growth_in_decisions import Context
 from neurosnap.poc.learning.history_questions import Search, answered
 from neurosnap.poc.learning.reading_history import History
-from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.order.graph import PocGraph
 from world.toy_text import cliff_walking
 
@@ -21,9 +17,9 @@ class Watched(Growth):
 
     believed: list[PocGraph]
 
-    def _retire(self, snapshot: Snapshot) -> Search[None]:
-        self.believed = [snapshot.poc_graph()]
-        return super()._retire(snapshot)
+    def _retire(self, graph: PocGraph) -> Search[None]:
+        self.believed = [graph]
+        return super()._retire(graph)
 
 
 def ticks_on(history: History, sensor: int) -> set[int]:
@@ -147,9 +143,8 @@ def test_a_window_is_needless_if_a_part_of_it_will_do(
     always = [("short", "a"), ("long", "a"), ("long", "short")]
     edges = [(literal[a], literal[b]) for a, b in (*always, *believed)]
     graph = PocGraph.from_implications(len(body.sensors), edges)
-    snapshot: Any = SimpleNamespace(poc_graph=lambda: graph)
     answer = History(len(body.sensors), 64).answer
-    found = [answered(is_needless(body, place, snapshot), answer) for place in (0, 1)]
+    found = [answered(is_needless(body, place, graph, 0), answer) for place in (0, 1)]
     assert tuple(found) == needless
 
 
@@ -160,8 +155,7 @@ def test_one_that_retired_makes_no_other_needless() -> None:
     graph = PocGraph.from_implications(
         len(body.sensors), [(first, hit), (first + 2, hit)]
     )
-    snapshot: Any = SimpleNamespace(poc_graph=lambda: graph)
     for one, needless in ((body, True), (body.retire(0), False)):
-        search = is_needless(one, 1, snapshot)
+        search = is_needless(one, 1, graph, 0)
         answer = History(len(body.sensors), 64).answer
         assert answered(search, answer) == needless

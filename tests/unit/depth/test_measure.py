@@ -202,7 +202,7 @@ def probed(
     for number, who in enumerate(hosts(count, sweep.sharing)):
         if sweep.sharing:
             worker = Worker(number, shares(count, sweep.sharing))
-            join(worker, hub.fabric(who), wire.worker_keys(number))
+            join(worker, hub.fabric(who), wire.worker_keys(number, learns=False))
         else:
             join(Cell(number), hub.fabric(who), wire.cell_keys(number))
     say(probe.begin())

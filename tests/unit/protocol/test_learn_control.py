@@ -57,15 +57,13 @@ def test_what_changed_is_what_the_message_says() -> None:
     pairs = control().receive(
         learned(
             0,
-            rows=b"\2\0\0\0",
-            codes=b"\x21",
-            latter=b"\1\0\0\0",
-            former=b"\0\0\0\0",
-            single=b"\x0c",
+            latter=b"\2\0\0\0\1\0\0\0",
+            former=b"\1\0\0\0\0\0\0\0",
+            codes=b"\2\x0c",
         )
     )
     assert pairs is not None
-    assert [each.tolist() for each in pairs] == [[2, 2, 1], [0, 1, 0], [1, 2, 12]]
+    assert [each.tolist() for each in pairs] == [[2, 1], [1, 0], [2, 12]]
 
 
 def test_an_answer_to_an_earlier_question_is_dropped() -> None:
@@ -79,8 +77,8 @@ def test_an_answer_to_an_earlier_question_is_dropped() -> None:
     assert took(asked, learned(0, frame=4))
     assert took(asked, learned(1, frame=4))
     assert not under_way(asked)
-    asked.begins = b"x"
-    assert asked.ask_bands(5) == [wire.Learn(5, frame=5, begins=b"x")]
+    asked.begins = 7
+    assert asked.ask_bands(5) == [wire.Learn(5, frame=5, begins=7)]
     asked.forget()
     assert not under_way(asked)
 
@@ -105,14 +103,18 @@ def test_who_is_silent_is_told_again_and_then_named() -> None:
         (learned(0, links=(weighed(1),)), "links must be of 1 implications"),
         (learned(0, links=()), "links must be of 1 implications"),
         (learned(0, links=(weighed(0, float("inf")),)), "support must be finite"),
-        (learned(0, rows=b"\3\0\0\0", codes=b"\0\0"), "rows must be in 0 to 2, got 3"),
-        (learned(0, rows=b"\3"), "rows: must be four bytes a number, got 1"),
-        (learned(0, rows=b"\2\0\0\0"), "codes must be 1 bytes for these rows, got 0"),
-        (learned(0, rows=b"\2\0\0\0", codes=b"\5"), "codes must be of pairs"),
-        (learned(0, rows=b"\1\0\0\0", codes=b"\x13"), "codes must be of pairs"),
+        (
+            learned(0, latter=b"\3\0\0\0", former=b"\0\0\0\0", codes=b"\1"),
+            "latter must be in 0 to 2, got 3",
+        ),
+        (learned(0, latter=b"\3"), "latter: must be four bytes a number, got 1"),
+        (
+            learned(0, latter=b"\2\0\0\0", former=b"\1\0\0\0", codes=b"\5"),
+            "codes must be of pairs",
+        ),
         (learned(0, latter=b"\2\0\0\0"), "as many former as latter, got 1, 0 and 0"),
         (
-            learned(0, latter=b"\2\0\0\0", former=b"\2\0\0\0", single=b"\1"),
+            learned(0, latter=b"\2\0\0\0", former=b"\2\0\0\0", codes=b"\1"),
             "former must be before latter",
         ),
     ],

@@ -16,14 +16,20 @@ ROWS = (0b000111, 0b001111, 0b000011, 0b011111, 0b000111)
 
 def new(worker: int = 1) -> WorkerLearning:
     snapshot = EmpiricalSnapshot(6, 0.25, SHARES[worker])
-    return WorkerLearning(worker, snapshot, SHARES, band=4)
+    return WorkerLearning(worker, snapshot, band=4)
 
 
-def whole(ticks: int) -> EmpiricalSnapshot:
-    snapshot = EmpiricalSnapshot(6, 0.25, range(6))
+def whole(ticks: int, share: range | None = None) -> EmpiricalSnapshot:
+    snapshot = EmpiricalSnapshot(6, 0.25, share)
     for bits in ROWS[:ticks]:
         snapshot.learn([bits >> k & 1 for k in range(6)])
     return snapshot
+
+
+def bands(ticks: int, who: str = "it") -> list[wire.Band]:
+    """Return the bands of both workers."""
+    parts = (whole(ticks, share) for share in SHARES)
+    return [band for part in parts for band in bands_of(part, ticks, 4, who)]
 
 
 def learn(tick: int, **changes: object) -> wire.Learn:
@@ -55,32 +61,38 @@ def test_bands_go_before_the_answer_that_is_asked_for_them() -> None:
     worker = new()
     for tick in (1, 2, 3):
         worker.learn(learn(tick))
-    *bands, answer = worker.learn(learn(3, frame=3))
+    *sent, answer = worker.learn(learn(3, frame=3))
     assert isinstance(answer, wire.Learned)
     assert answer.frame == 3
-    expected = bands_of(whole(3), 3, 4, "worker/1", SHARES)
-    assert bands == [band for band in expected if band.offset >= 6]
+    assert sent == [band for band in bands(3, "worker/1") if band.offset >= 6]
 
 
 def test_it_begins_with_the_bands_of_its_share_whatever_their_order() -> None:
-    head, bands = head_of(whole(3)), [*bands_of(whole(3), 3, 4, "it", SHARES)]
+    head = memoryview(head_of(whole(3)))
+    size = len(head)
+    sent = [
+        wire.Band("it", 3, "snapshot", 0, head[:99]),
+        wire.Band("it", 3, "snapshot", 99, head[99:]),
+        *bands(3),
+    ]
     worker, straight = new(), new()
     for tick in (1, 2, 3):
         straight.learn(learn(tick))
-    older = [*bands_of(whole(2), 2, 4, "it", SHARES)]
-    for band in (*older, *bands[:-1]):
+    for band in (*bands(2), *sent[:-1]):
         worker.receive_band(band)
     with pytest.raises(
-        MessageError, match=r"must come after the bands .* lacks 4 byte"
+        MessageError, match=r"must come after the bands .* lacks 12 byte"
     ):
-        worker.learn(learn(4, begins=head))
+        worker.learn(learn(4, begins=size))
+    with pytest.raises(MessageError, match="lacks 1 byte"):
+        worker.learn(learn(4, begins=size + 1))
     with pytest.raises(MessageError, match="must be of tick 1, got tick 4"):
         worker.learn(learn(4))
-    for band in (*bands[::-1], *bands):
+    for band in (*sent[::-1], *sent):
         worker.receive_band(band)
     first = straight.learn(learn(4))
-    assert worker.learn(learn(4, begins=head)) == first
-    assert worker.learn(learn(4, begins=head)) == first, "and does not begin again"
+    assert worker.learn(learn(4, begins=size)) == first
+    assert worker.learn(learn(4, begins=size)) == first, "and does not begin again"
     assert [*worker.bands()] == [*straight.bands()]
 
 
@@ -104,12 +116,14 @@ def test_what_cannot_be_right_is_refused(message: wire.Learn, rule: str) -> None
 
 
 def test_what_is_no_snapshot_to_begin_with_is_refused() -> None:
-    worker, head = new(), head_of(whole(3))
+    worker, head = new(), memoryview(head_of(whole(3)))
+    worker.receive_band(wire.Band("it", 3, "snapshot", 0, memoryview(b"x")))
     with pytest.raises(MessageError, match="learn: bands: must be a Snapshot"):
-        worker.learn(learn(4, begins=b"x"))
-    for band in bands_of(whole(3), 3, 4, "it", SHARES):
+        worker.learn(learn(4, begins=1))
+    for band in bands(3):
         wrong = memoryview(b"\xff" * len(band.data))
         worker.receive_band(msgspec.structs.replace(band, data=wrong))
+    worker.receive_band(wire.Band("it", 3, "snapshot", 0, head))
     with pytest.raises(MessageError, match="learn: bands: must be a Snapshot"):
-        worker.learn(learn(4, begins=head))
+        worker.learn(learn(4, begins=len(head)))
     assert worker.tick == 0

@@ -68,7 +68,7 @@ WRONG: dict[type[Snapshot], list[tuple[str, NDArray[np.generic] | None, str]]] =
         ("kind", np.array("int"), "kind: must be Snapshot"),
         ("kind", np.array(3), "kind: must be <U0"),
         ("names", np.array(["a", "a", "b"]), "names: must be unique"),
-        ("names", np.array(["a", "b"]), "(joints|twins): must be u?int32"),
+        ("names", np.array(["a", "b"]), "(joints|twins|marginals): must be u?int32"),
         ("names", np.array([["a", "b", "c"]]), "names: must be <U0"),
         ("clock", np.array(-1), "clock: must be in"),
         ("clock", np.array(2**32), "clock: must be in"),

@@ -157,11 +157,6 @@ assert signatures() == before, signatures() - before
         pytest.param(["cells=worker"], id="workers"),
         pytest.param(["cells=process"], id="cells", marks=pytest.mark.exhaustive),
         pytest.param(
-            ["cells=worker", "learning=spread"],
-            id="spread",
-            marks=pytest.mark.exhaustive,
-        ),
-        pytest.param(
             ["cells=inline", "snapshot=discounted"],
             id="discounted",
             marks=pytest.mark.exhaustive,

@@ -59,7 +59,10 @@ def test_only_what_is_missing_may_be_filled() -> None:
 
 def test_workers_learn_how_many_there_are() -> None:
     (duty,) = remote_parts.cells([1])("demo", brief("worker"))
-    assert (duty.who, duty.job) == ("worker/1", WorkerJob(1, 3, 2))
+    assert (duty.who, duty.job) == (
+        "worker/1",
+        WorkerJob(1, 3, 2, brief("worker").options),
+    )
 
 
 class Meeting(ZenohFabric):

@@ -49,8 +49,6 @@ ROWS = {
     f"{FILE} --out ''": "out: must be text, and not empty, got ''",
     # Agents, and workers.
     f"{FILE} --agent planner --target a": "agent: must have actions that are sensors",
-    f"{PATH} --set snapshot.learning=spread": "learning: must go with cells in workers",
-    f"{GROWS} --cells worker --set snapshot.learning=spread": "learning: must be coord",
     # A swarm on a network, and its parts as services.
     f"run {WORLD} --listen tcp/0.0.0.0:7447": "listen: must be tcp/ on loopback",
     f"run {WORLD} --listen tls/127.0.0.1:7447": "listen: must come with keys (--tls)",
@@ -89,7 +87,6 @@ ROWS = {
     "health readings.csv --zone Mars": "zone: must be a time zone that this machine",
     "health readings.csv --alarms often": "alarms: must be a number a hour, day, week",
     "verify log.mcap --set seed=1": "set: must be one of agent.explore, agent.imagine, ",
-    "verify log.mcap --set snapshot.learning=spread": "got 'snapshot.learning'",
     "verify log.mcap --set snapshot.threshold=0.7": f"{SHARE}, got 0.7",
     "verify log.mcap --set agent.target=a": "target: must go with a planner",
     "verify log.mcap --from 9 --set anomalies.hold=1": "from: must go without --set",
