@@ -165,6 +165,8 @@ def test_what_comes_and_goes_is_in_the_share_that_has_its_pairs(
             newborn = Newborn(10, *whole._judge_newborn(counts.copy(), 10))
             for one in (whole, order, *parts):
                 one.grow(6, "grown", newborn, None)
+            dated = [whole.evidence(12, 2 * k).since for k in range(6)]
+            assert dated == [30 * bool(code) for code in newborn.codes]
         if tick == 40:
             for one in (whole, order, *parts):
                 one.silence(retires)
