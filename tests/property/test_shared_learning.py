@@ -127,6 +127,32 @@ def through_bands(head: bytes, part: Snapshot) -> Snapshot:
     return joined(head, stretches[::-1], part.share)
 
 
+def test_twins_that_part_late_are_judged_at_once() -> None:
+    """Where most pairs are left alone; and where one is listed, so is its twin's.
+
+    Before the share each two read the same, until one of them turns back a tick after
+    both have changed.
+    """
+    rng = np.random.default_rng(2)
+    base, own = 70, 20
+    share = range(2 * base, 2 * base + own)
+    whole, order = new("fixed", share.stop, None), new("fixed", share.stop, range(0))
+    parts = [new("fixed", share.stop, one) for one in (range(share.start), share)]
+    whole.stand_apart()
+    bits, flips = np.zeros(share.stop, np.int64), np.zeros(share.stop, np.bool_)
+    for tick in range(250):
+        changed = flips[:base]
+        flips = rng.random(share.stop) < (0.5 if tick < 10 else 0.005)
+        late = changed & (rng.random(base) < 0.3 * (tick > 130))
+        flips[base : 2 * base] = flips[:base] ^ late
+        bits ^= flips
+        whole.learn(bits)
+        order.learn(bits)
+        for part in parts:
+            follow(order, part, bits, None)
+        np.testing.assert_array_equal(whole.poc_graph().edges, order.poc_graph().edges)
+
+
 @given(st.integers(0, 2**32 - 1), st.sampled_from(KINDS), st.booleans())
 def test_a_share_has_the_evidence_of_its_pairs(
     seed: int, kind: str, unknown: bool

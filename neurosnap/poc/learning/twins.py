@@ -50,6 +50,8 @@ class Parted(NamedTuple):
     """The new ones of the share."""
     first: int
     """The first row that there was."""
+    moved: int
+    """By how many places the rows that there were have moved."""
 
     def of_groups(self, values: Numbers) -> Numbers:
         """Return an array whose last axis is the groups, for those there are now."""
@@ -71,7 +73,7 @@ class Parted(NamedTuple):
         """
         if not size:
             return values
-        first = self.first + (moved := self.moved)
+        first, moved = self.first + self.moved, self.moved > 0
         found = np.zeros(size, values.dtype) if moved else longer(values, size)
         begin, turned = first if moved else self.rows.start, _same(turned, values)
         changed = first, begin, self.columns
@@ -79,14 +81,9 @@ class Parted(NamedTuple):
         return found
 
     @property
-    def moved(self) -> int:
-        """By how many places the rows that there were have moved."""
-        return len(self.source) - len(self.rows) - self.before
-
-    @property
     def before(self) -> int:
         """How many numbers there were, those of the room included."""
-        return int(self.source.max()) + 1
+        return self.rows.start - self.moved
 
 
 class Twins:
@@ -195,7 +192,7 @@ class Twins:
         source[first + moved : before + moved] = np.arange(first, before)
         numbers = np.append(columns, np.arange(rows.start, rows.stop))
         source[numbers] = parents
-        parted = Parted(source, columns, rows, first)
+        parted = Parted(source, columns, rows, first, moved)
         self.of[self.of >= first] += moved
         self.first += moved
         self.heads = parted.of_groups(self.heads)
