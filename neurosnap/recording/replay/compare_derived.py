@@ -220,10 +220,11 @@ class Replay:
 
         One that is lost shows in its sender's numbers.
         """
+        sent: Iterable[wire.Band] = self.bands()
         for asked in self._said:  # a sensor may come or go before workers send theirs
             if isinstance(asked, wire.Learn):
-                self._learn(asked)
-        derived = {(one.array, one.offset): one.data for one in self.bands()}
+                sent = self._learn(asked)
+        derived = {(one.array, one.offset): one.data for one in sent}
         while self._said and isinstance(band := self._said[0], wire.Band):
             derived[band.array, band.offset] = band.data
             self._said.popleft()
@@ -398,13 +399,12 @@ class Replay:
                 f" the state of tick {tick - 1}"
             )
 
-    def _learn(self, learn: wire.Learn) -> None:
-        """Let workers learn, as they were told to."""
-        self._would = [said for said in self._would if said.tick == learn.tick]
-        for worker in self.workers:
-            for said in worker.learn(learn):
-                if isinstance(said, wire.Learned):
-                    self._would.append(said)
+    def _learn(self, learn: wire.Learn) -> list[wire.Band]:
+        """Let workers learn, as they were told to; return the bands they send."""
+        said = [one for worker in self.workers for one in worker.learn(learn)]
+        self._would = [one for one in self._would if one.tick == learn.tick]
+        self._would += [one for one in said if isinstance(one, wire.Learned)]
+        return [one for one in said if isinstance(one, wire.Band)]
 
     def _check_learned(self, learned: wire.Learned) -> None:
         """Hold what a worker learned against what it should have."""
