@@ -80,7 +80,7 @@ RIGHTS: dict[Role, Rights] = {
             "fault",
             "leave",
         ),
-        reads=(*wire.worker_keys("*"), "observation"),
+        reads=wire.worker_keys("*"),
         announces=True,
     ),
     # Looks on, and leaves no trace.

@@ -83,7 +83,7 @@ class Worker(Host[_WorkerWave, Ints]):
             case wire.Reminder():
                 self._history.remember(message)
             case wire.Learn() if self._learning is not None:
-                if message.bits:  # the observation itself may have been lost
+                if message.bits:
                     self._observe(message)
                 self._out += self._learning.learn(message)
             case wire.Band() if self._learning is not None:

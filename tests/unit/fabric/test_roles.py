@@ -65,7 +65,7 @@ MAY: dict[str, dict[str, tuple[str, ...]]] = {
     "worker": {
         "pulsebatch/*/worker/* workerreport/worker/* recalled/worker/* learned/worker/*"
         " band/worker/* fault/worker/* leave/worker/*": ("put>",),
-        "observation workerwiring/* reminder/worker/* wavestart recall pulsebatch/*/**"
+        "workerwiring/* reminder/worker/* wavestart recall pulsebatch/*/**"
         " learn band/coordinator": _READS,
         "alive/worker/*/*": ("liveliness_token>",),
         "flushed": ("query>",),
