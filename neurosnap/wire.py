@@ -888,15 +888,3 @@ def split_rings(name: str, data: bytes, count: int) -> list[bytes]:
         rule = f"must hold {count} rings of the same size"
         raise MessageError(f"{name}: {rule}, got {len(data)} bytes")
     return [data[place * size : (place + 1) * size] for place in range(count)]
-
-
-def fired(report: CellReport | WorkerReport) -> tuple[Naturals, Naturals]:
-    """Return the literals that fired, and the hops of each, by a report.
-
-    Raises:
-        MessageError: There is a part of a number in it.
-    """
-    if isinstance(report, CellReport):
-        return report.literals, report.hops
-    literals = numbers("workerreport: literals", report.literals)
-    return literals, numbers("workerreport: hops", report.hops)

@@ -315,12 +315,10 @@ class Probe:
         return self._next()
 
     def _check(self, wave: Wave) -> None:
-        reached = np.zeros_like(self._above)
-        reached[list(wave.hops)] = True
-        if not np.array_equal(reached, self._above):
+        if not np.array_equal(wave.reached, self._above):
             raise SwarmError(
                 f"wave {wave.number}: must reach all above its signal, got"
-                f" {int(reached.sum())} of {int(self._above.sum())} literals"
+                f" {int(wave.reached.sum())} of {int(self._above.sum())} literals"
             )
 
     def overdue(self, number: int) -> list[wire.Message]:

@@ -28,9 +28,13 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
-from neurosnap.protocol.cell_and_worker_base import Host, check_number
+from neurosnap.protocol.cell_and_worker_base import (
+    DEEPEST,
+    Host,
+    check_number,
+    split_evenly,
+)
 from neurosnap.protocol.cell_histories import PartHistory
-from neurosnap.protocol.wave_settling import DEEPEST, split_evenly
 
 LIGHT = 512
 """Messages that a cell may send from the thread on which it receives. Twice as many, of

@@ -16,8 +16,14 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
-from neurosnap.protocol.wave_settling import DEEPEST
 
+DEEPEST = 1 << 17
+"""The most hops of a wave, bits of a share of its credit, and things in a report.
+
+Each literal fires once a wave, so a wave over ``N`` sensors has at most ``2N`` hops and
+its shares, split among at most ``2N`` each time, less than ``2N·log2(2N + 1)`` bits:
+this does for 5,000 sensors in the worst order there is, and for a chain of 65,000. What
+claims more would have to be computed with numbers of that many bits."""
 READINGS = 8
 """Ticks that are remembered; a wave is never further behind, or ahead."""
 AHEAD = 1 << 12
@@ -79,6 +85,21 @@ def check_readings(observation: wire.Observation | wire.Learn) -> None:
         sensor = beyond.bit_length() - 1
         rule = "must be 0 where it is not known"
         raise MessageError(f"observation: {rule}, got sensor {sensor} on")
+
+
+def split_evenly(credit: int, parts: int) -> list[int]:
+    """Split the share ``2^-credit`` into `parts` shares that add up to it exactly.
+
+    They are the leaf depths of a complete binary tree, so they differ by at most one
+    and nothing is left over.
+
+    Returns:
+        The exponents of the shares, larger shares first.
+    """
+    depth = (parts - 1).bit_length()
+    larger = (1 << depth) - parts
+    smaller = parts - larger
+    return [credit + depth - 1] * larger + [credit + depth] * smaller
 
 
 class RecentReadings(Generic[T]):

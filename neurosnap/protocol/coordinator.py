@@ -152,7 +152,7 @@ class Coordinator:
         self._steps: Steps | None = None
         self._observation: wire.Observation
         self._sensed: Sensed  # the same, decoded
-        self._signal: tuple[int, ...] = ()  # what was observed
+        self._signal = np.zeros(0, np.int64)  # what was observed
         self._compared = compared(map(options.conditions.get, options.body.own))
         self._anomaly: wire.Anomaly | None = None  # to be told once that is learned
         self._asked: dict[int, int] = {}  # planning wave -> which question it is
@@ -325,7 +325,7 @@ class Coordinator:
             return self._learning.repeat()
         if number < 0:
             return self.questions.repeat()
-        messages = self._control.repeat(number, self._signal)
+        messages = self._control.repeat(number, tuple(self._signal.tolist()))
         if number in self._asked:
             self._asked[self._control.waves] = self._asked.pop(number)
         return messages
@@ -348,7 +348,7 @@ class Coordinator:
         except ShapeError as error:
             return [_fault(f"observation: {error}")]
         self._observation, self._known = observation, observation.known
-        self._signal = tuple(np.flatnonzero(selection(bits, known)).tolist())
+        self._signal = np.flatnonzero(selection(bits, known))
         self._sensed = Sensed(bits, known, observation.begins, observation.cut)
         self._anomaly = self._judged()
         if self._anomaly is not None and observation.said:
@@ -458,8 +458,7 @@ class Coordinator:
             return [_fault(str(error))]
         if wave is None:
             return []
-        reached = np.zeros(2 * len(self.snapshot.sensorium), dtype=np.bool_)
-        reached[list(wave.hops)] = True
+        reached = wave.reached
         self.totals.pulses += wave.pulses
         self.totals.depth = max(self.totals.depth, wave.depth)
         if wave.number in self._asked:
@@ -501,7 +500,7 @@ class Coordinator:
             signal=wave.signal,
             literals=pack(reached),
             depth=wave.depth,
-            longest=self._longest(wave.signal),
+            longest=self._longest(np.array(wave.signal, np.int64)),
             height=self.graph.height(),
             pulses=wave.pulses,
         )
@@ -517,7 +516,7 @@ class Coordinator:
             self._changed = True
             self._learning.changes = (self.decision,)
             self._count_grown()
-        self._steps, self._signal = None, ()
+        self._steps, self._signal = None, self._signal[:0]
         self.totals.ticks += 1
         self.totals.waves = self._control.waves
         if self._stopping or self.tick == self._ticks:
@@ -531,8 +530,8 @@ class Coordinator:
 
     # What it says ---------------------------------------------------------------------
 
-    def _longest(self, signal: tuple[int, ...]) -> int:
-        return int(self.graph.heights()[list(signal)].max(initial=0))
+    def _longest(self, signal: NDArray[np.int64]) -> int:
+        return int(self.graph.heights()[signal].max(initial=0))
 
     def _state(
         self, wave: Wave, reached: NDArray[np.bool_], state: NDArray[np.bool_]

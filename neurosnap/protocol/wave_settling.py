@@ -8,17 +8,18 @@ way always add up to 1: the wave has settled exactly when the reports hold all o
 
 from collections.abc import Callable, Iterable
 from fractions import Fraction
+from typing import TypeAlias
+
+import numpy as np
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
+from neurosnap.protocol.cell_and_worker_base import DEEPEST
+from neurosnap.protocol.worker_edges import ints
+from neurosnap.protocol.worker_kernels import Ints
 
-DEEPEST = 1 << 17
-"""The most hops of a wave, bits of a share of its credit, and things in a report.
-
-Each literal fires once a wave, so a wave over ``N`` sensors has at most ``2N`` hops and
-its shares, split among at most ``2N`` each time, less than ``2N·log2(2N + 1)`` bits:
-this does for 5,000 sensors in the worst order there is, and for a chain of 65,000. What
-claims more would have to be computed with numbers of that many bits."""
+Naturals: TypeAlias = list[int] | Ints
+"""A cell reports two literals at most: of so few a list is quicker than an array."""
 _SHOWN = 200  # characters of a report in an error
 
 
@@ -30,9 +31,15 @@ class Wave:
         tick: The tick it belongs to; 0 for none.
         kind: ``state`` or ``signal``.
         seeds: How many literals fire at the start.
+        sensors: How many cells there are.
         signal: Those literals; may be empty in a state wave, where each of `seeds`
             cells whose reading is known fires it.
         repeats: The number of the wave given up for this one; 0 for none.
+
+    Attributes:
+        reached: ``(2N,)`` bool: the literals that were reported to have fired.
+        depth: Hops until the last of them was first reached, as reported.
+        pulses: Pulses that it took, as reported.
     """
 
     def __init__(
@@ -41,6 +48,7 @@ class Wave:
         tick: int,
         kind: wire.WaveKind,
         seeds: int,
+        sensors: int,
         signal: tuple[int, ...] = (),
         repeats: int = 0,
     ) -> None:
@@ -50,8 +58,8 @@ class Wave:
         self.seeds = seeds
         self.signal = signal
         self.repeats = repeats
-        self.hops: dict[int, int] = {}
-        self.pulses = 0
+        self.reached = np.zeros(2 * sensors, np.bool_)
+        self.depth = self.pulses = 0
         self._reports: dict[int, set[int]] = {}  # first cell -> parts of its reports
         # Every seed gets 2^-credit; what that leaves of 1 is never given out. Missing
         # is counted in units of 2^-scale: shares are as small as the wave is deep.
@@ -88,12 +96,13 @@ class Wave:
                 literals of other cells, a literal twice, gives back no credit or more
                 than there is, or is larger than `DEEPEST`. The wave is left as it was.
         """
-        literals, hops = wire.fired(report)
         who = cells.start
         seen = self._reports.get(who)
         if seen is not None and report.part in seen:
             return
-        self._check(report, cells, literals, hops)
+        literals, hops = fired(report)
+        depth = int(np.max(hops) if len(hops) > 2 else max(hops, default=0))
+        self._check(report, cells, literals, hops, depth)
         scale = max(self._scale, *report.credit)
         missing = self._missing << (scale - self._scale)
         for exponent in report.credit:
@@ -108,48 +117,50 @@ class Wave:
             self._reports[who] = {report.part}
         else:
             seen.add(report.part)
-        if literals:
-            self.hops.update(zip(literals, hops, strict=True))
+        if len(literals):
+            self.reached[literals] = True
+        self.depth = max(self.depth, depth)
         self.pulses += report.pulses
 
     def _check(
         self,
         report: wire.CellReport | wire.WorkerReport,
         cells: range,
-        literals: wire.Naturals,
-        hops: wire.Naturals,
+        literals: Naturals,
+        hops: Naturals,
+        depth: int,
     ) -> None:
         credit = report.credit
         each = -(-report.pulses // len(cells))
-        most = max(report.part, each, *hops, *credit, len(credit))
+        most = max(report.part, each, depth, *credit, len(credit))
         if not credit or most > DEEPEST:
             raise MessageError(
                 f"{wire.topic(report.key)}: must give back credit, and hold numbers up to {DEEPEST},"
                 f" got {_named(report)}, {len(credit)} shares, largest {most}"
             )
-        # Without a loop of its own: a worker reports a hundred thousand at once. Most
-        # reports of cells name no literal, and only give credit back.
+        # Most reports of cells name no literal, and only give credit back.
         if (
             report.wave != self.number
             or len(literals) != len(hops)
-            or (literals and not self._is_new(literals, hops, cells))
+            or (len(literals) and not self._are_new(literals, hops, cells))
         ):
             raise MessageError(
                 f"{wire.topic(report.key)}: must report on wave {self.number}, own literals, each"
                 f" once, got {report!r:.{_SHOWN}}"
             )
 
-    def _is_new(
-        self, literals: wire.Naturals, hops: wire.Naturals, cells: range
-    ) -> bool:
+    def _are_new(self, literals: Naturals, hops: Naturals, cells: range) -> bool:
         """Tell whether literals are of `cells`, each once, and not reported before."""
-        return (
-            len(set(literals)) == len(literals)
-            and min(literals) >= 2 * cells.start
-            and max(literals) < 2 * cells.stop
-            and min(hops) >= 0
-            and self.hops.keys().isdisjoint(literals)
-        )
+        own = range(2 * cells.start, 2 * cells.stop)
+        if isinstance(literals, list):
+            once = len({*literals}) == len(literals)
+            fresh = all(a in own and not self.reached[a] for a in literals)
+            return once and fresh and min(hops) >= 0
+        if np.min(hops) < 0 or literals.min() < own.start or literals.max() >= own.stop:
+            return False
+        named = self.reached[own.start : own.stop].copy()
+        before, named[literals - own.start] = named.sum(), True
+        return bool(named.sum() == before + len(literals))
 
     @property
     def is_settled(self) -> bool:
@@ -161,11 +172,6 @@ class Wave:
         """The share of the credit that is not back yet, in [0, 1]."""
         return Fraction(self._missing, 1 << self._scale)
 
-    @property
-    def depth(self) -> int:
-        """Hops until the last literal reached was first reached, as reported."""
-        return max(self.hops.values(), default=0)
-
     def silent(
         self, signal: Iterable[int], targets: Callable[[int], Iterable[int]]
     ) -> list[int]:
@@ -174,10 +180,11 @@ class Wave:
         They were asked to fire, or are the targets of what fired.
         """
         expected = set(signal)
-        for literal in self.hops:
+        reached = np.flatnonzero(self.reached).tolist()
+        for literal in reached:
             expected.update(targets(literal))
         # By literal, not by cell: a cell may have reported its other literal only.
-        return sorted({literal >> 1 for literal in expected - self.hops.keys()})
+        return sorted({literal >> 1 for literal in expected.difference(reached)})
 
 
 def _named(report: wire.CellReport | wire.WorkerReport) -> str:
@@ -185,16 +192,13 @@ def _named(report: wire.CellReport | wire.WorkerReport) -> str:
     return report.sender.replace("/", " ")
 
 
-def split_evenly(credit: int, parts: int) -> list[int]:
-    """Split the share ``2^-credit`` into `parts` shares that add up to it exactly.
+def fired(report: wire.CellReport | wire.WorkerReport) -> tuple[Naturals, Naturals]:
+    """Return the literals that fired, and the hops of each, by a report.
 
-    They are the leaf depths of a complete binary tree, so they differ by at most one
-    and nothing is left over.
-
-    Returns:
-        The exponents of the shares, larger shares first.
+    Raises:
+        MessageError: There is a part of a number in it.
     """
-    depth = (parts - 1).bit_length()
-    larger = (1 << depth) - parts
-    smaller = parts - larger
-    return [credit + depth - 1] * larger + [credit + depth] * smaller
+    if isinstance(report, wire.CellReport):
+        return [*report.literals], [*report.hops]
+    literals = ints("workerreport: literals", report.literals)
+    return literals, ints("workerreport: hops", report.hops)

@@ -114,7 +114,7 @@ class WaveControl:
         seeds = len(signal) or seeds or self._sensors
         number = self._next
         self._next += 1
-        wave = Wave(number, tick, kind, seeds, signal, repeats)
+        wave = Wave(number, tick, kind, seeds, self._sensors, signal, repeats)
         self._flying[number] = wave
         again = self._rounds.pop(repeats, None)
         self._rounds[number] = Round("", self._repeats) if again is None else again

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
-from neurosnap.protocol.wave_settling import DEEPEST
+from neurosnap.protocol.cell_and_worker_base import DEEPEST
 from neurosnap.protocol.worker_kernels import Ints, Net, Pulses
 
 

@@ -81,14 +81,19 @@ def spread(net: Net, reached: Ints, targets: Ints, hops: Ints, credit: Ints) -> 
                 given[tail] = credit[taken]
                 tail += 1
             else:
-                back = _count(back, credit[taken] - least)
+                if credit[taken] - least >= back.shape[0]:
+                    back = _grown(back, credit[taken] - least)
+                back[credit[taken] - least] += 1
             taken += 1
         end = tail
         while head < end:
             place = literals[head] - net.first
             start, stop = net.starts[place], net.starts[place + 1]
             larger, exponent = split(given[head], stop - start + 1)
-            back = _count(back, exponent - (larger > 0) - least)
+            # No share of it is smaller, so the pulses are counted without a question.
+            if exponent - least >= back.shape[0]:
+                back = _grown(back, exponent - least)
+            back[exponent - (larger > 0) - least] += 1
             for edge in range(start, stop):
                 target = net.targets[edge]
                 share = exponent - (edge - start + 1 < larger)
@@ -100,7 +105,7 @@ def spread(net: Net, reached: Ints, targets: Ints, hops: Ints, credit: Ints) -> 
                         given[tail] = share
                         tail += 1
                     else:
-                        back = _count(back, share - least)
+                        back[share - least] += 1
             pulses += stop - start
             head += 1
     return Fired(literals[:tail], given[:tail], back, least, pulses)
@@ -133,7 +138,7 @@ def outgoing(net: Net, reached: Ints, fired: Fired, to: int) -> Pulses:
 
 @njit()
 def split(credit: int, parts: int) -> tuple[int, int]:
-    """Return what `neurosnap.protocol.wave_settling.split_evenly` does, in two numbers.
+    """Return what `split_evenly` of `neurosnap.protocol.cell_and_worker_base` does.
 
     Returns:
         How many of the shares are larger, and the exponent of the smaller ones; that of
@@ -146,14 +151,15 @@ def split(credit: int, parts: int) -> tuple[int, int]:
 
 
 @njit()
-def _count(counts: NDArray[np.int64], place: int) -> NDArray[np.int64]:
-    """Count one more at `place`; return the counts, with room for it."""
-    if place >= counts.shape[0]:
-        more = np.zeros(2 * place, np.int64)
-        more[: counts.shape[0]] = counts
-        counts = more
-    counts[place] += 1
-    return counts
+def _grown(counts: NDArray[np.int64], place: int) -> NDArray[np.int64]:
+    """Return counts with room for `place`.
+
+    Whether there is any is asked before: to hand an array to and fro for each pulse
+    would take three times as long as the wave.
+    """
+    more = np.zeros(2 * place, np.int64)
+    more[: counts.shape[0]] = counts
+    return more
 
 
 def carried(back: NDArray[np.int64], least: int) -> tuple[int, ...]:

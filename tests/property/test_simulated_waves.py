@@ -5,10 +5,9 @@ case with it (`undisturbed(1234)`) repeats it message by message.
 """
 
 import random
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 from neurosnap import wire
 from neurosnap.fabric.in_memory import MemoryHub
 from neurosnap.poc.order.graph import PocGraph, WiringKind
+from neurosnap.protocol.wave_settling import Wave, fired
 from neurosnap.protocol.wiring_and_waves import WaveControl
 from neurosnap.sensorium import pack
 from tests.support import oracles
@@ -25,10 +25,6 @@ from tests.support.hypothesis_settings import cases
 from tests.support.memory_hubs import run_out
 from tests.support.swarm_parts import Host, hosting, keys_of
 from tools.simulate.simulated_hub import Faults, SimulatedHub
-
-if TYPE_CHECKING:
-    from neurosnap.protocol.wave_settling import Wave
-
 
 # Random orders ------------------------------------------------------------------------
 
@@ -80,6 +76,7 @@ class Network:
         self.given: dict[int, int] = {}  # credit in units of 2^-FINEST, by wave
         self.back: dict[int, int] = {}
         self.addressed = 0  # starts that went to one cell
+        self.at_once = defaultdict[int, set[int]](set)  # what fired without a hop
         self._under_way: Counter[int] = Counter()  # messages with pulses of each wave
         self._seen: set[tuple[object, ...]] = set()
         for who, host in self.hosts.items():
@@ -130,6 +127,8 @@ class Network:
         if self._is_new("report", number, report.sender, report.part):
             self.back[number] += sum(1 << FINEST - e for e in report.credit)
         wave = self.conductor.report(report)
+        pulsed = zip(*fired(report), strict=True)
+        self.at_once[number] |= {int(a) for a, hops in pulsed if not hops}
         if wave is not None:
             assert self._under_way[number] == 0
             self.settled[number] = wave
@@ -224,9 +223,10 @@ def undisturbed(seed: int, *, shared: bool = False) -> int:
         most = graph.height() + 2
         for number, signal in signals.items():
             wave = network.settled[number]
-            assert set(wave.hops) == oracles.reach(edges, signal)
+            reached = oracles.reach(edges, signal)
+            assert set(np.flatnonzero(wave.reached).tolist()) == reached
             # A pulse may overtake the start that asks for the same literal.
-            assert all(hops > 0 or a in signal for a, hops in wave.hops.items())
+            assert all(a in signal for a in network.at_once[number])
             assert wave.depth <= most
         assert network.conductor.in_flight == ()
     assert network.faults == []

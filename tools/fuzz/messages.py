@@ -12,7 +12,7 @@ import msgspec
 from msgspec import inspect
 
 from neurosnap import wire
-from neurosnap.protocol.wave_settling import DEEPEST
+from neurosnap.protocol.cell_and_worker_base import DEEPEST
 
 _TYPES = {
     kind.cls: kind

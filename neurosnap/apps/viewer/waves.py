@@ -24,7 +24,8 @@ from neurosnap.agent.body import Body
 from neurosnap.agent.plan import plan_told
 from neurosnap.apps.viewer.api import MOST_IMAGINED, PlanView, WaveView
 from neurosnap.errors import MessageError
-from neurosnap.protocol.wave_settling import DEEPEST
+from neurosnap.protocol.cell_and_worker_base import DEEPEST
+from neurosnap.protocol.wave_settling import fired
 
 
 class _FoundWave(msgspec.Struct):
@@ -52,7 +53,8 @@ class Waves:
         for report in reports:
             found = self._found[report.wave]
             with suppress(MessageError):  # numbers that are cut off
-                found.hops.update(zip(*wire.fired(report), strict=False))
+                literals, hops = map(list, fired(report))
+                found.hops.update(zip(literals, hops, strict=False))
             found.credit += report.credit
             found.pulses += report.pulses
 

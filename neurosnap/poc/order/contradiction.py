@@ -212,10 +212,9 @@ def smallest_cover(
     count = len(neighbours)
     order = np.lexsort((np.arange(count), -worth))  # the first are chosen first
     search = _Search(neighbours, worth, sizes)
-    taken = greedy(neighbours, order, [*map(search.size, neighbours)], sizes)
-    needed = 0
-    for part in search.parts((1 << count) - 1):
-        needed |= search.forced(part, search.size(taken & part))
+    met = np.array([*map(search.size, neighbours)], np.int64)
+    taken = greedy(neighbours, order, met, sizes)
+    needed = search.forced(taken, met)
     cover = Cover(needed, needed, exact=True)
     for part in search.parts(((1 << count) - 1) & ~needed):
         patience = search.solve(part, patience)
@@ -228,16 +227,14 @@ def smallest_cover(
     return cover
 
 
-def greedy(
-    neighbours: Sequence[int], order: Ints, met: Sequence[int], sizes: Ints
-) -> int:
+def greedy(neighbours: Sequence[int], order: Ints, met: Ints, sizes: Ints) -> int:
     """Cover all edges by what meets most of those left, again and again.
 
     Of those that meet as many it is the first in order. How many each meets, and for
     how many it counts, is ``(k,)``. O(k) time for each.
     """
     taken, count = 0, len(neighbours)
-    keys = count * np.array(met, np.int64)
+    keys = count * met
     keys[order] += np.arange(count)[::-1]
     while keys.max(initial=0) >= max(count, 1):
         best = int(keys.argmax())
@@ -266,6 +263,7 @@ class _Search:
         self.best: dict[int, Cover] = {0: _NOTHING}
         self._worth = worth.tolist()
         self._neighbours = neighbours
+        self._sizes = sizes
         self._more = (sizes - 1).tolist()
         self._larger = to_mask(sizes > 1)
 
@@ -274,23 +272,25 @@ class _Search:
         more: int = sum(self._more[v] for v in members(some & self._larger))
         return some.bit_count() + more
 
-    def forced(self, part: int, most: int) -> int:
-        """Return what every smallest cover of a part has, for which `most` suffice.
+    def forced(self, taken: int, met: Ints) -> int:
+        """Return what every smallest cover has, where `taken` is some cover.
 
-        That is what meets more edges than the part needs vertices: without it, all its
+        That is what meets more edges than its part needs vertices: without it, all its
         neighbours would have to be in the cover. (A rule of S. Buss, see Downey and
-        Fellows, Parameterized Complexity, 1999.)
+        Fellows, Parameterized Complexity, 1999.) How many each meets is ``(k,)``.
         """
-        left = part
-        while True:
-            over = [
-                v for v in members(left) if self.size(self._neighbours[v] & left) > most
-            ]
-            if not over:
-                return part & ~left
-            gone = reduce(or_, (1 << v for v in over))
-            most -= self.size(gone)
-            left &= ~gone
+        count, met = len(met), met.copy()
+        part, most = np.zeros(count, np.int64), [0]
+        for number, each in enumerate(self.parts((1 << count) - 1), 1):
+            part[[*members(each)]] = number
+            most.append(self.size(taken & each))
+        left, needed = np.ones(count, np.bool_), np.array(most)
+        while len(over := np.flatnonzero(left & (met > needed[part]))):
+            np.subtract.at(needed, part[over], self._sizes[over])
+            left[over] = False
+            for v in over.tolist():
+                met[from_mask(self._neighbours[v], count)] -= self._sizes[v]
+        return to_mask(~left)
 
     def without_spares(self, part: int, chosen: int, order: Sequence[int]) -> int:
         """Return a cover without those of it whose neighbours are all in it.

@@ -16,7 +16,7 @@ passed on the way is compared like the rest.
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from itertools import chain
-from typing import NoReturn, TypeAlias
+from typing import TYPE_CHECKING, NoReturn, TypeAlias
 
 import numpy as np
 
@@ -25,11 +25,15 @@ from neurosnap.agent.agent_observation import Senses
 from neurosnap.errors import NeurosnapError, RecordingError, ShapeError
 from neurosnap.protocol.coordinator import Coordinator
 from neurosnap.protocol.run_options import RunOptions
+from neurosnap.protocol.wave_settling import fired
 from neurosnap.protocol.worker_learning import WorkerLearning
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.replay_starts import Start, last_start
 from neurosnap.sensorium import selection, unpack, unpack_readings
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 _INPUTS = ("observation", "cellreport", "workerreport", "recalled", "band", "learned")
 _OUTPUTS = (
@@ -114,7 +118,7 @@ class Replay:
         self._inputs: dict[_Key, list[wire.Message]] = {}
         self._bands: dict[int, list[wire.Band]] = {}  # by tick
         self._would: list[wire.Learned] = []  # what workers should say of a tick
-        self._reached: dict[int, set[int]] = {}
+        self._reached: dict[int, NDArray[np.bool_]] = {}
         self._observed = np.zeros(0, dtype=np.bool_)
         # A key-frame to begin with has been said.
         said = self.core.begin() if frame is None else [self.core.decision]
@@ -207,12 +211,13 @@ class Replay:
         self, recorded: Recorded, wave: int, signal: Iterable[int]
     ) -> None:
         """Hold what the cells reported against the propagation in process."""
-        above = set(np.flatnonzero(self.core.graph.up(signal)).tolist())
-        reached = self._reached.pop(wave, set())
-        if reached != above:
+        above = self.core.graph.up(signal)
+        reached = self._reached.pop(wave, np.zeros_like(above))
+        if not np.array_equal(reached, above):
             raise DifferenceError(
-                f"{self._where(recorded)}: cells reported {sorted(reached)},"
-                f" the derived order gives {sorted(above)}"
+                f"{self._where(recorded)}: cells reported"
+                f" {np.flatnonzero(reached).tolist()}, the derived order gives"
+                f" {np.flatnonzero(above).tolist()}"
             )
 
     def _check_bands(self, frame: wire.KeyFrame) -> None:
@@ -348,8 +353,9 @@ class Replay:
             return []
         match message:
             case wire.CellReport() | wire.WorkerReport():
-                reached = self._reached.setdefault(message.wave, set())
-                reached.update(wire.fired(message)[0])
+                none = np.zeros(len(self.core.graph), np.bool_)
+                reached = self._reached.setdefault(message.wave, none)
+                reached[np.array(fired(message)[0], np.int64)] = True
             case wire.Learned():
                 self._check_learned(message)
             case wire.Recalled() if recall is not None:

@@ -4,7 +4,7 @@ import pytest
 
 from neurosnap import wire
 from neurosnap.protocol.cell import LIGHT, Cell
-from neurosnap.protocol.wave_settling import DEEPEST
+from neurosnap.protocol.cell_and_worker_base import DEEPEST
 from tests.support.wave_messages import LARGEST
 
 OWN = 2  # the literal of sensor 1

@@ -11,9 +11,12 @@ from hypothesis import strategies as st
 
 from neurosnap import wire
 from neurosnap.errors import MessageError
-from neurosnap.protocol.wave_settling import DEEPEST, Wave, split_evenly
+from neurosnap.protocol.cell_and_worker_base import DEEPEST, split_evenly
+from neurosnap.protocol.wave_settling import Wave
 from neurosnap.protocol.worker_kernels import carried, split
 from tests.support.wave_messages import LARGEST, packed, share
+
+DEEP = 5000
 
 
 def report(
@@ -42,14 +45,19 @@ def give(wave: Wave, report: wire.CellReport) -> None:
 
 
 def signal_wave(*signal: int) -> Wave:
-    return Wave(1, 0, "signal", len(signal), signal)
+    return Wave(1, 0, "signal", len(signal), DEEP + 1, signal)
+
+
+def reached(wave: Wave) -> list[int]:
+    literals: list[int] = np.flatnonzero(wave.reached).tolist()
+    return literals
 
 
 @pytest.mark.parametrize(
     ("seeds", "credit"), [(1, 0), (2, 1), (3, 2), (4, 2), (5, 3), (1000, 10)]
 )
 def test_every_seed_gets_the_same_share_of_one(seeds: int, credit: int) -> None:
-    wave = Wave(7, 3, "state", seeds)
+    wave = Wave(7, 3, "state", seeds, seeds)
     assert wave.start(5, 7) == wire.WaveStart(7, 3, "state", credit, 5, fence=7)
     assert wave.missing == Fraction(seeds, 2**credit) <= 1
 
@@ -81,17 +89,18 @@ def test_it_settles_with_the_last_report_and_not_before_in_any_order(
     seeds: int, seed: int, most: int, data: st.DataObject
 ) -> None:
     reports = spread(seeds, random.Random(seed), most)
-    wave = Wave(1, 0, "state", seeds)
+    wave = Wave(1, 0, "state", seeds, len(reports))
     for count, one in enumerate(data.draw(st.permutations(reports))):
         assert not wave.is_settled, count
         give(wave, one)
     assert wave.is_settled
-    assert set(wave.hops) == {2 * cell for cell in range(len(reports))}
+    assert reached(wave) == [2 * cell for cell in range(len(reports))]
+    assert wave.depth == len(reports) - 1
 
 
 def test_shares_far_below_what_a_float_can_tell_are_counted() -> None:
     wave = signal_wave(0)
-    deep = 5000
+    deep = DEEP
     for cell in range(deep):
         give(wave, report(cell, [2 * cell], [cell + 1]))
         assert not wave.is_settled
@@ -162,10 +171,11 @@ def test_a_report_that_cannot_be_right_is_refused(
     said = str(refused.value).removeprefix(BY_WORKER)
     assert said.startswith(what)
     assert len(said) < 350
-    assert (wave.missing, wave.hops, wave.pulses) == (Fraction(1, 2), {0: 0}, 1)
+    assert (wave.missing, reached(wave)) == (Fraction(1, 2), [0])
+    assert (wave.depth, wave.pulses) == (0, 1)
     wave.report(by_worker(packed(2, 5), packed(0, 1)), range(1, 3))
     assert wave.is_settled
-    assert wave.hops == {0: 0, 2: 0, 5: 1}
+    assert (reached(wave), wave.depth) == ([0, 2, 5], 1)
 
 
 EDGES: dict[int, list[int]] = {0: [2, 5], 2: [6], 4: [], 5: [], 6: []}

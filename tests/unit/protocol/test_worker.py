@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from neurosnap import wire
 from neurosnap.errors import InvalidValueError
-from neurosnap.protocol.wave_settling import DEEPEST
+from neurosnap.protocol.cell_and_worker_base import DEEPEST
+from neurosnap.protocol.wave_settling import fired
 from neurosnap.protocol.worker import Worker
 from neurosnap.protocol.worker_shares import shares
 from neurosnap.sensorium import pack
@@ -52,7 +53,7 @@ def pulses_in(message: wire.PulseBatch) -> list[tuple[int, int, int, int]]:
 
 
 def fired_in(report: wire.WorkerReport) -> dict[int, int]:
-    return dict(zip(*wire.fired(report), strict=True))
+    return dict(zip(*fired(report), strict=True))
 
 
 def fired_by(worker: Worker, *messages: wire.Message) -> dict[int, int]:
