@@ -53,8 +53,8 @@ class Waves:
         for report in reports:
             found = self._found[report.wave]
             with suppress(MessageError):  # numbers that are cut off
-                literals, hops = map(list, fired(report))
-                found.hops.update(zip(literals, hops, strict=False))
+                both = (np.asarray(each).tolist() for each in fired(report))
+                found.hops.update(zip(*both, strict=False))
             found.credit += report.credit
             found.pulses += report.pulses
 
