@@ -23,7 +23,7 @@ import msgspec
 
 from neurosnap.errors import MessageError
 
-SCHEMA = 16
+SCHEMA = 17
 ROOT = "neurosnap"
 LARGEST_PAYLOAD = 1 << 26
 """Bytes of a message, at most."""

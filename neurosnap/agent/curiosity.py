@@ -26,7 +26,7 @@ class Curiosity:
         experience: What was met so far.
         actions: Their names.
         aims: Whether there is a target. Then only unknown outcomes are gone for, as one
-            of them may lead there; if there is none, another episode begins.
+            of them may lead there.
     """
 
     def __init__(
@@ -38,7 +38,7 @@ class Curiosity:
         self._best: list[Trial] = []
         self._hope = 0.0  # surprises a step
         self._seen: list[Trial] = []
-        self._end: ImaginedState | None = None  # the nearest
+        self._end: tuple[ImaginedState, int] | None = None  # the nearest, and by what
 
     def unknown(self, state: ImaginedState, action: int) -> None:
         """Put down an action whose outcome is unknown."""
@@ -56,29 +56,26 @@ class Curiosity:
         else:
             self._weigh(trial, told.hope(action))
 
-    def end(self, state: ImaginedState) -> None:
-        """Put down a state at which an episode ends, whatever is done."""
-        self._end = self._end or state
+    def end(self, state: ImaginedState, action: int = -1) -> None:
+        """Put down a state at which an episode ends; -1: whatever is done."""
+        self._end = self._end or (state, action)
 
     def is_settled(self, steps: int) -> bool:
         """Return whether no trial at this distance or beyond can be better."""
         return not self._aims and self._hope >= 1 / (steps + 1)
 
-    def choice(self, draw: float, chance: bool) -> Trial | None:
-        """Return what to try.
-
-        Args:
-            draw: Uniform in [0, 1); decides between equals.
-            chance: Whether luck may lead to the target: then no episode is ended.
+    def choice(self, draw: float) -> Trial | None:
+        """Return what to try, by a number in [0, 1) that decides between equals.
 
         Returns:
             An action somewhere; None if there is nothing to learn.
         """
         best = self._best or self._seen
-        if self._end is not None and not chance:
-            action = int(draw * len(self._names))
-            another = self._end, action, "to begin another episode, "
-            if self._is_better_to_begin(self._end):
+        if self._end is not None and not self._aims:
+            end, by = self._end
+            action = by if by >= 0 else int(draw * len(self._names))
+            another = end, action, "to begin another episode, "
+            if self._is_better_to_begin(end):
                 return another
             if not self._best:  # all was seen: see any of it again, every other time
                 half, draw = divmod(2 * draw, 1.0)
@@ -87,8 +84,6 @@ class Curiosity:
 
     def _is_better_to_begin(self, end: ImaginedState) -> bool:
         """Return whether another episode is better than anything to be tried."""
-        if self._aims:
-            return not self._best
         hope = self._experience.hope(BEGINNING) / (end.steps + 1)
         return 0 < self._hope < hope
 

@@ -1,6 +1,6 @@
 """Records which states followed each action, for the planner that looks ahead."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from typing import Final
 
 import numpy as np
@@ -25,6 +25,8 @@ class Experience:
             apart what actions may lead to; see `Body.looked_at`.
         ends: Of places at which an episode ended the last time, what the world's own
             sensors said, the bits packed: what is done there is not seen.
+        ended: Places that some action led on from, as `key` tells them apart, each with
+            one by which an episode ended there, the last time, unseen.
         tried: Places, as `key` tells them apart, each with an action that was taken
             there: the latest, in the order in which they were first.
         hopeless: ``(actions, 2n)``: which results of an action, literals of the world's
@@ -37,11 +39,14 @@ class Experience:
             else came. An episode that begins is a trial, and a surprise where nothing
             was ever done.
         plan: What is under way; None if nothing is.
+        lost: Places, as bytes, from which there is no way to the target, and what is to
+            be said of it. Forgotten once anything is learned.
     """
 
     def __init__(self, body: Body) -> None:
         self.met = np.zeros(2 * len(body.sensors), np.bool_)
         self.ends: set[bytes] = set()
+        self.ended: dict[tuple[bytes, int], None] = {}
         self.tried: dict[tuple[bytes, int], None] = {}
         self.hopeless = np.zeros((len(body.actions), 2 * len(body.own)), np.bool_)
         self.looked_at = body.looked_at
@@ -50,11 +55,13 @@ class Experience:
         self.raised: dict[bytes, int] = {}
         self.surprises = np.zeros((len(body.actions) + 1, 2), np.int64)
         self.plan: Plan | None = None
+        self.lost: dict[bytes, str] = {}
 
     def aim(self) -> None:
         """Change the target: drop the plan under way, and lower all raised places."""
         self.plan = None
         self.raised.clear()
+        self.lost.clear()
 
     def lift(self, place: bytes, height: int) -> None:
         """Raise a place, given by its `key`, to `height` at least."""
@@ -62,6 +69,12 @@ class Experience:
             self.raised[place] = height
             if len(self.raised) > _MOST:
                 del self.raised[next(iter(self.raised))]
+
+    def lose(self, places: Iterable[bytes], why: str) -> None:
+        """Remember that from some places there is no way to the target."""
+        if len(self.lost) > _MOST:
+            self.lost.clear()
+        self.lost.update(dict.fromkeys(places, why))
 
     def key(self, place: NDArray[np.bool_]) -> bytes:
         """Return the key by which places are told apart.
@@ -99,6 +112,8 @@ class Experience:
 
     def give_up(self, hopeless: NDArray[np.bool_]) -> None:
         """Leave results of actions, ``(actions, 2n)``, to chance."""
+        if (hopeless != self.hopeless).any():
+            self.lost.clear()
         self.hopeless = hopeless
         chance = hopeless.all(axis=0).reshape(-1, 2).all(axis=1)
         foreseen = np.ones_like(self._foreseen)
@@ -106,10 +121,13 @@ class Experience:
         if (foreseen != self._foreseen).any():
             self._foreseen = foreseen
             mask = np.packbits(foreseen)
-            self.tried = {
-                ((np.frombuffer(old, np.uint8) & mask).tobytes(), action): None
-                for old, action in self.tried
-            }
+            self.tried, self.ended = (
+                {
+                    ((np.frombuffer(old, np.uint8) & mask).tobytes(), action): None
+                    for old, action in several
+                }
+                for several in (self.tried, self.ended)
+            )
 
     def is_whole(self, place: NDArray[np.bool_], action: int) -> bool:
         """Return whether all is said of a place that can be said before an action.
@@ -136,11 +154,15 @@ class Experience:
             surprise = (complement(foretold) & came).any()
             self.surprises[action] += (1, surprise)
 
+    def meet(self, state: NDArray[np.bool_]) -> None:
+        """Remember that a state, ``(2N,)``, was met."""
+        if (state & ~self.met).any():
+            self.met |= state
+            self.lost.clear()
+
     def begin(self, state: NDArray[np.bool_]) -> None:
         """Count the beginning of an episode in a state, ``(2N,)``."""
-        here = self.key(state & self.looked_at)
-        actions = range(len(self.hopeless))
-        news = all((here, action) not in self.tried for action in actions)
+        news = not self._leads_on(self.key(state & self.looked_at))
         self.surprises[BEGINNING] += (1, news)
 
     def hope(self, action: int) -> float:
@@ -160,15 +182,43 @@ class Experience:
             action: The one taken there; -1: it does not matter.
         """
         place = state & self.looked_at
-        here = _packed(self._own(place))
-        if ends:
+        here, key = _packed(self._own(place)), self.key(place)
+        if ends or here in self.ends or (key, action) in self.ended:
+            self.lost.clear()
+        if ends and not (action >= 0 and self._leads_on(key)):
             self.ends.add(here)
             return
+        # One who is not shown how an episode ends has it end a step too early; one who
+        # is set down elsewhere and not told so, anywhere.
         self.ends.discard(here)
-        if action >= 0:
-            self.tried[self.key(place), action] = None
-            if len(self.tried) > _MOST:
-                del self.tried[next(iter(self.tried))]
+        if action < 0 or (ends and (key, action) in self.tried):
+            return
+        self.ended.pop((key, action), None)
+        several = self.ended if ends else self.tried
+        several[key, action] = None
+        if len(several) > _MOST:
+            del several[next(iter(several))]
+
+    def _leads_on(self, here: bytes) -> bool:
+        """Return whether any action was seen to lead on from a place, by its `key`."""
+        return any((here, action) in self.tried for action in range(len(self.hopeless)))
+
+    def has_ended(self, place: NDArray[np.bool_], action: int) -> bool:
+        """Return whether an action in a place, ``(2N,)``, ended an episode unseen."""
+        return bool(self.ended) and (self.key(place), action) in self.ended
+
+    def foresees_end(
+        self, here: NDArray[np.bool_], action: int, bound: NDArray[np.bool_]
+    ) -> bool:
+        """Return whether an episode ends by an action, as far as is known.
+
+        Args:
+            here: ``(2N,)``, where it is taken.
+            action: The one taken.
+            bound: ``(2N,)``: what it guarantees.
+        """
+        ended = self.has_ended(here & self.looked_at, action)
+        return ended or self.is_end(bound & self.looked_at, action)
 
     def _own(self, place: NDArray[np.bool_]) -> NDArray[np.bool_]:
         return place[: self.hopeless.shape[1]]
@@ -183,6 +233,8 @@ class Experience:
             "ends": _rows(sorted(self.ends), (self.hopeless.shape[1] + 7) // 8),
             "tried": _rows([at for at, _ in self.tried], octets),
             "taken": np.array([action for _, action in self.tried], np.int64),
+            "ended": _rows([at for at, _ in self.ended], octets),
+            "ending": np.array([action for _, action in self.ended], np.int64),
             "raised": _rows(self.raised, octets),
             "heights": np.array(list(self.raised.values()), np.int64),
             "surprises": self.surprises,
@@ -199,13 +251,8 @@ class Experience:
         shape = rows_in(arrays, "ends"), (self.hopeless.shape[1] + 7) // 8
         ends = entry(arrays, "ends", shape, np.uint8)
         self.ends = {place.tobytes() for place in ends}
-        taken = rows_in(arrays, "taken")
-        actions = entry(arrays, "taken", (taken,), np.int64).tolist()
-        tried = entry(arrays, "tried", (taken, octets), np.uint8)
-        self.tried = {
-            (place.tobytes(), action): None
-            for place, action in zip(tried, actions, strict=True)
-        }
+        self.tried = _moves_in(arrays, "tried", "taken", octets)
+        self.ended = _moves_in(arrays, "ended", "ending", octets)
         count = rows_in(arrays, "raised")
         raised = entry(arrays, "raised", (count, octets), np.uint8)
         heights = entry(arrays, "heights", (count,), np.int64).tolist()
@@ -225,6 +272,17 @@ class Experience:
 def _rows(places: Collection[bytes], octets: int) -> NDArray[np.uint8]:
     """Return packed places as an array, a row each."""
     return np.frombuffer(b"".join(places), np.uint8).reshape(len(places), octets)
+
+
+def _moves_in(
+    arrays: Arrays, places: str, actions: str, octets: int
+) -> dict[tuple[bytes, int], None]:
+    """Return places, each with an action, from two arrays."""
+    count = rows_in(arrays, actions)
+    taken = entry(arrays, actions, (count,), np.int64).tolist()
+    rows = entry(arrays, places, (count, octets), np.uint8)
+    both = zip(rows, taken, strict=True)
+    return {(place.tobytes(), action): None for place, action in both}
 
 
 def _packed(place: NDArray[np.bool_]) -> bytes:

@@ -9,15 +9,16 @@ An action can be imagined where each of its contexts has been met: of a context 
 never was, nothing has been learned, though it may seem to imply a lot.
 
 What is left to chance cannot be learned, nor gone to. A planner with a target does not
-take the outcome of an action that slips, nor of one after it, for unknown. And where no
-plan leads to the target, luck may: it goes on greedily and begins no other episode.
+take the outcome of an action that slips, nor of one after it, for unknown. Nor does it
+begin another episode where no plan leads to the target: it goes on greedily. What is
+done at random ends none that can be foreseen to end, if anything else is possible.
 
 References:
     Not the paper's, whose planner looks one step ahead ([GK] "Algorithm: Greedy
     Reactive Planning") and names "replanning in the face of failure" as future work.
 """
 
-from collections.abc import Generator, Iterable
+from collections.abc import Generator, Iterable, Iterator
 from typing import Final
 
 import numpy as np
@@ -32,10 +33,11 @@ from neurosnap.agent.planner import Planner, target_literals
 from neurosnap.agent.policy import Closures, Deliberation, Signal, checked_share
 from neurosnap.agent.random_draws import RandomNumbers, pick
 from neurosnap.errors import InvalidValueError
-from neurosnap.sensorium import complement
+from neurosnap.sensorium import Sensorium, complement
 
 STATES: Final = 2000
 """Imagined states a decision may take, unless another number is given."""
+_SHOWN = 4  # literals that a reason names
 _Search = Generator[list[Signal], Closures, "Plan | None"]
 
 
@@ -83,6 +85,7 @@ class ImaginingPlanner:
         self._curious = curious
         self._own = len(body.own)
         self._names = body.actions
+        self._sensorium = Sensorium(body.own)
         experience.aim()
         self.grow(body)
 
@@ -99,17 +102,48 @@ class ImaginingPlanner:
         draws, known = self._random.at(tick), self._experience
         if draws[1] < self._explore:
             known.plan = None
-            return pick(np.arange(len(self._names)), draws[0]), "at random, to explore"
+            return (yield from self._at_random(state, draws[0], ", to explore"))
         here = state & self._looked_at
+        place = here.tobytes()
         if known.plan is None or not known.plan.goes_on(here):
-            known.plan = yield from self._search(here, draws[0])
+            known.plan = None
+            if place not in known.lost:
+                known.plan = yield from self._search(here, draws[0])
         if known.plan is not None:
             why = plan_reason(known.plan, self._names)
             action, known.plan = known.plan.step()
             return action, why
         if self._greedy is not None:
-            return (yield from self._greedy.decide(tick, state))
-        return pick(np.arange(len(self._names)), draws[0]), "at random"
+            action, why = yield from self._greedy.decide(tick, state)
+            return action, f"{known.lost[place]}; {why}"
+        return (yield from self._at_random(state, draws[0], ""))
+
+    def _lacks(self, led: NDArray[np.bool_], whole: bool) -> str:
+        """Return why no way to the target was found.
+
+        Args:
+            led: ``(2N,)``: what any action leads to in what was imagined.
+            whole: Whether that was all there is to imagine.
+        """
+        lacks = [a for a in self._target if not led[a]]
+        if not whole:
+            return f"knows no way among {self._states:,} states"
+        if not lacks:
+            return "knows no way to all of it at once"
+        names = ", ".join(map(self._sensorium.name, lacks[:_SHOWN]))
+        more = ", …" if len(lacks) > _SHOWN else ""
+        return f"knows no way: nothing tried leads to {names}{more}"
+
+    def _at_random(
+        self, state: NDArray[np.bool_], draw: float, why: str
+    ) -> Deliberation:
+        """Draw an action that is not known to end the episode, if there is one."""
+        known, options = self._experience, list(range(len(self._names)))
+        if known.ends or known.ended:
+            bounds = guaranteed((yield self._actions.signals(state)))
+            lasts = [a for a in options if not known.foresees_end(state, a, bounds[a])]
+            options = lasts or options
+        return pick(np.array(options), draw), f"at random{why}"
 
     def _search(self, here: NDArray[np.bool_], draw: float) -> _Search:
         """Imagine, all states of one distance at a time, until the target is met.
@@ -123,50 +157,67 @@ class ImaginingPlanner:
         met = told.met
         always = met & ~complement(met)  # a sensor that never changed
         curiosity = Curiosity(told, self._names, bool(self._target))
-        chance = False  # whether some place on the way is left to it
+        led, whole = here.copy(), True  # what any action leads to; if all is imagined
+        chance, searched = False, {here.tobytes()}
         while frontier and not curiosity.is_settled(frontier[0].steps):
-            asked: list[tuple[ImaginedState, int]] = []
-            signals: list[Signal] = []
-            for at in frontier:
-                # Where it is now an action is due in any case.
-                if at.before is not None and told.is_end(at.place, at.action):
-                    curiosity.end(at)
-                    continue
-                possible = self._imaginable(at.place)
-                for action, signal in enumerate(self._actions.signals(at.place)):
-                    if possible[action]:
-                        asked.append((at, action))
-                        signals.append(signal)
-                    elif not at.by_chance:
-                        curiosity.unknown(at, action)
+            asked = [*self._asked(frontier, curiosity)]
+            searched.update(at.place.tobytes() for at, _, _ in asked)
+            signals = [signal for _, _, signal in asked]
             bounds = guaranteed((yield signals)) if signals else ()
             frontier = []
-            for (at, action), bound in zip(asked, bounds, strict=True):
+            for (at, action, _), bound in zip(asked, bounds, strict=True):
                 state = bound | always
+                led |= state
                 if self._target and state[self._target].all():
                     return _planned(ImaginedState(state, at, action), "")
+                if told.has_ended(at.place, action):
+                    curiosity.end(at, action)
+                    continue
                 place = state & self._looked_at
                 # One who only explores tests what seems to be known all the same.
                 by_chance = bool(self._target) and (
                     at.by_chance or told.by_chance(place, action)
                 )
-                if by_chance:
-                    chance = True
-                elif told.is_whole(place, action):
+                chance |= by_chance
+                if not by_chance and told.is_whole(place, action):
                     curiosity.known(at, action)
-                else:
+                elif not by_chance:
                     curiosity.unknown(at, action)
                 key = place.tobytes()
-                if key not in seen and len(frontier) < left:
+                if key not in seen and len(frontier) == left:
+                    whole = False
+                elif key not in seen:
                     seen.add(key)
                     reached = ImaginedState(place, at, action, at.steps + 1, by_chance)
                     frontier.append(reached)
             left -= len(frontier)
-        trial = curiosity.choice(draw, chance) if self._curious else None
+        trial = curiosity.choice(draw) if self._curious else None
         if trial is None:
+            # From none of them more can be imagined than from here, chance aside.
+            lost = searched if whole and not chance else [here.tobytes()]
+            told.lose(lost, self._lacks(led, whole))
             return None
         at, action, why = trial
         return _planned(ImaginedState(np.zeros_like(here), at, action), why)
+
+    def _asked(
+        self, frontier: list[ImaginedState], curiosity: Curiosity
+    ) -> Iterator[tuple[ImaginedState, int, Signal]]:
+        """Yield what to ask of the actions in some states; put down the rest."""
+        told = self._experience
+        for at in frontier:
+            # Where it is now an action is due in any case.
+            if at.before is not None and told.is_end(at.place, at.action):
+                curiosity.end(at)
+                continue
+            possible = self._imaginable(at.place)
+            for action, signal in enumerate(self._actions.signals(at.place)):
+                if possible[action]:
+                    yield at, action, signal
+                elif told.has_ended(at.place, action):
+                    curiosity.end(at, action)
+                elif not at.by_chance:
+                    curiosity.unknown(at, action)
 
     def _imaginable(self, state: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return for each action whether all its contexts in a state have been met."""

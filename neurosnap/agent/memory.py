@@ -4,7 +4,7 @@ It is the same in one process and in a swarm, where the coordinator has it: so t
 observations lead to the same births.
 """
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
@@ -27,6 +27,9 @@ from neurosnap.poc.learning.reading_history import History
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.sensorium import selection
 from neurosnap.wire import Decision
+
+if TYPE_CHECKING:
+    from neurosnap.poc.order.graph import PocGraph
 
 _NO_HISTORY = History(0, 64)
 
@@ -54,6 +57,7 @@ class AgentMemory:
         self.decision = Decision(0, -1, "the run begins")
         self._growth = Growth(body) if body.room else None
         self._begins = False  # the observation whose state is to come
+        self._graph: PocGraph | None = None  # what was believed before it
         self._actions = self._of(body)
 
     def _of(self, body: Body) -> Actions | None:
@@ -105,6 +109,7 @@ class AgentMemory:
             history of the readings, which has it by now, is asked.
         """
         own, told, state = 2 * len(self.body.own), self.experience, snapshot.state
+        self._graph = None if told is None else snapshot.poc_graph()
         foretold = np.zeros(own, np.bool_)
         if self._actions is not None and action >= 0 and not begins:
             signal = self._actions.signal(action, self._actions.hold(state))
@@ -122,12 +127,14 @@ class AgentMemory:
         step = (-1 if begins else action, state)
         return self._growth.notice(*step, foretold, observation, known, snapshot)
 
-    def settle(self, state: NDArray[np.bool_]) -> None:
-        """Remember the state of the observation, ``(2N,)``."""
+    def settle(self, state: NDArray[np.bool_], snapshot: Snapshot) -> None:
+        """Remember the state of the observation, ``(2N,)``, which is learned by now."""
         told, begins, self._begins = self.experience, self._begins, False
         if told is None:
             return
-        told.met |= state
+        told.meet(state)
+        if snapshot.poc_graph() is not self._graph:
+            told.lost.clear()
         if begins:
             told.begin(state)
         if self._growth is not None:
@@ -158,7 +165,7 @@ class AgentMemory:
             self._growth.fit(body)
         if self.experience is not None:
             self.experience.looked_at = body.looked_at
-        self.settle(snapshot.state)  # what is born holds now
+        self.settle(snapshot.state, snapshot)  # what is born holds now
         return True
 
     def to_bytes(self) -> bytes:

@@ -87,7 +87,7 @@ def tick(mind: Mind, sensed: Sensed) -> Steps:
     state = yield Step.STATE_WAVE
     # 6. If the action did not guarantee what came, the histories are searched.
     yield from surprise
-    memory.settle(state)
+    memory.settle(state, snapshot)
     # 7. The policy asks for consequences, round after round.
     number = last.tick + 1
     action, why = yield from mind.policy.decide(number, state)

@@ -18,7 +18,7 @@ the state (`Snapshot.adopt`) and never asked for one.
 Right after a key-frame the whole core is a function of what that says, and of the run's
 options: nothing is under way, what a policy keeps is in the key-frame, and what
 was known of the cells' wiring is forgotten, so that the next goes to all of them, and
-whole.
+whole. So is from where searches failed: they are made once more.
 """
 
 from __future__ import annotations
@@ -559,6 +559,8 @@ class Coordinator:
         history = b"" if detector is None else detector.to_bytes()
         self._control.wiring.is_forgotten = True
         self._framed = self._control.waves
+        if self._mind.memory.experience is not None:
+            self._mind.memory.experience.lost.clear()
         frame = wire.KeyFrame(
             tick=self.tick,
             snapshot=b"",

@@ -179,6 +179,21 @@ def test_after_it_has_learned_it_can_be_sent_anywhere() -> None:
     assert (nowhere.steps, nowhere.reached) == (30, False)
 
 
+def test_one_that_is_not_shown_how_episodes_end_still_arrives() -> None:
+    agent = Agent.of(frozen_lake(), "planner", grow=True, imagine=True, seed=1)
+    agent.learn(frozen_lake(), 700, seed=1)
+    agent.aim(["tile=goal"])
+    env = frozen_lake()
+    for _ in range(5):
+        bits, _ = env.reset()
+        begins, over, steps, total = True, False, 0, 0.0
+        while not over:
+            decision = agent.act(bits, begins)
+            bits, reward, over, _, _ = env.step(decision.action)
+            begins, steps, total = False, steps + 1, total + float(reward)
+        assert (total, steps) == (1, 6)
+
+
 def test_to_learn_or_to_be_sent_leaves_the_policy_as_it_was() -> None:
     agent, env = Agent.of(frozen_lake(), "walker", seed=2, grow=True), frozen_lake()
     for steps in (1, 2, 97):

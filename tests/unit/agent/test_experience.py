@@ -41,6 +41,29 @@ def test_an_end_is_known_again_whatever_is_left_to_chance() -> None:
     assert not experience.is_end(place(goal=True), 0)
 
 
+def test_who_is_not_shown_an_end_has_it_end_by_that_action_alone() -> None:
+    experience = Experience(BODY)
+    here = place(wall=False, goal=False, coin=True)
+    experience.leave(here, ends=True, action=0)  # for all that is known, anything ends
+    assert experience.is_end(here, 1)
+    experience.leave(here, ends=False, action=1)
+    assert not experience.is_end(here, 1)
+    experience.leave(here, ends=True, action=0)
+    assert not experience.is_end(here, 1)
+    assert [experience.has_ended(here, action) for action in (0, 1)] == [True, False]
+    assert experience.foresees_end(here, 0, place())
+    # One who is set down elsewhere, and not told so, has not done what is known.
+    experience.leave(here, ends=True, action=1)
+    assert not experience.has_ended(here, 1)
+    again = Experience(BODY)
+    again.restore(experience.arrays())
+    assert list(again.ended) == [(experience.key(here), 0)]
+    again.give_up(by_chance(0, 1))
+    assert again.has_ended(place(wall=False, goal=False, coin=False), 0)
+    again.leave(here, ends=False, action=0)
+    assert not again.has_ended(here, 0)
+
+
 def test_a_place_is_by_chance_where_some_actions_toss_what_tells_it_apart() -> None:
     experience = Experience(BODY)
     imagined = place(wall=False, goal=True)

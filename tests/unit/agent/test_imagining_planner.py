@@ -119,16 +119,35 @@ def test_a_round_asks_for_all_states_of_one_distance() -> None:
     assert [len(one) for one in rounds] == [2, 2, 2]
 
 
-@pytest.mark.parametrize("why", ["few states", "never met", "an end"])
+@pytest.mark.parametrize(
+    ("why", "said"),
+    [
+        ("few states", " among 2 states; guarantees"),
+        ("never met", ": nothing tried leads to a3*, a4*, a5*; guarantees"),
+        ("an end", ": nothing tried leads to a5*; guarantees"),
+    ],
+)
 def test_where_no_way_can_be_imagined_it_does_what_the_greedy_planner_does(
-    why: str,
+    why: str, said: str
 ) -> None:
     walk = Walk(5, states=2 if why == "few states" else 100)
     if why == "never met":
         walk.unmeet(["forward&a4"])
     if why == "an end":
         walk.experience.leave(sensed(4), ends=True)
-    assert walk.decide(2)[1].startswith(("guarantees", "at random"))
+    assert walk.decide(2)[1].startswith(f"knows no way{said}")
+    asked = walk.asked
+    walk.decide(2, 2)
+    assert walk.asked == asked + 3  # the greedy planner's: there is no other search
+    walk.experience.leave(sensed(0), ends=True)  # until anything is learned
+    walk.decide(2, 3)
+    assert walk.asked > asked + 6
+    if why != "few states":  # nor from what was imagined, if that was all
+        asked = walk.asked
+        walk.decide(1, 4)
+        assert walk.asked == asked + 3
+    if why == "an end":
+        assert walk.decide(3)[0] == "back"  # farther from its target
 
 
 @pytest.mark.parametrize(
@@ -165,11 +184,19 @@ def test_with_a_target_what_is_left_to_chance_is_not_for_learning() -> None:
     walk.experience.leave(sensed(0), ends=True)
     action, why = walk.decide(1)
     assert action == "forward"
-    assert why.startswith("guarantees")  # by luck, and no other episode is begun
+    assert "; guarantees" in why  # by luck, and no other episode is begun
     walk.experience.leave(sensed(0), ends=False)
     walk.unmeet(["back&a1"])  # only on at the first place
     learn = "to learn what back does there, in 2: back, back"
     assert walk.decide(1) == ("back", learn)  # what can be learned still is
+
+
+def test_nothing_done_at_random_is_foreseen_to_end_the_episode() -> None:
+    walk = Walk(5, explore=1.0)
+    walk.experience.leave(sensed(1), ends=True)
+    assert {walk.decide(2, tick)[0] for tick in range(40)} == {"forward"}
+    walk.experience.leave(sensed(3), ends=True)
+    assert {walk.decide(2, tick)[0] for tick in range(40)} == {"forward", "back"}
 
 
 def test_a_share_of_actions_is_random() -> None:
