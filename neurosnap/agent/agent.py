@@ -232,7 +232,7 @@ class Agent:
             reached = bool(wanted) and bool(sensed[wanted].all())
             decision = self.act(bits, info["begins"])
             if reached or taken == steps:
-                self.take(-1, decision.why)  # it is not done
+                self.take(-1, decision.why)  # it was decided, and is not done
                 return Outing(taken, episodes, total, reached)
             bits, reward, _, _, info = going_on.step(said.step(decision.action))
             taken, total = taken + 1, total + float(reward)

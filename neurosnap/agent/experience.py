@@ -25,8 +25,9 @@ class Experience:
             apart what actions may lead to; see `Body.looked_at`.
         ends: Of places at which an episode ended the last time, what the world's own
             sensors said, the bits packed: what is done there is not seen.
-        ended: Places that some action led on from, as `key` tells them apart, each with
-            one by which an episode ended there, the last time, unseen.
+        ended: Places, as `key` tells them apart, each with an action after which the
+            next observation began an episode, where another action led on. So the
+            episode's own last observation was not shown.
         tried: Places, as `key` tells them apart, each with an action that was taken
             there: the latest, in the order in which they were first.
         hopeless: ``(actions, 2n)``: which results of an action, literals of the world's
@@ -39,8 +40,8 @@ class Experience:
             else came. An episode that begins is a trial, and a surprise where nothing
             was ever done.
         plan: What is under way; None if nothing is.
-        lost: Places, as bytes, from which there is no way to the target, and what is to
-            be said of it. Forgotten once anything is learned.
+        no_way: Places, as bytes, from which a search found no way to the target, each
+            with the reason as it is told. Emptied once anything is learned.
     """
 
     def __init__(self, body: Body) -> None:
@@ -55,13 +56,13 @@ class Experience:
         self.raised: dict[bytes, int] = {}
         self.surprises = np.zeros((len(body.actions) + 1, 2), np.int64)
         self.plan: Plan | None = None
-        self.lost: dict[bytes, str] = {}
+        self.no_way: dict[bytes, str] = {}
 
     def aim(self) -> None:
         """Change the target: drop the plan under way, and lower all raised places."""
         self.plan = None
         self.raised.clear()
-        self.lost.clear()
+        self.no_way.clear()
 
     def lift(self, place: bytes, height: int) -> None:
         """Raise a place, given by its `key`, to `height` at least."""
@@ -70,11 +71,11 @@ class Experience:
             if len(self.raised) > _MOST:
                 del self.raised[next(iter(self.raised))]
 
-    def lose(self, places: Iterable[bytes], why: str) -> None:
-        """Remember that from some places there is no way to the target."""
-        if len(self.lost) > _MOST:
-            self.lost.clear()
-        self.lost.update(dict.fromkeys(places, why))
+    def note_no_way(self, places: Iterable[bytes], why: str) -> None:
+        """Remember that from some places no way leads to the target, and why."""
+        if len(self.no_way) > _MOST:
+            self.no_way.clear()
+        self.no_way.update(dict.fromkeys(places, why))
 
     def key(self, place: NDArray[np.bool_]) -> bytes:
         """Return the key by which places are told apart.
@@ -113,7 +114,7 @@ class Experience:
     def give_up(self, hopeless: NDArray[np.bool_]) -> None:
         """Leave results of actions, ``(actions, 2n)``, to chance."""
         if (hopeless != self.hopeless).any():
-            self.lost.clear()
+            self.no_way.clear()
         self.hopeless = hopeless
         chance = hopeless.all(axis=0).reshape(-1, 2).all(axis=1)
         foreseen = np.ones_like(self._foreseen)
@@ -158,7 +159,7 @@ class Experience:
         """Remember that a state, ``(2N,)``, was met."""
         if (state & ~self.met).any():
             self.met |= state
-            self.lost.clear()
+            self.no_way.clear()
 
     def begin(self, state: NDArray[np.bool_]) -> None:
         """Count the beginning of an episode in a state, ``(2N,)``."""
@@ -184,12 +185,12 @@ class Experience:
         place = state & self.looked_at
         here, key = _packed(self._own(place)), self.key(place)
         if ends or here in self.ends or (key, action) in self.ended:
-            self.lost.clear()
+            self.no_way.clear()
         if ends and not (action >= 0 and self._leads_on(key)):
             self.ends.add(here)
             return
-        # One who is not shown how an episode ends has it end a step too early; one who
-        # is set down elsewhere and not told so, anywhere.
+        # Other actions lead on from here, so the end was a step later and not shown. If
+        # this one leads on, too, the agent was moved without `set_down`.
         self.ends.discard(here)
         if action < 0 or (ends and (key, action) in self.tried):
             return
@@ -204,7 +205,7 @@ class Experience:
         return any((here, action) in self.tried for action in range(len(self.hopeless)))
 
     def has_ended(self, place: NDArray[np.bool_], action: int) -> bool:
-        """Return whether an action in a place, ``(2N,)``, ended an episode unseen."""
+        """Return whether an action in a place, ``(2N,)``, is one of `ended`."""
         return bool(self.ended) and (self.key(place), action) in self.ended
 
     def foresees_end(

@@ -9,9 +9,9 @@ An action can be imagined where each of its contexts has been met: of a context 
 never was, nothing has been learned, though it may seem to imply a lot.
 
 What is left to chance cannot be learned, nor gone to. A planner with a target does not
-take the outcome of an action that slips, nor of one after it, for unknown. Nor does it
-begin another episode where no plan leads to the target: it goes on greedily. What is
-done at random ends none that can be foreseen to end, if anything else is possible.
+take the outcome of an action that slips, nor of one after it, for unknown. Where no
+plan leads to the target it goes on greedily, and does not end the episode. What is
+drawn at random is none of the actions that are known to end it, unless all do.
 
 References:
     Not the paper's, whose planner looks one step ahead ([GK] "Algorithm: Greedy
@@ -107,7 +107,7 @@ class ImaginingPlanner:
         place = here.tobytes()
         if known.plan is None or not known.plan.goes_on(here):
             known.plan = None
-            if place not in known.lost:
+            if place not in known.no_way:
                 known.plan = yield from self._search(here, draws[0])
         if known.plan is not None:
             why = plan_reason(known.plan, self._names)
@@ -115,17 +115,17 @@ class ImaginingPlanner:
             return action, why
         if self._greedy is not None:
             action, why = yield from self._greedy.decide(tick, state)
-            return action, f"{known.lost[place]}; {why}"
+            return action, f"{known.no_way[place]}; {why}"
         return (yield from self._at_random(state, draws[0], ""))
 
-    def _lacks(self, led: NDArray[np.bool_], whole: bool) -> str:
+    def _lacks(self, reachable: NDArray[np.bool_], whole: bool) -> str:
         """Return why no way to the target was found.
 
         Args:
-            led: ``(2N,)``: what any action leads to in what was imagined.
+            reachable: ``(2N,)``: the literals that some imagined state has.
             whole: Whether that was all there is to imagine.
         """
-        lacks = [a for a in self._target if not led[a]]
+        lacks = [a for a in self._target if not reachable[a]]
         if not whole:
             return f"knows no way among {self._states:,} states"
         if not lacks:
@@ -141,8 +141,8 @@ class ImaginingPlanner:
         known, options = self._experience, list(range(len(self._names)))
         if known.ends or known.ended:
             bounds = guaranteed((yield self._actions.signals(state)))
-            lasts = [a for a in options if not known.foresees_end(state, a, bounds[a])]
-            options = lasts or options
+            safe = [a for a in options if not known.foresees_end(state, a, bounds[a])]
+            options = safe or options
         return pick(np.array(options), draw), f"at random{why}"
 
     def _search(self, here: NDArray[np.bool_], draw: float) -> _Search:
@@ -157,7 +157,10 @@ class ImaginingPlanner:
         met = told.met
         always = met & ~complement(met)  # a sensor that never changed
         curiosity = Curiosity(told, self._names, bool(self._target))
-        led, whole = here.copy(), True  # what any action leads to; if all is imagined
+        reachable, whole = (
+            here.copy(),
+            True,
+        )  # by any action; whether that is all there is
         chance, searched = False, {here.tobytes()}
         while frontier and not curiosity.is_settled(frontier[0].steps):
             asked = [*self._asked(frontier, curiosity)]
@@ -167,7 +170,7 @@ class ImaginingPlanner:
             frontier = []
             for (at, action, _), bound in zip(asked, bounds, strict=True):
                 state = bound | always
-                led |= state
+                reachable |= state
                 if self._target and state[self._target].all():
                     return _planned(ImaginedState(state, at, action), "")
                 if told.has_ended(at.place, action):
@@ -194,8 +197,8 @@ class ImaginingPlanner:
         trial = curiosity.choice(draw) if self._curious else None
         if trial is None:
             # From none of them more can be imagined than from here, chance aside.
-            lost = searched if whole and not chance else [here.tobytes()]
-            told.lose(lost, self._lacks(led, whole))
+            places = searched if whole and not chance else [here.tobytes()]
+            told.note_no_way(places, self._lacks(reachable, whole))
             return None
         at, action, why = trial
         return _planned(ImaginedState(np.zeros_like(here), at, action), why)

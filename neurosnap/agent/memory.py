@@ -134,7 +134,7 @@ class AgentMemory:
             return
         told.meet(state)
         if snapshot.poc_graph() is not self._graph:
-            told.lost.clear()
+            told.no_way.clear()
         if begins:
             told.begin(state)
         if self._growth is not None:

@@ -110,15 +110,15 @@ class Planner:
         keys = [experience.key(after & experience.looked_at) for after in bound]
         raised = [experience.raised.get(key, 0) for key in keys]
         score: NDArray[np.int_] = met - np.array(raised)
-        lasts = np.array(
+        safe = np.array(
             [
                 after[[*self._target]].all()
                 or not experience.foresees_end(state, action, after)
                 for action, after in enumerate(bound)
             ]
         )
-        if lasts.any():  # what ends the episode elsewhere than at the target is last
-            score[~lasts] = score[lasts].min() - 1
+        if safe.any():  # any of these before what ends the episode short of the target
+            score[~safe] = score[safe].min() - 1
         here = experience.key(state & experience.looked_at)
         experience.lift(here, held + 1 - int(score.max()))
         return score

@@ -1,10 +1,12 @@
-"""The base of cell and worker: checks what they receive, and bounds what they store.
+"""The base of cell and worker: checks what they receive, bounds what they store.
 
 A message that cannot be right is refused and changes nothing. The coordinator numbers
 waves and wirings one by one, and its messages arrive in order, so a number far beyond
 the last one heard cannot be genuine: a part that accepted it would have to store
 anything. Before the first number there is nothing to compare with, since a resumed run
 continues with the numbers it had.
+
+It splits a wave's credit as well: a pulse carries a share ``2^-e`` as its exponent.
 
 Cell processes import this module: it needs neither numpy nor numba.
 """

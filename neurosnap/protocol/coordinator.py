@@ -18,7 +18,7 @@ the state (`Snapshot.adopt`) and never asked for one.
 Right after a key-frame the whole core is a function of what that says, and of the run's
 options: nothing is under way, what a policy keeps is in the key-frame, and what
 was known of the cells' wiring is forgotten, so that the next goes to all of them, and
-whole. So is from where searches failed: they are made once more.
+whole. So are the places from which no way was found: they are searched once more.
 """
 
 from __future__ import annotations
@@ -560,7 +560,7 @@ class Coordinator:
         self._control.wiring.is_forgotten = True
         self._framed = self._control.waves
         if self._mind.memory.experience is not None:
-            self._mind.memory.experience.lost.clear()
+            self._mind.memory.experience.no_way.clear()
         frame = wire.KeyFrame(
             tick=self.tick,
             snapshot=b"",

@@ -101,7 +101,8 @@ class Wave:
         if seen is not None and report.part in seen:
             return
         literals, hops = fired(report)
-        depth = int(np.max(hops) if len(hops) > 2 else max(hops, default=0))
+        few = isinstance(hops, list)
+        depth = max(hops, default=0) if few else int(np.max(hops, initial=0))
         self._check(report, cells, literals, hops, depth)
         scale = max(self._scale, *report.credit)
         missing = self._missing << (scale - self._scale)

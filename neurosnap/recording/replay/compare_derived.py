@@ -353,9 +353,12 @@ class Replay:
             return []
         match message:
             case wire.CellReport() | wire.WorkerReport():
-                none = np.zeros(len(self.core.graph), np.bool_)
-                reached = self._reached.setdefault(message.wave, none)
-                reached[np.array(fired(message)[0], np.int64)] = True
+                if message.wave not in self._reached:
+                    none = np.zeros(len(self.core.graph), np.bool_)
+                    self._reached[message.wave] = none
+                self._reached[message.wave][np.array(fired(message)[0], np.int64)] = (
+                    True
+                )
             case wire.Learned():
                 self._check_learned(message)
             case wire.Recalled() if recall is not None:
