@@ -351,6 +351,28 @@ def test_an_answer_that_was_changed_is_found(
     assert str(verdict.difference).startswith(f"tick {BIRTH}: /")
 
 
+def test_in_several_files_each_begins_without_the_searches_that_failed(
+    tmp_path: Path,
+) -> None:
+    log = tmp_path / "log"
+    options = acting(
+        *("planner", PATH),
+        ticks=150,
+        target=("below_1", "below_3*"),  # nowhere
+        imagine=50,
+        threshold=EXACT,
+        cells="inline",
+        workers=0,  # cells of their own say more
+        split=SMALLEST,
+    )
+    recorded(options, log)
+    assert "knows no way" in {one.why[:12] for one in decisions(log).values()}
+    files = part_paths(log)
+    assert len(files) > 1
+    for path in files.values():
+        assert verify(path).same
+
+
 def test_in_several_files_each_begins_with_what_was_grown(
     inline: Path, tmp_path: Path
 ) -> None:

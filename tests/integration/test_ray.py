@@ -106,7 +106,8 @@ def actors() -> list[psutil.Process]:
     found = []
     for process in psutil.process_iter():
         try:
-            if process.name() == "ray::RayPart":
+            # Ray adds the method that is running to the name.
+            if process.name().startswith("ray::RayPart"):
                 found.append(process)
         except psutil.Error:
             continue  # it has ended meanwhile

@@ -177,6 +177,14 @@ def test_what_counts_for_several_is_taken_greedily_as_a_whole() -> None:
     assert found == (1, 1, True)
 
 
+def test_what_is_forced_leaves_fewer_to_suffice_for_the_rest() -> None:
+    # Of three that suffice the first meets four, the next three, the last two.
+    graph = nx.Graph([(0, 3), (0, 4), (0, 5), (0, 6), (1, 6), (1, 7), (1, 8)])
+    graph.add_edges_from([(2, 8), (2, 9)])
+    around = {v: sum(1 << u for u in graph[v]) for v in graph}
+    assert cover_of(around, [0.0] * 10, patience=0) == (0b111, 0b111, True)
+
+
 def test_cliques_stars_and_chains_take_no_recursion() -> None:
     count = 300
     every = (1 << count) - 1

@@ -13,12 +13,13 @@ All of this can begin at any key-frame, which is taken at its word then; one tha
 passed on the way is compared like the rest.
 """
 
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator
 from itertools import chain
-from typing import TYPE_CHECKING, NoReturn, TypeAlias
+from typing import NoReturn, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from neurosnap import wire
 from neurosnap.agent.agent_observation import Senses
@@ -31,9 +32,6 @@ from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
 from neurosnap.recording.read.replay_starts import Start, last_start
 from neurosnap.sensorium import selection, unpack, unpack_readings
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 _INPUTS = ("observation", "cellreport", "workerreport", "recalled", "band", "learned")
 _OUTPUTS = (
@@ -118,7 +116,7 @@ class Replay:
         self._inputs: dict[_Key, list[wire.Message]] = {}
         self._bands: dict[int, list[wire.Band]] = {}  # by tick
         self._would: list[wire.Learned] = []  # what workers should say of a tick
-        self._reached: dict[int, NDArray[np.bool_]] = {}
+        self._reached = defaultdict[int, NDArray[np.bool_]](self._nothing_reached)
         self._observed = np.zeros(0, dtype=np.bool_)
         # A key-frame to begin with has been said.
         said = self.core.begin() if frame is None else [self.core.decision]
@@ -207,12 +205,15 @@ class Replay:
                 pass
         self.compared[wire.topic(message.key)] += 1
 
+    def _nothing_reached(self) -> NDArray[np.bool_]:
+        return np.zeros(len(self.core.graph), np.bool_)
+
     def _check_reached(
         self, recorded: Recorded, wave: int, signal: Iterable[int]
     ) -> None:
         """Hold what the cells reported against the propagation in process."""
         above = self.core.graph.up(signal)
-        reached = self._reached.pop(wave, np.zeros_like(above))
+        reached = self._reached.pop(wave, self._nothing_reached())
         if not np.array_equal(reached, above):
             raise DifferenceError(
                 f"{self._where(recorded)}: cells reported"
@@ -353,9 +354,6 @@ class Replay:
             return []
         match message:
             case wire.CellReport() | wire.WorkerReport():
-                if message.wave not in self._reached:
-                    none = np.zeros(len(self.core.graph), np.bool_)
-                    self._reached[message.wave] = none
                 self._reached[message.wave][np.array(fired(message)[0], np.int64)] = (
                     True
                 )

@@ -160,8 +160,9 @@ def test_it_acts_for_so_many_steps_and_counts_episodes_and_rewards() -> None:
     assert outing.steps == 50
     assert not outing.reached
     assert outing.reward <= -50
-    # What the last step led to is observed as well.
+    # What the last step led to is observed as well; what is decided then is not done.
     assert agent.snapshot.clock == 51
+    assert agent.decision.action == -1
 
 
 def test_after_it_has_learned_it_can_be_sent_anywhere() -> None:

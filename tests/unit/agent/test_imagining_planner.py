@@ -142,10 +142,9 @@ def test_where_no_way_can_be_imagined_it_does_what_the_greedy_planner_does(
     walk.experience.leave(sensed(0), ends=True)  # until anything is learned
     walk.decide(2, 3)
     assert walk.asked > asked + 6
-    if why != "few states":  # nor from what was imagined, if that was all
-        asked = walk.asked
-        walk.decide(1, 4)
-        assert walk.asked == asked + 3
+    asked = walk.asked
+    walk.decide(1, 4)  # nor is there from what was imagined, if that was all
+    assert (walk.asked > asked + 3) == (why == "few states")
     if why == "an end":
         assert walk.decide(3)[0] == "back"  # farther from its target
 
@@ -168,6 +167,44 @@ def test_the_curious_go_to_the_nearest_action_of_which_they_know_too_little(
     walk.unmeet(unmet)
     learn = f"to learn what {learned} does there, in 3: {', '.join(way)}"
     assert walk.decide(place) == (way[0], learn)
+
+
+def test_a_failed_search_is_made_again_once_anything_is_learned() -> None:
+    walk = Walk(5)
+    walk.unmeet(["forward&a4"])
+    hopeless = np.zeros((2, 2 * len(BODY.own)), np.bool_)
+    hopeless[1, 0] = True
+
+    def searches() -> bool:
+        asked = walk.asked
+        walk.decide(2)
+        return walk.asked > asked + 3
+
+    assert [searches(), searches()] == [True, False]
+    walk.experience.give_up(hopeless)
+    assert [searches(), searches()] == [True, False]
+    walk.experience.aim()
+    assert [searches(), searches()] == [True, False]
+    walk.experience.meet(np.ones(2 * len(BODY.sensors), np.bool_))
+    assert walk.decide(2) == ("forward", "in 3: forward, forward, forward")
+
+
+def test_where_chance_led_a_failed_search_is_made_again() -> None:
+    walk = Walk(5, unsure_of("forward&a2"), curious=True)
+    hopeless = np.zeros((2, 2 * len(BODY.own)), np.bool_)
+    hopeless[0, 2 * BODY.own.index("a3") :][:2] = True
+    walk.experience.give_up(hopeless)
+    walk.unmeet(["back&~a7"])  # on at the last place only
+    assert walk.decide(1)[1].startswith("knows no way")  # but there by chance
+    learn = "to learn what back does there, in 1: back"
+    assert walk.decide(7) == ("back", learn)
+
+
+def test_the_greedy_planner_ends_an_episode_at_its_target_only() -> None:
+    walk = Walk(5)
+    walk.unmeet(["forward&a5"])  # so no plan leads on from 4
+    walk.experience.leave(sensed(5), ends=True)
+    assert walk.decide(4)[0] == "forward"
 
 
 def test_with_a_target_what_is_left_to_chance_is_not_for_learning() -> None:
