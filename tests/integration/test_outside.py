@@ -5,8 +5,9 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -59,18 +60,18 @@ class Ticks(threading.Thread):
 
     def __init__(self, source: LiveSource) -> None:
         super().__init__()
-        self._source = source
+        self.source = source
         self._more = threading.Condition()
         self._ticks: list[list[bool | None]] = []
 
     def run(self) -> None:
-        seen = self._source.first()
+        seen = self.source.first()
         while seen is not None:
             tick = readings(seen)
             with self._more:
                 self._ticks.append(tick)
                 self._more.notify_all()
-            seen = self._source.step(-1)
+            seen = self.source.step(-1)
 
     def wait(self, tick: list[bool | None]) -> list[list[bool | None]]:
         with self._more:
@@ -107,6 +108,22 @@ def test_after_a_restart_a_program_is_heard_under_the_id_that_it_knows(
         sensor.put("neurosnap/other/reading/door", "off")  # of another swarm
         sensor.put(f"neurosnap/{again}/reading/motion", b"on")
         assert ticks.wait([True, True]) == [[True, False], [True, True]]
+
+
+@pytest.mark.zenoh
+def test_a_hub_that_goes_is_an_outage_until_it_is_back() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with ExitStack() as ends:
+        with hub_in_process(endpoint):
+            ticks = ends.enter_context(ticking(endpoint))
+        while ticks.source.statistics().received.outages < 1:
+            time.sleep(0)
+        ends.enter_context(hub_in_process(endpoint))
+        sensor = ends.enter_context(session(endpoint))
+        door = listened_to(sensor, f"neurosnap/{SWARM}/reading")
+        door.put(b'{"bits": [1, 0]}')
+        ticks.wait([True, False])
+        assert ticks.source.statistics().received.outages == 1
 
 
 @pytest.mark.zenoh

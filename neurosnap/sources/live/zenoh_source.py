@@ -14,7 +14,8 @@ and counted. Nothing here can hold a program back: a callback that blocks would 
 every message of the process. Who needs a tick for each reading without exception waits
 for the ``state`` of one before putting the next. What is put before the run listens is
 lost; a declared publisher's matching status says when it does. From then on it listens
-whatever becomes of its swarm, since the hub is in the intake, or is another's.
+whatever becomes of its swarm, since the hub is in the intake, or is another's. While
+that is away nothing is heard: an outage, as of any source.
 
 What goes back is what parts send each other anyway, as JSON: ``state`` (the state the
 swarm believes in, ``literals`` packed and in base64), ``decision`` (the action) and
@@ -24,7 +25,7 @@ that of a ``watcher``.
 """
 
 import threading
-from contextlib import ExitStack
+from contextlib import suppress
 from typing import Protocol
 
 import zenoh
@@ -33,7 +34,11 @@ from neurosnap import wire
 from neurosnap.errors import FabricError, InvalidValueError, NeurosnapError, within
 from neurosnap.fabric.hub_address import HubAddress
 from neurosnap.fabric.roles import READING
-from neurosnap.fabric.zenoh.connect_session import connecting, reason_of
+from neurosnap.fabric.zenoh.connect_session import (
+    connecting,
+    reason_of,
+    when_lost,
+)
 from neurosnap.fabric.zenoh.discovery import id_of
 from neurosnap.sources.live.json_reading import (
     LIMIT,
@@ -45,6 +50,7 @@ from neurosnap.sources.live.json_reading import (
 from neurosnap.sources.live.live_source import LiveSource, unknown
 
 _PATIENCE = 10.0  # seconds the hub may take to answer
+_TRY = 2.0  # the same once it was there, until it is tried again
 
 
 class Hub(Protocol):
@@ -69,7 +75,7 @@ class ZenohFeeder:
     def __init__(self, hub: Hub | None) -> None:
         self._hub = hub
         self._thread: threading.Thread | None = None
-        self._open = ExitStack()
+        self._woken, self._over, self._gone = threading.Event(), False, False
 
     def start(self, source: LiveSource) -> None:
         """Connect on a thread of its own; what fails of it, the source is told."""
@@ -79,7 +85,7 @@ class ZenohFeeder:
             return
         source.listens(False)
         self._thread = threading.Thread(
-            target=self._listen,
+            target=self._run,
             args=(source, self._hub),
             name="outside/zenoh",
             daemon=True,
@@ -87,38 +93,64 @@ class ZenohFeeder:
         self._thread.start()
 
     def stop(self) -> None:
-        """Stop listening and close the session; may wait until it has connected."""
+        """Stop listening and close the session; may wait for a hub that is away."""
+        self._over = True
+        self._woken.set()
         if self._thread is not None:
             self._thread.join()
-        self._open.close()
 
-    def _listen(self, source: LiveSource, hub: Hub) -> None:
-        # A swarm that goes on after a death is called otherwise, and no program outside
-        # knows of that.
-        names = dict.fromkeys((hub.swarm, id_of(hub.swarm)))
-
-        def on_sample(sample: zenoh.Sample) -> None:
-            if sample.kind == zenoh.SampleKind.PUT:
-                *_, key = str(sample.key_expr).split("/", 2)
-                hand_over(source, key, sample.payload)
-
+    def _run(self, source: LiveSource, hub: Hub) -> None:
         try:
-            config = connecting(hub.address, _PATIENCE)
-            session = zenoh.open(config)
-            self._open.callback(session.close)
-            for name in names:
-                listener = session.declare_subscriber(
-                    f"{wire.ROOT}/{name}/{READING}/**",
-                    zenoh.handlers.Callback(on_sample, indirect=False),
-                )
-                self._open.callback(listener.undeclare)
-            source.listens(True)
+            session: zenoh.Session | None
+            session = zenoh.open(connecting(hub.address, _PATIENCE))
+            while session is not None:
+                with session:
+                    self._listen(session, source, hub)
+                session = self._again(hub)
         except zenoh.ZError as error:
             rule = f"must reach the hub at {hub.address.endpoint}"
             got = reason_of(error)
             source.fail(FabricError(f"readings: {rule}, got {got}"))
         except BaseException as error:  # noqa: BLE001 - goes on to `step`, whole
             source.fail(error)
+
+    def _again(self, hub: Hub) -> zenoh.Session | None:
+        """Return a new session once the hub is back; None if it was stopped before."""
+        while not self._over:
+            with suppress(zenoh.ZError):
+                return zenoh.open(connecting(hub.address, _TRY))
+        return None
+
+    def _listen(self, session: zenoh.Session, source: LiveSource, hub: Hub) -> None:
+        """Listen until the hub goes, or until it is stopped."""
+
+        def on_sample(sample: zenoh.Sample) -> None:
+            if sample.kind == zenoh.SampleKind.PUT:
+                *_, key = str(sample.key_expr).split("/", 2)
+                hand_over(source, key, sample.payload)
+
+        def lose() -> None:
+            self._gone = True
+            source.listens(False)
+            self._woken.set()
+
+        self._gone = False
+        self._woken.clear()
+        # A swarm that goes on after a death is called otherwise, and no program outside
+        # knows of that.
+        for name in dict.fromkeys((hub.swarm, id_of(hub.swarm))):
+            session.declare_subscriber(
+                f"{wire.ROOT}/{name}/{READING}/**",
+                zenoh.handlers.Callback(on_sample, indirect=False),
+            )
+        end = when_lost(session, lose)
+        source.listens(True)
+        if self._gone:  # meanwhile: that is an outage by now
+            source.listens(False)
+        while not (self._over or self._gone):
+            self._woken.wait()
+            self._woken.clear()
+        end()
 
 
 def hand_over(source: LiveSource, key: str, payload: zenoh.ZBytes) -> None:

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 from neurosnap import wire
 from neurosnap.errors import FabricError
 from neurosnap.fabric.wait_for_events import wait_any
+from neurosnap.fabric.zenoh.connect_session import when_lost
 from neurosnap.sensorium import unpack, unpack_readings
 from neurosnap.sources.ros2.diagnostics import ARRAY, Bit, Diagnostics
 from neurosnap.sources.ros2.graph import open_session
@@ -149,8 +150,7 @@ class DiagnosticsPublisher:
                 node of Humble is in the graph.
         """
         try:
-            session = await self._session(stop)
-            if session is not None:
+            while (session := await self._session(stop)) is not None:
                 with session:
                     await self._serve(session, stop)
         except FabricError as error:
@@ -177,22 +177,25 @@ class DiagnosticsPublisher:
         return None
 
     async def _serve(self, session: "zenoh.Session", stop: asyncio.Event) -> None:
-        loop, new = asyncio.get_running_loop(), asyncio.Event()
+        """Publish until `stop` is set or the router goes."""
+        loop, new, lost = asyncio.get_running_loop(), asyncio.Event(), asyncio.Event()
         domain, clock = self._options.domain, self._clock
-        node = await asyncio.to_thread(
-            RosNode, session, self._publish.node, domain=domain, clock=clock
-        )
-        publisher = node.publisher(self._publish.topic, ARRAY)
-        self._begins = False
-        self._wakes(lambda: loop.call_soon_threadsafe(new.set))
+        end = when_lost(session, lambda: loop.call_soon_threadsafe(lost.set))
         try:
-            while not stop.is_set():
+            node = await asyncio.to_thread(
+                RosNode, session, self._publish.node, domain=domain, clock=clock
+            )
+            publisher = node.publisher(self._publish.topic, ARRAY)
+            self._begins = False
+            self._wakes(lambda: loop.call_soon_threadsafe(new.set))
+            while not (stop.is_set() or lost.is_set()):
                 new.clear()
                 for array in self._due():
                     publisher.publish(array)
-                await wait_any(new, stop, seconds=_EVERY)
+                await wait_any(new, lost, stop, seconds=_EVERY)
         finally:
             self._wakes(lambda: None)
+            end()
 
     def _wakes(self, wake: Callable[[], object]) -> None:
         with self._lock:

@@ -37,7 +37,8 @@ class RosNode:
     """A node that publishes.
 
     Args:
-        session: From `neurosnap.sources.ros2.graph.open_session`; not closed here.
+        session: From `neurosnap.sources.ros2.graph.open_session`; not closed here. Once
+            its router was away it may be deaf: make both anew (`when_lost` tells).
         name: Its name, without a namespace.
         namespace: Begins with a slash.
         domain: The ROS domain.

@@ -10,11 +10,12 @@ publishes more than can be read is held back, and drops its own.
 """
 
 import logging
+import math
 import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -22,6 +23,7 @@ import zenoh
 import zenoh.ext
 
 from neurosnap.errors import FabricError
+from neurosnap.fabric.zenoh.connect_session import when_lost
 from neurosnap.sources.live.first_stretch import Ranges, listen
 from neurosnap.sources.live.journal import Journal
 from neurosnap.sources.live.latest_or_late import LatestReadings
@@ -147,13 +149,12 @@ class Ros2Feeder:
         self._types = TypesByHash(options.msg_files)
         self._decoders: dict[tuple[str, str], Decoder | None] = {}
         self._lock = threading.Lock()  # one message after the other
-        self._linking = threading.Lock()  # what was said last of the router is so
         self._came: set[str] = set()  # topics heard since they were subscribed to
         self._at: dict[str, float] = {}  # of each topic's last message
         self._listeners: dict[str, _Subscription] = {}
         self._told: set[str] = set()  # errors that are not told again
         self._asked: set[str] = set()  # publishers whose node was asked
-        self._woken, self._over = threading.Event(), False
+        self._woken, self._over, self._gone = threading.Event(), False, False
         self._source: LiveSource | None = None
         self._thread: threading.Thread | None = None
         self._count = 0
@@ -180,57 +181,62 @@ class Ros2Feeder:
 
     def _run(self, source: LiveSource) -> None:
         try:
-            with ExitStack() as open_:
-                session = self._connected(source)
-                if session is None:
-                    return
-                open_.callback(session.close)
-                linked = zenoh.handlers.Callback(self._linked, indirect=False)
-                links: Any = session.info.declare_transport_events_listener(linked)
-                open_.callback(links.undeclare)
-                watch = GraphWatch(session, self._options.domain, self._woken.set)
-                open_.callback(watch.close)
-                open_.callback(self._unsubscribe)
-                self._follow(session, watch)  # before it counts as listening
-                with self._linking:
-                    source.listens(True)
-                    # The router may have gone meanwhile: that is an outage by now.
-                    if not any(session.info.routers_zid()):
-                        source.listens(False)
-                while not self._over:
-                    if not self._woken.wait(_AGAIN if self._lost() else None):
-                        self._ask_again(session, self._lost())
-                    self._woken.clear()
-                    self._follow(session, watch)
+            self._listen(source)
         except BaseException as error:  # noqa: BLE001 - goes on to `step`, whole
             source.fail(error)
 
-    def _connected(self, source: LiveSource) -> zenoh.Session | None:
+    def _listen(self, source: LiveSource) -> None:
+        """Listen until it is stopped; a router that comes back gets a new session."""
+        patience = math.inf if source.resumed else self._options.patience
+        while (session := self._connected(patience)) is not None:
+            patience = math.inf  # it was reached: it is waited for
+            with ExitStack() as open_:
+                open_.callback(session.close)
+                self._listen_to(session, source, open_)
+
+    def _listen_to(
+        self, session: zenoh.Session, source: LiveSource, open_: ExitStack
+    ) -> None:
+        """Listen until the router goes, or until it is stopped."""
+        self._gone = False
+        open_.callback(when_lost(session, self._lose))
+        watch = GraphWatch(session, self._options.domain, self._woken.set)
+        open_.callback(watch.close)
+        open_.callback(self._unsubscribe)
+        self._follow(session, watch)  # before it counts as listening
+        source.listens(True)
+        if self._gone:  # meanwhile: that is an outage by now
+            source.listens(False)
+        while not (self._over or self._gone):
+            if not self._woken.wait(_AGAIN if self._lost() else None):
+                self._ask_again(session, self._lost())
+            self._woken.clear()
+            self._follow(session, watch)
+
+    def _connected(self, patience: float) -> zenoh.Session | None:
         """Return a session once the router answers; None if it was stopped before.
 
         Raises:
-            FabricError: It takes longer than a new run waits.
+            FabricError: It takes longer than `patience`, in seconds.
         """
-        until = time.monotonic() + self._options.patience
+        until = time.monotonic() + patience
         while not self._over:
             try:
                 return open_session(self._options.router, _TRY)
             except FabricError as error:
-                if not source.resumed and time.monotonic() > until:
+                if time.monotonic() > until:
                     raise
-                if not self._told:
+                if "" not in self._told:
                     self._told.add("")
                     _logger.warning("%s; it goes on trying", error)
         return None
 
-    def _linked(self, event: zenoh.TransportEvent) -> None:
-        """Note that the router is there, or away."""
-        if self._source is not None and event.transport.whatami == (
-            zenoh.WhatAmI.ROUTER
-        ):
-            # All tokens go with it, so that every topic is unknown.
-            with self._linking:
-                self._source.listens(event.kind == zenoh.SampleKind.PUT)
+    def _lose(self) -> None:
+        """Note that the router is away."""
+        self._gone = True
+        if self._source is not None:
+            self._source.listens(False)
+        self._woken.set()
 
     def _follow(self, session: zenoh.Session, watch: GraphWatch) -> None:
         """Subscribe as the graph has it now, and forget what is published no more."""
@@ -291,8 +297,11 @@ class Ros2Feeder:
             self._ask_for_latched(session, topic)
 
     def _unsubscribe(self) -> None:
-        for each in self._listeners.values():
+        """Listen to no topic any more; all are unknown then."""
+        for topic, each in self._listeners.items():
             each.close()
+            if each.publishers:
+                self._forget(topic)
         self._listeners.clear()
 
     def _forget(self, topic: str) -> None:

@@ -53,22 +53,16 @@ class RclpyFeeder(Ros2Feeder):
         super().__init__(options)
         self._offers: dict[str, tuple[_Offer, list[Any]]] = {}
 
-    def _run(self, source: LiveSource) -> None:
-        try:
-            with ExitStack() as open_:
-                self._listen(source, open_)
-        except BaseException as error:  # noqa: BLE001 - goes on to `step`, whole
-            source.fail(error)
-
-    def _listen(self, source: LiveSource, open_: ExitStack) -> None:
-        node, executor = _node(self._options.domain, open_)
-        source.listens(True)
-        due = time.monotonic()
-        while not self._over:
-            if (now := time.monotonic()) >= due:
-                self._look(node)
-                due = now + _EVERY
-            executor.spin_once(timeout_sec=_EVERY)
+    def _listen(self, source: LiveSource) -> None:
+        with ExitStack() as open_:
+            node, executor = _node(self._options.domain, open_)
+            source.listens(True)
+            due = time.monotonic()
+            while not self._over:
+                if (now := time.monotonic()) >= due:
+                    self._look(node)
+                    due = now + _EVERY
+                executor.spin_once(timeout_sec=_EVERY)
 
     def _look(self, node: Any) -> None:  # noqa: ANN401 - untyped
         """Subscribe as the graph has it now, and forget what is published no more."""

@@ -15,6 +15,7 @@ import zenoh
 
 from neurosnap import wire
 from neurosnap.errors import FabricError
+from neurosnap.fabric.zenoh.connect_session import configuration
 from neurosnap.sensorium import pack
 from neurosnap.sources.ros2.diagnostics import ARRAY, ERROR, OK, STALE, WARN
 from neurosnap.sources.ros2.diagnostics_publisher import DiagnosticsPublisher
@@ -31,6 +32,7 @@ from neurosnap.sources.ros2.keys_and_tokens import (
 from neurosnap.sources.ros2.message_types import stock_types
 from neurosnap.sources.ros2.options import Ros2Options
 from tests.support.patience import PATIENCE
+from tests.support.ports import free_port
 
 pytestmark = pytest.mark.zenoh
 Connect = Callable[[], zenoh.Session]
@@ -210,6 +212,23 @@ async def test_a_run_that_goes_on_minds_neither_humble_nor_a_router_that_is_away
         assert "must be none of Humble" in said_why
         assert not task.done()
     token.undeclare()
+
+
+async def test_to_a_router_that_comes_back_a_new_session_publishes() -> None:
+    endpoint, domain = f"tcp/127.0.0.1:{free_port()}", next(domains)
+    config = configuration("router", listen__endpoints=[endpoint])
+    said = publisher(endpoint, domain)
+    tick(said, 1, [1, 1])
+    hub = zenoh.open(config)
+    async with serving(said):
+        with open_session(endpoint) as session:
+            before, _ = await Listener(session, domain).next()
+        await asyncio.to_thread(hub.close)
+        hub = zenoh.open(config)
+        with open_session(endpoint) as session:
+            after, _ = await Listener(session, domain).next()
+    assert before.gid != after.gid
+    hub.close()
 
 
 async def test_after_a_restart_there_is_one_node_of_the_name(

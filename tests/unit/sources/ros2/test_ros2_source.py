@@ -525,6 +525,7 @@ def test_a_router_that_goes_and_comes_back(caplog: pytest.LogCaptureFixture) -> 
         lamp.publish(robot.types[BOOL](True))
         source = robot.hear("/lamp.data", tick={"interval": 0.001})
         until(source, [True])
+        before = {str(each.zid) for each in hub.info.transports()}
         hub.close()
         while source._latest.observation(source._clock())[1].any():
             time.sleep(0)
@@ -533,6 +534,9 @@ def test_a_router_that_goes_and_comes_back(caplog: pytest.LogCaptureFixture) -> 
         hub = zenoh.open(config)
         until(source, [True])
         assert source.statistics().received.outages == 1
+        # One that connects again by itself may be deaf, so it has a new one.
+        after = {str(each.zid) for each in hub.info.transports()}
+        assert before & after == {str(robot.session.zid())}
         source.close()
         robot.node.close()
         hub.close()
