@@ -23,7 +23,7 @@ import msgspec
 
 from neurosnap.errors import MessageError
 
-SCHEMA = 17
+SCHEMA = 18
 ROOT = "neurosnap"
 LARGEST_PAYLOAD = 1 << 26
 """Bytes of a message, at most."""

@@ -261,11 +261,13 @@ class Agent:
         return self.snapshot.state
 
     @property
-    def chance(self) -> dict[str, tuple[str, ...]]:
-        """The results left to chance, by action: own sensors that nothing is grown for.
+    def chance(self) -> dict[str, dict[str, float]]:
+        """What actions lead to unforeseen: by action, own sensations with a share.
 
-        Each cover that seemed to tell when an action switches one of these on, or off,
-        has failed, and four times as often as not.
+        The share says how often one came without being guaranteed, of the last times it
+        came after that action, four to sixteen. Told is what is unforeseen every other
+        time, and what nothing is grown for any more: each cover that seemed to tell
+        when it comes has failed, and four times as often as not.
         """
         return self._mind.memory.chance
 

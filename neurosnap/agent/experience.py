@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
-from neurosnap.agent.plan import Plan
+from neurosnap.agent.plan import AnyPlan, ContingentPlan, Plan
 from neurosnap.poc.learning.archive import Arrays, entry, rows_in
+from neurosnap.poc.learning.reading_history import History
 from neurosnap.sensorium import complement
 
 _MOST = 1 << 16  # places that are remembered, each kind of them
@@ -40,6 +41,7 @@ class Experience:
             else came. An episode that begins is a trial, and a surprise where nothing
             was ever done.
         plan: What is under way; None if nothing is.
+        history: Which past readings may be asked for: which ticks are remembered.
         no_way: Places, as bytes, from which a search found no way to the target, each
             with the reason as it is told. Emptied once anything is learned.
     """
@@ -55,7 +57,8 @@ class Experience:
         self._unread = ~body.position[: 2 * len(body.own)]  # no part of a place
         self.raised: dict[bytes, int] = {}
         self.surprises = np.zeros((len(body.actions) + 1, 2), np.int64)
-        self.plan: Plan | None = None
+        self.plan: AnyPlan | None = None
+        self.history = History(0, 64)
         self.no_way: dict[bytes, str] = {}
 
     def aim(self) -> None:
@@ -129,6 +132,11 @@ class Experience:
                 }
                 for several in (self.tried, self.ended)
             )
+
+    @property
+    def tossed(self) -> NDArray[np.bool_]:
+        """``(n,)``: which of the world's own sensors every action leaves to chance."""
+        return ~self._own(self._foreseen)[::2]
 
     def is_whole(self, place: NDArray[np.bool_], action: int) -> bool:
         """Return whether all is said of a place that can be said before an action.
@@ -228,6 +236,9 @@ class Experience:
         """Return its whole state as arrays, by name."""
         size = len(self.met)
         plan = self.plan or Plan((), np.zeros((0, size), np.bool_), "")
+        chances, until = np.zeros(0), 0
+        if isinstance(plan, ContingentPlan):
+            chances, until = plan.chances, plan.until
         octets = (size + 7) // 8
         return {
             "met": self.met,
@@ -242,6 +253,8 @@ class Experience:
             "plan": np.array(plan.actions, np.int64),
             "places": plan.places,
             "why": np.array(plan.why, np.str_),
+            "chances": chances,
+            "until": np.array(until, np.int64),
         }
 
     def restore(self, arrays: Arrays) -> None:
@@ -264,10 +277,19 @@ class Experience:
         shape = self.surprises.shape
         self.surprises = entry(arrays, "surprises", shape, np.int64).copy()
         steps = rows_in(arrays, "plan")
-        actions = entry(arrays, "plan", (steps,), np.int64).tolist()
+        actions = entry(arrays, "plan", (steps,), np.int64)
         places = entry(arrays, "places", (steps, size), np.bool_)
         why = str(entry(arrays, "why", (), np.str_).item())
-        self.plan = Plan(tuple(actions), places, why) if steps else None
+        until = entry(arrays, "until", (), np.int64).item()
+        count = rows_in(arrays, "chances")
+        chances = entry(arrays, "chances", (steps if count else 0,), np.float64)
+        if until < 0:
+            raise ValueError(f"until: must be 0 or more, got {until}")
+        self.plan = None
+        if count:
+            self.plan = ContingentPlan(actions, places, why, chances, until)
+        elif steps:
+            self.plan = Plan(tuple(actions.tolist()), places, why)
 
 
 def _rows(places: Collection[bytes], octets: int) -> NDArray[np.uint8]:

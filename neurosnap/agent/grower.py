@@ -46,6 +46,8 @@ HOPELESS: Final = 4
 each that became a sensor."""
 LONGEST: Final = 8
 """Literals of a cover at most."""
+RECENT: Final = 16
+"""Times that a result of an action came, beyond which older ones count half."""
 
 
 class Candidates(NamedTuple):
@@ -140,7 +142,7 @@ class Grower:
         self._last = np.arange(self._own, body.first_grown)
         self._trials: dict[tuple[int, int], list[_Candidate]] = {}
         self._ready: list[_Candidate] = []
-        self._adopt(np.zeros((4, len(body.actions), 2 * self._own), np.int64))
+        self._adopt(np.zeros((6, len(body.actions), 2 * self._own), np.int64))
 
     def _adopt(self, counts: NDArray[np.int64]) -> None:
         """Go on with these counts, for each action and result."""
@@ -149,7 +151,18 @@ class Grower:
         self._wait = counts[1]  # surprises to let pass
         self._lost = counts[2]  # covers that failed, in all
         self._won = counts[3]  # covers of which sensors were born
+        self._came = counts[4]  # times it came lately
+        self._missed = counts[5]  # those of them at which nothing guaranteed it
         self._judge()
+
+    @property
+    def surprising(self) -> NDArray[np.float64]:
+        """``(actions, own literals)``: how often each came unforeseen of late: a share.
+
+        It is 0 of what came fewer than `HOPELESS` times.
+        """
+        seldom = self._came < HOPELESS
+        return np.where(seldom, 0.0, self._missed / np.maximum(self._came, 1))
 
     def fit(self, body: Body) -> None:
         """Go on with a body that has grown, or retired, a sensor."""
@@ -178,6 +191,9 @@ class Grower:
             ticks: How many the history was shown so far.
         """
         self._try(action, state, came, foretold)
+        self._came[action] += came
+        self._missed[action] += came & ~foretold
+        self._counts[4:, action] >>= self._came[action] >= RECENT
         missed = np.flatnonzero(came & ~foretold).tolist()
         results = [one for one in missed if self._is_due(action, state, one)]
         if results:
@@ -287,6 +303,7 @@ class Grower:
             self._failed[due.action, due.result] = 0
             self._wait[due.action, due.result] = 0
             self._won[due.action, due.result] += 1
+            self._counts[4:, due.action, due.result] = 0  # it is explained by now
             self._judge()
             if due.context not in self._grown:
                 return due.context

@@ -65,6 +65,13 @@ class Growth:
             return self._grower.hopeless
         return np.zeros((len(self._body.actions), 2 * self._own), np.bool_)
 
+    @property
+    def surprising(self) -> NDArray[np.float64]:
+        """``(actions, 2n)``: how often each result came unforeseen of late: a share."""
+        if isinstance(self._grower, Grower):
+            return self._grower.surprising
+        return np.zeros((len(self._body.actions), 2 * self._own))
+
     def record(
         self,
         observation: NDArray[np.bool_],

@@ -8,10 +8,11 @@ what has been learned. It is kept until something comes that it did not expect.
 An action can be imagined where each of its contexts has been met: of a context that
 never was, nothing has been learned, though it may seem to imply a lot.
 
-What is left to chance cannot be learned, nor gone to. A planner with a target does not
-take the outcome of an action that slips, nor of one after it, for unknown. Where no
-plan leads to the target it goes on greedily, and does not end the episode. What is
-drawn at random is none of the actions that are known to end it, unless all do.
+What is left to chance is never guaranteed. A planner with a target does not take the
+outcome of an action that slips, nor of one after it, for unknown. Where no plan is sure
+to lead to the target, it takes the one with the greatest chance (`chances`); if there
+is none, it goes on greedily, and does not end the episode. What is drawn at random is
+none of the actions that are known to end it, unless all do.
 
 References:
     Not the paper's, whose planner looks one step ahead ([GK] "Algorithm: Greedy
@@ -19,26 +20,28 @@ References:
 """
 
 from collections.abc import Generator, Iterable, Iterator
-from typing import Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
+from neurosnap.agent.chances import SURE, plan_by_chance
 from neurosnap.agent.curiosity import Curiosity
 from neurosnap.agent.experience import Experience
-from neurosnap.agent.plan import ImaginedState, Plan, plan_reason
+from neurosnap.agent.plan import AnyPlan, ContingentPlan, ImaginedState, Plan
 from neurosnap.agent.planner import Planner, target_literals
-from neurosnap.agent.policy import Closures, Deliberation, Signal, checked_share
+from neurosnap.agent.policy import Deliberation, Signal, checked_share
 from neurosnap.agent.random_draws import RandomNumbers, pick
 from neurosnap.errors import InvalidValueError
+from neurosnap.poc.learning.history_questions import Question
 from neurosnap.sensorium import Sensorium, complement
 
 STATES: Final = 2000
 """Imagined states a decision may take, unless another number is given."""
 _SHOWN = 4  # literals that a reason names
-_Search = Generator[list[Signal], Closures, "Plan | None"]
+_Search: TypeAlias = Generator[list[Signal] | Question, Any, AnyPlan | None]
 
 
 class ImaginingPlanner:
@@ -91,7 +94,7 @@ class ImaginingPlanner:
 
     def grow(self, body: Body) -> None:
         """Go on with a body that has grown, or retired, a sensor; the plan is kept."""
-        self._actions = Actions(body)
+        self._body, self._actions = body, Actions(body)
         self._looked_at = body.looked_at
         self._first = 2 * (self._own + len(body.actions))  # contextual literal
         if self._greedy is not None:
@@ -101,22 +104,47 @@ class ImaginingPlanner:
         """Follow the plan, or ask what actions lead to until there is one."""
         draws, known = self._random.at(tick), self._experience
         if draws[1] < self._explore:
-            known.plan = None
+            if isinstance(known.plan, Plan):  # its next step is not taken
+                known.plan = None
             return (yield from self._at_random(state, draws[0], ", to explore"))
         here = state & self._looked_at
         place = here.tobytes()
-        if known.plan is None or not known.plan.goes_on(here):
-            known.plan = None
+        if known.plan is None or not known.plan.goes_on(state, known.history.tick):
+            before, known.plan = known.plan, None
             if place not in known.no_way:
                 known.plan = yield from self._search(here, draws[0])
+                if self._is_left_to_chance(before, known.plan):
+                    known.plan = (yield from self._by_chance(state)) or known.plan
         if known.plan is not None:
-            why = plan_reason(known.plan, self._names)
-            action, known.plan = known.plan.step()
+            why = known.plan.reason(state, self._names)
+            action, known.plan = known.plan.step(state)
             return action, why
         if self._greedy is not None:
             action, why = yield from self._greedy.decide(tick, state)
             return action, f"{known.no_way[place]}; {why}"
         return (yield from self._at_random(state, draws[0], ""))
+
+    def _is_left_to_chance(self, before: AnyPlan | None, plan: AnyPlan | None) -> bool:
+        """Tell whether to ask what chance leads to: no plan is sure to arrive.
+
+        One that only explores asks now and then, until it is told of such a plan.
+        """
+        known = self._experience
+        if self._target:
+            due = plan is None or bool(plan.why)  # that tries out what is unknown
+        else:
+            due = isinstance(before, ContingentPlan) or not known.history.tick % SURE
+        return due and known.history.ticks > 0 and bool(known.hopeless.any())
+
+    def _by_chance(self, state: NDArray[np.bool_]) -> _Search:
+        """Return the plan with the greatest chance to arrive, if there is any."""
+        known = self._experience
+        plan = yield from plan_by_chance(
+            self._body, self._target, known.history, state, known.tossed
+        )
+        if plan is not None:
+            known.no_way.pop((state & self._looked_at).tobytes(), None)
+        return plan
 
     def _lacks(self, reachable: NDArray[np.bool_], whole: bool) -> str:
         """Return why no way to the target was found.
@@ -197,6 +225,7 @@ class ImaginingPlanner:
         trial = curiosity.choice(draw) if self._curious else None
         if trial is None:
             # From none of them more can be imagined than from here, chance aside.
+            chance = chance or bool(told.hopeless.any())
             places = searched if whole and not chance else [here.tobytes()]
             told.note_no_way(places, self._lacks(reachable, whole))
             return None

@@ -25,13 +25,14 @@ from neurosnap.poc.learning.archive import (
 from neurosnap.poc.learning.history_questions import Search, nothing
 from neurosnap.poc.learning.reading_history import History
 from neurosnap.poc.learning.snapshot import Snapshot
-from neurosnap.sensorium import selection
+from neurosnap.sensorium import Sensorium, selection
 from neurosnap.wire import Decision
 
 if TYPE_CHECKING:
     from neurosnap.poc.order.graph import PocGraph
 
 _NO_HISTORY = History(0, 64)
+_OFTEN = 0.5  # the share of unforeseen results from which on they are told
 
 
 class AgentMemory:
@@ -65,16 +66,22 @@ class AgentMemory:
         return None if self.is_empty or not body.senses_actions else Actions(body)
 
     @property
-    def chance(self) -> dict[str, tuple[str, ...]]:
-        """Return by action which of the world's own sensors it leaves to chance."""
+    def chance(self) -> dict[str, dict[str, float]]:
+        """Return by action what it leads to unforeseen, and how often; see `Agent`."""
         if self._growth is None or not self.body.context:
             return {}
-        pairs = self._growth.hopeless.reshape(len(self.body.actions), -1, 2)
-        return {
-            action: tuple(self.body.own[k] for k in np.flatnonzero(left.any(axis=1)))
-            for action, left in zip(self.body.actions, pairs, strict=True)
-            if left.any()
+        shares, hopeless = self._growth.surprising, self._growth.hopeless
+        name = Sensorium(self.body.own).name
+        told = {
+            action: {
+                name(a): round(float(mine[a]), 2)
+                for a in np.flatnonzero((mine >= _OFTEN) | left).tolist()
+            }
+            for action, mine, left in zip(
+                self.body.actions, shares, hopeless, strict=True
+            )
         }
+        return {action: results for action, results in told.items() if results}
 
     @property
     def history(self) -> History:
@@ -138,6 +145,7 @@ class AgentMemory:
         if begins:
             told.begin(state)
         if self._growth is not None:
+            told.history = self._growth.history
             told.give_up(self._growth.hopeless)
 
     @property

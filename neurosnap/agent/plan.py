@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,15 +45,54 @@ class Plan:
     why: str
     """How its reason begins."""
 
-    def goes_on(self, place: NDArray[np.bool_]) -> bool:
+    def goes_on(self, place: NDArray[np.bool_], _tick: int) -> bool:
         """Return whether a state, ``(2N,)``, has all that was expected."""
         return not (self.places[0] & ~place).any()
 
-    def step(self) -> tuple[int, "Plan | None"]:
+    def step(self, _place: NDArray[np.bool_]) -> tuple[int, "Plan | None"]:
         """Return the next action, and the plan behind it."""
         action, *rest = self.actions
         after = Plan(tuple(rest), self.places[1:], self.why) if rest else None
         return action, after
+
+    def reason(self, _place: NDArray[np.bool_], names: Sequence[str]) -> str:
+        """Return why its next action is taken; `plan_told` reads it."""
+        shown = ", ".join(names[action] for action in self.actions[:_SHOWN])
+        more = ", …" if len(self.actions) > _SHOWN else ""
+        return f"{self.why}in {len(self.actions)}: {shown}{more}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ContingentPlan:
+    """For each of several places the action to take there, where chance decides."""
+
+    actions: NDArray[np.intp]
+    """``(k,)``."""
+    places: NDArray[np.bool_]
+    """``(k, 2N)``: the literals that tell each place."""
+    why: str
+    """How its reasons begin."""
+    chances: NDArray[np.float64]
+    """``(k,)``: to arrive from each, as far as is known."""
+    until: int
+    """The tick after which so much is new that it is made anew."""
+
+    def goes_on(self, place: NDArray[np.bool_], tick: int) -> bool:
+        """Return whether it is of use in a state, ``(2N,)``, at a tick."""
+        return tick <= self.until and bool(self._at(place).size)
+
+    def step(self, place: NDArray[np.bool_]) -> tuple[int, "ContingentPlan"]:
+        """Return the action in one of its places, and the plan behind it: the same."""
+        return int(self.actions[self._at(place)[0]]), self
+
+    def reason(self, place: NDArray[np.bool_], names: Sequence[str]) -> str:
+        """Return why its action is taken in one of its places."""
+        at = self._at(place)[0]
+        share, action = 100 * self.chances[at], names[self.actions[at]]
+        return f"{self.why} with a chance of {share:.0f} %: {action}"
+
+    def _at(self, place: NDArray[np.bool_]) -> NDArray[np.intp]:
+        return np.flatnonzero(~(self.places & ~place).any(axis=1))
 
 
 _SHOWN = 6  # actions of a plan that a reason names
@@ -62,11 +101,7 @@ _TOLD = re.compile(
 )
 
 
-def plan_reason(plan: Plan, names: Sequence[str]) -> str:
-    """Return why a plan's next action is taken; `plan_told` reads it."""
-    shown = ", ".join(names[action] for action in plan.actions[:_SHOWN])
-    more = ", …" if len(plan.actions) > _SHOWN else ""
-    return f"{plan.why}in {len(plan.actions)}: {shown}{more}"
+AnyPlan: TypeAlias = Plan | ContingentPlan
 
 
 class PlanTold(NamedTuple):

@@ -7,7 +7,7 @@ from tick to tick is in its `Experience`, so that it can be recorded.
 """
 
 from collections.abc import Generator, Sequence
-from typing import Final, Literal, Protocol, TypeAlias
+from typing import Any, Final, Literal, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from neurosnap.agent.body import Body
 from neurosnap.errors import InvalidValueError
 from neurosnap.poc.learning.automatic_threshold import AUTO
+from neurosnap.poc.learning.history_questions import Question
 
 AgentKind: TypeAlias = Literal["walker", "excited", "planner"]
 EXPLORE = 0.2
@@ -32,9 +33,9 @@ Signal: TypeAlias = tuple[int, ...]
 """The literals a planning wave starts from, each once."""
 Closures: TypeAlias = Sequence[NDArray[np.bool_]]
 """``↑signal`` for each signal asked for, ``(2N,)`` each."""
-Deliberation: TypeAlias = Generator[list[Signal], Closures, tuple[int, str]]
-"""Asks for the closures of signals, round after round, and is sent them; returns the
-action, -1 for none, and the reason."""
+Deliberation: TypeAlias = Generator[list[Signal] | Question, Any, tuple[int, str]]
+"""Asks for the closures of signals, or for past readings, round after round, and is
+sent `Closures` or an `Answer`; returns the action, -1 for none, and the reason."""
 
 
 class Policy(Protocol):

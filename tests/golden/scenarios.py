@@ -9,6 +9,7 @@ import msgspec
 
 from neurosnap import wire
 from neurosnap.agent.body import Body
+from neurosnap.agent.policy import EXACT
 from neurosnap.protocol.run_options import RunOptions
 from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.sources.open import open_source
@@ -164,6 +165,18 @@ def _planner(**more: Any) -> RunOptions:
     return options_for("neurosnap/Grid-v0", 5, _GRID, target=target, **given)
 
 
+def _slipping(**more: Any) -> RunOptions:
+    """A run that plans by chance."""
+    given = {"agent": "planner", "grow": 2, "imagine": 40, "ticks": 84, **more}
+    target = ("row<2*", "column<3*")
+    return options_for(
+        *("neurosnap/FrozenLake-v0", 3, {"is_slippery": True}),
+        target=target,
+        threshold=EXACT,
+        **given,
+    )
+
+
 SCENARIOS = (
     _world("cells", _path(), stored=True),
     _world("cells-any-order", _path(), like="cells", order=3),
@@ -242,6 +255,14 @@ SCENARIOS = (
             imagine=0,
             target=("lit",),
         ),
+    ),
+    _world("slipping", _slipping(cells="inline")),
+    _world(
+        "slipping-lossy",
+        _slipping(cells="worker", workers=2),
+        like="slipping",
+        order=8,
+        loses=997,
     ),
     _world(
         "growing-cut-off",

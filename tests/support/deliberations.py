@@ -14,7 +14,9 @@ Bits = NDArray[np.bool_]
 
 def asked(policy: Policy, tick: int, state: Bits) -> list[Signal]:
     """Return what a policy asks first; nothing if it decides at once."""
-    return next(policy.decide(tick, state), [])
+    first = next(policy.decide(tick, state), [])
+    assert isinstance(first, list)
+    return first
 
 
 def decided(
@@ -28,6 +30,9 @@ def decided_by(
     graph: PocGraph, policy: Policy, tick: int, state: Bits
 ) -> tuple[int, str]:
     """Return what a policy decides whose questions a graph answers."""
-    return answered(
-        policy.decide(tick, state), lambda signals: [graph.up(one) for one in signals]
-    )
+
+    def answer(request: object) -> list[Bits]:
+        assert isinstance(request, list)
+        return [graph.up(one) for one in request]
+
+    return answered(policy.decide(tick, state), answer)

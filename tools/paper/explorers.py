@@ -12,7 +12,7 @@ from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.agent import Agent
 from neurosnap.agent.body import Body
 from neurosnap.agent.planner import Planner
-from neurosnap.agent.policy import EXPLORE, Closures, Deliberation, Policy, Signal
+from neurosnap.agent.policy import EXPLORE, Closures, Deliberation, Policy
 from tools.paper.worlds_as_tables import Setting, Stage, StageEnv, stage_of
 
 CHECKS = 40
@@ -78,13 +78,12 @@ class _Counted:
         answers: Closures | None = None
         while True:
             try:
-                asked: list[Signal] = (
-                    next(inner) if answers is None else inner.send(answers)
-                )
+                asked = next(inner) if answers is None else inner.send(answers)
             except StopIteration as end:
                 action, why = end.value
                 return action, why
-            self._who.waves += len(asked)
+            if isinstance(asked, list):
+                self._who.waves += len(asked)
             answers = yield asked
 
 

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
 from neurosnap.agent.experience import BEGINNING, Experience
+from neurosnap.agent.plan import ContingentPlan, Plan
 
 BODY = Body.full(["wall", "goal", "coin"], ["go", "stay"])
 COIN = BODY.own.index("coin")
@@ -131,3 +132,30 @@ def test_an_episode_that_begins_where_nothing_was_done_is_a_surprise() -> None:
     assert experience.hope(BEGINNING) == 2 / 4
     experience.begin(there)
     assert experience.hope(BEGINNING) == 3 / 5
+
+
+def test_a_plan_of_either_kind_is_stored_and_goes_on() -> None:
+    experience, again = Experience(BODY), Experience(BODY)
+    here, gone = place(wall=True, goal=False), place(wall=False)
+    places = np.stack([here, gone])
+    experience.plan = ContingentPlan(
+        np.array([1, 0]), places, "arrives", np.array([0.5, 0.25]), 7
+    )
+    again.restore(experience.arrays())
+    assert isinstance(again.plan, ContingentPlan)
+    state = here | place(coin=True)
+    assert again.plan.goes_on(state, 7)
+    assert not again.plan.goes_on(state, 8)
+    assert not again.plan.goes_on(place(wall=True), 7)
+    assert again.plan.step(state)[0] == 1
+    assert again.plan.reason(state, BODY.actions) == (
+        "arrives with a chance of 50 %: stay"
+    )
+    assert again.plan.reason(gone, BODY.actions) == "arrives with a chance of 25 %: go"
+    experience.plan = Plan((1,), here[None], "to test what stay does there, ")
+    other = Experience(BODY)
+    other.restore(experience.arrays())
+    assert isinstance(other.plan, Plan)
+    assert other.plan.reason(state, BODY.actions) == (
+        "to test what stay does there, in 1: stay"
+    )

@@ -117,6 +117,32 @@ def test_a_cover_that_fails_is_dropped_and_the_next_waits() -> None:
     assert 2 * NAMES.index("c") in trial[1]
 
 
+def test_what_comes_unforeseen_is_counted_until_it_is_foreseen() -> None:
+    watched = Watched(room=0)  # so that nothing explains it
+    shares = list[float]()
+    for said in ("", "", "", "", "hit", "hit", "hit", "hit"):
+        watched.show("a", "hit", said=said)
+        shares.append(watched.grower.surprising[0, HIT])
+    assert shares == pytest.approx([0, 0, 0, 1, 4 / 5, 4 / 6, 4 / 7, 4 / 8])
+    for _ in range(40):
+        watched.show("a", "hit", said="hit")
+    assert watched.grower.surprising[0, HIT] == 0
+    for _ in range(9):
+        watched.show("a", "hit")
+    assert watched.grower.surprising[0, HIT] > 0.5
+    assert not watched.grower.surprising[1].any()
+
+
+def test_what_a_sensor_was_born_for_is_counted_anew() -> None:
+    watched, shares = Watched(), [0.0]
+    while not watched.births:
+        watched.show("a b", "hit")
+        shares.append(watched.grower.surprising[0, HIT])
+        watched.show("a", "")
+        watched.show("b", "")
+    assert shares[-2:] == [1, 0]
+
+
 def test_what_is_left_to_chance_is_told_as_hopeless_and_not_grown() -> None:
     watched, rng = Watched(), np.random.default_rng(3)
     for _ in range(400):

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from neurosnap.agent.experience import Experience
 from neurosnap.agent.imagining_planner import ImaginingPlanner
 from neurosnap.agent.policy import Signal
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.learning.history_questions import answered
+from neurosnap.poc.learning.history_questions import Question, answered
 from neurosnap.poc.order.graph import PocGraph
 from tests.support.agent_oracles import complete, known, view
 
@@ -69,9 +70,10 @@ class Walk:
             self.experience.met[2 * BODY.sensors.index(name)] = False
 
     def decide(self, place: int, tick: int = 1) -> tuple[str, str]:
-        def answer(signals: list[Signal]) -> list[Bits]:
-            self.asked += len(signals)
-            return [self.graph.up(signal) for signal in signals]
+        def answer(request: list[Signal] | Question) -> list[Bits]:
+            assert isinstance(request, list)
+            self.asked += len(request)
+            return [self.graph.up(signal) for signal in request]
 
         action, why = answered(self.planner.decide(tick, sensed(place)), answer)
         return BODY.actions[action], why
@@ -109,7 +111,7 @@ def test_a_plan_is_told_and_kept_without_another_wave_until_a_surprise() -> None
 
 def test_a_round_asks_for_all_states_of_one_distance() -> None:
     deliberation = Walk(3).planner.decide(1, sensed(0))
-    rounds = [next(deliberation)]
+    rounds: list[Any] = [next(deliberation)]
     with pytest.raises(StopIteration) as end:
         while True:
             closures = [GRAPH.up(signal) for signal in rounds[-1]]
@@ -198,6 +200,18 @@ def test_where_chance_led_a_failed_search_is_made_again() -> None:
     assert walk.decide(1)[1].startswith("knows no way")  # but there by chance
     learn = "to learn what back does there, in 1: back"
     assert walk.decide(7) == ("back", learn)
+
+
+def test_what_is_left_to_chance_elsewhere_may_lead_on_from_there() -> None:
+    walk = Walk(5)
+    walk.unmeet(["forward&a5"])  # so no plan leads on from 4
+    walk.decide(2)
+    assert len(walk.experience.no_way) > 1
+    hopeless = np.zeros((2, 2 * len(BODY.own)), np.bool_)
+    hopeless[1, :2] = True
+    walk.experience.give_up(hopeless)
+    walk.decide(2)
+    assert len(walk.experience.no_way) == 1
 
 
 def test_the_greedy_planner_ends_an_episode_at_its_target_only() -> None:

@@ -12,7 +12,6 @@ from neurosnap.agent.policy_kinds import new_policy
 from neurosnap.apps.config.prepare import other_options
 from neurosnap.apps.health_of_readings import health_of
 from neurosnap.errors import RecordingError
-from neurosnap.poc.learning.history_questions import answered
 from neurosnap.protocol.anomaly_report import NamedAnomaly, anomaly_line
 from neurosnap.recording.read.chunk_messages import Recorded
 from neurosnap.recording.read.recording import Recording
@@ -20,6 +19,7 @@ from neurosnap.recording.replay.compare_derived import Replay
 from neurosnap.recording.replay.verify import departures
 from neurosnap.runtime.anomaly_feed import recorded as fed
 from tests.support.command_line import happy
+from tests.support.deliberations import decided_by
 from tests.support.home_runs import broken_home
 from tests.support.inline_runs import resumed_run, spread
 from tests.support.lamp import BIRTH, GROWN, LIMITED, lamp_options
@@ -99,8 +99,9 @@ def test_a_decision_is_what_would_have_been_decided_there(tmp_path: Path) -> Non
     policy = new_policy("planner", body, seed, target=target, explore=0.4)
     expected: list[dict[str, str]] = []
     for tick in replay.ticks():
-        deciding = policy.decide(tick, replay.core.snapshot.state)
-        would, _ = answered(deciding, lambda asked: [*map(replay.core.graph.up, asked)])
+        would, _ = decided_by(
+            replay.core.graph, policy, tick, replay.core.snapshot.state
+        )
         both = [body.actions[each] for each in (would, replay.core.decision.action)]
         same = both[0] == both[1]
         expected.append({} if same else {"decisions": "{} (recorded {})".format(*both)})

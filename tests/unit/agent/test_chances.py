@@ -1,0 +1,218 @@
+"""Plans where chance decides, held against tables that are counted and solved apart."""
+
+from collections.abc import Sequence
+from itertools import product
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from neurosnap.agent.body import Body
+from neurosnap.agent.chances import (
+    SURE,
+    Moves,
+    moves_in,
+    plan_by_chance,
+    telling,
+    told_before,
+)
+from neurosnap.agent.plan import ContingentPlan
+from neurosnap.poc.learning.history_questions import answered
+from neurosnap.poc.learning.reading_history import History
+from neurosnap.sensorium import complete
+
+WALK = Body.full(["here", "there", "goal"], ["left", "right"], room=1)
+NAMES = len(WALK.sensors)
+
+
+def seen(
+    history: History, own: list[int], action: int = -1, known: bool = True
+) -> None:
+    """Record what was read after an action; none begins a trajectory."""
+    bits = np.zeros(NAMES, np.bool_)
+    bits[: len(own)] = own
+    if action >= 0:
+        bits[len(own) + action] = True
+    sure = np.ones(NAMES, np.bool_)
+    sure[0] = known
+    history.record(bits, sure, action < 0)
+
+
+def plan(
+    history: History, own: list[int], *target: int, doubted: Sequence[int] = ()
+) -> tuple[ContingentPlan | None, NDArray[np.bool_]]:
+    state = np.zeros(2 * NAMES, np.bool_)
+    state[: 2 * len(own)] = complete(np.array(own, np.bool_))
+    coins = np.isin(np.arange(len(own)), doubted)
+    asking = plan_by_chance(WALK, target, history, state, coins)
+    return answered(asking, history.answer), state
+
+
+def test_moves_are_what_was_read_before_and_after_one_action() -> None:
+    history = History(NAMES, 64)
+    told = list[tuple[list[int], int, list[int]]]()
+    rng, before = np.random.default_rng(0), [0, 0, 0]
+    seen(history, before)
+    sure = [True]
+    for _ in range(100):  # it comes round: the oldest are gone
+        after, action = rng.integers(2, size=3).tolist(), int(rng.integers(-1, 2))
+        known = bool(rng.random() < 0.8)
+        seen(history, after, action, known)
+        told.append((before, action, after))
+        before = after
+        sure.append(known)
+    lost = len(told) + 1 - 64  # moves of which what was read before is gone
+    wanted = [
+        move
+        for move, *known in zip(
+            told[lost:], sure[lost:-1], sure[lost + 1 :], strict=True
+        )
+        if move[1] >= 0 and all(known)
+    ]
+    read = {a: history.ticks_of(a) for a in range(2 * NAMES)}
+    found = moves_in(read, np.arange(3), [6, 8], history)
+    assert len(wanted) > 10
+    rows = zip(
+        found.before.astype(int).tolist(),
+        found.action.tolist(),
+        found.after.astype(int).tolist(),
+        strict=True,
+    )
+    assert list(rows) == wanted
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 2), st.integers(0, 1), st.integers(0, 3)),
+        min_size=1,
+        max_size=40,
+    )
+)
+def test_no_plan_has_a_greater_chance(moved: list[tuple[int, int, int]]) -> None:
+    """Places 0 to 2, and the goal; held against all plans there are."""
+    codes = ([0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1])
+    history = History(NAMES, 128)
+    for start, action, after in moved:
+        seen(history, codes[start])
+        seen(history, codes[after], action)
+    times = np.zeros((3, 2, 4))
+    for move in moved:
+        times[move] += 1
+    tried = times.sum(axis=2)
+
+    def chances(actions: tuple[int, ...]) -> NDArray[np.float64]:
+        """The chance to arrive from each place, if this is done there."""
+        led, fixed = np.eye(4), np.array([0, 0, 0, 1.0])
+        for place, action in enumerate(actions):
+            if tried[place, action]:
+                # Less by a ten-thousandth for each step of the way.
+                share = 0.9999 * times[place, action] / tried[place, action]
+                led[place] -= share
+        return np.linalg.solve(led, fixed)[:3]
+
+    best = np.max([chances(each) for each in product((0, 1), repeat=3)], axis=0)
+    for place in range(3):
+        found, state = plan(history, codes[place], 4)
+        # A place of which no move is remembered has no row in a table.
+        if best[place] < 1e-6:
+            assert found is None
+            continue
+        assert found is not None
+        (at,) = np.flatnonzero(~(found.places & ~state).any(axis=1)).tolist()
+        assert abs(found.chances[at] - best[place]) < 1e-4
+        action, again = found.step(state)
+        assert again is found
+        others = [a for a in product((0, 1), repeat=3) if a[place] == action]
+        reached = max(chances(each)[place] for each in others)
+        assert abs(reached - best[place]) < 1e-4
+
+
+def test_a_coin_tells_no_place_from_another_and_a_slip_does() -> None:
+    rng, size = np.random.default_rng(3), 2000
+    before = rng.integers(2, size=(size, 3)).astype(np.bool_)
+    after = rng.integers(2, size=(size, 3)).astype(np.bool_)
+    slips = rng.random(size) < 0.2
+    after[:, 0] = before[:, 0] ^ slips  # stays mostly; the others are coins
+    moves = Moves(before, rng.integers(2, size=size), after, np.arange(size))
+    assert telling(moves, 2).tolist() == [True, False, False]
+    after[:, 2] = before[:, 1]  # what is no coin, though it tells nothing further
+    assert telling(moves, 2).tolist() == [True, True, True]
+
+
+def test_what_may_be_a_coin_is_left_out_unless_it_tells() -> None:
+    history, rng = History(NAMES, 2048), np.random.default_rng(6)
+    for _ in range(500):
+        here, coin = rng.integers(2, size=2).tolist()
+        seen(history, [here, coin, 0])
+        luck = rng.random() < 0.5
+        seen(history, [0, int(rng.integers(2)), int(here and luck)], 0)
+    found, state = plan(history, [1, 0, 0], 4, doubted=[0, 1])
+    assert found is not None
+    assert found.places.sum() == 2  # where it is, and whether it has arrived
+    assert abs(found.chances[0] - 0.5) < 0.1
+    assert found.goes_on(state, history.tick)
+    assert plan(history, [0, 0, 0], 4, doubted=[0, 1])[0] is None
+
+
+def test_coins_are_rarely_taken_for_more() -> None:
+    rng, taken = np.random.default_rng(4), 0
+    for _ in range(200):
+        before, after = rng.integers(2, size=(2, 500, 4)).astype(np.bool_)
+        moves = Moves(before, rng.integers(2, size=500), after, np.arange(500))
+        taken += bool(telling(moves, 2).any())
+    assert taken <= 6  # of 200; two are expected at most
+
+
+def test_one_that_explores_goes_to_what_was_hardly_tried() -> None:
+    history = History(NAMES, 256)
+    here, there = [1, 0, 0], [0, 1, 0]
+    for turn in range(SURE + 8):
+        seen(history, here)
+        seen(history, there if turn % 2 else here, 0)  # left slips
+        seen(history, here)
+        seen(history, here, 1)
+    assert plan(history, here)[0] is None  # all that was left is known
+    seen(history, there)
+    seen(history, here, 1)
+    found, state = plan(history, there)
+    assert found is not None
+    assert found.step(state)[0] == 0  # which was never taken there
+    assert found.until == history.tick + SURE
+    found, state = plan(history, here)
+    assert found is not None
+    assert found.step(state)[0] == 0
+    says = "comes to what was hardly tried with a chance of 100 %: left"
+    assert found.reason(state, WALK.actions) == says
+
+
+def test_where_nothing_slips_nothing_is_explored_by_chance() -> None:
+    history = History(NAMES, 64)
+    seen(history, [1, 0, 0])
+    seen(history, [0, 1, 0], 0)
+    assert plan(history, [1, 0, 0])[0] is None
+
+
+def test_what_the_move_before_tells_is_told_from_chance() -> None:
+    rng, size = np.random.default_rng(5), 3000
+    ticks = np.arange(size)
+    coin = rng.integers(2, size=size)
+    pairs = rng.integers(3, size=size)
+    assert abs(told_before(pairs, coin, ticks)) < 0.03
+    told = np.roll(pairs, 1) % 2  # the move before tells all
+    assert told_before(pairs, told, ticks) == 1
+    half = np.where(rng.random(size) < 0.5, coin, told)
+    assert 0.15 < told_before(pairs, half, ticks) < 0.35
+    assert told_before(pairs, told, 2 * ticks) == 0  # none comes right after another
+    assert told_before(pairs, pairs, ticks) == 0  # nothing is left open
+
+
+def test_where_places_look_alike_no_plan_takes_them_for_one() -> None:
+    history = History(NAMES, 1024)
+    dark, goal = [0, 0, 0], [0, 0, 1]
+    for _ in range(60):  # the second dark place leads on, the first does not
+        seen(history, [1, 0, 0])
+        seen(history, dark, 0)
+        seen(history, dark, 0)
+        seen(history, goal, 0)
+    assert plan(history, dark, 4)[0] is None
