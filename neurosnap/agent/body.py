@@ -85,6 +85,10 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
                 raise InvalidValueError("context", rule, (action, literal))
         self._check_grown()
         places = range(len(self.grown))
+        looked_back_at = {a >> 1 for each in self.in_use for a in each.literals}
+        if looked_back_at & {self.first_grown + place for place in self.retired}:
+            rule = "must not be looked back at by one that is read"
+            raise InvalidValueError("retired", rule, self.retired)
         if any(a >= b for a, b in pairwise(self.retired)) or not set(
             self.retired
         ).issubset(places):
@@ -101,7 +105,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             rule = f"must be at most {self.room}, for which there is room"
             raise InvalidValueError("grown", rule, len(self.grown))
         single = set(self.context)
-        for context in self.grown:
+        for place, context in enumerate(self.grown):
             action, literals, since, until = context
             if not self.context:
                 self._check_window(context)
@@ -114,8 +118,8 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             if not single.issuperset((action, literal) for literal in now):
                 rule = "must be of literals that are sensed in the action's context"
                 raise InvalidValueError("grown", rule, (action, literals))
-            if any(a & 1 or a >= 2 * self.first_grown for a in before):
-                rule = "must say of the step before what was on, of what is not grown"
+            if any(a & 1 or a >= 2 * (self.first_grown + place) for a in before):
+                rule = "must say of the step before what was on, of earlier sensors"
                 raise InvalidValueError("grown", rule, (action, literals))
             if not 0 <= action < len(self.actions) or since or until:
                 rule = f"must be of one of {len(self.actions)} actions, and no window"
@@ -304,8 +308,10 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         return f"{name} {since}{ended} tick{'s' * (since > 1)} ago"
 
     def _before(self, sensor: int) -> str:
-        """Return the name of an action or of a single contextual sensor."""
+        """Return the name of an action or of a contextual sensor."""
         felt = self.actions if self.senses_actions else ()
+        if sensor >= self.first_grown:
+            return self._name(self.grown[sensor - self.first_grown])
         place = sensor - len(self.own)
         if place < len(felt):
             return felt[place]

@@ -4,8 +4,9 @@ Something came that the action taken did not guarantee. The *counterexamples* ar
 ticks at which the same action was taken and the opposite came. A *cover* is a set of
 literals of the state before that held together at none of them: greedily, the literal
 that excludes most of what is left, then the next. Where the same state has led to both,
-what was done the step before, and where, is searched as well. The cover is tried before
-it is believed: the sensor ``α∧(a₁∧…∧aₖ)`` is born once it was confirmed often enough.
+what was done the step before, and where, is searched as well, grown sensors among it:
+so contexts nest as deep as surprises remain. The cover is tried before it is believed:
+the sensor ``α∧(a₁∧…∧aₖ)`` is born once it was confirmed often enough.
 
 Everything here is counted in whole numbers, and ties go to the lowest number, so that
 the same observations lead to the same births.
@@ -14,7 +15,8 @@ References:
     Not the paper's, which names "chunking: new conditional sensors" as future work. The
     cover of counterexamples is that of AQ (Michalski 1969) and of version spaces; for
     models of actions see Gil (1994) and Stern & Juba (2017). To look one step back
-    where that tells outcomes apart is McCallum's (1996) utile suffix memory, one deep.
+    where that tells outcomes apart is McCallum's (1996) utile suffix memory; that grown
+    sensors count makes it as deep as it has to be.
 """
 
 from collections.abc import Sequence
@@ -132,16 +134,14 @@ class Grower:
     def __init__(self, body: Body) -> None:
         self._own = len(body.own)
         self._room = body.room
+        self._trials: dict[tuple[int, int], list[_Candidate]] = {}
+        self._ready: list[_Candidate] = []
         self.fit(body)
         # For each action: the literals in whose context it is sensed, and that sensor.
         which, literals = np.array(body.context, np.intp).T
         places = [np.flatnonzero(which == k) for k in range(len(body.actions))]
         first = self._own + len(body.actions)
         self._contexts = [(literals[mine], first + mine) for mine in places]
-        # What tells of the step before: the actions and the single contexts.
-        self._last = np.arange(self._own, body.first_grown)
-        self._trials: dict[tuple[int, int], list[_Candidate]] = {}
-        self._ready: list[_Candidate] = []
         self._adopt(np.zeros((6, len(body.actions), 2 * self._own), np.int64))
 
     def _adopt(self, counts: NDArray[np.int64]) -> None:
@@ -168,6 +168,13 @@ class Grower:
         """Go on with a body that has grown, or retired, a sensor."""
         self._grown = set(body.in_use)
         self._births = len(body.grown)
+        # What tells of the step before: the actions and the contexts. As those that are
+        # grown tell of the step before it, they may look back any number of steps.
+        self._last = np.array([k for k in body.read if k >= self._own], np.intp)
+        self._count = body.size
+        gone = {2 * (body.first_grown + place) for place in body.retired}
+        for some in (self._ready, *self._trials.values()):
+            some[:] = [each for each in some if gone.isdisjoint(each.literals)]
 
     def notice(
         self,
@@ -329,8 +336,7 @@ class Grower:
         _, actions, results = shape
         for one in (*trials, *self._ready):
             known = 0 <= one.action < actions and 0 <= one.result < results
-            first_grown = self._own + len(self._last)
-            if not (known and all(0 <= a < 2 * first_grown for a in one.literals)):
+            if not (known and all(0 <= a < 2 * self._count for a in one.literals)):
                 raise ValueError(f"trials: must be of what there is, got {one}")
         self._trials = {}
         for trial in trials:

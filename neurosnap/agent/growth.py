@@ -148,7 +148,9 @@ class Growth:
         if rest or not body.grown:
             return
         place = turn % len(body.grown)
-        if place in body.retired:
+        mine = 2 * (body.first_grown + place)
+        needed = any(mine in each.literals for each in body.in_use)  # looked back at
+        if place in body.retired or needed:
             return
         if (yield from is_needless(body, place, graph, int(self.was_on[place]))):
             self.changes["retires"] = body.first_grown + place

@@ -27,8 +27,8 @@ class Context(NamedTuple):
     action: int
     """The action that was taken; -1: it is a window."""
     literals: tuple[int, ...]
-    """Ascending: of the world's own sensors; or that an action or a single contextual
-    sensor was on."""
+    """Ascending: of the world's own sensors; or that an action or a contextual sensor,
+    one that was grown before say, was on the step before."""
     since: int = 0
     """How many ticks before this one a window begins."""
     until: int = 0

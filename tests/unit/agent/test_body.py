@@ -178,6 +178,20 @@ def test_one_may_tell_of_the_step_before_what_was_done_and_where() -> None:
     assert body.reading(Context(0, (0, 3)), state) is True
 
 
+def test_contexts_nest_and_what_is_looked_back_at_is_read() -> None:
+    body = GROWING.grow(Context(0, (single("y&~c"),)))
+    with pytest.raises(InvalidValueError, match="earlier sensors"):
+        body.grow(Context(1, (2 * FIRST + 2,)))  # its own number
+    body = body.grow(Context(1, (2 * FIRST,)))
+    assert body.sensors[FIRST : FIRST + 2] == ("x&(y&~c)", "y&(x&(y&~c))")
+    assert body.looked_at[2 * FIRST]
+    with pytest.raises(
+        InvalidValueError, match=r"^retired: must not be looked back at"
+    ):
+        body.retire(0)
+    assert body.retire(1).retire(0).in_use == ()
+
+
 def test_one_that_is_grown_again_is_another_sensor() -> None:
     body = GROWING.grow(Context(0, (0, 3))).retire(0).grow(Context(0, (0, 3)))
     assert body.sensors[FIRST : FIRST + 2] == ("x&a&~b", "x&a&~b#2")
@@ -193,7 +207,7 @@ def test_one_that_is_grown_again_is_another_sensor() -> None:
             for literals in ((0,), (2, 0), (0, 1))
         ),
         *(
-            ((0, (0, a)), "must say of the step before what was on, of what is not")
+            ((0, (0, a)), "must say of the step before what was on, of earlier sen")
             for a in (7, 2 * FIRST)
         ),
         ((2, (6,)), "must be of one of 2 actions"),
@@ -219,8 +233,9 @@ def test_no_more_grow_than_there_is_room_for_and_only_those_retire() -> None:
 @st.composite
 def grown_bodies(draw: st.DrawFn) -> Body:
     body = GROWING
-    for _ in range(draw(st.integers(0, 4))):
-        last = draw(st.sets(st.integers(len(GROWING.own), FIRST - 1), max_size=2))
+    for place in range(draw(st.integers(0, 4))):
+        before = st.integers(len(GROWING.own), FIRST + place - 1)
+        last = draw(st.sets(before, max_size=2))
         least = 1 if last else 2
         of_own = st.integers(0, len(GROWING.own) - 1)
         chosen = sorted(draw(st.sets(of_own, min_size=least, max_size=3)))
@@ -230,7 +245,8 @@ def grown_bodies(draw: st.DrawFn) -> Body:
         )
         body = body.grow(Context(draw(st.integers(0, 1)), literals))
     for place in range(len(body.grown)):
-        body = body.retire(place) if draw(st.booleans()) else body
+        needed = any(2 * (FIRST + place) in each.literals for each in body.in_use)
+        body = body.retire(place) if not needed and draw(st.booleans()) else body
     return body
 
 
@@ -253,7 +269,7 @@ def test_it_reads_what_the_single_ones_read_together(
     for sensor, on in enumerate(now):
         state[2 * sensor + (not on)] = known[sensor]
     rng = np.random.default_rng(seed)
-    for sensor in range(len(GROWING.own), FIRST):  # of the step before
+    for sensor in range(len(GROWING.own), FIRST + 4):  # of the step before
         state[2 * sensor : 2 * sensor + 2] = rng.permutation(2) * rng.integers(2)
     senses = Senses(body, np.array(known))
     observed, told = senses.observe(np.array(bits), None, action, state)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.agent_observation import Senses
 from neurosnap.agent.body import Body
-from neurosnap.agent.grower import LONGEST, Grower
+from neurosnap.agent.grower import LONGEST, Grower, _Candidate
 from neurosnap.agent.growth_in_decisions import Context
 from neurosnap.poc.learning.history_questions import answered
 from neurosnap.poc.learning.reading_history import History
@@ -141,6 +141,20 @@ def test_what_a_sensor_was_born_for_is_counted_anew() -> None:
         watched.show("a", "")
         watched.show("b", "")
     assert shares[-2:] == [1, 0]
+
+
+def test_a_cover_that_looks_back_at_what_retires_is_dropped() -> None:
+    watched = Watched()
+    body = watched.body.grow(Context(0, (0, 2)))
+    watched.grower.fit(body)
+    looks_back, other = (2 * body.first_grown,), (0, 4)
+    watched.grower._trials[0, HIT] = [
+        _Candidate(0, literals, HIT) for literals in (looks_back, other)
+    ]
+    watched.grower.fit(body)
+    assert len(watched.trials()) == 2
+    watched.grower.fit(body.retire(0))
+    assert watched.trials() == [Context(0, other)]
 
 
 def test_what_is_left_to_chance_is_told_as_hopeless_and_not_grown() -> None:
