@@ -447,6 +447,9 @@ class Decision(_Message, frozen=True, omit_defaults=True):
     """The first of these, in ticks before this one."""
     until: Natural = 0
     """The last of these."""
+    reset: Annotated[int, msgspec.Meta(ge=-1, le=_LARGEST)] = -1
+    """Of a latch, which stays on once its literal was read, the literal that ends it;
+    -1: it is none."""
     history: Natural = 0
     """How many ticks its weights come from."""
     weights: bytes = b""

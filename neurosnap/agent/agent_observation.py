@@ -144,6 +144,7 @@ class Senses:
     def fit(self, body: Body) -> None:
         """Go on with a body that has grown, or retired, a sensor."""
         own, felt = len(body.own), len(body.actions) * body.senses_actions
+        self._body = body
         self._own = slice(0, own)
         self._felt = slice(own, own + felt)
         self._contexts = Contexts(body)
@@ -199,4 +200,10 @@ class Senses:
                 told = self._contexts.told(step, before)
                 known[self._contextual] = told | ~taken
             known[self._contextual] &= self._contexts.in_use
+            if self._body.latches:
+                last = np.zeros(2 * self._count, np.bool_) if step is None else step
+                now = self._body.carried(last, selection(observation, known))
+                for _, latch in self._body.latches:
+                    observation[latch] = now[2 * latch]
+                    known[latch] = now[2 * latch] or now[2 * latch + 1]
         return observation, None if known.all() else known

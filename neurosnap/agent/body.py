@@ -85,7 +85,12 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
                 raise InvalidValueError("context", rule, (action, literal))
         self._check_grown()
         places = range(len(self.grown))
-        looked_back_at = {a >> 1 for each in self.in_use for a in each.literals}
+        looked_back_at = {
+            a >> 1
+            for each in self.in_use
+            for a in (*each.literals, each.reset)
+            if a >= 0
+        }
         if looked_back_at & {self.first_grown + place for place in self.retired}:
             rule = "must not be looked back at by one that is read"
             raise InvalidValueError("retired", rule, self.retired)
@@ -106,9 +111,12 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             raise InvalidValueError("grown", rule, len(self.grown))
         single = set(self.context)
         for place, context in enumerate(self.grown):
-            action, literals, since, until = context
+            action, literals, since, until, reset = context
             if not self.context:
                 self._check_window(context)
+                continue
+            if reset >= 0:
+                self._check_latch(context, self.first_grown + place)
                 continue
             ascends = all(a >> 1 < b >> 1 for a, b in pairwise(literals))
             now, before = self.split(literals)
@@ -118,18 +126,34 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             if not single.issuperset((action, literal) for literal in now):
                 rule = "must be of literals that are sensed in the action's context"
                 raise InvalidValueError("grown", rule, (action, literals))
-            if any(a & 1 or a >= 2 * (self.first_grown + place) for a in before):
+            latches = {
+                self.first_grown + k
+                for k, each in enumerate(self.grown)
+                if each.reset >= 0
+            }
+            off = any(a & 1 and a >> 1 not in latches for a in before)
+            if off or any(a >= 2 * (self.first_grown + place) for a in before):
                 rule = "must say of the step before what was on, of earlier sensors"
                 raise InvalidValueError("grown", rule, (action, literals))
             if not 0 <= action < len(self.actions) or since or until:
                 rule = f"must be of one of {len(self.actions)} actions, and no window"
                 raise InvalidValueError("grown", rule, context)
 
+    def _check_latch(self, latch: Context, number: int) -> None:
+        action, literals, since, until, reset = latch
+        earlier = all(0 <= a < 2 * number for a in (*literals, reset))
+        two = len(literals) == 1 and literals[0] != reset
+        if action >= 0 or since or until or not (earlier and two):
+            rule = (
+                "must be a latch of two literals of earlier sensors, without an action"
+            )
+            raise InvalidValueError("grown", rule, latch)
+
     def _check_window(self, window: Context) -> None:
-        action, literals, since, until = window
+        action, literals, since, until, reset = window
         ascends = all(a >> 1 < b >> 1 for a, b in pairwise(literals))
         own = all(0 <= a < 2 * len(self.own) for a in literals)
-        if not (ascends and own and len(literals) + since > 1 and action < 0):
+        if not (ascends and own and len(literals) + since > 1 and action < 0 > reset):
             rule = (
                 "must be of own literals, ascending, of no action, several or of past"
             )
@@ -255,7 +279,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         literals, if it ends now.
         """
         if context.action < 0:
-            return list(context.literals) if not context.until else []
+            return list(context.literals) if context.until < 1 > context.reset else []
         action, literals, *_ = context
         now, _ = self.split(literals)
         first = self.first_grown - len(self.context)
@@ -272,6 +296,8 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         Returns:
             None if that depends on what is not in the state: on the step before, say.
         """
+        if context.reset >= 0:
+            return None
         members = self.members(context)
         if state[[a ^ 1 for a in members]].any():
             return False
@@ -293,11 +319,13 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         return (*names, *free)
 
     def _name(self, context: Context) -> str:
-        action, literals, since, until = context
+        action, literals, since, until, reset = context
+        if reset >= 0:
+            return " until ".join(map(self._sensation, (*literals, reset)))
         now, before = self.split(literals)
         done = (self.actions[action],) if action >= 0 else ()
         named = (f"{'~' * (a & 1)}{self.own[a >> 1]}" for a in now)
-        told = (f"({self._before(a >> 1)})" for a in before)
+        told = (f"({self._sensation(a)})" for a in before)
         name = "&".join((*done, *named, *told))
         if not since:
             return name
@@ -306,6 +334,12 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             return f"{name} for {ticks}"
         ended = f" to {until}" * (until < since)
         return f"{name} {since}{ended} tick{'s' * (since > 1)} ago"
+
+    def _sensation(self, literal: int) -> str:
+        """Return the name of a literal of any sensor."""
+        sensor = literal >> 1
+        name = self.own[sensor] if sensor < len(self.own) else self._before(sensor)
+        return "~" * (literal & 1) + name
 
     def _before(self, sensor: int) -> str:
         """Return the name of an action or of a contextual sensor."""
@@ -327,8 +361,39 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         """
         mask = self.position
         for context in self.in_use:
-            mask[list(self.split(context.literals)[1])] = True
+            if context.reset < 0:
+                mask[list(self.split(context.literals)[1])] = True
+        for _, latch in self.latches:
+            mask[[2 * latch, 2 * latch + 1]] = True
         return mask
+
+    @property
+    def latches(self) -> tuple[tuple[Context, int], ...]:
+        """The latches that are read, and their numbers, ascending."""
+        return tuple(
+            (context, self.first_grown + place)
+            for place, context in enumerate(self.grown)
+            if context.reset >= 0 and place not in self.retired
+        )
+
+    def carried(
+        self, before: NDArray[np.bool_], state: NDArray[np.bool_]
+    ) -> NDArray[np.bool_]:
+        """Return a state, ``(2N,)``, with what its latches are after the one before.
+
+        A latch is on if its literal is in the state, or if it was on before and the
+        complement of its reset is; off if the complement of its literal is in the state
+        and so is its reset, or it was off before. Otherwise nothing is said of it.
+        """
+        if not self.latches:
+            return state
+        state = state.copy()
+        for context, latch in self.latches:
+            (a,), reset = context.literals, context.reset
+            on, off = before[[2 * latch, 2 * latch + 1]]
+            state[2 * latch] = state[a] or (on and state[reset ^ 1])
+            state[2 * latch + 1] = state[a ^ 1] and (off or state[reset])
+        return state
 
     @property
     def position(self) -> NDArray[np.bool_]:

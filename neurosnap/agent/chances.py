@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from neurosnap.agent.body import Body
 from neurosnap.agent.plan import ContingentPlan
 from neurosnap.poc.learning.history_questions import Question, Search
-from neurosnap.poc.learning.reading_history import History
+from neurosnap.poc.learning.reading_history import History, in_order
 from neurosnap.poc.order.literal_sets import Words
 
 SURE: Final = 16
@@ -97,14 +97,16 @@ def plan_by_chance(
     """
     wanted = {a >> 1: not a & 1 for a in target}
     felt = np.flatnonzero(body.position[::2]).tolist()
-    sensors = np.array(sorted({*felt, *wanted}), np.intp)
+    latches = [latch for _, latch in body.latches]
+    sensors = np.array(sorted({*felt, *wanted, *latches}), np.intp)
     first = len(body.own)
     taken = [2 * (first + action) for action in range(len(body.actions))]
     numbers: list[int] = sensors.tolist()
     asked = *taken, *(b for k in numbers for b in (2 * k, 2 * k + 1))
     read = (yield Question(readings=tuple(dict.fromkeys(asked)))).readings
     moves = moves_in(read, sensors, taken, history)
-    kept = ~doubted[sensors] | np.isin(sensors, list(wanted))
+    coins = np.setdiff1d(np.flatnonzero(doubted), list(wanted))
+    kept = ~np.isin(sensors, coins)
     if not kept.all():
         kept |= telling(moves, len(taken))
     sensors, before, after = sensors[kept], moves.before[:, kept], moves.after[:, kept]
@@ -170,13 +172,9 @@ def moves_in(
         taken: For each action the literal that is on after it.
         history: Which ticks there are.
     """
-    order = np.arange(history.tick - history.ticks, history.tick) % history.length
 
     def rows(literals: Sequence[int]) -> NDArray[np.bool_]:
-        rings = np.stack([read[a] for a in literals]).astype("<u8")
-        bits = np.unpackbits(rings.view(np.uint8), axis=1, bitorder="little")
-        ticks: NDArray[np.bool_] = bits[:, order].T.astype(np.bool_)
-        return ticks
+        return in_order([read[a] for a in literals], history.tick).T
 
     on, off = rows((2 * sensors).tolist()), rows((2 * sensors + 1).tolist())
     acts, known = rows(taken), np.logical_and.reduce(on | off, axis=1)

@@ -5,7 +5,8 @@ ticks at which the same action was taken and the opposite came. A *cover* is a s
 literals of the state before that held together at none of them: greedily, the literal
 that excludes most of what is left, then the next. Where the same state has led to both,
 what was done the step before, and where, is searched as well, grown sensors among it:
-so contexts nest as deep as surprises remain. The cover is tried before it is believed:
+so contexts nest as deep as surprises remain. If that tells nothing, a *latch* is looked
+for: of two literals, which was read last. The cover is tried before it is believed:
 the sensor ``α∧(a₁∧…∧aₖ)`` is born once it was confirmed often enough.
 
 Everything here is counted in whole numbers, and ties go to the lowest number, so that
@@ -19,6 +20,7 @@ References:
     sensors count makes it as deep as it has to be.
 """
 
+import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
@@ -36,7 +38,7 @@ from neurosnap.poc.learning.history_questions import (
     Search,
     together,
 )
-from neurosnap.poc.learning.reading_history import following, preceding
+from neurosnap.poc.learning.reading_history import following, in_order, preceding
 from neurosnap.poc.order.literal_sets import Words
 
 ROOM: Final = 120
@@ -48,6 +50,9 @@ HOPELESS: Final = 4
 each that became a sensor."""
 LONGEST: Final = 8
 """Literals of a cover at most."""
+ACCIDENT: Final = 0.01
+"""The chance that a latch tells nothing of what it is grown for."""
+_LOOKED_AT = 256  # results, and as many failures, that latches are held against
 RECENT: Final = 16
 """Times that a result of an action came, beyond which older ones count half."""
 
@@ -136,6 +141,7 @@ class Grower:
         self._room = body.room
         self._trials: dict[tuple[int, int], list[_Candidate]] = {}
         self._ready: list[_Candidate] = []
+        self._latch: Context | None = None  # the last that was found
         self.fit(body)
         # For each action: the literals in whose context it is sensed, and that sensor.
         which, literals = np.array(body.context, np.intp).T
@@ -170,7 +176,12 @@ class Grower:
         self._births = len(body.grown)
         # What tells of the step before: the actions and the contexts. As those that are
         # grown tell of the step before it, they may look back any number of steps.
-        self._last = np.array([k for k in body.read if k >= self._own], np.intp)
+        # Of a latch it tells, too, that it was off.
+        last = [2 * k for k in body.read if k >= self._own]
+        off = [2 * latch + 1 for _, latch in body.latches]
+        self._last = np.array([*last, *off], np.intp)
+        self._latches = dict(body.latches)
+        self._first_grown = body.first_grown
         self._count = body.size
         gone = {2 * (body.first_grown + place) for place in body.retired}
         for some in (self._ready, *self._trials.values()):
@@ -183,6 +194,7 @@ class Grower:
         foretold: NDArray[np.bool_],
         came: NDArray[np.bool_],
         ticks: int,
+        begun: Words,
     ) -> Search[Context | None]:
         """Compare what an action led to with what it guaranteed; find a sensor to grow.
 
@@ -196,6 +208,7 @@ class Grower:
                 was believed before.
             came: ``(2n,)``, what was read of them after it.
             ticks: How many the history was shown so far.
+            begun: ``(W,)``, the ticks that began a trajectory.
         """
         self._try(action, state, came, foretold)
         self._came[action] += came
@@ -211,7 +224,20 @@ class Grower:
             searches = [self._cover(action, state, one, ticks) for one in against]
             covers = yield from together(searches)
             for result, found in zip(results, covers, strict=True):
-                self._put_on_trial(action, result, found)
+                latch: Context | None = None
+                if found is None and self._births < self._room:
+                    latch = yield from self._find_latch(
+                        action, result, state, ticks, begun
+                    )
+                if latch is None:
+                    self._put_on_trial(action, result, found)
+                else:
+                    self._latch = latch
+                    self._counts[:2, action, result] = 0  # look for a cover at once
+        if self._latch is not None and self._latch not in self._latches:
+            if self._births < self._room:
+                return self._latch
+            self._latch = None
         return self._birth()
 
     def _try(
@@ -298,10 +324,66 @@ class Grower:
         now = Candidates(literals[here], 2 * sensors[here])
         found = yield from cover(against, [now], ticks)
         if found is None:
-            last = 2 * self._last[state[2 * self._last]]
+            last = self._last[state[self._last]]
             both = now, Candidates(last, last, before=True)
             found = yield from cover(against, both, ticks)
         return found
+
+    def _find_latch(
+        self,
+        action: int,
+        result: int,
+        state: NDArray[np.bool_],
+        ticks: int,
+        begun: Words,
+    ) -> Search[Context | None]:
+        """Look for what was there long ago whenever a result came in the same state.
+
+        Of two literals the one that was read last tells whether it comes. Many pairs
+        are searched, so it counts only if it told so often that this is no accident.
+        """
+        literals, sensors = self._contexts[action]
+        near = (2 * sensors[state[literals]]).tolist()
+        taken = 2 * (self._own + action)
+        some = [*range(2 * self._own), *range(2 * self._own, 2 * self._first_grown, 2)]
+        asked = dict.fromkeys([taken, *near, result, result ^ 1, *some])
+        read = (yield Question(readings=tuple(asked))).readings
+        there = np.bitwise_and.reduce([read[a] for a in (taken, *near)])
+        rings = there & read[result], there & read[result ^ 1], begun
+        came, failed, begins = in_order(rings, ticks)
+        order = np.arange(len(came))
+        since = np.maximum.accumulate(np.where(begins, order, -1))
+        rows = in_order([read[a] for a in some], ticks)
+        lately = np.maximum.accumulate(np.where(rows, order, -1), axis=1)
+        at = [np.flatnonzero(one)[-_LOOKED_AT:] - 1 for one in (came, failed)]
+        at = [one[one >= 0] for one in at]
+        ways = math.comb(sum(map(len, at)), len(at[0]))
+        if 2 * len(some) ** 2 >= ACCIDENT * ways:
+            return None
+        last = lately[:, np.concatenate(at)]
+        known, wanted = (
+            last >= since[np.concatenate(at)],
+            np.repeat((True, False), [len(one) for one in at]),
+        )
+        for place, literal in enumerate(some):
+            on = (last[place] >= last) & known[place]
+            off = (last > last[place]) & known
+            right = (on == wanted) & (off != wanted)
+            wrong = (off == wanted) & (on != wanted)
+            tells = right.all(axis=1) | wrong.all(axis=1)
+            for other in np.flatnonzero(tells).tolist():
+                found = Context(-1, (literal,), reset=some[other])
+                if other != place and found not in self._latches:
+                    return found
+        return None
+
+    @property
+    def awaited(self) -> set[int]:
+        """The latches that a cover is on trial with, or is still looked for with."""
+        trials = (one for some in self._trials.values() for one in some)
+        looked_at = {a >> 1 for one in (*self._ready, *trials) for a in one.literals}
+        last = {latch for each, latch in self._latches.items() if each == self._latch}
+        return last | looked_at & {*self._latches.values()}
 
     def _birth(self) -> Context | None:
         """Return the next sensor that is due."""
@@ -320,7 +402,7 @@ class Grower:
         """Return its whole state as arrays, by name."""
         # In the order of the numbers: one that was restored met them in another order.
         trials = [trial for _, many in sorted(self._trials.items()) for trial in many]
-        text = msgspec.json.encode((trials, self._ready))
+        text = msgspec.json.encode((trials, self._ready, self._latch))
         return {"covers": self._counts, "trials": np.frombuffer(text, np.uint8)}
 
     def restore(self, arrays: Arrays) -> None:
@@ -328,9 +410,11 @@ class Grower:
         shape = self._counts.shape
         self._adopt(entry(arrays, "covers", shape, np.int64).copy())
         text = entry(arrays, "trials", (rows_in(arrays, "trials"),), np.uint8)
-        kind = tuple[list[_Candidate], list[_Candidate]]
+        kind = tuple[list[_Candidate], list[_Candidate], Context | None]
         try:
-            trials, self._ready = msgspec.json.decode(text.tobytes(), type=kind)
+            trials, self._ready, self._latch = msgspec.json.decode(
+                text.tobytes(), type=kind
+            )
         except msgspec.DecodeError as error:
             raise ValueError(f"trials: {error}") from error
         _, actions, results = shape
@@ -338,6 +422,10 @@ class Grower:
             known = 0 <= one.action < actions and 0 <= one.result < results
             if not (known and all(0 <= a < 2 * self._count for a in one.literals)):
                 raise ValueError(f"trials: must be of what there is, got {one}")
+        if (latch := self._latch) is not None:
+            both = *latch.literals, latch.reset
+            if not all(0 <= a < 2 * self._first_grown for a in both) or len(both) != 2:
+                raise ValueError(f"latch: must be of what there is, got {latch}")
         self._trials = {}
         for trial in trials:
             self._trials.setdefault((trial.action, trial.result), []).append(trial)

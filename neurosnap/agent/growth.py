@@ -19,6 +19,7 @@ from neurosnap.poc.learning.reading_history import (
     History,
     Newborn,
     conjunction,
+    latch,
     window,
 )
 from neurosnap.poc.learning.snapshot import Snapshot
@@ -112,7 +113,8 @@ class Growth:
             before = self.hopeless[action]
             came = selection(observation, known)[: 2 * self._own]
             step = action, state, foretold, came
-            due = yield from self._grower.notice(*step, self.history.tick)
+            past = self.history.tick, self.history.begun
+            due = yield from self._grower.notice(*step, *past)
             if (given_up := self.hopeless[action] & ~before).any():
                 self.changes["chance"] = tuple(np.flatnonzero(given_up).tolist())
         if due is None:
@@ -126,9 +128,13 @@ class Growth:
         sensor = body.first_grown + len(body.grown)
         is_window, (_, before) = context.action < 0, body.split(context.literals)
         members = list(context.literals) if is_window else body.members(context)
+        if context.reset >= 0:
+            members, before = [*context.literals, context.reset], ()
         asked = dict.fromkeys(b for a in (*members, *before) for b in (a, a ^ 1))
         read = (yield Question(readings=tuple(asked))).readings
-        if is_window:
+        if context.reset >= 0:
+            on, off = latch(read, members[0], members[1], history.begun, history.tick)
+        elif is_window:
             span = context.since, context.until
             on, off = window(read, members, span, history.begun, history.tick)
         else:
@@ -137,7 +143,7 @@ class Growth:
         newborn = yield from snapshot.newborn(sensor, history.ticks, on, off, unread)
         history.on[:, sensor], history.off[:, sensor] = on, off
         self.was_on[len(body.grown)] = np.bitwise_count(on).sum()
-        names = "context", "literals", "since", "until"
+        names = "context", "literals", "since", "until", "reset"
         self.changes |= {"born": sensor} | dict(zip(names, context, strict=True))
         self.changes |= birth_fields(newborn, snapshot)
 
@@ -149,8 +155,15 @@ class Growth:
             return
         place = turn % len(body.grown)
         mine = 2 * (body.first_grown + place)
-        needed = any(mine in each.literals for each in body.in_use)  # looked back at
+        needed = any(  # looked back at
+            {mine, mine + 1} & {*each.literals, each.reset} for each in body.in_use
+        )
+        if isinstance(self._grower, Grower):
+            needed = needed or mine >> 1 in self._grower.awaited
         if place in body.retired or needed:
+            return
+        if body.grown[place].reset >= 0:
+            self.changes["retires"] = body.first_grown + place
             return
         if (yield from is_needless(body, place, graph, int(self.was_on[place]))):
             self.changes["retires"] = body.first_grown + place

@@ -18,14 +18,15 @@ if TYPE_CHECKING:
 
 
 class Context(NamedTuple):
-    """What makes a grown sensor be on: an action where literals held, or a window.
+    """What makes a grown sensor be on: an action where literals held, or the past.
 
     A *window* takes no action: it is on iff all its literals were read at each of some
-    of the last ticks.
+    of the last ticks. A *latch* takes none, either: it is on from when its literal was
+    read until its `reset` is, and not its literal.
     """
 
     action: int
-    """The action that was taken; -1: it is a window."""
+    """The action that was taken; -1: it is a window or a latch."""
     literals: tuple[int, ...]
     """Ascending: of the world's own sensors; or that an action or a contextual sensor,
     one that was grown before say, was on the step before."""
@@ -33,11 +34,13 @@ class Context(NamedTuple):
     """How many ticks before this one a window begins."""
     until: int = 0
     """How many before this one it ends."""
+    reset: int = -1
+    """The literal that ends a latch; -1: it is none."""
 
     def includes(self, other: "Context") -> bool:
         """Return whether it is on only if another one of the same action is, too."""
         wider = self.since >= other.since and self.until <= other.until
-        same = self.action == other.action
+        same = self.action == other.action and self.reset == other.reset
         return same and wider and {*self.literals} >= {*other.literals}
 
 
@@ -63,7 +66,7 @@ def changes_in(decision: Decision, body: "Body") -> Iterator[Changed]:
 
 def context_in(decision: Decision) -> Context:
     """Return the context of the sensor that a decision grows."""
-    window = decision.since, decision.until
+    window = decision.since, decision.until, decision.reset
     return Context(decision.context, decision.literals, *window)
 
 

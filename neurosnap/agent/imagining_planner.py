@@ -197,7 +197,7 @@ class ImaginingPlanner:
             bounds = guaranteed((yield signals)) if signals else ()
             frontier = []
             for (at, action, _), bound in zip(asked, bounds, strict=True):
-                state = bound | always
+                state = self._body.carried(at.place, bound | always)
                 reachable |= state
                 if self._target and state[self._target].all():
                     return _planned(ImaginedState(state, at, action), "")

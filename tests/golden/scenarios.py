@@ -15,6 +15,7 @@ from neurosnap.runtime.restart_files import RestartFiles
 from neurosnap.sources.open import open_source
 from neurosnap.sources.protocol import Observed, Source
 from tests.golden.drive import Driven, Lost, drive, record
+from tests.support.aliased_worlds import NAME as TMAZE
 from tests.support.lamp import LIMITED, lamp_options
 from tests.support.run_options import options_for
 from tests.support.scripted_sources import Scripted
@@ -177,6 +178,18 @@ def _slipping(**more: Any) -> RunOptions:
     )
 
 
+def _latching(**more: Any) -> RunOptions:
+    """A run that grows a latch."""
+    given = {"agent": "planner", "grow": 4, "imagine": 30, "ticks": 125, **more}
+    return options_for(
+        *(TMAZE, 1, {"delay": 1}),
+        explore="planned",
+        target=(),
+        threshold=EXACT,
+        **given,
+    )
+
+
 SCENARIOS = (
     _world("cells", _path(), stored=True),
     _world("cells-any-order", _path(), like="cells", order=3),
@@ -262,6 +275,14 @@ SCENARIOS = (
         _slipping(cells="worker", workers=2),
         like="slipping",
         order=8,
+        loses=997,
+    ),
+    _world("latching", _latching(cells="inline")),
+    _world(
+        "latching-lossy",
+        _latching(cells="worker", workers=2),
+        like="latching",
+        order=9,
         loses=997,
     ),
     _world(

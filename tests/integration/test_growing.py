@@ -211,6 +211,20 @@ def test_in_a_t_maze_what_was_seen_at_the_start_tells_where_to_turn(seed: int) -
     assert taken == [2] * 10
 
 
+@pytest.mark.parametrize(
+    ("delay", "seed"), rows([(1, 0), (6, 1)], [(1, 1), (1, 2), (3, 0), (6, 0), (6, 2)])
+)
+def test_in_a_t_maze_what_was_seen_long_ago_is_kept_in_a_latch(
+    delay: int, seed: int
+) -> None:
+    maze = t_maze(delay)
+    agent = explored(maze, 2000, seed)
+    assert len(agent.body.latches) == 1  # that it is off tells, too
+    for turn, start in product(range(5), range(2)):
+        steps = sent(deepcopy(agent), maze, "food", start, turn)
+        assert steps == delay + 2
+
+
 @pytest.mark.parametrize("seed", rows([0], [1, 2]))
 def test_on_a_ring_dark_places_are_told_apart_by_the_beacon_one_came_from(
     seed: int,

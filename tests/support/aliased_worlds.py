@@ -10,22 +10,33 @@ from tools.paper.worlds_as_tables import Stage, StageEnv
 NAME = "tests.support.aliased_worlds:TMaze-v0"
 
 
-def t_maze() -> Stage:
+def t_maze(delay: int = 0) -> Stage:
     """Return a T-maze: what is seen at the start tells where the food is.
 
-    At the junction nothing tells, except that one has just come from the start. There
-    one may stay, and has then forgotten.
+    At the junction nothing tells, except what one has come from. There one may stay,
+    and on the way, where nothing is sensed for so many steps as the delay.
     """
+    ways = "left", "right"
+    corridor = {
+        f"{step}, {way}": (
+            (),
+            (f"{step + 1}, {way}" if step < delay else f"junction, {way}", None, None),
+        )
+        for way in ways
+        for step in range(1, delay + 1)
+    }
+    first = "1" if delay else "junction"
     return _table(
         ("at_start", "light", "at_junction", "food", "nothing"),
         ("forward", "left", "right"),
         {
-            "start, light": (("at_start", "light"), ("junction, left", None, None)),
-            "start, dark": (("at_start",), ("junction, right", None, None)),
+            "start, light": (("at_start", "light"), (f"{first}, left", None, None)),
+            "start, dark": (("at_start",), (f"{first}, right", None, None)),
             "junction, left": (("at_junction",), (None, "food", "nothing")),
             "junction, right": (("at_junction",), (None, "nothing", "food")),
             "food": (("food",), ()),
             "nothing": (("nothing",), ()),
+            **corridor,
         },
         starts=2,
     )
@@ -83,8 +94,8 @@ def _table(
 class TMaze(StageEnv):
     """The T-maze as an environment."""
 
-    def __init__(self) -> None:
-        super().__init__(t_maze())
+    def __init__(self, delay: int = 0) -> None:
+        super().__init__(t_maze(delay))
 
 
 gymnasium.register("TMaze-v0", f"{__name__}:TMaze")

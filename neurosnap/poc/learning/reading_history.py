@@ -252,6 +252,51 @@ def window(
     return on, off
 
 
+def in_order(rings: Sequence[Words], ticks: int) -> NDArray[np.bool_]:
+    """Return the bits of rings from the oldest tick to the newest, ``(rings, ticks)``.
+
+    Args:
+        rings: ``(W,)`` each.
+        ticks: How many there were so far.
+    """
+    stacked = np.stack(rings).astype("<u8").view(np.uint8)
+    bits = np.unpackbits(stacked, axis=1, bitorder="little").astype(np.bool_)
+    length = bits.shape[1]
+    return bits[:, np.arange(max(0, ticks - length), ticks) % length]
+
+
+def latch(
+    read: Mapping[int, Words], literal: int, reset: int, begun: Words, ticks: int
+) -> tuple[Words, Words]:
+    """Return when a sensor was on, and off, that stays on once a literal was read.
+
+    It is on from then until its reset is read and the literal is not. What it was
+    before a beginning is unknown, and so is what depends on an unknown reading.
+
+    Args:
+        read: The ticks at which each of both, and of their complements, was.
+        literal: What switches it on.
+        reset: What switches it off.
+        begun: The ticks that begin a trajectory.
+        ticks: How many there were so far.
+
+    Returns:
+        ``(W,)`` each.
+    """
+    rings = begun, *(read[a] for a in (literal, literal ^ 1, reset, reset ^ 1))
+    rows = in_order(rings, ticks).T.tolist()
+    length = 64 * len(begun)
+    found = np.zeros((2, length), np.uint8)
+    on = off = False
+    for tick, (begins, yes, no, ends, stays) in enumerate(rows, ticks - len(rows)):
+        if begins:
+            on = off = False
+        on, off = yes or (on and stays), no and (ends or off)
+        found[:, tick % length] = on, off
+    packed = np.packbits(found, axis=1, bitorder="little").view("<u8")
+    return packed[0].astype(np.uint64), packed[1].astype(np.uint64)
+
+
 def _without_oldest(ring: Words, ticks: int) -> Words:
     """Clear the bit of the oldest tick."""
     word, bit = divmod(ticks % (64 * len(ring)), 64)

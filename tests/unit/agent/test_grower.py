@@ -48,7 +48,8 @@ class Watched:
         foretold = np.zeros(2 * len(NAMES), np.bool_)
         foretold[[2 * NAMES.index(name) for name in said.split()]] = True
         came = complete(observation[: len(NAMES)])
-        search = self.grower.notice(action, state, foretold, came, self.history.tick)
+        past = self.history.tick, self.history.begun
+        search = self.grower.notice(action, state, foretold, came, *past)
         found = answered(search, self.history.answer)
         if found is not None:
             self.births.append(found)
@@ -155,6 +156,18 @@ def test_a_cover_that_looks_back_at_what_retires_is_dropped() -> None:
     assert len(watched.trials()) == 2
     watched.grower.fit(body.retire(0))
     assert watched.trials() == [Context(0, other)]
+
+
+@pytest.mark.parametrize("literals", [(0, 2), (10**6,)])
+def test_a_latch_that_cannot_be_is_refused(literals: tuple[int, ...]) -> None:
+    watched = Watched()
+    watched.grower._latch = Context(-1, literals, reset=4)
+    arrays = watched.grower.arrays()
+    with pytest.raises(ValueError, match=r"^latch: must be of what there is"):
+        watched.grower.restore(arrays)
+    watched.grower._latch = Context(-1, (0,), reset=4)
+    watched.grower.restore(watched.grower.arrays())
+    assert watched.grower._latch == Context(-1, (0,), reset=4)
 
 
 def test_what_is_left_to_chance_is_told_as_hopeless_and_not_grown() -> None:
