@@ -265,9 +265,9 @@ class Agent:
         """What actions lead to unforeseen: by action, own sensations with a share.
 
         The share says how often one came without being guaranteed, of the last times it
-        came after that action, four to sixteen. Told is what is unforeseen every other
-        time, and what nothing is grown for any more: each cover that seemed to tell
-        when it comes has failed, and four times as often as not.
+        came after that action, four to sixteen. Results are listed that were unforeseen
+        at least every other time, and those that no more sensors are grown for: the
+        contexts that seemed to tell when they come have failed too often.
         """
         return self._mind.memory.chance
 

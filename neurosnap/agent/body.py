@@ -110,6 +110,11 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             rule = f"must be at most {self.room}, for which there is room"
             raise InvalidValueError("grown", rule, len(self.grown))
         single = set(self.context)
+        latches = {
+            self.first_grown + place
+            for place, each in enumerate(self.grown)
+            if each.reset >= 0
+        }
         for place, context in enumerate(self.grown):
             action, literals, since, until, reset = context
             if not self.context:
@@ -126,11 +131,6 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             if not single.issuperset((action, literal) for literal in now):
                 rule = "must be of literals that are sensed in the action's context"
                 raise InvalidValueError("grown", rule, (action, literals))
-            latches = {
-                self.first_grown + k
-                for k, each in enumerate(self.grown)
-                if each.reset >= 0
-            }
             off = any(a & 1 and a >> 1 not in latches for a in before)
             if off or any(a >= 2 * (self.first_grown + place) for a in before):
                 rule = "must say of the step before what was on, of earlier sensors"
@@ -367,7 +367,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             mask[[2 * latch, 2 * latch + 1]] = True
         return mask
 
-    @property
+    @functools.cached_property
     def latches(self) -> tuple[tuple[Context, int], ...]:
         """The latches that are read, and their numbers, ascending."""
         return tuple(

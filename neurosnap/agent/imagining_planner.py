@@ -185,10 +185,8 @@ class ImaginingPlanner:
         met = told.met
         always = met & ~complement(met)  # a sensor that never changed
         curiosity = Curiosity(told, self._names, bool(self._target))
-        reachable, whole = (
-            here.copy(),
-            True,
-        )  # by any action; whether that is all there is
+        reachable = here.copy()  # by any action
+        whole = True  # that is all there is to imagine
         chance, searched = False, {here.tobytes()}
         while frontier and not curiosity.is_settled(frontier[0].steps):
             asked = [*self._asked(frontier, curiosity)]

@@ -354,9 +354,8 @@ class Replay:
             return []
         match message:
             case wire.CellReport() | wire.WorkerReport():
-                self._reached[message.wave][np.array(fired(message)[0], np.int64)] = (
-                    True
-                )
+                literals = np.array(fired(message)[0], np.int64)
+                self._reached[message.wave][literals] = True
             case wire.Learned():
                 self._check_learned(message)
             case wire.Recalled() if recall is not None:
