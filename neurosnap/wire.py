@@ -23,7 +23,7 @@ import msgspec
 
 from neurosnap.errors import MessageError
 
-SCHEMA = 18
+SCHEMA = 19
 ROOT = "neurosnap"
 LARGEST_PAYLOAD = 1 << 26
 """Bytes of a message, at most."""
@@ -450,6 +450,11 @@ class Decision(_Message, frozen=True, omit_defaults=True):
     reset: Annotated[int, msgspec.Meta(ge=-1, le=_LARGEST)] = -1
     """Of a latch, which stays on once its literal was read, the literal that ends it;
     -1: it is none."""
+    ways: Naturals = ()
+    """Of a clone, one of several places that may look alike: an action, the number of a
+    clone it leads here from, another action, and so on."""
+    among: Naturals = ()
+    """Of a clone: the number of the first clone of its map, and how many there are."""
     history: Natural = 0
     """How many ticks its weights come from."""
     weights: bytes = b""

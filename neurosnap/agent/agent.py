@@ -228,9 +228,10 @@ class Agent:
         self.set_down()
         taken, episodes, total = 0, 1, 0.0
         while True:
-            sensed = complete(np.asarray(bits, np.bool_))
-            reached = bool(wanted) and bool(sensed[wanted].all())
             decision = self.act(bits, info["begins"])
+            sensed = complete(np.asarray(bits, np.bool_))
+            told = np.concatenate((sensed, self.state[len(sensed) :]))
+            reached = bool(wanted) and bool(told[wanted].all())
             if reached or taken == steps:
                 self.take(-1, decision.why)  # it was decided, and is not done
                 return Outing(taken, episodes, total, reached)

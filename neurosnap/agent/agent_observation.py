@@ -34,7 +34,8 @@ class Contexts:
         self._grown = np.array([a for each in many for a in each], np.intp)
         ends = np.cumsum([len(each) for each in many])
         self._starts = np.concatenate(([0], ends))[: len(body.grown)].astype(np.intp)
-        self.in_use = np.ones(len(self.action), np.bool_)
+        # A latch or a clone depends on no action that is taken where its literals held.
+        self.in_use = self.action >= 0
         self.in_use[len(actions) :] = False
         self.in_use[[len(body.context) + place for place in body.retired]] = False
 
@@ -200,10 +201,9 @@ class Senses:
                 told = self._contexts.told(step, before)
                 known[self._contextual] = told | ~taken
             known[self._contextual] &= self._contexts.in_use
-            if self._body.latches:
+            if carried := list(self._body.carries):
                 last = np.zeros(2 * self._count, np.bool_) if step is None else step
                 now = self._body.carried(last, selection(observation, known))
-                for _, latch in self._body.latches:
-                    observation[latch] = now[2 * latch]
-                    known[latch] = now[2 * latch] or now[2 * latch + 1]
+                on, off = now.reshape(-1, 2)[carried].T
+                observation[carried], known[carried] = on, on | off
         return observation, None if known.all() else known

@@ -15,6 +15,8 @@ A body whose actions are not sensed in context grows *windows*, each on iff some
 literals were read at each of some ticks: ``a₁∧…∧aₖ`` now, ``a`` for the last 3 ticks
 and this one, or ``a`` 3 ticks ago.
 
+Some grown sensors are *carried*: what they read is told by what they read before.
+
 References:
     [GK] "Algorithm: Computing the consequences of an action", eqn:context, where a
     context may be of any sensor. Grown sensors are not the paper's, which names them as
@@ -29,12 +31,14 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap.agent.clones import Map, MapOfSensors
 from neurosnap.agent.growth_in_decisions import Context
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import Sensorium
 
 OLDEST = 63
 """How many ticks back a window may begin."""
+_SHOWN = 2  # sensors that the name of a clone has
 
 
 # dict: names are derived once.
@@ -116,9 +120,12 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             if each.reset >= 0
         }
         for place, context in enumerate(self.grown):
-            action, literals, since, until, reset = context
+            action, literals, since, until, reset, ways, among = context
             if not self.context:
                 self._check_window(context)
+                continue
+            if ways or among:
+                self._check_clone(context, place)
                 continue
             if reset >= 0:
                 self._check_latch(context, self.first_grown + place)
@@ -140,7 +147,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
                 raise InvalidValueError("grown", rule, context)
 
     def _check_latch(self, latch: Context, number: int) -> None:
-        action, literals, since, until, reset = latch
+        action, literals, since, until, reset, *_ = latch
         earlier = all(0 <= a < 2 * number for a in (*literals, reset))
         two = len(literals) == 1 and literals[0] != reset
         if action >= 0 or since or until or not (earlier and two):
@@ -149,11 +156,50 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             )
             raise InvalidValueError("grown", rule, latch)
 
+    def _check_clone(self, clone: Context, place: int) -> None:
+        action, literals, *others, ways, among = clone
+        first, size = among if len(among) == 2 else (-1, 0)
+        number, several = self.first_grown + place, range(first, first + size)
+        earlier = self.grown[first - self.first_grown : place]
+        if (
+            number not in several
+            or first < self.first_grown
+            or several.stop > self.count
+            or any(each.among != among for each in earlier)
+        ):
+            rule = "must be the next of its map, for all of which there is room"
+            raise InvalidValueError("grown", rule, clone)
+        own = all(0 <= a < 2 * len(self.own) for a in literals)
+        ascends = all(a >> 1 < b >> 1 for a, b in pairwise(literals))
+        alike = {(*(a >> 1 for a in each.literals),) for each in (*earlier, clone)}
+        if not (own and ascends and literals and len(alike) == 1):
+            rule = "must be of own literals, ascending, of the same sensors as its map"
+            raise InvalidValueError("grown", rule, clone)
+        led = [
+            (way, sensor)
+            for each in (*earlier, clone)
+            for way, sensor in zip(each.ways[::2], each.ways[1::2], strict=False)
+        ]
+        if (
+            len(ways) % 2
+            or any(not 0 <= way < len(self.actions) for way, _ in led)
+            or any(sensor not in several for _, sensor in led)
+            or len(set(led)) < len(led)
+        ):
+            rule = (
+                "must be led to by actions from its map, by each from each to but one"
+            )
+            raise InvalidValueError("grown", rule, clone)
+        if action >= 0 or others != [0, 0, -1]:
+            rule = "must be a clone without an action, a window or a reset"
+            raise InvalidValueError("grown", rule, clone)
+
     def _check_window(self, window: Context) -> None:
-        action, literals, since, until, reset = window
+        action, literals, since, until, *others = window
         ascends = all(a >> 1 < b >> 1 for a, b in pairwise(literals))
         own = all(0 <= a < 2 * len(self.own) for a in literals)
-        if not (ascends and own and len(literals) + since > 1 and action < 0 > reset):
+        plain = action < 0 and others == [-1, (), ()]
+        if not (ascends and own and len(literals) + since > 1 and plain):
             rule = (
                 "must be of own literals, ascending, of no action, several or of past"
             )
@@ -279,7 +325,8 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         literals, if it ends now.
         """
         if context.action < 0:
-            return list(context.literals) if context.until < 1 > context.reset else []
+            is_read_now = context.until < 1 > context.reset and not context.among
+            return list(context.literals) if is_read_now else []
         action, literals, *_ = context
         now, _ = self.split(literals)
         first = self.first_grown - len(self.context)
@@ -296,7 +343,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         Returns:
             None if that depends on what is not in the state: on the step before, say.
         """
-        if context.reset >= 0:
+        if context.reset >= 0 or context.among:
             return None
         members = self.members(context)
         if state[[a ^ 1 for a in members]].any():
@@ -311,15 +358,15 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         felt = self.actions if self.senses_actions else ()
         single = (self._name(Context(action, (a,))) for action, a in self.context)
         names = [*self.own, *felt, *single]
-        for context in self.grown:
-            name = self._name(context)
+        for number, context in enumerate(self.grown, self.first_grown):
+            name = self._before(number) if context.among else self._name(context)
             ways = (f"{name}#{k}" if k > 1 else name for k in count(1))
             names.append(next(way for way in ways if way not in names))
         free = (f"grown {place + 1}" for place in range(len(self.grown), self.room))
         return (*names, *free)
 
     def _name(self, context: Context) -> str:
-        action, literals, since, until, reset = context
+        action, literals, since, until, reset, *_ = context
         if reset >= 0:
             return " until ".join(map(self._sensation, (*literals, reset)))
         now, before = self.split(literals)
@@ -345,7 +392,11 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         """Return the name of an action or of a contextual sensor."""
         felt = self.actions if self.senses_actions else ()
         if sensor >= self.first_grown:
-            return self._name(self.grown[sensor - self.first_grown])
+            context = self.grown[sensor - self.first_grown]
+            if context.among:
+                on = [self.own[a >> 1] for a in context.literals if not a & 1]
+                return f"{'&'.join(on[:_SHOWN])}@{sensor - context.among[0] + 1}"
+            return self._name(context)
         place = sensor - len(self.own)
         if place < len(felt):
             return felt[place]
@@ -361,10 +412,10 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         """
         mask = self.position
         for context in self.in_use:
-            if context.reset < 0:
+            if context.reset < 0 and not context.among:
                 mask[list(self.split(context.literals)[1])] = True
-        for _, latch in self.latches:
-            mask[[2 * latch, 2 * latch + 1]] = True
+        for carried in self.carries:
+            mask[[2 * carried, 2 * carried + 1]] = True
         return mask
 
     @functools.cached_property
@@ -376,16 +427,47 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             if context.reset >= 0 and place not in self.retired
         )
 
+    @functools.cached_property
+    def maps(self) -> tuple[MapOfSensors, ...]:
+        """The maps of which all clones are there and read, in the order they came."""
+        retired = {self.first_grown + place for place in self.retired}
+        every = dict.fromkeys(each.among for each in self.grown if each.among)
+        return tuple(
+            self._map(first, size)
+            for first, size in every
+            if first + size <= self.size
+            and retired.isdisjoint(range(first, first + size))
+        )
+
+    def _map(self, first: int, size: int) -> MapOfSensors:
+        place = first - self.first_grown
+        clones = self.grown[place : place + size]
+        looks = np.array([each.literals for each in clones], np.intp)
+        leads = np.full((len(self.actions), size), -1, np.int64)
+        for number, each in enumerate(clones):
+            ways = np.array(each.ways, np.intp).reshape(-1, 2)
+            leads[ways[:, 0], ways[:, 1] - first] = number
+        return MapOfSensors(first, looks[0] >> 1, Map(looks & 1 == 0, leads))
+
+    @property
+    def carries(self) -> tuple[int, ...]:
+        """The carried sensors that are read, ascending."""
+        clones = (k for one in self.maps for k in one.numbers)
+        return tuple(sorted((*(latch for _, latch in self.latches), *clones)))
+
     def carried(
         self, before: NDArray[np.bool_], state: NDArray[np.bool_]
     ) -> NDArray[np.bool_]:
-        """Return a state, ``(2N,)``, with what its latches are after the one before.
+        """Return a state, ``(2N,)``, with what is carried from the one before.
 
         A latch is on if its literal is in the state, or if it was on before and the
         complement of its reset is; off if the complement of its literal is in the state
-        and so is its reset, or it was off before. Otherwise nothing is said of it.
+        and so is its reset, or it was off before. Otherwise nothing is said of it. A
+        clone is off where the state excludes its look, or no clone that was not off
+        before leads there by the action in the state; on if all others are off. What
+        all that are not off look like is in the state as well.
         """
-        if not self.latches:
+        if not self.carries:
             return state
         state = state.copy()
         for context, latch in self.latches:
@@ -393,6 +475,10 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             on, off = before[[2 * latch, 2 * latch + 1]]
             state[2 * latch] = state[a] or (on and state[reset ^ 1])
             state[2 * latch + 1] = state[a ^ 1] and (off or state[reset])
+        own = len(self.own)
+        taken = np.flatnonzero(state[2 * own : 2 * (own + len(self.actions)) : 2])
+        for one in self.maps:
+            one.carry(before, state, taken.item() if len(taken) == 1 else -1)
         return state
 
     @property

@@ -25,10 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
+from neurosnap.agent.clones import Walk, walk_in
 from neurosnap.agent.plan import ContingentPlan
 from neurosnap.poc.learning.history_questions import Question, Search
-from neurosnap.poc.learning.reading_history import History, in_order
-from neurosnap.poc.order.literal_sets import Words
+from neurosnap.poc.learning.reading_history import History
 
 SURE: Final = 16
 """Moves by an action from a place after which its chances count as known."""
@@ -97,14 +97,13 @@ def plan_by_chance(
     """
     wanted = {a >> 1: not a & 1 for a in target}
     felt = np.flatnonzero(body.position[::2]).tolist()
-    latches = [latch for _, latch in body.latches]
-    sensors = np.array(sorted({*felt, *wanted, *latches}), np.intp)
+    sensors = np.array(sorted({*felt, *wanted, *body.carries}), np.intp)
     first = len(body.own)
     taken = [2 * (first + action) for action in range(len(body.actions))]
     numbers: list[int] = sensors.tolist()
     asked = *taken, *(b for k in numbers for b in (2 * k, 2 * k + 1))
     read = (yield Question(readings=tuple(dict.fromkeys(asked)))).readings
-    moves = moves_in(read, sensors, taken, history)
+    moves = moves_in(walk_in(read, sensors, taken, history.tick))
     coins = np.setdiff1d(np.flatnonzero(doubted), list(wanted))
     kept = ~np.isin(sensors, coins)
     if not kept.all():
@@ -155,32 +154,15 @@ def _hardly_known(
     return hardly, times.argmin(axis=1)
 
 
-def moves_in(
-    read: dict[int, Words],
-    sensors: NDArray[np.intp],
-    taken: Sequence[int],
-    history: History,
-) -> Moves:
+def moves_in(walk: Walk) -> Moves:
     """Return the moves among past readings.
 
-    Where a reading is unknown, or another number of actions than one was sensed, there
-    is no move.
-
-    Args:
-        read: By literal ``(W,)``, the ticks at which it was read.
-        sensors: ``(R,)``, those that make a place.
-        taken: For each action the literal that is on after it.
-        history: Which ticks there are.
+    Where a reading is unknown, or no action that is known led to it, there is none.
     """
-
-    def rows(literals: Sequence[int]) -> NDArray[np.bool_]:
-        return in_order([read[a] for a in literals], history.tick).T
-
-    on, off = rows((2 * sensors).tolist()), rows((2 * sensors + 1).tolist())
-    acts, known = rows(taken), np.logical_and.reduce(on | off, axis=1)
-    one = acts.sum(axis=1) == 1  # none where a trajectory begins
-    moved = np.flatnonzero(one[1:] & known[1:] & known[:-1])
-    return Moves(on[moved], acts[moved + 1].argmax(axis=1), on[moved + 1], moved + 1)
+    known = walk.known
+    moved = np.flatnonzero((walk.actions[1:] >= 0) & known[1:] & known[:-1])
+    after = moved + 1
+    return Moves(walk.on[moved], walk.actions[after], walk.on[after], after)
 
 
 def telling(moves: Moves, actions: int) -> NDArray[np.bool_]:

@@ -20,7 +20,6 @@ References:
     sensors count makes it as deep as it has to be.
 """
 
-import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
@@ -30,6 +29,7 @@ from numpy.typing import NDArray
 
 from neurosnap.agent.body import Body
 from neurosnap.agent.growth_in_decisions import Context
+from neurosnap.agent.latch_search import find_latch
 from neurosnap.poc.learning.archive import Arrays, entry, rows_in
 from neurosnap.poc.learning.history_questions import (
     Count,
@@ -38,7 +38,7 @@ from neurosnap.poc.learning.history_questions import (
     Search,
     together,
 )
-from neurosnap.poc.learning.reading_history import following, in_order, preceding
+from neurosnap.poc.learning.reading_history import following, preceding
 from neurosnap.poc.order.literal_sets import Words
 
 ROOM: Final = 120
@@ -50,9 +50,7 @@ HOPELESS: Final = 4
 each that became a sensor."""
 LONGEST: Final = 8
 """Literals of a cover at most."""
-ACCIDENT: Final = 0.01
-"""The chance that a latch tells nothing of what it is grown for."""
-_LOOKED_AT = 256  # results, and as many failures, that latches are held against
+_FOR_A_MAP = 64  # places of a room that no sensor which looks back may take
 RECENT: Final = 16
 """Times that a result of an action came, beyond which older ones count half."""
 
@@ -142,13 +140,14 @@ class Grower:
         self._trials: dict[tuple[int, int], list[_Candidate]] = {}
         self._ready: list[_Candidate] = []
         self._latch: Context | None = None  # the last that was found
+        self._adopt(np.zeros((6, len(body.actions), 2 * self._own), np.int64))
+        self._maps = len(body.maps)
         self.fit(body)
         # For each action: the literals in whose context it is sensed, and that sensor.
         which, literals = np.array(body.context, np.intp).T
         places = [np.flatnonzero(which == k) for k in range(len(body.actions))]
         first = self._own + len(body.actions)
         self._contexts = [(literals[mine], first + mine) for mine in places]
-        self._adopt(np.zeros((6, len(body.actions), 2 * self._own), np.int64))
 
     def _adopt(self, counts: NDArray[np.int64]) -> None:
         """Go on with these counts, for each action and result."""
@@ -174,6 +173,10 @@ class Grower:
         """Go on with a body that has grown, or retired, a sensor."""
         self._grown = set(body.in_use)
         self._births = len(body.grown)
+        if len(body.maps) > self._maps:  # what nothing explained, it does
+            self._counts[:] = 0
+            self._judge()
+        self._maps = len(body.maps)
         # What tells of the step before: the actions and the contexts. As those that are
         # grown tell of the step before it, they may look back any number of steps.
         # Of a latch it tells, too, that it was off.
@@ -195,8 +198,8 @@ class Grower:
         came: NDArray[np.bool_],
         ticks: int,
         begun: Words,
-    ) -> Search[Context | None]:
-        """Compare what an action led to with what it guaranteed; find a sensor to grow.
+    ) -> Search[int]:
+        """Compare what an action led to with what it guaranteed; find what to grow.
 
         The history that is asked must have the observation after it. Nothing is asked
         where all that came was guaranteed.
@@ -209,7 +212,12 @@ class Grower:
             came: ``(2n,)``, what was read of them after it.
             ticks: How many the history was shown so far.
             begun: ``(W,)``, the ticks that began a trajectory.
+
+        Returns:
+            How many results that were not guaranteed have no explanation: no cover,
+            and no latch.
         """
+        unexplained = 0
         self._try(action, state, came, foretold)
         self._came[action] += came
         self._missed[action] += came & ~foretold
@@ -226,19 +234,22 @@ class Grower:
             for result, found in zip(results, covers, strict=True):
                 latch: Context | None = None
                 if found is None and self._births < self._room:
-                    latch = yield from self._find_latch(
-                        action, result, state, ticks, begun
+                    latch = yield from find_latch(
+                        self._alike(action, state),
+                        result,
+                        self._first_grown,
+                        self._own,
+                        ticks,
+                        begun,
+                        self._latches,
                     )
                 if latch is None:
+                    unexplained += found is None
                     self._put_on_trial(action, result, found)
                 else:
                     self._latch = latch
                     self._counts[:2, action, result] = 0  # look for a cover at once
-        if self._latch is not None and self._latch not in self._latches:
-            if self._births < self._room:
-                return self._latch
-            self._latch = None
-        return self._birth()
+        return unexplained
 
     def _try(
         self,
@@ -312,6 +323,12 @@ class Grower:
             trials = self._trials[action, result]
             trials.append(_Candidate(action, literals, result))
 
+    def _alike(self, action: int, state: NDArray[np.bool_]) -> list[int]:
+        """Return the literals that were read after an action in just this state."""
+        literals, sensors = self._contexts[action]
+        single = 2 * sensors[state[literals]]
+        return [2 * (self._own + action), *single.tolist()]
+
     def _cover(
         self, action: int, state: NDArray[np.bool_], against: Words, ticks: int
     ) -> Search[tuple[int, ...] | None]:
@@ -323,59 +340,11 @@ class Grower:
         here = state[literals]
         now = Candidates(literals[here], 2 * sensors[here])
         found = yield from cover(against, [now], ticks)
-        if found is None:
+        if found is None and self._may_look_back:
             last = self._last[state[self._last]]
             both = now, Candidates(last, last, before=True)
             found = yield from cover(against, both, ticks)
         return found
-
-    def _find_latch(
-        self,
-        action: int,
-        result: int,
-        state: NDArray[np.bool_],
-        ticks: int,
-        begun: Words,
-    ) -> Search[Context | None]:
-        """Look for what was there long ago whenever a result came in the same state.
-
-        Of two literals the one that was read last tells whether it comes. Many pairs
-        are searched, so it counts only if it told so often that this is no accident.
-        """
-        literals, sensors = self._contexts[action]
-        near = (2 * sensors[state[literals]]).tolist()
-        taken = 2 * (self._own + action)
-        some = [*range(2 * self._own), *range(2 * self._own, 2 * self._first_grown, 2)]
-        asked = dict.fromkeys([taken, *near, result, result ^ 1, *some])
-        read = (yield Question(readings=tuple(asked))).readings
-        there = np.bitwise_and.reduce([read[a] for a in (taken, *near)])
-        rings = there & read[result], there & read[result ^ 1], begun
-        came, failed, begins = in_order(rings, ticks)
-        order = np.arange(len(came))
-        since = np.maximum.accumulate(np.where(begins, order, -1))
-        rows = in_order([read[a] for a in some], ticks)
-        lately = np.maximum.accumulate(np.where(rows, order, -1), axis=1)
-        at = [np.flatnonzero(one)[-_LOOKED_AT:] - 1 for one in (came, failed)]
-        at = [one[one >= 0] for one in at]
-        ways = math.comb(sum(map(len, at)), len(at[0]))
-        if 2 * len(some) ** 2 >= ACCIDENT * ways:
-            return None
-        last = lately[:, np.concatenate(at)]
-        known, wanted = (
-            last >= since[np.concatenate(at)],
-            np.repeat((True, False), [len(one) for one in at]),
-        )
-        for place, literal in enumerate(some):
-            on = (last[place] >= last) & known[place]
-            off = (last > last[place]) & known
-            right = (on == wanted) & (off != wanted)
-            wrong = (off == wanted) & (on != wanted)
-            tells = right.all(axis=1) | wrong.all(axis=1)
-            for other in np.flatnonzero(tells).tolist():
-                found = Context(-1, (literal,), reset=some[other])
-                if other != place and found not in self._latches:
-                    return found
-        return None
 
     @property
     def awaited(self) -> set[int]:
@@ -385,8 +354,22 @@ class Grower:
         last = {latch for each, latch in self._latches.items() if each == self._latch}
         return last | looked_at & {*self._latches.values()}
 
-    def _birth(self) -> Context | None:
+    @property
+    def _may_look_back(self) -> bool:
+        """Whether one more context of the step before may be grown.
+
+        In a world where only the past tells there is no end to them, and a map of it
+        may take its place.
+        """
+        kept = 0 if self._maps else _FOR_A_MAP
+        return self._births + kept < self._room or self._room <= kept
+
+    def birth(self) -> Context | None:
         """Return the next sensor that is due."""
+        if self._latch is not None and self._latch not in self._latches:
+            if self._births < self._room:
+                return self._latch
+            self._latch = None
         while self._ready and self._births < self._room:
             due = self._ready.pop(0)
             self._failed[due.action, due.result] = 0
@@ -394,7 +377,10 @@ class Grower:
             self._won[due.action, due.result] += 1
             self._counts[4:, due.action, due.result] = 0  # it is explained by now
             self._judge()
-            if due.context not in self._grown:
+            looks_back = any(a >= 2 * self._own for a in due.literals)
+            if due.context not in self._grown and (
+                self._may_look_back or not looks_back
+            ):
                 return due.context
         return None
 

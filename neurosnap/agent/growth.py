@@ -1,5 +1,6 @@
 """Decides at each tick which sensor to grow or to retire, from past readings."""
 
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from neurosnap.agent.actions import Actions, guaranteed
 from neurosnap.agent.body import Body
 from neurosnap.agent.grower import Grower
 from neurosnap.agent.growth_in_decisions import Context
+from neurosnap.agent.map_grower import MapGrower
 from neurosnap.agent.window_grower import WindowGrower
 from neurosnap.errors import MessageError
 from neurosnap.poc.learning.archive import Arrays, entry
@@ -18,7 +20,9 @@ from neurosnap.poc.learning.history_questions import Question, Search
 from neurosnap.poc.learning.reading_history import (
     History,
     Newborn,
+    as_ring,
     conjunction,
+    following,
     latch,
     window,
 )
@@ -48,6 +52,7 @@ class Growth:
 
     def __init__(self, body: Body) -> None:
         self._grower = Grower(body) if body.context else WindowGrower(body)
+        self._maps = MapGrower(body)
         self.history = History(len(body.sensors), wire.HISTORY)
         self.was_on = np.zeros(body.room, np.int64)
         self._own = len(body.own)
@@ -57,6 +62,7 @@ class Growth:
     def fit(self, body: Body) -> None:
         """Go on with a body that has grown, or retired, a sensor."""
         self._grower.fit(body)
+        self._maps.fit(body)
         self._body = body
 
     @property
@@ -109,18 +115,34 @@ class Growth:
         due: Context | None = None
         if isinstance(self._grower, WindowGrower):
             due = yield from self._grower.find(self.history, snapshot)
-        elif action >= 0:
-            before = self.hopeless[action]
+        else:
             came = selection(observation, known)[: 2 * self._own]
-            step = action, state, foretold, came
-            past = self.history.tick, self.history.begun
-            due = yield from self._grower.notice(*step, *past)
-            if (given_up := self.hopeless[action] & ~before).any():
-                self.changes["chance"] = tuple(np.flatnonzero(given_up).tolist())
+            due = yield from self._notice(self._grower, action, state, foretold, came)
         if due is None:
             yield from self._retire(snapshot.poc_graph())
         else:
             yield from self._bear(due, snapshot)
+
+    def _notice(
+        self,
+        grower: Grower,
+        action: int,
+        state: NDArray[np.bool_],
+        foretold: NDArray[np.bool_],
+        came: NDArray[np.bool_],
+    ) -> Search[Context | None]:
+        """Find the sensor that is due by what an action led to; see `notice`."""
+        hopeless, unexplained = grower.hopeless, 0
+        if action >= 0:
+            step = action, state, foretold, came
+            past = self.history.tick, self.history.begun
+            unexplained = yield from grower.notice(*step, *past)
+            given_up = grower.hopeless[action] & ~hopeless[action]
+            if given_up.any():
+                self.changes["chance"] = tuple(np.flatnonzero(given_up).tolist())
+        coins = np.logical_and.reduce(hopeless.reshape(-1, self._own, 2), axis=(0, 2))
+        clone = yield from self._maps.find(self.history, unexplained, coins)
+        return clone or (grower.birth() if action >= 0 else None)
 
     def _bear(self, context: Context, snapshot: Snapshot) -> Search[None]:
         """Find out what a sensor would have read, and what its weights would be."""
@@ -132,7 +154,10 @@ class Growth:
             members, before = [*context.literals, context.reset], ()
         asked = dict.fromkeys(b for a in (*members, *before) for b in (a, a ^ 1))
         read = (yield Question(readings=tuple(asked))).readings
-        if context.reset >= 0:
+        if context.among:
+            rows = yield from self._maps.readings(context, history)
+            on, off = (as_ring(row, history.tick, len(history.on)) for row in rows)
+        elif context.reset >= 0:
             on, off = latch(read, members[0], members[1], history.begun, history.tick)
         elif is_window:
             span = context.since, context.until
@@ -143,7 +168,7 @@ class Growth:
         newborn = yield from snapshot.newborn(sensor, history.ticks, on, off, unread)
         history.on[:, sensor], history.off[:, sensor] = on, off
         self.was_on[len(body.grown)] = np.bitwise_count(on).sum()
-        names = "context", "literals", "since", "until", "reset"
+        names = "context", "literals", "since", "until", "reset", "ways", "among"
         self.changes |= {"born": sensor} | dict(zip(names, context, strict=True))
         self.changes |= birth_fields(newborn, snapshot)
 
@@ -162,16 +187,22 @@ class Growth:
             needed = needed or mine >> 1 in self._grower.awaited
         if place in body.retired or needed:
             return
-        if body.grown[place].reset >= 0:
-            self.changes["retires"] = body.first_grown + place
+        if body.grown[place].among:
+            newer = body.maps and mine >> 1 < body.maps[-1].first
+            if newer:
+                self.changes["retires"] = mine >> 1
             return
-        if (yield from is_needless(body, place, graph, int(self.was_on[place]))):
+        if body.grown[place].reset >= 0:
+            self.changes["retires"] = mine >> 1
+            return
+        was_on = int(self.was_on[place]), self.history.tick
+        if (yield from is_needless(body, place, graph, *was_on)):
             self.changes["retires"] = body.first_grown + place
 
     def arrays(self) -> Arrays:
         """Return its whole state as arrays, by name."""
         kept = self.history.arrays() | {"was_on": self.was_on}
-        return kept | self._grower.arrays()
+        return kept | self._grower.arrays() | self._maps.arrays()
 
     def restore(self, arrays: Arrays) -> None:
         """Restore the whole state from arrays; ValueError if they make no sense."""
@@ -180,6 +211,7 @@ class Growth:
         )
         self.was_on = entry(arrays, "was_on", self.was_on.shape, np.int64).copy()
         self._grower.restore(arrays)
+        self._maps.restore(arrays)
 
 
 def apply_change(body: Body | None, decision: Decision, snapshot: Snapshot) -> None:
@@ -219,25 +251,28 @@ def birth_fields(newborn: Newborn, snapshot: Snapshot) -> dict[str, int | bytes]
     }
 
 
-def is_needless(body: Body, place: int, graph: PocGraph, was_on: int) -> Search[bool]:
+def is_needless(
+    body: Body, place: int, graph: PocGraph, was_on: int, ticks: int
+) -> Search[bool]:
     """Tell whether a grown sensor, by its place among these, is to retire.
 
     What it guarantees of the world's own sensors, or a window of any, a part of its
     context guarantees as well. Or, but for windows, each of these was guaranteed,
-    whenever it was on, by some other sensor that was on, too: so several wide contexts
-    take the place of a narrow one that came first. If they do not where the agent has
-    not been yet, that is a surprise, and it is grown again. It costs some
-    `PocGraph.up`, and rings of the history.
+    whenever it was on, by some other sensor that was on, too, or by the last map: so a
+    map, or several wide contexts, take the place of a narrow one that came first. If
+    they do not where the agent has not been yet, that is a surprise, and it is grown
+    again. It costs some `PocGraph.up`, and rings of the history.
 
     Args:
         body: What is sensed.
         place: The sensor's.
         graph: What is believed.
         was_on: At how many ticks it was on.
+        ticks: How many there were so far.
     """
     alone = _guarantees_alone(body, place, graph)
     if alone and body.context:
-        alone = yield from _not_covered(body, place, alone, graph, was_on)
+        alone = yield from _not_covered(body, place, alone, graph, was_on, ticks)
     return not alone
 
 
@@ -261,23 +296,28 @@ def _not_covered(
     results: list[int],
     graph: PocGraph,
     counted: int,
+    ticks: int,
 ) -> Search[list[int]]:
     """Return which results of a sensor others did not always guarantee when it was on.
 
-    It was on so often as is `counted`.
+    It was on so often as is `counted`. So does a map that knew where it was before.
     """
     mine = 2 * (body.first_grown + place)
-    actions = Actions(body)
-    may_be_on = actions.signal(body.grown[place].action, actions.in_use)
+    action, actions = body.grown[place].action, Actions(body)
+    may_be_on = actions.signal(action, actions.in_use)
     others = [a for a in may_be_on if a != mine]
     by: dict[int, list[int]] = {}
+    led: dict[int, list[int]] = {}
     for result in results:
         # a -> r if and only if r* -> a*
         less, more = graph.up([result ^ 1]), graph.up([result])
         by[result] = [a for a in others if less[a ^ 1] and not more[a ^ 1]]
-    if not all(by.values()):
-        return results
-    asked = dict.fromkeys([mine, *(a for many in by.values() for a in many)])
+        led[result] = [
+            2 * clone for one in body.maps[-1:] for clone in one.leading(action, result)
+        ]
+        if not by[result] and not led[result]:
+            return results
+    asked = dict.fromkeys([mine, *chain(*by.values(), *led.values())])
     read = (yield Question(readings=tuple(asked))).readings
     was_on = read[mine]
     remembered = int(np.bitwise_count(was_on).sum())
@@ -287,8 +327,10 @@ def _not_covered(
     # the sensor would retire, be missed, and be grown again, time and again.
     if counted > remembered:
         return results
-    return [
-        result
-        for result, many in by.items()
-        if (was_on & ~np.bitwise_or.reduce([read[a] for a in many])).any()
-    ]
+    left = {result: was_on.copy() for result in results}
+    for result, uncovered in left.items():
+        for a in by[result]:
+            uncovered &= ~read[a]
+        for a in led[result]:
+            uncovered &= ~following(read[a], ticks)
+    return [result for result, uncovered in left.items() if uncovered.any()]

@@ -22,7 +22,9 @@ class Context(NamedTuple):
 
     A *window* takes no action: it is on iff all its literals were read at each of some
     of the last ticks. A *latch* takes none, either: it is on from when its literal was
-    read until its `reset` is, and not its literal.
+    read until its `reset` is, and not its literal. Nor does a *clone*, one of several
+    places that may look alike: it is on where its literals are read and one of its ways
+    led, and where all other clones of its map are off.
     """
 
     action: int
@@ -36,11 +38,15 @@ class Context(NamedTuple):
     """How many before this one it ends."""
     reset: int = -1
     """The literal that ends a latch; -1: it is none."""
+    ways: tuple[int, ...] = ()
+    """Of a clone: an action, the number of a clone it leads here from, and so on."""
+    among: tuple[int, ...] = ()
+    """Of a clone: the number of the first of its map, and how many these are."""
 
     def includes(self, other: "Context") -> bool:
         """Return whether it is on only if another one of the same action is, too."""
         wider = self.since >= other.since and self.until <= other.until
-        same = self.action == other.action and self.reset == other.reset
+        same = self.action == other.action and self[4:] == other[4:]
         return same and wider and {*self.literals} >= {*other.literals}
 
 
@@ -66,8 +72,9 @@ def changes_in(decision: Decision, body: "Body") -> Iterator[Changed]:
 
 def context_in(decision: Decision) -> Context:
     """Return the context of the sensor that a decision grows."""
-    window = decision.since, decision.until, decision.reset
-    return Context(decision.context, decision.literals, *window)
+    past = decision.since, decision.until, decision.reset
+    clone = decision.ways, decision.among
+    return Context(decision.context, decision.literals, *past, *clone)
 
 
 def body_after(body: "Body", decision: Decision) -> "Body":

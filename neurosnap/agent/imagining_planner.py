@@ -88,13 +88,13 @@ class ImaginingPlanner:
         self._curious = curious
         self._own = len(body.own)
         self._names = body.actions
-        self._sensorium = Sensorium(body.own)
         experience.aim()
         self.grow(body)
 
     def grow(self, body: Body) -> None:
         """Go on with a body that has grown, or retired, a sensor; the plan is kept."""
         self._body, self._actions = body, Actions(body)
+        self._sensorium = Sensorium(body.sensors)
         self._looked_at = body.looked_at
         self._first = 2 * (self._own + len(body.actions))  # contextual literal
         if self._greedy is not None:

@@ -121,7 +121,8 @@ class AgentMemory:
         if self._actions is not None and action >= 0 and not begins:
             signal = self._actions.signal(action, self._actions.hold(state))
             closure = snapshot.poc_graph().up(signal)
-            foretold = guaranteed([closure])[0, :own]
+            bound = guaranteed([closure])[0]
+            foretold = self.body.carried(state, bound)[:own]
             if told is not None:
                 came = selection(observation, known)[:own]
                 told.count_trial(action, state, foretold, came)

@@ -156,16 +156,22 @@ def target_literals(body: Body, target: Iterable[str | int]) -> tuple[int, ...]:
     """Return the literals of a target, ascending.
 
     Raises:
-        InvalidValueError: It is empty, names something that is no literal of the
-            world's own sensors, or holds a literal and its complement.
+        InvalidValueError: It is empty, names something that is neither a literal of the
+            world's own sensors nor a latch or a clone that was grown, or holds a
+            literal and its complement.
     """
     if isinstance(target, str):
         raise InvalidValueError("target", "must be several, not one string", target)
     sensorium = Sensorium(body.own)
     literals = set()
+    carried = {2 * k + off for k in body.carries for off in (0, 1)}
+    names = {Sensorium(body.sensors).name(literal): literal for literal in carried}
     for wanted in target:
-        literal = sensorium.literal(wanted) if isinstance(wanted, str) else wanted
-        sensorium.name(literal)
+        literal = names.get(wanted) if isinstance(wanted, str) else wanted
+        if literal is None:
+            literal = sensorium.literal(str(wanted))
+        if literal not in carried:
+            sensorium.name(literal)
         literals.add(int(literal))
     if not literals:
         raise InvalidValueError("target", "must name a sensation to achieve", "nothing")

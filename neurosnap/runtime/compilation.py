@@ -13,6 +13,7 @@ from tempfile import TemporaryDirectory
 
 import msgspec
 
+from neurosnap.agent import clone_kernels
 from neurosnap.agent.body import Body
 from neurosnap.errors import NothingBegunError
 from neurosnap.protocol.run_options import RunOptions
@@ -55,6 +56,8 @@ class CompileJob(msgspec.Struct, frozen=True):
                 like |= {"source": str(table), "body": body, "deadline": _LONG}
                 request = RunRequest(RunOptions(**like), site=Site(patience=_LONG))
                 jobs, site = jobs_of(request), request.site
+                if self.options.body.room and self.options.body.context:
+                    clone_kernels.warm()
                 with interpreted(0.0):
                     await launch(jobs, site, part.stop, starter=InlineTasks())
         part.reporter.done()
@@ -96,7 +99,8 @@ def _made_from(options: RunOptions | None) -> str:
     files.append(Path(str(compiler and compiler.origin)))
     changed = sorted((str(path), path.stat().st_mtime_ns) for path in files)
     kind = options and [
-        _grows_windows(options),
+        bool(options.body.room),
+        bool(options.body.context),
         *(getattr(options, name) for name in _ALIKE),
     ]
     return sha256(repr([kind, os.uname(), changed]).encode()).hexdigest()[:16]

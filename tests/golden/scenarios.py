@@ -16,6 +16,7 @@ from neurosnap.sources.open import open_source
 from neurosnap.sources.protocol import Observed, Source
 from tests.golden.drive import Driven, Lost, drive, record
 from tests.support.aliased_worlds import NAME as TMAZE
+from tests.support.aliased_worlds import RING
 from tests.support.lamp import LIMITED, lamp_options
 from tests.support.run_options import options_for
 from tests.support.scripted_sources import Scripted
@@ -190,6 +191,18 @@ def _latching(**more: Any) -> RunOptions:
     )
 
 
+def _mapping(**more: Any) -> RunOptions:
+    """A run that grows the clones of a map."""
+    given = {"agent": "planner", "grow": 30, "imagine": 30, "ticks": 345, **more}
+    return options_for(
+        *(RING, 1, {"places": 6}),
+        explore="planned",
+        target=(),
+        threshold=EXACT,
+        **given,
+    )
+
+
 SCENARIOS = (
     _world("cells", _path(), stored=True),
     _world("cells-any-order", _path(), like="cells", order=3),
@@ -283,6 +296,14 @@ SCENARIOS = (
         _latching(cells="worker", workers=2),
         like="latching",
         order=9,
+        loses=997,
+    ),
+    _world("mapping", _mapping(cells="inline")),
+    _world(
+        "mapping-lossy",
+        _mapping(cells="worker", workers=2),
+        like="mapping",
+        order=10,
         loses=997,
     ),
     _world(

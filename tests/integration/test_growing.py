@@ -14,7 +14,7 @@ from neurosnap.agent.agent import Agent
 from neurosnap.agent.plan import ContingentPlan
 from neurosnap.sensorium import Sensorium, complete
 from neurosnap.wire import Decision
-from tests.support.aliased_worlds import ring, t_maze
+from tests.support.aliased_worlds import ring, room, t_maze
 from tests.support.exhaustive import rows
 from tools.paper.explorers import Explorer, journey
 from tools.paper.worlds_as_tables import Setting, Stage, StageEnv, stage_of
@@ -249,6 +249,50 @@ def test_where_one_step_back_is_not_enough_contexts_nest(seed: int) -> None:
         if start != goal:
             steps = sent(deepcopy(agent), around, f"beacon_{goal}", start, seed)
             assert steps <= 7  # at worst it first learns where it is
+
+
+@pytest.mark.parametrize(
+    ("size", "steps", "seed"),
+    rows([((4, 5), 4000, 0)], [((6, 8), 12_000, 0), ((6, 8), 12_000, 1)]),
+)
+def test_in_a_room_of_four_colours_places_that_look_alike_are_told_apart(
+    size: tuple[int, int], steps: int, seed: int
+) -> None:
+    stage = room(*size, seed)
+    env = StageEnv(stage)
+    agent = Agent.of(env, "walker", grow=True, seed=seed)
+    agent.run(env, steps, seed=seed)
+    [found] = agent.body.maps
+    assert len(found.numbers) == len(stage.over)
+    # A walk that was not learned from: what is to be read is known before each step.
+    own, right = 2 * len(agent.body.own), 0
+    clones: dict[int, set[int]] = {}
+    places, random = [0], np.random.default_rng(seed)
+    env.reset(seed=seed + 1)
+    agent.set_down()
+    agent.act(env.reading())
+    for _ in range(1000):
+        action = int(random.integers(4))
+        bound = agent.body.carried(agent.state, agent.consequences(action))[:own]
+        agent.take(action)
+        bits, *_ = env.step(action)
+        right += bool((bound == complete(np.asarray(bits, np.bool_))).all())
+        agent.act(bits)
+        on = [k for k in found.numbers if agent.state[2 * k]]
+        clones.setdefault(env.place, set()).update(on)
+        places.append(env.place)
+    assert right >= 970
+    assert all(len(some) == 1 for some in clones.values())
+    # From wherever it is, to a place by its clone: by a shortest way.
+    for goal in random.permutation(list(clones))[:20].tolist():
+        [clone] = clones[goal]
+        away = stage.distances(np.arange(len(stage.over)) == goal)
+        agent.aim([2 * clone])
+        agent.act(env.step(agent.decision.action)[0])  # as it decided before
+        while env.place != goal:
+            before = away[env.place]
+            agent.act(env.step(agent.decision.action)[0])
+            assert away[env.place] == before - 1
 
 
 # Exploring by plan --------------------------------------------------------------------

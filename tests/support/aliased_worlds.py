@@ -8,6 +8,8 @@ import numpy as np
 from tools.paper.worlds_as_tables import Stage, StageEnv
 
 NAME = "tests.support.aliased_worlds:TMaze-v0"
+RING = "tests.support.aliased_worlds:Ring-v0"
+ROOM = "tests.support.aliased_worlds:Room-v0"
 
 
 def t_maze(delay: int = 0) -> Stage:
@@ -55,6 +57,30 @@ def ring(places: int, beacons: Sequence[int]) -> Stage:
     return _table(sensors, ("left", "right"), table, starts=places)
 
 
+def room(rows: int, columns: int, seed: int) -> Stage:
+    """Return a room of which only a colour is seen, of four: each place has any."""
+    colours = np.random.default_rng(seed).integers(0, 4, (rows, columns)).tolist()
+
+    def name(row: int, column: int) -> str | None:
+        inside = 0 <= row < rows and 0 <= column < columns
+        return f"{row}, {column}" if inside else None
+
+    table = {
+        f"{row}, {column}": (
+            (f"colour_{colours[row][column]}",),
+            tuple(
+                name(row + down, column + right)
+                for down, right in ((0, -1), (0, 1), (-1, 0), (1, 0))
+            ),
+        )
+        for row in range(rows)
+        for column in range(columns)
+    }
+    sensors = tuple(f"colour_{number}" for number in range(4))
+    actions = "left", "right", "up", "down"
+    return _table(sensors, actions, table, starts=len(table))
+
+
 def _table(
     sensors: tuple[str, ...],
     actions: tuple[str, ...],
@@ -98,4 +124,19 @@ class TMaze(StageEnv):
         super().__init__(t_maze(delay))
 
 
-gymnasium.register("TMaze-v0", f"{__name__}:TMaze")
+class Ring(StageEnv):
+    """A ring with two beacons as an environment."""
+
+    def __init__(self, places: int) -> None:
+        super().__init__(ring(places, (0, places // 2)))
+
+
+class Room(StageEnv):
+    """A room of colours as an environment."""
+
+    def __init__(self, rows: int, columns: int, colours: int) -> None:
+        super().__init__(room(rows, columns, colours))
+
+
+for _made in TMaze, Ring, Room:
+    gymnasium.register(f"{_made.__name__}-v0", f"{__name__}:{_made.__name__}")

@@ -10,6 +10,7 @@ import warnings
 
 import numpy as np
 
+from neurosnap.agent import clone_kernels
 from neurosnap.health.level_evidence import Levels
 from neurosnap.health.level_monitor import FIRST, LevelMonitor
 from neurosnap.poc.learning.discounted import DiscountedSnapshot
@@ -38,6 +39,7 @@ for _threshold in _thresholds:
         _order.relate(*_ends, _found.codes)
 DiscountedSnapshot(6, 0.1, 0.9, range(4, 6)).learn(np.ones(6))
 worker_kernels.warm()
+clone_kernels.warm()
 _levels = np.ones((FIRST + 2, 2))
 LevelMonitor(range(2)).follow(Levels(_levels, _levels), 0)
 # As a chunk is given to it: of bytes that cannot be written to.

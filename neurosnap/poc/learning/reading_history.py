@@ -265,6 +265,16 @@ def in_order(rings: Sequence[Words], ticks: int) -> NDArray[np.bool_]:
     return bits[:, np.arange(max(0, ticks - length), ticks) % length]
 
 
+def as_ring(bits: NDArray[np.bool_], ticks: int, words: int) -> Words:
+    """Return a ring, ``(W,)``, whose bits from the oldest tick to the newest are given.
+
+    After so many ticks in all; the inverse of `in_order`.
+    """
+    ring = np.zeros(64 * words, np.bool_)
+    ring[np.arange(ticks - len(bits), ticks) % len(ring)] = bits
+    return np.packbits(ring, bitorder="little").view("<u8").astype(np.uint64)
+
+
 def latch(
     read: Mapping[int, Words], literal: int, reset: int, begun: Words, ticks: int
 ) -> tuple[Words, Words]:
@@ -284,17 +294,15 @@ def latch(
         ``(W,)`` each.
     """
     rings = begun, *(read[a] for a in (literal, literal ^ 1, reset, reset ^ 1))
-    rows = in_order(rings, ticks).T.tolist()
-    length = 64 * len(begun)
-    found = np.zeros((2, length), np.uint8)
+    found = np.zeros((2, min(ticks, 64 * len(begun))), np.bool_)
     on = off = False
-    for tick, (begins, yes, no, ends, stays) in enumerate(rows, ticks - len(rows)):
+    rows = in_order(rings, ticks).T.tolist()
+    for place, (begins, yes, no, ends, stays) in enumerate(rows):
         if begins:
             on = off = False
         on, off = yes or (on and stays), no and (ends or off)
-        found[:, tick % length] = on, off
-    packed = np.packbits(found, axis=1, bitorder="little").view("<u8")
-    return packed[0].astype(np.uint64), packed[1].astype(np.uint64)
+        found[:, place] = on, off
+    return as_ring(found[0], ticks, len(begun)), as_ring(found[1], ticks, len(begun))
 
 
 def _without_oldest(ring: Words, ticks: int) -> Words:

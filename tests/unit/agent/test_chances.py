@@ -17,6 +17,7 @@ from neurosnap.agent.chances import (
     telling,
     told_before,
 )
+from neurosnap.agent.clones import walk_in
 from neurosnap.agent.plan import ContingentPlan
 from neurosnap.poc.learning.history_questions import answered
 from neurosnap.poc.learning.reading_history import History
@@ -71,7 +72,7 @@ def test_moves_are_what_was_read_before_and_after_one_action() -> None:
         if move[1] >= 0 and all(known)
     ]
     read = {a: history.ticks_of(a) for a in range(2 * NAMES)}
-    found = moves_in(read, np.arange(3), [6, 8], history)
+    found = moves_in(walk_in(read, range(3), [6, 8], history.tick))
     assert len(wanted) > 10
     rows = zip(
         found.before.astype(int).tolist(),

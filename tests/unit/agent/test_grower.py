@@ -50,7 +50,8 @@ class Watched:
         came = complete(observation[: len(NAMES)])
         past = self.history.tick, self.history.begun
         search = self.grower.notice(action, state, foretold, came, *past)
-        found = answered(search, self.history.answer)
+        answered(search, self.history.answer)
+        found = self.grower.birth()
         if found is not None:
             self.births.append(found)
             self.body = self.body.grow(found)

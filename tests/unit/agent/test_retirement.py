@@ -144,7 +144,9 @@ def test_a_window_is_needless_if_a_part_of_it_will_do(
     edges = [(literal[a], literal[b]) for a, b in (*always, *believed)]
     graph = PocGraph.from_implications(len(body.sensors), edges)
     answer = History(len(body.sensors), 64).answer
-    found = [answered(is_needless(body, place, graph, 0), answer) for place in (0, 1)]
+    found = [
+        answered(is_needless(body, place, graph, 0, 0), answer) for place in (0, 1)
+    ]
     assert tuple(found) == needless
 
 
@@ -156,6 +158,6 @@ def test_one_that_retired_makes_no_other_needless() -> None:
         len(body.sensors), [(first, hit), (first + 2, hit)]
     )
     for one, needless in ((body, True), (body.retire(0), False)):
-        search = is_needless(one, 1, graph, 0)
+        search = is_needless(one, 1, graph, 0, 64)
         answer = History(len(body.sensors), 64).answer
         assert answered(search, answer) == needless
