@@ -382,6 +382,35 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         ended = f" to {until}" * (until < since)
         return f"{name} {since}{ended} tick{'s' * (since > 1)} ago"
 
+    def believed(self, sensor: int) -> str:
+        """Return what a grown sensor is believed from that nothing reads.
+
+        Empty: it is read, from what was done and read in the last ticks.
+
+        Examples:
+            >>> body = Body.full(["red", "dark"], ["go"], room=2)
+            >>> first = body.first_grown
+            >>> body = body.grow(Context(-1, (0,), reset=2))
+            >>> body.believed(first)
+            'on once red is, until dark is'
+            >>> clone = Context(-1, (0, 3), ways=(0, first + 1), among=(first + 1, 1))
+            >>> body.grow(clone).believed(first + 1)
+            'one place of 1, with red&~dark; go leads here from @1'
+        """
+        context = self.grown[sensor - self.first_grown]
+        if context.reset >= 0:
+            on, off = map(self._sensation, (*context.literals, context.reset))
+            return f"on once {on} is, until {off} is"
+        if not context.among:
+            return ""
+        first, size = context.among
+        look = "&".join(map(self._sensation, context.literals))
+        ways = zip(context.ways[::2], context.ways[1::2], strict=True)
+        led = [
+            f"{self.actions[way]} leads here from @{k - first + 1}" for way, k in ways
+        ]
+        return "; ".join((f"one place of {size}, with {look}", *led))
+
     def _sensation(self, literal: int) -> str:
         """Return the name of a literal of any sensor."""
         sensor = literal >> 1
@@ -478,7 +507,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         own = len(self.own)
         taken = np.flatnonzero(state[2 * own : 2 * (own + len(self.actions)) : 2])
         for one in self.maps:
-            one.carry(before, state, taken.item() if len(taken) == 1 else -1)
+            one.carry(before, state, taken[0].item() if len(taken) else -1)
         return state
 
     @property

@@ -130,10 +130,13 @@ def _make(name: str, arguments: Mapping[str, Argument]) -> gymnasium.Env[Any, An
         except gymnasium.error.Error as error:
             raise _unknown(name, identifier) from error
         except TypeError as error:
-            # The only way Gymnasium names an argument that an environment lacks.
-            if not arguments or "argument" not in str(error):
+            # The only way Gymnasium names an argument that one lacks, or needs.
+            if "argument" not in str(error) or not (
+                arguments or "missing" in str(error)
+            ):
                 raise
-            rule = f"must be ones that {name} takes"
+            told, *_ = str(error).split(" was raised")
+            rule = f"must be ones that {name} takes, and all that it needs: {told}"
             raise InvalidValueError("arguments", rule, dict(arguments)) from error
 
 

@@ -12,6 +12,7 @@ from playwright.async_api import expect
 from neurosnap.apps.viewer.run_view import RunView
 from neurosnap.depth.measure import from_recording
 from neurosnap.recording.read.recording import Recording
+from tests.support.aliased_worlds import RING
 from tests.support.browser_pages import (
     IN_BROWSER,
     go_to,
@@ -307,6 +308,28 @@ async def test_one_goes_to_a_birth_by_the_keyboard(lamp_log: Path) -> None:
     await row.locator("th button").focus()
     await page.keyboard.press("Enter")
     await expect(page.locator("#choice-title")).to_have_text(GROWN)
+
+
+@pytest.fixture(scope="module")
+def ring_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    given: dict[str, Any] = {"grow": 30, "imagine": 30, "explore": "planned"}
+    options = options_for(
+        *(RING, 1, {"places": 6}), agent="planner", ticks=330, target=(), **given
+    )
+    return recorded(options, tmp_path_factory.mktemp("ring") / "run.mcap")
+
+
+@pytest.mark.slow
+async def test_what_is_never_read_is_said_to_be_believed_and_why(
+    ring_log: Path,
+) -> None:
+    page = await page_at(ring_log, 330)
+    await page.click("#tab-grown")
+    ways = "one place of 6, with ~beacon_0&~beacon_3; left leads here from @"
+    await expect(page.locator("#grown-list")).to_contain_text(ways)
+    await page.locator("#grown-list th button", has_text="@").last.click()
+    believed = re.compile(r"never read, believed (on|off): one place of 6, with ")
+    await expect(page.locator("#choice-body")).to_contain_text(believed)
 
 
 @pytest.mark.slow

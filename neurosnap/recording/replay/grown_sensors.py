@@ -29,6 +29,8 @@ class RecordedBirth(msgspec.Struct, frozen=True, kw_only=True):
     retired: int | None = None
     """The tick whose decision retired it, or of the first key-frame in which it has;
     None if it is read still."""
+    believed: str = ""
+    """What it is believed from, if nothing reads it; empty: it is read."""
 
 
 class Births:
@@ -121,6 +123,7 @@ class Births:
                 tick=tick,
                 sensor=sensor,
                 name=names[sensor],
+                believed=body.believed(sensor),
                 history=history,
                 exact=exact,
             )

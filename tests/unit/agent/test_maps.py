@@ -11,12 +11,14 @@ from hypothesis import strategies as st
 from neurosnap.agent.agent_observation import Senses
 from neurosnap.agent.body import Body
 from neurosnap.agent.clones import Walk
+from neurosnap.agent.growth import Growth
 from neurosnap.agent.growth_in_decisions import Context
 from neurosnap.agent.map_grower import MapGrower
 from neurosnap.agent.planner import target_literals
 from neurosnap.errors import InvalidValueError
-from neurosnap.poc.learning.history_questions import answered
+from neurosnap.poc.learning.history_questions import Answer, Question, answered
 from neurosnap.poc.learning.reading_history import History
+from neurosnap.poc.order.graph import PocGraph
 from neurosnap.sensorium import selection
 
 PLAIN = Body.full(["red", "dark"], ["go", "stay"], room=6)
@@ -138,28 +140,85 @@ def test_what_is_no_clone_is_refused(
 class Walker:
     """A walk on a ring of five places, one of them lit, that grows what is due."""
 
-    def __init__(self, room: int = 8) -> None:
-        self.body = Body.full(["lit"], ["left", "right"], room=room)
+    def __init__(self, room: int = 8, coins: tuple[bool, bool] = (False, True)) -> None:
+        self.body = Body.full(["lit", "coin"], ["left", "right"], room=room)
         self.history = History(len(self.body.sensors), 1024)
         self.grower = MapGrower(self.body)
         self.random = np.random.default_rng(1)
+        self.coins = np.array(coins)
         self.place, self.births = 0, dict[int, Context]()
+        self.asked = set[int]()  # the ticks at which past readings were asked for
 
-    def go(self, ticks: int, unexplained: int = 1, lit: tuple[int, ...] = (0,)) -> None:
+    def answer(self, question: Question) -> Answer:
+        self.asked.add(self.history.tick)
+        return self.history.answer(question)
+
+    def go(
+        self,
+        ticks: int,
+        unexplained: int = 1,
+        lit: tuple[int, ...] = (0,),
+        avoided: tuple[int, int] = (-1, -1),
+        chance: bool = False,
+    ) -> None:
         for _ in range(ticks):
             action = int(self.random.integers(2))
+            if (self.place, action) == avoided:
+                action = 1 - action
             self.place = (self.place + 2 * action - 1) % 5
             bits = np.zeros(len(self.body.sensors), np.bool_)
-            bits[[0, 1 + action]] = self.place in lit, True
+            coin = self.random.random() < 0.5
+            bits[[0, 2 + action]] = coin if chance else self.place in lit, True
+            bits[1] = self.random.random() < 0.5
             self.history.record(bits)
-            due = self.grower.find(self.history, unexplained, np.zeros(1, np.bool_))
-            if (found := answered(due, self.history.answer)) is not None:
+            due = self.grower.find(self.history, unexplained, self.coins)
+            if (found := answered(due, self.answer)) is not None:
                 rings = self.grower.readings(found, self.history)
                 on, off = answered(rings, self.history.answer)
                 assert not (on & off).any()
                 self.births[self.history.tick] = found
                 self.body = self.body.grow(found)
                 self.grower.fit(self.body)
+
+
+@pytest.mark.parametrize("coins", [(False, True), (True, True)])
+def test_what_chance_decides_makes_no_look_and_what_tells_does(
+    coins: tuple[bool, bool],
+) -> None:
+    walk = Walker(coins=coins)
+    walk.go(700)
+    assert {each.literals for each in walk.births.values()} == {(0,), (1,)}
+
+
+def test_where_a_way_was_never_tried_it_is_waited_for() -> None:
+    walk = Walker()
+    walk.go(500, avoided=(2, 0))
+    assert not walk.births
+    walk.go(600)
+    assert len(walk.body.maps) == 1
+
+
+def test_a_search_that_chance_defeats_ends_at_once() -> None:
+    walk = Walker()
+    walk.go(600, chance=True)
+    assert walk.asked == {256, 512}
+
+
+def test_the_clones_of_a_map_retire_once_another_takes_its_place() -> None:
+    def again(context: Context) -> Context:
+        ways = [k + 3 * (place % 2) for place, k in enumerate(context.ways)]
+        return context._replace(ways=tuple(ways), among=(FIRST + 3, 3))
+
+    body, graph = BODY, PocGraph(np.eye(2 * len(BODY.sensors), dtype=np.bool_))
+    for context in CLONES:
+        body = body.grow(again(context))
+    for known, retiring in ((BODY, set[int]()), (body, {FIRST, FIRST + 1, FIRST + 2})):
+        growth, retired = Growth(known), set[int]()
+        for turn in range(len(known.grown)):
+            growth.history.tick, growth.changes = 8 * turn, {}
+            answered(growth._retire(graph), growth.history.answer)
+            retired.update(growth.changes.values())
+        assert retired == retiring
 
 
 def test_a_map_is_looked_for_where_surprises_remain_and_tried_before_it_is_grown() -> (
@@ -212,7 +271,7 @@ def test_a_map_that_still_goes_with_all_is_not_looked_for_again() -> None:
         b'{"looks": [[true]], "sensors": [0], "leads": [[0]]}',
         b'{"looks": [[true]], "sensors": [0], "leads": [[0], [1]]}',
         b'{"looks": [[true]], "sensors": [0], "leads": [[0], []]}',
-        b'{"looks": [[true]], "sensors": [1], "leads": [[0], [0]]}',
+        b'{"looks": [[true]], "sensors": [2], "leads": [[0], [0]]}',
     ],
 )
 def test_a_restored_one_must_make_sense(text: bytes) -> None:

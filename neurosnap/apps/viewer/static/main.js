@@ -248,7 +248,7 @@ class Page {
 
   /** Why each sensor is believed at the tick that is shown. */
   reasons() {
-    return new Reasons(this.names, this.frame, this.order.graphOf(this.frame));
+    return new Reasons(this.names, this.frame, this.order.graphOf(this.frame), this.growth);
   }
 
   changeWave() {

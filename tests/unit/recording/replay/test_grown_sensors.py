@@ -55,8 +55,8 @@ def test_each_birth_is_listed_with_its_tick_and_history() -> None:
     ):
         births.follow(message)
     assert shown(births) == [
-        (4, FIRST, "push&door&dark", 4, True, 8),
-        (6, FIRST + 1, "push&~door&~dark", 6, True, None),
+        (4, FIRST, "push&door&dark", 4, True, 8, ""),
+        (6, FIRST + 1, "push&~door&~dark", 6, True, None, ""),
     ]
     assert births.names[FIRST:] == ("push&door&dark", "push&~door&~dark")
     assert births.room == 1
@@ -70,7 +70,7 @@ def test_the_last_tick_of_a_run_is_known_from_its_key_frame() -> None:
     births = Births(BODY)
     births.follow(wire.Decision(1, 0, ""))
     births.follow(frame(2, BODY.grow(Context(0, ONE))))
-    assert shown(births) == [(2, FIRST, "push&door&dark", None, True, None)]
+    assert shown(births) == [(2, FIRST, "push&door&dark", None, True, None, "")]
 
 
 def test_behind_a_gap_it_goes_on_from_the_next_key_frame() -> None:
@@ -83,9 +83,9 @@ def test_behind_a_gap_it_goes_on_from_the_next_key_frame() -> None:
     births.follow(wire.Decision(12, 0, "said again"))
     births.follow(birth(14, (0, 3), FIRST + 2))
     assert shown(births) == [
-        (12, FIRST, "push&door&dark", None, False, 12),
-        (12, FIRST + 1, "push&~door&~dark", None, False, None),
-        (14, FIRST + 2, "push&door&~dark", 14, True, None),
+        (12, FIRST, "push&door&dark", None, False, 12, ""),
+        (12, FIRST + 1, "push&~door&~dark", None, False, None, ""),
+        (14, FIRST + 2, "push&door&~dark", 14, True, None, ""),
     ]
 
 

@@ -5,13 +5,7 @@ import { counted, find, link, make, table } from "../base/dom.js";
 
 /** The births of a run, and the panel that lists them. */
 export class GrowthView {
-  /**
-   * @param {{sensors: string[], room: number}} run
-   * @param {object} on
-   * @param {(tick: number) => void} on.seek
-   * @param {(sensor: number) => void} on.pick
-   * @param {() => void} on.change told when more is known
-   */
+  /** `on`: what `seek` a tick, `pick` a sensor, and what to tell of a `change` of what is known. */
   constructor({ sensors, room }, on) {
     this._on = on;
     this._first = sensors.length - room; // the first sensor that may be grown
@@ -33,6 +27,9 @@ export class GrowthView {
   isGrown(sensor) {
     return this._births.has(sensor);
   }
+
+  /** What a sensor is believed from that nothing reads; empty: it is read. */
+  believed = (sensor) => this._births.get(sensor)?.believed;
 
   /** Whether a sensor is one, as far as is known, and no room for one. */
   isSensor(sensor) {
@@ -66,17 +63,18 @@ export class GrowthView {
     const so = done ? "" : ` Read up to tick ${readTo} so far.`;
     const grown = births.length ? counted(births.length, "sensor") : "No sensor";
     const note = `${grown} grown, room for ${room} more.${so}`;
-    const titles = ["Sensor", "Tick", "Learned from", "Retired"];
+    const titles = ["Sensor", "Tick", "Learned from", "Retired", "Never read, but believed"];
     const all = table("The sensors that were grown", titles, births.map((birth) => this._row(birth)), { id: "grown-list" });
     find("grown").replaceChildren(make("p", { className: "quiet" }, note), all);
   }
 
-  _row({ tick, exact, sensor, name, history, retired }) {
+  _row({ tick, exact, sensor, name, history, retired, believed }) {
     return [
       link(name, () => this._on.pick(sensor), ""),
       link(`${exact ? "" : "by "}tick ${tick}`, () => this._on.seek(tick), ""),
       history === null ? "not known" : counted(history, "tick"),
       retired === null ? "–" : `tick ${retired}`,
+      believed || "–",
     ];
   }
 }

@@ -41,8 +41,10 @@ export class Reasons {
    * @param {string[]} names
    * @param {object} frame
    * @param {object|null} graph the order of this frame; null: it is not here
+   * @param {object} growth says what is believed though nothing reads it
    */
-  constructor(names, frame, graph) {
+  constructor(names, frame, graph, growth) {
+    this._growth = growth;
     this._names = names;
     this._frame = frame;
     this._found = beliefs(frame);
@@ -60,6 +62,8 @@ export class Reasons {
 
   _belief(sensor) {
     const { condition, reads, predicted } = this._found[sensor];
+    const carried = this._growth.believed(sensor);
+    if (carried) return `never read, believed ${condition}: ${carried}`;
     const read = reads === null ? "not read" : `reads ${readWord(this._frame, sensor)}`;
     if (condition === "contradicted") return [read, ...this._against(sensor, reads)].join("; ");
     if (predicted) {

@@ -11,10 +11,7 @@ const NAMED = 8; // members of a class that are listed
 
 /** The panel of what is selected. */
 export class ChoiceView {
-  /**
-   * @param {string[]} names
-   * @param {{pick: (thing: object|null) => void}} on
-   */
+  /** @param {string[]} names @param {{pick: (thing: object|null) => void}} on */
   constructor(names, on) {
     this._names = names;
     this._on = on;
