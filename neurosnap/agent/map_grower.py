@@ -126,10 +126,8 @@ class MapGrower:
             return
         sought.attempts -= 1
         sensors = np.flatnonzero(self._body.position[: 2 * len(coins) : 2])
-        walk, actions = (
-            (yield from self._walk(history, sensors.tolist())),
-            len(self._body.actions),
-        )
+        walk = yield from self._walk(history, sensors.tolist())
+        actions = len(self._body.actions)
         kept = ~coins[sensors] | telling(moves_in(walk), actions)
         walk = Walk(walk.on[:, kept], walk.off[:, kept], walk.actions)
         found, left_open = find_map(walk, actions, sought.attempts)
@@ -186,6 +184,7 @@ class MapGrower:
             or not all(-1 <= after < clones for after in leads)
             or not all(0 <= k < len(self._body.own) for k in sought.sensors)
             or len(sought.leads) != (len(self._body.actions) if clones else 0)
+            or not -1 <= sought.first <= (self._body.size if clones else -1)
         ):
             raise ValueError(f"map: must be of what there is, got {sought}")
         self._sought = sought

@@ -272,6 +272,8 @@ def test_a_map_that_still_goes_with_all_is_not_looked_for_again() -> None:
         b'{"looks": [[true]], "sensors": [0], "leads": [[0], [1]]}',
         b'{"looks": [[true]], "sensors": [0], "leads": [[0], []]}',
         b'{"looks": [[true]], "sensors": [2], "leads": [[0], [0]]}',
+        b'{"looks": [[true]], "sensors": [0], "leads": [[0], [0]], "first": 99}',
+        b'{"first": 3}',
     ],
 )
 def test_a_restored_one_must_make_sense(text: bytes) -> None:
