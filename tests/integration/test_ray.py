@@ -145,7 +145,8 @@ def on(nodes: Nodes) -> Placement:
 async def ran(
     options: RunOptions, log: Path, nodes: Nodes, watcher: Watcher = SILENT
 ) -> Outcome:
-    """Run on a cluster."""
+    """Run on a cluster; where parts come up slowly, no one is late."""
+    options = msgspec.structs.replace(options, deadline=PATIENCE)
     site = Site(placement=on(nodes), patience=PATIENCE)
     request = RunRequest(options, log, site=site)
     return await run(request, asyncio.Event(), watcher)
