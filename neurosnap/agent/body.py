@@ -31,13 +31,12 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from neurosnap.agent.check_grown import check_grown
 from neurosnap.agent.clones import Map, MapOfSensors
 from neurosnap.agent.growth_in_decisions import Context
 from neurosnap.errors import InvalidValueError
 from neurosnap.sensorium import Sensorium
 
-OLDEST = 63
-"""How many ticks back a window may begin."""
 _SHOWN = 2  # sensors that the name of a clone has
 
 
@@ -87,7 +86,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             if not 0 <= literal < 2 * len(self.own):
                 rule = f"must be of a literal of {len(self.own)} sensors"
                 raise InvalidValueError("context", rule, (action, literal))
-        self._check_grown()
+        check_grown(self)
         places = range(len(self.grown))
         looked_back_at = {
             a >> 1
@@ -108,105 +107,6 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
                 "actions", "must have different names", self.actions
             )
         Sensorium(self.sensors)
-
-    def _check_grown(self) -> None:
-        if len(self.grown) > self.room:
-            rule = f"must be at most {self.room}, for which there is room"
-            raise InvalidValueError("grown", rule, len(self.grown))
-        single = set(self.context)
-        latches = {
-            self.first_grown + place
-            for place, each in enumerate(self.grown)
-            if each.reset >= 0
-        }
-        for place, context in enumerate(self.grown):
-            action, literals, since, until, reset, ways, among = context
-            if not self.context:
-                self._check_window(context)
-                continue
-            if ways or among:
-                self._check_clone(context, place)
-                continue
-            if reset >= 0:
-                self._check_latch(context, self.first_grown + place)
-                continue
-            ascends = all(a >> 1 < b >> 1 for a, b in pairwise(literals))
-            now, before = self.split(literals)
-            if len(now) + 2 * len(before) < 2 or not ascends:
-                rule = "must be of literals of two or more sensors, ascending"
-                raise InvalidValueError("grown", rule, (action, literals))
-            if not single.issuperset((action, literal) for literal in now):
-                rule = "must be of literals that are sensed in the action's context"
-                raise InvalidValueError("grown", rule, (action, literals))
-            off = any(a & 1 and a >> 1 not in latches for a in before)
-            if off or any(a >= 2 * (self.first_grown + place) for a in before):
-                rule = "must say of the step before what was on, of earlier sensors"
-                raise InvalidValueError("grown", rule, (action, literals))
-            if not 0 <= action < len(self.actions) or since or until:
-                rule = f"must be of one of {len(self.actions)} actions, and no window"
-                raise InvalidValueError("grown", rule, context)
-
-    def _check_latch(self, latch: Context, number: int) -> None:
-        action, literals, since, until, reset, *_ = latch
-        earlier = all(0 <= a < 2 * number for a in (*literals, reset))
-        two = len(literals) == 1 and literals[0] != reset
-        if action >= 0 or since or until or not (earlier and two):
-            rule = (
-                "must be a latch of two literals of earlier sensors, without an action"
-            )
-            raise InvalidValueError("grown", rule, latch)
-
-    def _check_clone(self, clone: Context, place: int) -> None:
-        action, literals, *others, ways, among = clone
-        first, size = among if len(among) == 2 else (-1, 0)
-        number, several = self.first_grown + place, range(first, first + size)
-        earlier = self.grown[first - self.first_grown : place]
-        if (
-            number not in several
-            or first < self.first_grown
-            or several.stop > self.count
-            or any(each.among != among for each in earlier)
-        ):
-            rule = "must be the next of its map, for all of which there is room"
-            raise InvalidValueError("grown", rule, clone)
-        own = all(0 <= a < 2 * len(self.own) for a in literals)
-        ascends = all(a >> 1 < b >> 1 for a, b in pairwise(literals))
-        alike = {(*(a >> 1 for a in each.literals),) for each in (*earlier, clone)}
-        if not (own and ascends and literals and len(alike) == 1):
-            rule = "must be of own literals, ascending, of the same sensors as its map"
-            raise InvalidValueError("grown", rule, clone)
-        led = [
-            (way, sensor)
-            for each in (*earlier, clone)
-            for way, sensor in zip(each.ways[::2], each.ways[1::2], strict=False)
-        ]
-        if (
-            len(ways) % 2
-            or any(not 0 <= way < len(self.actions) for way, _ in led)
-            or any(sensor not in several for _, sensor in led)
-            or len(set(led)) < len(led)
-        ):
-            rule = (
-                "must be led to by actions from its map, by each from each to but one"
-            )
-            raise InvalidValueError("grown", rule, clone)
-        if action >= 0 or others != [0, 0, -1]:
-            rule = "must be a clone without an action, a window or a reset"
-            raise InvalidValueError("grown", rule, clone)
-
-    def _check_window(self, window: Context) -> None:
-        action, literals, since, until, *others = window
-        ascends = all(a >> 1 < b >> 1 for a, b in pairwise(literals))
-        own = all(0 <= a < 2 * len(self.own) for a in literals)
-        plain = action < 0 and others == [-1, (), ()]
-        if not (ascends and own and len(literals) + since > 1 and plain):
-            rule = (
-                "must be of own literals, ascending, of no action, several or of past"
-            )
-            raise InvalidValueError("grown", rule, window)
-        if not 0 <= until <= since <= OLDEST:
-            rule = f"must begin up to {OLDEST} ticks ago, and not end before it begins"
-            raise InvalidValueError("grown", rule, window)
 
     @classmethod
     def full(
@@ -358,8 +258,8 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         felt = self.actions if self.senses_actions else ()
         single = (self._name(Context(action, (a,))) for action, a in self.context)
         names = [*self.own, *felt, *single]
-        for number, context in enumerate(self.grown, self.first_grown):
-            name = self._before(number) if context.among else self._name(context)
+        for number in range(self.first_grown, self.size):
+            name = self._before(number)
             ways = (f"{name}#{k}" if k > 1 else name for k in count(1))
             names.append(next(way for way in ways if way not in names))
         free = (f"grown {place + 1}" for place in range(len(self.grown), self.room))
@@ -478,7 +378,7 @@ class Body(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             leads[ways[:, 0], ways[:, 1] - first] = number
         return MapOfSensors(first, looks[0] >> 1, Map(looks & 1 == 0, leads))
 
-    @property
+    @functools.cached_property
     def carries(self) -> tuple[int, ...]:
         """The carried sensors that are read, ascending."""
         clones = (k for one in self.maps for k in one.numbers)

@@ -222,6 +222,7 @@ def _expected(kinds: Numbers, groups: Numbers, attempt: int) -> tuple[Floats, fl
         share_out(counts, groups, leads)
         likelihood = expect(kinds, leads, ahead, counts, _LEAST)
         told.append(likelihood / math.log(2) / len(kinds))
+        # Where chance decides it would go on and on, and come to nothing.
         slow = len(told) > _ROUNDS // 3 and told[-1] < -2 * OPEN
         if slow or (len(told) > 5 and told[-1] - told[-6] < _NEAR):
             break

@@ -28,6 +28,7 @@ from neurosnap.poc.learning.reading_history import (
 )
 from neurosnap.poc.learning.snapshot import Snapshot
 from neurosnap.poc.order.graph import PocGraph
+from neurosnap.poc.order.literal_sets import Words
 from neurosnap.sensorium import selection
 from neurosnap.wire import Decision
 
@@ -148,22 +149,7 @@ class Growth:
         """Find out what a sensor would have read, and what its weights would be."""
         body, history = self._body, self.history
         sensor = body.first_grown + len(body.grown)
-        is_window, (_, before) = context.action < 0, body.split(context.literals)
-        members = list(context.literals) if is_window else body.members(context)
-        if context.reset >= 0:
-            members, before = [*context.literals, context.reset], ()
-        asked = dict.fromkeys(b for a in (*members, *before) for b in (a, a ^ 1))
-        read = (yield Question(readings=tuple(asked))).readings
-        if context.among:
-            rows = yield from self._maps.readings(context, history)
-            on, off = (as_ring(row, history.tick, len(history.on)) for row in rows)
-        elif context.reset >= 0:
-            on, off = latch(read, members[0], members[1], history.begun, history.tick)
-        elif is_window:
-            span = context.since, context.until
-            on, off = window(read, members, span, history.begun, history.tick)
-        else:
-            on, off = conjunction(read, members, before, history.tick)
+        on, off = yield from self._readings(context)
         unread = [body.first_grown + place for place in body.retired]
         newborn = yield from snapshot.newborn(sensor, history.ticks, on, off, unread)
         history.on[:, sensor], history.off[:, sensor] = on, off
@@ -171,6 +157,24 @@ class Growth:
         names = "context", "literals", "since", "until", "reset", "ways", "among"
         self.changes |= {"born": sensor} | dict(zip(names, context, strict=True))
         self.changes |= birth_fields(newborn, snapshot)
+
+    def _readings(self, context: Context) -> Search[tuple[Words, Words]]:
+        """Return at which ticks a sensor would have been on, and off: ``(W,)`` each."""
+        history, begun, tick = self.history, self.history.begun, self.history.tick
+        if context.among:
+            on, off = yield from self._maps.readings(context, history)
+            return as_ring(on, tick, len(begun)), as_ring(off, tick, len(begun))
+        is_window, (_, before) = context.action < 0, self._body.split(context.literals)
+        members = list(context.literals) if is_window else self._body.members(context)
+        if context.reset >= 0:
+            members, before = [*context.literals, context.reset], ()
+        asked = dict.fromkeys(b for a in (*members, *before) for b in (a, a ^ 1))
+        read = (yield Question(readings=tuple(asked))).readings
+        if context.reset >= 0:
+            return latch(read, members[0], members[1], begun, tick)
+        if is_window:
+            return window(read, members, (context.since, context.until), begun, tick)
+        return conjunction(read, members, before, tick)
 
     def _retire(self, graph: PocGraph) -> Search[None]:
         """Look at one grown sensor every few ticks; prepare that it retires."""

@@ -28,7 +28,7 @@ class Context(NamedTuple):
     """
 
     action: int
-    """The action that was taken; -1: it is a window or a latch."""
+    """The action that was taken; -1: it is a window, a latch or a clone."""
     literals: tuple[int, ...]
     """Ascending: of the world's own sensors; or that an action or a contextual sensor,
     one that was grown before say, was on the step before."""

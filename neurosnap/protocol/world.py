@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from neurosnap import wire
 from neurosnap.agent.agent_observation import Senses
-from neurosnap.agent.body import OLDEST
+from neurosnap.agent.check_grown import OLDEST
 from neurosnap.agent.growth_in_decisions import body_after
 from neurosnap.errors import InvalidValueError, MessageError, ShapeError
 from neurosnap.protocol.resume_point import seen_after

@@ -179,28 +179,20 @@ def _slipping(**more: Any) -> RunOptions:
     )
 
 
+def _exploring(world: str, arguments: dict[str, int], **more: Any) -> RunOptions:
+    """A run that explores a world in which places look alike."""
+    given = {"agent": "planner", "imagine": 30, "explore": "planned", **more}
+    return options_for(world, 1, arguments, target=(), threshold=EXACT, **given)
+
+
 def _latching(**more: Any) -> RunOptions:
     """A run that grows a latch."""
-    given = {"agent": "planner", "grow": 4, "imagine": 30, "ticks": 125, **more}
-    return options_for(
-        *(TMAZE, 1, {"delay": 1}),
-        explore="planned",
-        target=(),
-        threshold=EXACT,
-        **given,
-    )
+    return _exploring(TMAZE, {"delay": 1}, grow=4, ticks=125, **more)
 
 
 def _mapping(**more: Any) -> RunOptions:
     """A run that grows the clones of a map."""
-    given = {"agent": "planner", "grow": 30, "imagine": 30, "ticks": 345, **more}
-    return options_for(
-        *(RING, 1, {"places": 6}),
-        explore="planned",
-        target=(),
-        threshold=EXACT,
-        **given,
-    )
+    return _exploring(RING, {"places": 6}, grow=30, ticks=345, **more)
 
 
 SCENARIOS = (

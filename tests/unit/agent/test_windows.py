@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from neurosnap.agent.agent_observation import Senses
-from neurosnap.agent.body import OLDEST, Body
+from neurosnap.agent.body import Body
+from neurosnap.agent.check_grown import OLDEST
 from neurosnap.agent.growth_in_decisions import Context
 from neurosnap.agent.policy import EXACT
 from neurosnap.agent.window_grower import _follows, _search_at
