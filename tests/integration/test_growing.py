@@ -270,7 +270,7 @@ def test_in_a_room_of_four_colours_places_that_look_alike_are_told_apart(
     # A walk that was not learned from: what is to be read is known before each step.
     own, right = 2 * len(agent.body.own), 0
     clones: dict[int, set[int]] = {}
-    places, random = [0], np.random.default_rng(seed)
+    random = np.random.default_rng(seed)
     env.reset(seed=seed + 1)
     agent.set_down()
     agent.act(env.reading())
@@ -283,7 +283,6 @@ def test_in_a_room_of_four_colours_places_that_look_alike_are_told_apart(
         agent.act(bits)
         on = [k for k in found.numbers if agent.state[2 * k]]
         clones.setdefault(env.place, set()).update(on)
-        places.append(env.place)
     assert right >= 970
     assert all(len(some) == 1 for some in clones.values())
     # From wherever it is, to a place by its clone: by a shortest way.

@@ -9,7 +9,6 @@ from tools.paper.worlds_as_tables import Stage, StageEnv
 
 NAME = "tests.support.aliased_worlds:TMaze-v0"
 RING = "tests.support.aliased_worlds:Ring-v0"
-ROOM = "tests.support.aliased_worlds:Room-v0"
 
 
 def t_maze(delay: int = 0) -> Stage:
@@ -131,12 +130,5 @@ class Ring(StageEnv):
         super().__init__(ring(places, (0, places // 2)))
 
 
-class Room(StageEnv):
-    """A room of colours as an environment."""
-
-    def __init__(self, rows: int, columns: int, colours: int) -> None:
-        super().__init__(room(rows, columns, colours))
-
-
-for _made in TMaze, Ring, Room:
+for _made in TMaze, Ring:
     gymnasium.register(f"{_made.__name__}-v0", f"{__name__}:{_made.__name__}")
